@@ -56,10 +56,10 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     return _files.write_figure(path, figure, dpi=200)
 
 
-def both(report: Judged, times: Array, further: bool = False) -> dict[str, Trajectory]:
+def both(report: Judged, times: Array) -> dict[str, Trajectory]:
     """Both runs with rows at those times; of hard spheres only if they do not collide too often."""
     few = len(report.hard.contacts) < 100_000
-    return {engine: with_rows(report, engine, times, further) for engine in ("soft", "hard") if engine == "soft" or few}
+    return {engine: with_rows(report, engine, times) for engine in ("soft", "hard") if engine == "soft" or few}
 
 
 def mark(axis: Any, view: View, look: Closeup) -> None:

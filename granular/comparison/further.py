@@ -1,21 +1,25 @@
-"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; and how high the
-top ball rises, as granular/page/physics/apex.mjs defines it.
-May be skipped: rarer, and one more number of a comparison.
+"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; when and how high
+balls rise, as granular/page/physics/apex.mjs defines it; and how much of the floor's push neighbours share.
+May be skipped: rarer, and more numbers of a comparison.
 
-It rises to the first apex of its free flight after it has been touched, all hits before that included, a run that stops
-earlier being carried on. A ball that comes to rest instead rises 0.
+A ball rises to the first apex of its free flight after it has been touched, from the floor contact on that is asked for,
+all hits before that apex included, a run that stops earlier being carried on. A ball that comes to rest instead rises 0.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
+from granular._kernels import flags
+from granular.comparison.view import with_rows
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
@@ -30,7 +34,6 @@ MOST = 3000
 STEPS = 10 * MOST
 """Steps of each soft run: of a pile that settles, hours may pass before so many events."""
 Flight = tuple[float, float, float]
-Runs = Callable[[float, Array | None], Trajectory]
 
 
 def roots(function: Callable[[float], float], grid: Array, scale: float) -> tuple[float, ...]:
@@ -48,62 +51,102 @@ def roots(function: Callable[[float], float], grid: Array, scale: float) -> tupl
     return tuple(sorted(found))
 
 
-def soft_rise(scene: Scene, law: Any, start: float) -> float:
-    """Return the rise in m of the top ball of soft spheres, sought from the time `start` on; nan if it has none."""
+@dataclass(frozen=True, eq=False)
+class Onward:
+    """One of the two runs of a comparison, past its stop too, where hard spheres that hardly collide stick together."""
 
-    def simulate(t_end: float, samples: Array | None) -> Trajectory:
-        return md.simulate(scene, law, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
+    report: Any
+    engine: str
 
-    return _carried_on(simulate, scene, start, None) if scene.gravity else math.nan
+    @cached_property
+    def before(self) -> Trajectory:
+        """The run up to its stop; of soft spheres one that can be gone on from."""
+        run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
+        if self.engine == "hard" or "creeping" in run.state:
+            return run
+        return md.simulate(run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
 
+    def run(self, t_end: float, samples: Array | None = None) -> Trajectory:
+        """What follows, up to `t_end` in s."""
+        run, start = self.before, float(self.before.time[-1])
+        if self.engine == "soft":
+            return md.resume(run, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
+        rest = run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0)
+        return edmd.simulate(rest, self.report.rule, t_start=start, t_end=t_end, samples=samples, max_events=MOST,
+                             collapse="merge", merge_below=MERGED * self.report.impact_speed)
 
-def hard_rise(hard: Trajectory, rule: Any, ties: str, impact: float) -> float:
-    """Return the rise in m of the top ball of hard spheres, whose run has stopped; nan if it cannot be told."""
-    scene = hard.scene
-    if not scene.gravity or ties in ("newton", "poisson", "reflect"):
-        return math.nan
-    if any(0.0 < v <= scene.gravity * lasting for _, v, lasting in _flights(hard, float(hard.time[-1]))):
-        return math.nan  # the apex is before the stop: rare, and not sought here
-    rest = scene.replace(gap=hard.gap[-1], velocity=hard.velocity[-1], origin=0.0)
-
-    def simulate(t_end: float, samples: Array | None) -> Trajectory:
-        return edmd.simulate(rest, rule, t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
-                             merge_below=MERGED * impact)
-
-    return _carried_on(simulate, rest, 0.0, float(hard.velocity[-1][-1]) if hard.count(scene.n - 2) else None)
-
-
-def _carried_on(simulate: Runs, scene: Scene, start: float, leaving: float | None) -> float:
-    """The first apex of the top ball of a run that is made longer until there is one; it may begin `leaving`."""
-    fall = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity)
-    for t_end in start + fall * 4.0 ** np.arange(-3, math.log(LONGEST) / math.log(4.0)):
-        run = simulate(float(t_end), None)
-        end = float(run.time[-1])
-        free = list(_flights(run, end))
-        if leaving is not None:
-            free.insert(0, (0.0, leaving, float(_of_top(run)["t_begin"].min(initial=end))))
-        for begin, v, lasting in free:
-            if 0.0 < v <= scene.gravity * lasting:
-                half = begin + 0.5 * v / scene.gravity
-                at = simulate(half, np.array([half]))
-                return max(0.0, float(at.gap[-1].sum()) + (0.5 * v) ** 2 / (2.0 * scene.gravity))
-        if run.status is not Status.time:
-            return 0.0 if run.status is Status.resting else math.nan
-    return math.nan
+    def heights(self, times: Array) -> Array:
+        """Heights (len(times), n) in m above the lowest body, radii taken out, at times in s, which increase; nan from
+        where the run is given up."""
+        early = times <= self.before.time[-1]
+        gaps = [with_rows(self.report, self.engine, times[early]).gap] if early.any() else []
+        if not early.all():
+            run = self.run(float(times[-1]), times[~early])
+            gaps.append(run.gap[run.time.searchsorted(times[~early][times[~early] <= run.time[-1]])])
+        known = np.pad(np.cumsum(np.concatenate(gaps), axis=1), ((0, 0), (1, 0)))
+        return np.pad(known, ((0, len(times) - len(known)), (0, 0)), constant_values=math.nan)
 
 
-def _flights(run: Trajectory, end: float) -> Iterator[Flight]:
-    """Begin, velocity and duration of the free flights of the top ball after its contacts, in order of time."""
-    rows = _of_top(run)
+def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> Array:
+    """When in s, and how high in m, each of these bodies is at its apex after that contact with the floor, (count, 2).
+
+    A ball that comes to rest has no time, and the height 0; nan where it cannot be told.
+    """
+    scene, onward = report.scene, Onward(report, engine)
+    found = np.full((len(bodies), 2), math.nan)
+    if not scene.gravity or (engine == "hard" and report.hard_options["ties"] in ("newton", "poisson", "reflect")):
+        return found
+    fall, sight = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), found[:, 0]
+    first = onward.before.contacts[~np.isnan(onward.before.contacts["t_end"])]
+    for ahead in fall * 4.0 ** np.arange(-3, math.log(LONGEST) / math.log(4.0)):
+        end = float(np.fmin(onward.before.time[-1] + ahead, sight.max()))
+        run = onward.run(end)
+        log = np.concatenate([first, run.contacts])
+        sight[:] = [_apex(scene, log, body, bounce) for body in bodies]
+        rests = run.status is Status.resting or not (run.gap[-1].any() or run.velocity[-1].any())
+        if rests or run.status is not Status.time or (sight <= end).all():
+            break
+    sight[sight > run.time[-1]] = math.nan
+    known = np.isfinite(sight)
+    times, back = np.unique(sight[known], return_inverse=True)
+    if len(times):
+        found[known, 1] = np.maximum(0.0, onward.heights(times)[back, np.array(bodies)[known]])
+    if rests:
+        found[~known, 1] = 0.0
+    return found
+
+
+def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
+    """When in s a body is, or will be if nothing hits it, at the first apex of its free flight after that bounce."""
+    floor = np.sort(log["t_begin"][log["pair"] == 0])[bounce - 1 :]
+    since = float(floor.min(initial=math.inf)) if bounce > 1 else -math.inf
+    apex = ((begin + v / scene.gravity, hit) for begin, v, hit in _flights(log, body, since) if v > 0.0)
+    return next((time for time, hit in apex if time <= hit), math.nan)
+
+
+def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
+    """Begin, velocity and end of the free flights of a body after its contacts that begin `since`, in order of time."""
+    rows = log[(log["pair"] == body) | (log["pair"] == body - 1)]
     rows = rows[np.argsort(rows["t_end"], kind="stable")]
     for k, row in enumerate(rows[~np.isnan(rows["t_end"])]):
         t = float(row["t_end"])
         pressed = ((rows["t_begin"] < t) & ~(rows["t_end"] <= t)).any()
         later = rows["t_begin"][k + 1 :][rows["t_begin"][k + 1 :] >= t]
-        if not pressed:
-            yield t, float(row["v_out"][1]), float(later.min(initial=end)) - t
+        if not pressed and row["t_begin"] >= since:
+            yield t, float(row["v_out"][int(row["pair"] < body)]), float(later.min(initial=math.inf))
 
 
-def _of_top(run: Trajectory) -> Any:
-    """Contacts of the top ball."""
-    return run.contacts[run.contacts["pair"] == run.scene.n - 2]
+def floor_share(report: Any) -> float:
+    """Share of the impulse of the lowest wall during which the ball above it is pressed from above too, of soft spheres.
+
+    Between any two times the wall gives Σ m (Δv + g Δt); nan with another wall or with forces besides weight.
+    """
+    scene, log, total = report.scene, report.counted[1].contacts, report.soft.of(0)["impulse"].sum()
+    if flags(scene) or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0:
+        return math.nan
+    spans = np.array([(o.begin, o.end) for o in report.overlaps if log["pair"][o.lower] == 0]).reshape(-1, 2)
+    if not len(spans):
+        return 0.0
+    run = with_rows(report, "soft", np.unique(spans))
+    given = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
+    return float(np.diff(given[np.searchsorted(run.time, spans)], axis=1).sum() / total)

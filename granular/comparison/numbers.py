@@ -136,24 +136,38 @@ class Compared:
 
     @property
     def drop(self) -> float:
-        """Height in m from which two balls fall on a floor together; nan for other scenes."""
-        falls = is_drop(self.scene) and self.scene.gravity > 0.0
+        """Height in m from which two or more balls fall on a floor together; nan for other scenes."""
+        falls = self.scene.n > 2 and fall_together(self.scene) and self.scene.gravity > 0.0
         return self.impact_speed**2 / (2.0 * self.scene.gravity) if falls else math.nan
 
     @cached_property
-    def rises(self) -> tuple[float, float]:
+    def rises(self) -> Rises:
         """How high in m the top ball rises as hard and as soft sphere, if need be after the stop; nan without gravity,
         or if it cannot be told.
 
         The first apex of its free flight after it has been touched; a run that stops earlier is carried on.
+        ``rises(bounce=2)`` is the same after the second contact with the floor. Where a ball is last touched on the
+        ground, it leaves at √(2 g rise).
         """
+        rises = Rises(self._rises(1))
+        rises.after = self._rises
+        return rises
+
+    def _rises(self, bounce: int) -> tuple[float, float]:
         if self._early:
             return math.nan, math.nan
-        from granular.comparison.further import hard_rise, soft_rise
+        from granular.comparison.further import apexes
 
-        ties = self.hard_options["ties"]
-        return (hard_rise(self.hard, self.rule, ties, self.impact_speed),
-                soft_rise(self.scene, self.law, float(self.soft.time[-1])))
+        hard, soft = (float(apexes(self, engine, [self.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
+        return hard, soft
+
+    @cached_property
+    def floor_share(self) -> float:
+        """Share of the impulse of the floor during which the ball above it is pressed from above too, in the soft run;
+        nan where there is another wall, or a force besides weight. It explains an answer and does not decide it."""
+        from granular.comparison.further import floor_share
+
+        return floor_share(self)
 
     def effective_restitution(
         self, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41
@@ -322,10 +336,25 @@ class Compared:
         return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
 
 
+class Rises(tuple[float, float]):
+    """How high in m the top ball rises, as hard and as soft sphere; call it for a later bounce."""
+
+    after: Callable[[int], tuple[float, float]]
+
+    def __call__(self, bounce: int = 1) -> tuple[float, float]:
+        """Return the same after that contact with the floor, 1 the first."""
+        return self.after(_check.whole("bounce", bounce, at_least=1))
+
+
+def fall_together(scene: Scene) -> bool:
+    """Whether balls fall on a floor, or meet it, all at one speed, without driven walls or other forces."""
+    walls = scene.is_wall.tolist() == [True] + [False] * (scene.n - 1)
+    return walls and bool((scene.velocity[1:] == scene.velocity[1]).all()) and not flags(scene)
+
+
 def is_drop(scene: Scene) -> bool:
     """Whether two balls fall on a floor together, without driven walls or other forces."""
-    together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
-    return together and scene.velocity[1] == scene.velocity[2] and not flags(scene)
+    return scene.n == 3 and fall_together(scene)
 
 
 def effective(v_rel: Any, impact: Any) -> Any:

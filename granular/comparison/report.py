@@ -29,6 +29,7 @@ diamond 18 000. None is too soft, for then overlaps are deep."""
 MEASURES = {
     "error": "largest error of a velocity, of the fastest impact = {error:.3g}",
     "shared_impulse": "impulse shared with a neighbour      φ   = {shared_impulse:.4g}",
+    "floor_share": "floor's impulse while pressed from above  = {floor_share:.4g}   (explains, does not decide)",
     "crowding": "events with a neighbour within t_c   p   = {crowding:.4g}",
     "occupation": "share of time in contact             Λ   = {occupation:.3g}",
     "distance": "distance of leaving velocities       D   = {distance:.3g}"
@@ -58,7 +59,8 @@ def text(report: Judged) -> str:
 def details(report: Judged) -> str:
     """All that there is to read: `str` has what one needs of it."""
     lines = [report.verdict, *_why(report), "", str(report.scene), *_laws(report), "", *_outcomes(report, MANY)]
-    lines += [*_account(report), "", *_known(MEASURES, {"error": report.error} | report.measures)]
+    lines += [*_account(report), "", *_known(MEASURES, {
+        "error": report.error, "floor_share": report.floor_share} | report.measures)]
     lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
     return "\n".join(lines)
 
@@ -206,7 +208,7 @@ def _outcomes(report: Judged, most: int) -> Iterator[str]:
     yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
     if not math.isnan(report.drop):
         in_drops = [number(rise / report.drop) for rise in report.rises]
-        yield _line("rise of ball 2, drops", in_drops[0], in_drops[1], f"  of {report.drop:.4g} m")
+        yield _line(f"rise of ball {report.scene.n - 1}, drops", *in_drops, f"  of {report.drop:.4g} m")
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
