@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular._figures import COLOURS, NAMED, Span
+from granular._figures import COLOURS, NAMED
 from granular._films import Page, blank, check, pace, paces, radii, save, stage
 from granular._reports import GREY
 from granular.comparison.answer import Judged
@@ -29,9 +29,9 @@ from granular.comparison.view import Closeup, View, closeup, draw_closeup, windo
 from granular.trajectory import EARLY, Trajectory, points
 
 FREEZE, HOLD = 0.9, 1.2  # how long in s the film stops at the floor, and at its end
-SHORTEST, LONGEST = 0.2, 6.0  # a flight is followed for so many s at least; fall and flight are shown for so many at most
+SHORTEST, LONGEST = 0.2, 6.0  # a flight lasts so many s at least; it and the fall are shown for so many at most
 SLOW = 10.0  # contacts that are slowed down less are no act of their own
-SAID = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, ",
+SAID = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, {}",
         "end": "the highest point of each ball"}
 PANELS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # beside the balls, with their heights
 BARE = (6.4, 4.8)  # size in inches without charts
@@ -74,18 +74,17 @@ class Story:
         if not (self.whole and falls and self.seconds >= SLOW * (view.end - view.begin)):
             return {"slow": contacts}
         end = max(view.end + SHORTEST, *(float(np.nan_to_num(top[:, 0]).max()) for top in self.tops.values()))
-        flight = np.linspace(view.end, end, 1 + round(fps * min(LONGEST, end - view.end)))[1:]
         return {
             "fall": np.arange(max(float(runs[1].time[0]), view.begin - LONGEST), view.begin, 1.0 / fps),
             "stop": np.full(round(FREEZE * fps), view.begin), "slow": contacts,
-            "flight": flight, "end": np.full(round(HOLD * fps), end),
+            "flight": np.linspace(view.end, end, 1 + round(fps * min(LONGEST, end - view.end)))[1:],
+            "end": np.full(round(HOLD * fps), end),
         }
 
     def heights(self, name: str, times: Array) -> Array:
         """Heights (len(times), n) in m of hard or soft spheres, radii taken out: a ball stops at its apex."""
         when, top = self.tops[name].T
-        path = Onward(self.view.report, name).heights(times)
-        return np.where(times[:, None] < np.nan_to_num(when, nan=np.inf), path, top)
+        return np.where(times[:, None] >= when, top, Onward(self.view.report, name).heights(times))
 
     def pictures(self) -> list[tuple[Page, int]]:
         """Which picture of which page is shown, from the first to the last."""
@@ -95,46 +94,45 @@ class Story:
                 for name, times in self.acts.items() for k in range(len(times))]
 
     def page(self, panels: list[str], wide: float) -> Page:
-        """An empty page: balls of both engines, and panels beside them, so `wide`, or below; or a strip of time only."""
+        """An empty page: balls of both engines; beside them, so `wide`, or below panels; or but a strip of time."""
         report, high = self.view.report, [PANELS.get(name, 1.0) for name in panels]
-        stages, words = [[*COLOURS]] if report.scene.gravity > 0.0 else [[name] for name in COLOURS], report.verdict
+        stages = [[*COLOURS]] if report.scene.gravity > 0.0 else [[name] for name in COLOURS]
         if not self.charts:
-            return blank(words, "", [["time"] * len(stages[0]), *stages], BARE, height_ratios=[0.04] + [1] * len(stages))
-        if len(stages) == 1:
-            return blank(words, parameters(report), [[*COLOURS, name] for name in panels],
-                         width_ratios=[1, 1, wide], height_ratios=high)
-        return blank(words, parameters(report), stages + [[name] for name in panels], height_ratios=[1.25, 1.25, *high])
+            page = blank("", "", [["time"] * len(stages[0]), *stages], BARE, height_ratios=[0.04] + [1] * len(stages))
+            page.axes["time"].set(xticks=[], yticks=[])
+            return page
+        words = report.verdict, parameters(report)
+        if len(stages) > 1:
+            return blank(*words, stages + [[name] for name in panels], height_ratios=[1.25, 1.25, *high])
+        return blank(*words, [[*COLOURS, name] for name in panels], width_ratios=[1, 1, wide], height_ratios=high)
 
 
 def flying(story: Story) -> Page:
     """Return the page on which balls fall and fly: against a ruler, side by side, and their heights over time."""
     report, shown = story.view.report, {name: times for name, times in story.acts.items() if name != "slow"}
-    time, dashes = np.concatenate(list(shown.values())), {"hard": "--", "soft": "-"}
+    time = np.concatenate(list(shown.values()))
     drawn = np.union1d(np.linspace(time[0], time[-1], 1200), time)
     heights = {name: story.heights(name, drawn) for name in COLOURS}
-    page = story.page(["heights"], 2.2)
-    above = 1.15 * max(float(np.nanmax(path)) for path in heights.values())
-    for axis in page.axes.values():
-        axis.set_ylim(0.0, above)
+    page, above = story.page(["heights"], 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
+    for name in page.axes.keys() - {"time"}:
+        page.axes[name].set_ylim(0.0, above)
+        page.axes[name].axhline(report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY, lw=0.8, ls=":")
     for name, path in heights.items():
         stand(page, story, name, time, np.nan_to_num(path[np.searchsorted(drawn, time)], nan=-above))
-        page.axes[name].axhline(report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY, lw=0.8, ls=":")
         if story.charts:
-            until = np.nan_to_num(story.tops[name][:, 0], nan=np.inf)
-            page.axes["heights"].plot(drawn, np.where(drawn[:, None] <= until, path, np.nan), color=COLOURS[name],
-                                      ls=dashes[name], lw=1.1)
-    said = page.axes["heights" if story.charts else "time"]
-    said.set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
-    page.axes["hard"].set_ylabel("height, radii taken out, m")
+            flown = np.where(drawn[:, None] > story.tops[name][:, 0], np.nan, path)
+            page.axes["heights"].plot(drawn, flown, color=COLOURS[name], ls={"hard": "--"}.get(name, "-"), lw=1.1)
+    clock = page.axes["heights" if story.charts else "time"]
+    clock.set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
+    page.axes["hard"].set_ylabel("height, radii taken out, m; dotted: dropped from here")
     fast = pace(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
-    words = SAID | {"flight": f"flying, {fast}"}
-    page.tell([said], time, [words[act] for act, times in shown.items() for _ in times])
+    page.tell([clock], time, [SAID[act].format(fast) for act, times in shown.items() for _ in times])
     return page
 
 
 def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> None:
-    """Stand the balls of one engine side by side at these heights (len(time), n) in m; ticks with numbers come when they
-    are at their apexes, and are out of sight before."""
+    """Stand the balls of one engine side by side at these heights (len(time), n) in m; ticks with numbers come when
+    they are at their apexes, and are out of sight before."""
     from matplotlib import markers, transforms
 
     scene, axis, colour = story.view.report.scene, page.axes[name], COLOURS[name]
@@ -143,15 +141,17 @@ def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> N
     standing = markers.MarkerStyle("o", transform=transforms.Affine2D().translate(0.0, 0.5))
     axis.set(xlim=(-0.5, len(balls) - 0.5), xticks=[])
     for place, body in enumerate(balls.tolist()):
-        how = {"marker": standing, "ms": size[body], "mfc": f"{colour}30", "mec": colour, "mew": 1.4}
-        height, (when, top) = heights[:, body], story.tops[name][body]
-        page.moving.append((axis.plot([place], [0.0], **how)[0], np.stack([0.0 * height, height], 1)))
-        if top > 0.0:
-            tick = axis.plot([place - 0.4, place + 0.4], [0.0, 0.0], color=colour, lw=1.4, gid=f"apex of {body}")[0]
-            said = axis.annotate(number(top, 3), (place, 0.0), (0, size[body] + 3), textcoords="offset points",
-                                 color=colour, fontsize=8, ha="center", va="bottom", clip_on=True)
-            there = np.where(time >= when, top, -axis.get_ylim()[1])
-            page.moving += [(artist, np.stack([0.0 * there, there], 1)) for artist in (tick, said)]
+        when, top = story.tops[name][body]
+        there = np.where(time >= when, top, -axis.get_ylim()[1])
+        drawn = [
+            *axis.plot([place], [0.0], marker=standing, ms=size[body], mfc=f"{colour}30", mec=colour, mew=1.4),
+            *axis.plot([place - 0.4, place + 0.4], [0.0, 0.0], color=colour, lw=1.4),
+            axis.text(place, 0.0, number(top, 3) * (len(balls) <= FEW or body == balls[-1]), color=colour, fontsize=8,
+                      transform=transforms.offset_copy(axis.transData, page.figure, 0.0, size[body] + 3.0, "points"),
+                      ha="center", va="bottom", clip_on=True, gid=f"apex {body}"),
+        ]
+        page.moving += [(artist, np.stack([0.0 * path, path], 1))
+                        for artist, path in zip(drawn, (heights[:, body], there, there), strict=True)]
 
 
 def touching(story: Story) -> Page:

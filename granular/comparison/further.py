@@ -2,8 +2,8 @@
 balls rise, as granular/page/physics/apex.mjs defines it; and how much of the floor's push neighbours share.
 May be skipped: rarer, and more numbers of a comparison.
 
-A ball rises to the first apex of its free flight after it has been touched, from the floor contact on that is asked for,
-all hits before that apex included, a run that stops earlier being carried on. A ball that comes to rest instead rises 0.
+A ball rises to the first apex of its free flight after it has been touched, from the floor contact on that is asked
+for, all hits before that apex included, a run that stops earlier being carried on. A ball that rests instead rises 0.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md
+from granular import _check, edmd, md
 from granular._check import Array
 from granular._kernels import flags
 from granular.comparison.view import with_rows
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
+from granular.trajectory import EARLY, Status, Trajectory
 
 ROUNDING = 1e-14
 """Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""
@@ -62,18 +62,18 @@ class Onward:
     def before(self) -> Trajectory:
         """The run up to its stop; of soft spheres one that can be gone on from."""
         run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
-        if self.engine == "hard" or "creeping" in run.state:
-            return run
-        return md.simulate(run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
+        return run if self.engine == "hard" or "creeping" in run.state else md.simulate(
+            run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
 
     def run(self, t_end: float, samples: Array | None = None) -> Trajectory:
         """What follows, up to `t_end` in s."""
         run, start = self.before, float(self.before.time[-1])
         if self.engine == "soft":
             return md.resume(run, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
-        rest = run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0)
-        return edmd.simulate(rest, self.report.rule, t_start=start, t_end=t_end, samples=samples, max_events=MOST,
-                             collapse="merge", merge_below=MERGED * self.report.impact_speed)
+        return edmd.simulate(
+            run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0), self.report.rule, t_start=start,
+            t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
+            merge_below=MERGED * self.report.impact_speed)
 
     def heights(self, times: Array) -> Array:
         """Heights (len(times), n) in m above the lowest body, radii taken out, at times in s, which increase; nan from
@@ -87,6 +87,23 @@ class Onward:
         return np.pad(known, ((0, len(times) - len(known)), (0, 0)), constant_values=math.nan)
 
 
+class Rises(tuple[float, float]):
+    """How high in m the top ball rises, as hard and as soft sphere; called, the same after a later bounce."""
+
+    report: Any
+
+    def __call__(self, bounce: int = 1) -> Rises:
+        """Return the same after that contact with the floor, 1 the first."""
+        return rises(self.report, _check.whole("bounce", bounce, at_least=1))
+
+
+def rises(report: Any, bounce: int = 1) -> Rises:
+    """Return how high the top ball rises after that contact with the floor."""
+    found = Rises(float(apexes(report, engine, [report.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
+    found.report = report
+    return found
+
+
 def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> Array:
     """When in s, and how high in m, each of these bodies is at its apex after that contact with the floor, (count, 2).
 
@@ -94,7 +111,8 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     """
     scene, onward = report.scene, Onward(report, engine)
     found = np.full((len(bodies), 2), math.nan)
-    if not scene.gravity or (engine == "hard" and report.hard_options["ties"] in ("newton", "poisson", "reflect")):
+    grouped = engine == "hard" and report.hard_options["ties"] in ("newton", "poisson", "reflect")
+    if report.settled.status in EARLY or report.soft.status in EARLY or not scene.gravity or grouped:
         return found
     fall, sight = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), found[:, 0]
     first = onward.before.contacts[~np.isnan(onward.before.contacts["t_end"])]
@@ -102,17 +120,14 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
         end = float(np.fmin(onward.before.time[-1] + ahead, sight.max()))
         run = onward.run(end)
         log = np.concatenate([first, run.contacts])
-        sight[:] = [_apex(scene, log, body, bounce) for body in bodies]
+        sight[:] = [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce) for body in bodies]
         rests = run.status is Status.resting or not (run.gap[-1].any() or run.velocity[-1].any())
         if rests or run.status is not Status.time or (sight <= end).all():
             break
     sight[sight > run.time[-1]] = math.nan
-    known = np.isfinite(sight)
-    times, back = np.unique(sight[known], return_inverse=True)
-    if len(times):
-        found[known, 1] = np.maximum(0.0, onward.heights(times)[back, np.array(bodies)[known]])
-    if rests:
-        found[~known, 1] = 0.0
+    times, back = np.unique(np.nan_to_num(sight, nan=onward.before.time[-1]), return_inverse=True)
+    tops = np.maximum(0.0, onward.heights(times)[back, list(bodies)])
+    found[:, 1] = np.where(np.isfinite(sight), tops, 0.0 if rests else math.nan)
     return found
 
 
@@ -137,16 +152,16 @@ def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
 
 
 def floor_share(report: Any) -> float:
-    """Share of the impulse of the lowest wall during which the ball above it is pressed from above too, of soft spheres.
+    """Share of the floor's impulse during which the ball on it is pressed from above too, of soft spheres.
 
-    Between any two times the wall gives Σ m (Δv + g Δt); nan with another wall or with forces besides weight.
+    Between any two times the wall gives Σ m (Δv + g Δt); nan without a floor, with a ceiling, or with forces besides
+    weight.
     """
     scene, log, total = report.scene, report.counted[1].contacts, report.soft.of(0)["impulse"].sum()
     if flags(scene) or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0:
         return math.nan
-    spans = np.array([(o.begin, o.end) for o in report.overlaps if log["pair"][o.lower] == 0]).reshape(-1, 2)
-    if not len(spans):
-        return 0.0
+    spans = np.array([2 * (report.soft.time[-1],), *((o.begin, o.end) for o in report.overlaps
+                                                     if log["pair"][o.lower] == 0)])  # there may be none
     run = with_rows(report, "soft", np.unique(spans))
     given = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
     return float(np.diff(given[np.searchsorted(run.time, spans)], axis=1).sum() / total)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from granular.outcome import Components, PairOutcome, components, counted, diffe
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory
+
+if TYPE_CHECKING:
+    from granular.comparison.further import Rises
 
 MERGED = 1e-9
 """After a collapse, hard spheres that collide at less than this share of the fastest impact stick."""
@@ -136,8 +139,9 @@ class Compared:
 
     @property
     def drop(self) -> float:
-        """Height in m from which two or more balls fall on a floor together; nan for other scenes."""
-        falls = self.scene.n > 2 and fall_together(self.scene) and self.scene.gravity > 0.0
+        """Height in m from which two to five balls fall on a floor together; nan for other scenes, also of more balls,
+        whose `rises` take longer than the comparison."""
+        falls = 2 < self.scene.n <= 6 and fall_together(self.scene) and self.scene.gravity > 0.0
         return self.impact_speed**2 / (2.0 * self.scene.gravity) if falls else math.nan
 
     @cached_property
@@ -146,28 +150,12 @@ class Compared:
         or if it cannot be told.
 
         The first apex of its free flight after it has been touched; a run that stops earlier is carried on.
-        ``rises(bounce=2)`` is the same after the second contact with the floor. Where a ball is last touched on the
-        ground, it leaves at √(2 g rise).
+        ``rises(bounce=2)`` counts from the second contact with the floor on. A ball that was last touched at the
+        height 0 left at √(2 g rise).
         """
-        rises = Rises(self._rises(1))
-        rises.after = self._rises
-        return rises
+        from granular.comparison.further import rises
 
-    def _rises(self, bounce: int) -> tuple[float, float]:
-        if self._early:
-            return math.nan, math.nan
-        from granular.comparison.further import apexes
-
-        hard, soft = (float(apexes(self, engine, [self.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
-        return hard, soft
-
-    @cached_property
-    def floor_share(self) -> float:
-        """Share of the impulse of the floor during which the ball above it is pressed from above too, in the soft run;
-        nan where there is another wall, or a force besides weight. It explains an answer and does not decide it."""
-        from granular.comparison.further import floor_share
-
-        return floor_share(self)
+        return rises(self)
 
     def effective_restitution(
         self, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41
@@ -334,16 +322,6 @@ class Compared:
         unit = np.append(self.units, 0.0)[of]
         scale = float(mass @ unit**2)
         return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
-
-
-class Rises(tuple[float, float]):
-    """How high in m the top ball rises, as hard and as soft sphere; call it for a later bounce."""
-
-    after: Callable[[int], tuple[float, float]]
-
-    def __call__(self, bounce: int = 1) -> tuple[float, float]:
-        """Return the same after that contact with the floor, 1 the first."""
-        return self.after(_check.whole("bounce", bounce, at_least=1))
 
 
 def fall_together(scene: Scene) -> bool:

@@ -58,9 +58,11 @@ def text(report: Judged) -> str:
 
 def details(report: Judged) -> str:
     """All that there is to read: `str` has what one needs of it."""
+    from granular.comparison.further import floor_share
+
     lines = [report.verdict, *_why(report), "", str(report.scene), *_laws(report), "", *_outcomes(report, MANY)]
-    lines += [*_account(report), "", *_known(MEASURES, {
-        "error": report.error, "floor_share": report.floor_share} | report.measures)]
+    lines += [*_account(report), "", *_known(MEASURES, {"error": report.error} | report.measures | {
+        "floor_share": floor_share(report)})]
     lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
     return "\n".join(lines)
 
@@ -207,8 +209,8 @@ def _outcomes(report: Judged, most: int) -> Iterator[str]:
     because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
     yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
     if not math.isnan(report.drop):
-        in_drops = [number(rise / report.drop) for rise in report.rises]
-        yield _line(f"rise of ball {report.scene.n - 1}, drops", *in_drops, f"  of {report.drop:.4g} m")
+        hard_rise, soft_rise = (number(rise / report.drop) for rise in report.rises)
+        yield _line(f"rise of ball {report.scene.n - 1}, drops", hard_rise, soft_rise, f"  of {report.drop:.4g} m")
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
