@@ -16,7 +16,8 @@ from granular._figures import NAMED, SMALL, head, world_lines
 from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular.comparison.answer import Judged
 from granular.comparison.captions import pair_name, parameters
-from granular.comparison.view import Closeup, View, closeup, draw_closeup, window, with_rows
+from granular.comparison.further import with_rows
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
 from granular.trajectory import EARLY, Trajectory, points
 
 THIN = 1.5

@@ -144,7 +144,7 @@ def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> N
         when, top = story.tops[name][body]
         there = np.where(time >= when, top, -axis.get_ylim()[1])
         drawn = [
-            *axis.plot([place], [0.0], marker=standing, ms=size[body], mfc=f"{colour}30", mec=colour, mew=1.4),
+            *axis.plot([place], [0.0], marker=standing, ms=size[body], mfc=f"{colour}30", mec=colour, gid="ball"),
             *axis.plot([place - 0.4, place + 0.4], [0.0, 0.0], color=colour, lw=1.4),
             axis.text(place, 0.0, number(top, 3) * (len(balls) <= FEW or body == balls[-1]), color=colour, fontsize=8,
                       transform=transforms.offset_copy(axis.transData, page.figure, 0.0, size[body] + 3.0, "points"),

@@ -19,9 +19,9 @@ import numpy as np
 from granular import _check, edmd, md
 from granular._check import Array
 from granular._kernels import flags
-from granular.comparison.view import with_rows
 from granular.scene import Scene
 from granular.trajectory import EARLY, Status, Trajectory
+from granular.until import Separated
 
 ROUNDING = 1e-14
 """Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""
@@ -49,6 +49,21 @@ def roots(function: Callable[[float], float], grid: Array, scale: float) -> tupl
         if abs(function(root)) < 1e-6 * (scale + abs(values[k]) + abs(values[k + 1])):
             found.append(root)
     return tuple(sorted(found))
+
+
+def with_rows(report: Any, engine: str, times: Array, further: bool = False) -> Trajectory:
+    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
+    is to go `further`."""
+    hard = engine == "hard"
+    run = report.hard if hard else report.soft
+    free = run.status in (Status.quiet, Status.resting, Status.time)
+    free = free or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
+    free = free and not report.scene.driven  # a path may end with the run
+    stop = float(times[-1]) if free or further else min(float(times[-1]), float(run.time[-1]))
+    rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
+    if hard:
+        return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
+    return md.simulate(report.scene, report.law, **report.soft_options, **rows)
 
 
 @dataclass(frozen=True, eq=False)
