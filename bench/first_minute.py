@@ -3,8 +3,8 @@
     python bench/first_minute.py        write docs/_static/two-balls.gif, two-balls.png and page.png (needs Chromium)
     python bench/first_minute.py film   write the first two of them
 
-The film is made by `Comparison.animate`, balls and a ruler only, and the picture is its last; tests/test_docs_figures.py
-holds its numbers against fresh ones.
+The film is made by `Comparison.animate`, balls and a ruler only, and the picture is its last one;
+tests/test_docs_figures.py holds its numbers against fresh ones.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
 from granular.outcome import FAINT, PairOutcome
 from granular.trajectory import Status, Trajectory
+from granular.until import Contact
 
 FEW, MANY = 2, 8
 """Up to this many pairs are shown one by one, and in the whole report as many pairs or laws."""
@@ -209,8 +210,11 @@ def _outcomes(report: Judged, most: int) -> Iterator[str]:
     because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
     yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
     if not math.isnan(report.drop):
-        hard_rise, soft_rise = (number(rise / report.drop) for rise in report.rises)
-        yield _line(f"rise of ball {report.scene.n - 1}, drops", hard_rise, soft_rise, f"  of {report.drop:.4g} m")
+        asked = report.until.nth - 1 if isinstance(report.until, Contact) and report.until.pair == 0 else 1
+        for bounce in sorted({1, max(1, asked)}):
+            hard_rise, soft_rise = (number(rise / report.drop) for rise in report.rises(bounce))
+            yield _line(f"rise of ball {report.scene.n - 1}, drops", hard_rise, soft_rise,
+                        f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
