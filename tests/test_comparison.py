@@ -466,6 +466,7 @@ def basketball_and_table_tennis_ball(floor_contacts):
     return gr.compare(case.scene, case.law, case.rule, until=gr.until.contact(0, floor_contacts))
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_the_rise_of_the_second_bounce_does_not_hang_on_where_the_run_stops():
     """As on the last screen of the teaching page: at the second bounce it flies."""
     short, long = basketball_and_table_tennis_ball(2), basketball_and_table_tennis_ball(3)
@@ -483,6 +484,7 @@ def test_the_rise_of_the_second_bounce_does_not_hang_on_where_the_run_stops():
         short.rises(0)
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("bounce", [1, 2, 3])
 def test_a_ball_alone_rises_by_the_square_of_its_restitution_at_each_bounce(bounce):
     scene = gr.scenes.bouncing_ball(height=1.0)

@@ -6,7 +6,7 @@ import pytest
 
 import granular as gr
 from granular.comparison import further
-from granular.comparison.film import FREEZE, HOLD, LONGEST, Story
+from granular.comparison.film import FREEZE, HOLD, LONGEST, Story, flying
 from granular.comparison.view import window
 
 pytest.importorskip("matplotlib")
@@ -71,7 +71,7 @@ def test_one_slow_motion_where_it_is_asked_for_or_nothing_falls(two, cradle):
     assert list(Story(window(bouncing), 5.0, 10).acts) == ["slow"]  # contacts and flights take turns
 
 
-@pytest.mark.parametrize(("name", "charts"), [("two", True), ("cradle", True), ("cradle", False)])
+@pytest.mark.parametrize(("name", "charts"), [("two", True), ("cradle", False)])
 def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, request):
     pictures = Story(request.getfixturevalue(name), 1.0, 10, charts=charts).pictures()
     assert all(("time" in page.axes) is not charts and len(page.axes) >= 3 for page, _ in pictures)
@@ -100,7 +100,7 @@ def test_balls_stand_in_a_row_without_gravity_and_upright_with_it(two, cradle):
 
 def test_the_ruler_reads_the_heights_of_the_balls(two):
     story = Story(two, 1.0, 10)
-    page = story.pictures()[0][0]
+    page = flying(story)
     hard = balls_of(page, "hard")
     times = np.concatenate([time for act, time in story.acts.items() if act != "slow"])
     run = gr.edmd.simulate(two.report.scene, two.report.rule, t_end=times[-1], samples=np.unique(times))
@@ -112,6 +112,12 @@ def test_the_ruler_reads_the_heights_of_the_balls(two):
     low, high = page.axes["hard"].get_ylim()
     assert low == 0.0 <= hard[1].min()
     assert 1.1 * hard[1].max() < high < 1.2 * hard[1].max()
+    for name, body in (("hard", 1), ("hard", 2), ("soft", 1), ("soft", 2)):  # numbers are out of sight before
+        when, top = story.tops[name][body]
+        (path,) = [path[:, 1] for artist, path in page.moving
+                   if artist.get_gid() == f"apex {body}" and artist.axes is page.axes[name]]
+        assert (path[times >= when] == top).all()
+        assert (path[times < when] < 0.0).all()
 
 
 def balls_of(page, name):
@@ -124,7 +130,7 @@ def test_the_last_picture_is_what_the_report_says_of_random_drops():
     """Each engine by itself, to the time of that picture's apex, has the ball there, at rest."""
     random, shown = np.random.default_rng(32), 0
     for i in range(50):
-        n, eps, gap = (1, 1, 2, 2, 2)[i % 5], random.uniform(0.6, 0.9), 10.0 ** random.uniform(-6.0, -1.5)
+        n, eps, gap = (1, 2)[i % 2], random.uniform(0.6, 0.9), 10.0 ** random.uniform(-6.0, -1.5)
         scene = gr.scenes.ball_stack(n, 10.0 ** random.uniform(-2.0, 0.0), gap=gap, height=random.uniform(0.2, 2.0))
         law = [gr.LinearDashpot.from_restitution(eps, 10.0 ** random.uniform(6, 8), pair) for pair in scene.pairs]
         report = gr.compare(scene, law, until=gr.until.contact(0, 2))
@@ -143,9 +149,8 @@ def test_the_last_picture_is_what_the_report_says_of_random_drops():
     assert shown > 85
 
 
-@pytest.mark.parametrize("charts", [True, False])
-def test_ticks_and_numbers_of_the_last_picture_are_the_rises(two, charts):
-    page, k = Story(two, 1.0, 10, charts=charts).pictures()[-1]
+def test_ticks_and_numbers_of_the_last_picture_are_the_rises(two):
+    page, k = Story(two, 1.0, 10, charts=False).pictures()[-1]
     page.show(0)
     pixels = np.asarray(page.show(k)).astype(int)
     for name, rise in zip(("hard", "soft"), two.report.rises, strict=True):
@@ -163,24 +168,11 @@ def test_ticks_and_numbers_of_the_last_picture_are_the_rises(two, charts):
         assert np.ptp(heights) < 0.01 * axis.get_ylim()[1]
 
 
-def test_numbers_come_when_balls_are_at_their_apex_and_are_out_of_sight_before(two):
-    story = Story(two, 1.0, 10)
-    page = story.pictures()[-1][0]
-    times = np.concatenate([time for act, time in story.acts.items() if act != "slow"])
-    for name in ("hard", "soft"):
-        for body in (1, 2):
-            when, top = story.tops[name][body]
-            (path,) = [path[:, 1] for artist, path in page.moving
-                       if artist.get_gid() == f"apex {body}" and artist.axes is page.axes[name]]
-            assert (path[times >= when] == top).all()
-            assert (path[times < when] < 0.0).all()
-
-
 def test_a_flight_that_takes_long_is_told_to_be_faster_than_life():
     case = gr.cases.make("ball-stack", n=5)
     report = gr.compare(case.scene, case.law, case.rule, until=case.until)
     story = Story(window(report), 1.0, 5)
-    page = story.pictures()[-1][0]
+    page = flying(story)
     assert report.rises[0] > 200.0
     assert page.axes["hard"].get_ylim()[1] > report.rises[0]
     assert len(story.acts["flight"]) == 5 * LONGEST
