@@ -4,10 +4,10 @@ May be skipped: names of the package only.
 =============  =====================================================================================================
 `run`          `compare`, and `Comparison` as people have it
 `numbers`      both runs, and the numbers that tell them apart
-`further`      the ε that gives another outcome, and how high a ball rises: numbers that further runs give
+`further`      both runs again, and past their stop: how high a ball rises, the ε that gives another outcome
 `answer`       the answer as a value, and the reasons of every component
 `report`       the table, and what JSON has of it
-`view`         which span of time is drawn, the runs with enough rows, a lens on one pair, and the scene in words
+`view`         which span of time is drawn, a lens on one pair
 `figure`       timelines, forces and world lines
 `film`         both engines side by side in slow motion
 =============  =====================================================================================================

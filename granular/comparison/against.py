@@ -10,7 +10,7 @@ import numpy as np
 
 from granular._check import Array
 from granular.comparison.answer import Judged
-from granular.comparison.view import with_rows
+from granular.comparison.further import with_rows
 from granular.outcome import SAME
 from granular.trajectory import Trajectory
 

@@ -92,14 +92,18 @@ class Comparison(Judged, Report):
 
         return against(self, run)
 
-    def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True) -> None:
+    def animate(
+        self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
+        charts: bool = True,
+    ) -> None:
         """Write a film of both engines; of at most 60 balls.
 
         A fall has three times, as on the teaching page: the fall as fast as life, a stop at the floor, the contacts
-        slowed down (thousands of times, as the film says), and the flight as fast as life to the highest point of the
-        top ball, against a ruler. Where nothing falls, or contacts and flights take turns, all of the film has one
-        time, slowed down or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two
-        balls that touch most often while a neighbouring contact lasts.
+        slowed down (thousands of times, as the film says), and the flight against a ruler, as fast as life unless it
+        takes longer than 6 s. Every ball stops at its own apex, where a tick and its height in m stay; that of the top
+        ball is `rises`. Where nothing falls, or contacts and flights take turns, all of the film has one time, slowed
+        down or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two balls that
+        touch most often while a neighbouring contact lasts.
 
         Parameters
         ----------
@@ -111,10 +115,12 @@ class Comparison(Judged, Report):
             Pictures per second.
         whole : bool
             False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
+        charts : bool
+            False leaves out all charts and parameters: balls, and a ruler for those that fall.
         """
         from granular.comparison import film
 
-        film.animate(self, path, seconds, fps, whole=whole)
+        film.animate(self, path, seconds, fps, whole=whole, charts=charts)
 
 
 def compare(
