@@ -8,6 +8,8 @@ May be skipped: names of the package only.
 `answer`       the answer as a value, and the reasons of every component
 `report`       the table, and what JSON has of it
 `view`         which span of time is drawn, the runs with enough rows, a lens on one pair, and the scene in words
+`against`      a run of another program
+`remedies`     remedies for an inelastic collapse
 `figure`       timelines, forces and world lines
 `film`         both engines side by side in slow motion
 =============  =====================================================================================================

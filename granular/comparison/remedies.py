@@ -6,27 +6,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from granular import _check, edmd, end_time
+from granular import _check, edmd, end_time, measures
 from granular._reports import Report, aligned, html, number, problem
 from granular.comparison.answer import Judged
-from granular.isolation import Durations
 from granular.outcome import SAME
 from granular.rules import ConstantRestitution
-from granular.trajectory import EARLY, Status, Trajectory
+from granular.trajectory import Status, Trajectory
 
-LONGEST, SHORTEST, STEP = 10.0, 1e-3, 10.0**0.5
-"""Between these multiples of a contact a right tc is sought, from long to short, in such steps; then by bisection."""
 SLOW = 0.01
-"""Below this share of the speed of the first collision balls merge, or are elastic, if nothing else is said."""
-WITHIN = 1e-3
-"""Relative width to which that is bisected."""
-NONE: Mapping[str, Any] = {"collapse": "stop", "merge_below": None, "tc": 0.0, "elastic_below": 0.0}
+"""Below this share of the fastest impact balls merge, or collide elastically, if nothing else is said."""
+LONGEST, SHORTEST, STEP, WITHIN = 10.0, 1e-3, 10.0**0.5, 1e-3
+"""From the first to the second multiple of a contact a tc is sought, in such steps; then bisected to such a width."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +31,12 @@ class Remedy:
     name : str
         What it is.
     setting : float
-        Its tc in s, or its speed in m/s; nan where there is none to choose.
+        Its tc in s, or its speed in m/s; 0 where there is none to choose.
     value : float
         What the run has of the observable, as it stops; nan if the engine refused the remedy.
     error : float
-        Largest error of a velocity, in units of the largest closing speed of its component, as
-        `granular.Comparison.error`, of a run that is not carried on; nan where a run was cut off.
+        Largest error of a velocity, in units of the largest closing speed of its component: that of
+        `granular.Comparison.error`, but of the run as it stops; nan where it was cut off.
     contacts : int
         Collisions, or contacts of soft spheres.
     status : str
@@ -69,19 +62,17 @@ class Remedies(Report):
     what : str
         The observable.
     rows : tuple of Remedy
-        Newton first, then hard spheres as they stop, and with each remedy.
-    duration : float
-        Shortest isolated contact of the force laws in s, at the speed of the first collision.
+        Newton, hard spheres as they stop, and with each remedy; the TC model also with the tc with which it comes
+        nearest to Newton, where hard spheres are not right without.
     tc : float
-        With this tc, in s, the TC model has Newton's value within 0.01 (of 1 for an energy left, else of the value):
-        the largest such one from ten contacts down to a thousandth; 0 if hard spheres have it without a remedy, nan if
-        none was found.
+        A tc in s with which the TC model is right: its value within 0.01 of Newton's, of 1 for E/E0, else of the value.
+        It is sought from ten contacts down to a thousandth of one; 0 where hard spheres are right without, nan where
+        none was found: the value jumps with tc.
     """
 
     report: Judged
     what: str
     rows: tuple[Remedy, ...]
-    duration: float
     tc: float
 
     def __str__(self) -> str:
@@ -89,23 +80,20 @@ class Remedies(Report):
 
     def _table(self) -> list[list[str]]:
         head = ["", "s, m/s", self.what, "worst error", "contacts", "status"]
-        return [head, *([row.name, number(row.setting, ".3g", ""), number(row.value, ".4g"), number(row.error, ".2g"),
-                         str(row.contacts), row.status] for row in self.rows)]
+        return [head, *([row.name, f"{row.setting:.3g}" if row.setting else "", number(row.value, ".4g"),
+                         number(row.error, ".2g"), str(row.contacts), row.status] for row in self.rows)]
 
     @property
     def _headline(self) -> str:
         newton, *others = self.rows
-        known = [row for row in others if math.isfinite(row.value - newton.value)]
-        if not known:
-            return f"Newton has {self.what} = {number(newton.value, '.4g')}: there is nothing to compare it with."
-        best = min(known, key=lambda row: abs(row.value - newton.value))
-        right = ("No tc has that." if math.isnan(self.tc) else "No tc is needed for that." if self.tc == 0.0 else
-                 f"A tc that has it is {self.tc:.3g} s, {self.tc / self.duration:.2g} of the shortest contact.")
-        return f"Newton has {self.what} = {newton.value:.4g}; nearest: {best.name}, {best.value:.4g}. {right}"
+        near, last = min(others[:5], key=lambda row: round(_off(row, newton), 9)), others[-1]
+        right = "is right" if self.tc == last.setting else "comes nearest, none is right"
+        return (f"Newton has {self.what} = {number(newton.value, '.4g')}; nearest: {near.name}, "
+                f"{number(near.value, '.4g')}. " + (f"Of all tc {last.setting:.3g} s {right}." if self.tc else
+                                                    "No tc is needed."))
 
     def _numbers(self) -> dict[str, Any]:
-        return {**problem(self.report), "what": self.what, "rows": [asdict(row) for row in self.rows],
-                "duration": self.duration, "tc": self.tc}
+        return {**problem(self.report), "what": self.what, "rows": list(map(asdict, self.rows)), "tc": self.tc}
 
     def _repr_html_(self) -> str:
         return html(self._headline, self._table())
@@ -114,46 +102,35 @@ class Remedies(Report):
 def table(report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
           ) -> Remedies:
     """See `Comparison.remedies`."""
-    _check.callback("observable", observable, "run")
-    measure, soft = observable or energy_left, report.soft
-    at_impact = np.full(report.scene.n_pairs, report.impact_speed)
-    duration = float(Durations(report.law, report.scene)(np.arange(report.scene.n_pairs), at_impact).min())
-    slow = SLOW * report.impact_speed
+    measure, soft = _check.callback("observable", observable, "run") or energy_left, report.soft
+    duration = float(measures.durations(report.hard, report.law).min(initial=math.inf))
+    slow = SLOW * measures.fastest_approach(report.hard)
     tc, merge, elastic = (
         report.hard_options[name] or usual if given[name] is None else _check.number(name, given[name], above=0.0)
         for name, usual in (("tc", duration), ("merge_below", slow), ("elastic_below", slow)))
-    none, stick = {}, ConstantRestitution(0.0)
-    ways: tuple[tuple[str, float, Mapping[str, Any], Any], ...] = (
-        ("hard spheres", math.nan, none, report.rule),
-        ("merge", merge, {"collapse": "merge", "merge_below": merge}, report.rule),
-        ("TC model", tc, {"tc": tc}, report.rule),
-        ("elastic cut-off", elastic, {"elastic_below": elastic}, report.rule),
-        ("sticky", math.nan, none, stick),
-    )
-    target = float(measure(soft))
-    rows = [Remedy("Newton, soft spheres", math.nan, target, 0.0, len(soft.contacts), soft.status.name)]
-    for name, setting, remedy, rule in ways:
+
+    def row(name: str, setting: float = 0.0, rule: Any = report.rule, **remedy: Any) -> Remedy:
         try:
-            run = _run(report, remedy, rule)
-            rows.append(Remedy(name, setting, float(measure(run)), _error(report, run), len(run.contacts),
-                               run.status.name))
+            run = _run(report, rule, remedy)
         except ValueError as refused:
-            rows.append(Remedy(name, setting, math.nan, math.nan, 0, f"refused: {refused}"))
+            return Remedy(name, setting, math.nan, math.nan, 0, f"refused: {refused}")
+        return Remedy(name, setting, float(measure(run)), _error(report, run), len(run.contacts), run.status.name)
 
-    def miss(of: float) -> float:
-        with suppress(ValueError):
-            run = _run(report, {"tc": of}, report.rule)
-            return math.nan if run.status in EARLY else float(measure(run)) - target
-        return math.nan
-
+    newton = Remedy("Newton, soft spheres", 0.0, float(measure(soft)), 0.0, len(soft.contacts), soft.status.name)
+    hard, within = row("hard spheres"), SAME * (1.0 if observable is None else abs(newton.value))
+    rows = [hard, row("merge", merge, collapse="merge", merge_below=merge), row("TC model", tc, tc=tc),
+            row("elastic cut-off", elastic, elastic_below=elastic), row("sticky", rule=ConstantRestitution(0.0))]
+    best = hard if _off(hard, newton) <= within else _best(
+        lambda of: row("TC model at its best", of, tc=of), newton, duration)
     what = "E/E0" if observable is None else str(getattr(observable, "__name__", "observable"))
-    within = SAME * (1.0 if observable is None else abs(target))
-    return Remedies(report, what, tuple(rows), duration, right_tc(miss, duration, within))
+    right = best.setting if _off(best, newton) <= within else math.nan
+    return Remedies(report, what, (newton, *rows, *[best] * (best is not hard)), right)
 
 
-def _run(report: Judged, remedy: Mapping[str, Any], rule: Any) -> Trajectory:
-    """Run the hard spheres with this remedy and no other; it is given up like another tie rule."""
-    options = {**report.hard_options, **NONE, **remedy}
+def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
+    """Run the hard spheres with this remedy and no other; they are given up as those of another tie rule are."""
+    none = {"collapse": "stop", "merge_below": None, "tc": 0.0, "elastic_below": 0.0}
+    options = {**report.hard_options, **none, **remedy}
     if options == report.hard_options and rule is report.rule:
         return report.hard
     most = end_time.MOST_OF_OTHERS * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
@@ -161,31 +138,31 @@ def _run(report: Judged, remedy: Mapping[str, Any], rule: Any) -> Trajectory:
 
 
 def _error(report: Judged, run: Trajectory) -> float:
-    """The error of a hard run as it stops, which `Judged` would carry on beyond a collapse."""
+    """The error of a hard run as it stops, which otherwise is carried on beyond a collapse."""
     as_it_stops = replace(run, stats={name: value for name, value in run.stats.items() if name != "verdict"})
     errors = replace(report, hard=as_it_stops).errors
     return math.nan if run.status is Status.max_events else float(errors.max(initial=0.0))
 
 
-def right_tc(miss: Callable[[float], float], duration: float, within: float) -> float:
-    """Return a tc in s at which `miss` is at most `within`: 0 if it is so there, nan if there seems to be none.
+def _off(row: Remedy, newton: Remedy) -> float:
+    """How far a row is from Newton's value; inf where it has none, or was cut off."""
+    off = abs(row.value - newton.value)
+    return off if math.isfinite(off + row.error) else math.inf
 
-    From long to short where it changes its sign, then by bisection: it may jump, and change its sign more than once.
-    """
-    tried = {0.0: miss(0.0)}
-    if abs(tried[0.0]) <= within or not math.isfinite(duration):
-        return 0.0 if abs(tried[0.0]) <= within else math.nan
-    low = high = LONGEST * duration
-    tried[low] = miss(low)
-    while low > SHORTEST * duration and not tried[low] * tried[high] < 0.0:
-        low, high = low / STEP, low
-        tried[low] = miss(low)
-    while tried[low] * tried[high] < 0.0 and high > (1.0 + WITHIN) * low:
-        middle = math.sqrt(low * high)
-        tried[middle] = miss(middle)
-        low, high = (low, middle) if tried[middle] * tried[high] > 0.0 else (middle, high)
-    best = min(tried, key=lambda tc: abs(np.nan_to_num(tried[tc], nan=math.inf)))
-    return best if abs(tried[best]) <= within else math.nan
+
+def _best(at: Callable[[float], Remedy], newton: Remedy, duration: float) -> Remedy:
+    """Return the row of the tc in s nearest to Newton of all that are tried: from long ones down to where the value
+    goes through Newton's, then by bisection."""
+    tried = [at(LONGEST * duration)]
+    above = tried[0].value > newton.value
+    while tried[-1].setting > SHORTEST * duration and (tried[-1].value > newton.value) is above:
+        tried.append(at(tried[-1].setting / STEP))
+    low, high = tried[-1].setting, STEP * tried[-1].setting
+    while high > (1.0 + WITHIN) * low:
+        middle = at(math.sqrt(low * high))
+        tried.append(middle)
+        low, high = (low, middle.setting) if (middle.value > newton.value) is above else (middle.setting, high)
+    return min(tried, key=lambda row: _off(row, newton))
 
 
 def energy_left(run: Trajectory) -> float:
