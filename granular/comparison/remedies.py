@@ -12,7 +12,7 @@ from typing import Any
 from granular import _check, edmd, end_time, measures
 from granular._reports import Report, aligned, html, number, problem
 from granular.comparison.answer import Judged
-from granular.outcome import SAME
+from granular.outcome import SAME, energy_left
 from granular.rules import ConstantRestitution
 from granular.trajectory import Status, Trajectory
 
@@ -163,9 +163,3 @@ def _best(at: Callable[[float], Remedy], newton: Remedy, duration: float) -> Rem
         tried.append(middle)
         low, high = (low, middle.setting) if (middle.value > newton.value) is above else (middle.setting, high)
     return min(tried, key=lambda row: _off(row, newton))
-
-
-def energy_left(run: Trajectory) -> float:
-    """E/E0 at the end of a run; nan where there was none at its start."""
-    energy = run.energy()
-    return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan

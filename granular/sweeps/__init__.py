@@ -7,11 +7,13 @@ May be skipped: many runs of the same engines.
 `results`      what can be asked, with dimensions and units, of one cell or of many; answers as they come in
 `plan`         what is asked of every cell, as a value that travels to other processes; the data set, and its file
 `schedule`     batches, on this process or on any ``concurrent.futures.Executor``; many cells in one compiled call
+`ensembles`    both engines over many draws: do their means agree?
 `run`          `sweep` itself; boundaries between contact counts, by bisection
 =============  =====================================================================================================
 """
 
+from granular.sweeps.ensembles import Ensemble, ensemble
 from granular.sweeps.run import sweep
 from granular.sweeps.subject import axis
 
-__all__ = ["axis", "sweep"]
+__all__ = ["Ensemble", "axis", "ensemble", "sweep"]
