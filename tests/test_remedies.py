@@ -183,7 +183,8 @@ def test_words_html_and_json(crowded, tmp_path, capsys):
     lines = str(table).splitlines()
     assert lines[2].split() == ["s,", "m/s", "E/E0", "worst", "error", "contacts", "status"]
     assert len(lines) == 3 + len(table.rows)
-    assert table._repr_html_().count("<tr>") == 1 + len(table.rows)
+    assert f"<b>{lines[0]}</b>" in table._repr_html_()
+    assert "<img" not in table._repr_html_()
     table.to_json(tmp_path / "remedies.json")
     kept = json.loads((tmp_path / "remedies.json").read_text())
     assert [row["name"] for row in kept["rows"]] == [row.name for row in table.rows]

@@ -194,9 +194,8 @@ def _forever(report: Compared, pairs: Sequence[int]) -> str:
     if not parted:
         return ""
     n = sum(map(report.soft.count, group))
-    may = "may " * (hard.status is Status.bounded)
-    return (f": hard spheres {may}collide forever ({hard.stats['verdict']}), soft ones part after {n} "
-            f"contact{'s' * (n != 1)}")
+    return (f": hard spheres {'may ' * (hard.status is Status.bounded)}collide forever ({hard.stats['verdict']}), "
+            f"soft ones part after {n} contact{'s' * (n != 1)}")
 
 
 def _other_counts(report: Compared, wrong: tuple[int, ...], of: int) -> str:

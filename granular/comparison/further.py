@@ -9,7 +9,7 @@ earlier being carried on. A ball that comes to rest instead rises 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -57,10 +57,11 @@ def soft_rise(scene: Scene, law: Any, start: float) -> float:
     return _carried_on(simulate, scene, start, None) if scene.gravity else math.nan
 
 
-def hard_rise(hard: Trajectory, rule: Any, ties: str, impact: float) -> float:
+def hard_rise(hard: Trajectory, rule: Any, options: Mapping[str, Any], impact: float) -> float:
     """Return the rise in m of the top ball of hard spheres, whose run has stopped; nan if it cannot be told."""
     scene = hard.scene
-    if not scene.gravity or ties in ("newton", "poisson", "reflect"):
+    elastic = options["tc"] > 0.0 or options["elastic_below"] > 0.0  # for a while, and no run is that is carried on
+    if not scene.gravity or elastic or options["ties"] in ("newton", "poisson", "reflect"):
         return math.nan
     if any(0.0 < v <= scene.gravity * lasting for _, v, lasting in _flights(hard, float(hard.time[-1]))):
         return math.nan  # the apex is before the stop: rare, and not sought here

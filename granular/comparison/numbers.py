@@ -151,9 +151,7 @@ class Compared:
             return math.nan, math.nan
         from granular.comparison.further import hard_rise, soft_rise
 
-        how = self.hard_options
-        elastic = how["tc"] > 0.0 or how["elastic_below"] > 0.0  # as no run is that is carried on
-        return (math.nan if elastic else hard_rise(self.hard, self.rule, how["ties"], self.impact_speed),
+        return (hard_rise(self.hard, self.rule, self.hard_options, self.impact_speed),
                 soft_rise(self.scene, self.law, float(self.soft.time[-1])))
 
     def effective_restitution(

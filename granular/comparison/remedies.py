@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from granular import _check, edmd, end_time, measures
-from granular._reports import Report, aligned, html, number, problem
+from granular._reports import Report, aligned, number, problem
 from granular.comparison.answer import Judged
 from granular.outcome import SAME, energy_left
 from granular.rules import ConstantRestitution
@@ -18,8 +18,8 @@ from granular.trajectory import Status, Trajectory
 
 SLOW = 0.01
 """Below this share of the fastest impact balls merge, or collide elastically, if nothing else is said."""
-LONGEST, SHORTEST, STEP, WITHIN = 10.0, 1e-3, 10.0**0.5, 1e-3
-"""From the first to the second multiple of a contact a tc is sought, in such steps; then bisected to such a width."""
+LONGEST, STEP, COUNT, HALVINGS = 10.0, 10.0**0.5, 9, 11
+"""From ten contacts down to a thousandth a tc is sought, in such steps; then by so many halvings, to 1e-3 of itself."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,6 @@ class Remedies(Report):
     def _numbers(self) -> dict[str, Any]:
         return {**problem(self.report), "what": self.what, "rows": list(map(asdict, self.rows)), "tc": self.tc}
 
-    def _repr_html_(self) -> str:
-        return html(self._headline, self._table())
-
 
 def table(report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
           ) -> Remedies:
@@ -114,7 +111,10 @@ def table(report: Judged, observable: Callable[[Trajectory], float] | None, give
             run = _run(report, rule, remedy)
         except ValueError as refused:
             return Remedy(name, setting, math.nan, math.nan, 0, f"refused: {refused}")
-        return Remedy(name, setting, float(measure(run)), _error(report, run), len(run.contacts), run.status.name)
+        as_it_stops = replace(run, stats={key: run.stats[key] for key in run.stats if key != "verdict"})
+        errors = replace(report, hard=as_it_stops).errors
+        error = math.nan if run.status is Status.max_events else float(errors.max(initial=0.0))
+        return Remedy(name, setting, float(measure(run)), error, len(run.contacts), run.status.name)
 
     newton = Remedy("Newton, soft spheres", 0.0, float(measure(soft)), 0.0, len(soft.contacts), soft.status.name)
     hard, within = row("hard spheres"), SAME * (1.0 if observable is None else abs(newton.value))
@@ -137,13 +137,6 @@ def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
     return edmd.simulate(report.scene, rule, **options | {"max_events": min(options["max_events"], most)})
 
 
-def _error(report: Judged, run: Trajectory) -> float:
-    """The error of a hard run as it stops, which otherwise is carried on beyond a collapse."""
-    as_it_stops = replace(run, stats={name: value for name, value in run.stats.items() if name != "verdict"})
-    errors = replace(report, hard=as_it_stops).errors
-    return math.nan if run.status is Status.max_events else float(errors.max(initial=0.0))
-
-
 def _off(row: Remedy, newton: Remedy) -> float:
     """How far a row is from Newton's value; inf where it has none, or was cut off."""
     off = abs(row.value - newton.value)
@@ -153,13 +146,11 @@ def _off(row: Remedy, newton: Remedy) -> float:
 def _best(at: Callable[[float], Remedy], newton: Remedy, duration: float) -> Remedy:
     """Return the row of the tc in s nearest to Newton of all that are tried: from long ones down to where the value
     goes through Newton's, then by bisection."""
-    tried = [at(LONGEST * duration)]
+    tried = [at(LONGEST * duration / STEP**k) for k in range(COUNT)]
     above = tried[0].value > newton.value
-    while tried[-1].setting > SHORTEST * duration and (tried[-1].value > newton.value) is above:
-        tried.append(at(tried[-1].setting / STEP))
-    low, high = tried[-1].setting, STEP * tried[-1].setting
-    while high > (1.0 + WITHIN) * low:
-        middle = at(math.sqrt(low * high))
-        tried.append(middle)
+    low = next((row.setting for row in tried if (row.value > newton.value) is not above), tried[-1].setting)
+    high = STEP * low
+    for _ in range(HALVINGS):
+        tried.append(middle := at(math.sqrt(low * high)))
         low, high = (low, middle.setting) if (middle.value > newton.value) is above else (middle.setting, high)
     return min(tried, key=lambda row: _off(row, newton))

@@ -82,9 +82,8 @@ def _merged(report: Judged) -> Iterator[str]:
     many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
     if many and below < math.inf:
         yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
-    for name, unit in (("tc", "s"), ("elastic_below", "m/s")):
-        if value := report.hard_options[name]:
-            yield f"hard spheres run with {name} = {value:.3g} {unit}: what follows depends on it; see remedies()"
+    yield from (f"hard spheres run with {name} = {value:.3g} {unit}: what follows depends on it; see remedies()"
+                for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
 
 
 def _no_solid(report: Judged) -> Iterator[str]:

@@ -218,9 +218,8 @@ def compare(
     laws = checked(law, a_scene(scene)).given
     used = rule_of_comparison(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
-    remedy: dict[str, Any] = {"collapse": collapse, "merge_below": merge_below, "tc": tc,
-                              "elastic_below": elastic_below}
-    event_driven: dict[str, Any] = end | remedy | {"ties": ties, "seed": seed}
+    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below,
+                                          "tc": tc, "elastic_below": elastic_below}
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     with shown(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
         hard = edmd.simulate(scene, used, **event_driven, on_progress=tell)

@@ -139,13 +139,11 @@ class Ensemble(Report):
         told = [self.verdict, "", f"{self.title}: {self.n} {how}", aligned(rows, "<" + 10 * ">" + "<")]
         return "\n".join(told + [f"refused: {self.refused}"] * bool(self.refused))
 
+    _headline = verdict
+
     def _numbers(self) -> dict[str, Any]:
         return {**vars(self), "quantities": [{**vars(q), "answer": q.answer.name} for q in self.quantities],
                 "answer": self.answer.name, "verdict": self.verdict}
-
-    @property
-    def _headline(self) -> str:
-        return self.verdict
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw which share of the draws is below each value; return the figure, or save it to `path`."""
@@ -254,16 +252,11 @@ class Draws:
 
     def __call__(self, draw: int = 0) -> Case:
         random = np.random.default_rng([self.seed, draw])
-        case = replace(self.plan.case([_drawn(way, random) for way in self.ways]))
+        values = [int(random.integers(2**31)) if way is None else way(random) if callable(way) else
+                  float(way[0] + way[1] * random.standard_normal()) for way in self.ways]
+        case = replace(self.plan.case(values))
         vars(case)["simulate"] = cache(case.simulate)  # several results ask for the same run
         return case
-
-
-def _drawn(way: Way, random: np.random.Generator) -> Any:
-    """Draw the value of a parameter."""
-    if way is None:
-        return int(random.integers(2**31))
-    return way(random) if callable(way) else float(way[0] + way[1] * random.standard_normal())
 
 
 @dataclass(frozen=True)
