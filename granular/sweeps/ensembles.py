@@ -215,13 +215,17 @@ def ensemble(
     the margin, "no" if |d| - q s is above it. That is a statement on means; distributions may differ: `plot`.
     """
     count, ways = _check.whole("n", n, at_least=2), {vary: None} if isinstance(vary, str) else dict(vary)
+    if not ways:
+        raise ValueError("vary is empty: at least one parameter with its distribution is needed.")
     plan = planned(scene, dict.fromkeys(ways, np.zeros(0)), (), fixed, {})
     for name, way in ways.items():
         if not (way is None or callable(way)):
             _check.array(f"{name} in vary", way, (2,), fix="give (mean, sd), a function of the generator, or None")
     draws = Draws(plan, tuple(ways.values()), _check.whole("seed", seed))
-    asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask
-             for ask in ([results] if isinstance(results, str) or callable(results) else results)}
+    given = [results] if isinstance(results, str) or callable(results) else list(results)
+    asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
+    if len(asked) < len(given) or not given:
+        raise ValueError(f"results are {', '.join(asked) or 'empty'}: one or more of different names are needed.")
     whole = {name.partition("[")[0]: ask for name, ask in asked.items()}
     for name, ask in whole.items():
         _check.takes(name, ask, "run") if callable(ask) else _check.choice("result", name, BOTH)
@@ -235,11 +239,12 @@ def ensemble(
                   for of_engine, prefix in zip(data, NAMED.values(), strict=True))
     _check.known([*asked, *own], {*soft, *whole}, "result that is compared")
     found = {name: (hard[name], values) for name, values in soft.items() if not asked.keys().isdisjoint(_names(name))}
-    units = {name: str(data[0][name].attrs["units"]) for name in whole}
-    return Ensemble(plan.subject.title, count, draws.seed, bool(independent), tuple(
-        judged(name, units[_names(name)[1]], values, share, next((own[x] for x in _names(name) if x in own), None),
-               (not independent, len(found))) for name, values in found.items()),
-        next((str(one.attrs["refusal"]) for one in data if "refusal" in one.attrs), ""))
+    quantities = tuple(
+        judged(name, data[0][_names(name)[1]].attrs["units"], values, share,
+               next((own[x] for x in _names(name) if x in own), None), (not independent, len(found)))
+        for name, values in found.items())
+    return Ensemble(plan.subject.title, count, draws.seed, bool(independent), quantities,
+                    next((str(one.attrs["refusal"]) for one in data if "refusal" in one.attrs), ""))
 
 
 @dataclass(frozen=True)
