@@ -177,7 +177,7 @@ def test_words_json_figure_and_command(three_balls, tmp_path, capsys):
     (("three-balls", 1, TOUCHING), r"n is 1: a whole number of at least 2 is needed"),
     (("three-balls", 4, {}), "vary is empty: at least one parameter with its distribution is needed"),
     (("three-balls", 4, {"gab": (1.0, 1.0)}), r"'gab' is no parameter of three-balls; did you mean gap\?"),
-    (("three-balls", 4, {"gap": 1e-4}), r"shape of gap in vary is \(\): \(2,\) is needed; give \(mean, sd\), a function"),
+    (("three-balls", 4, {"gap": 1e-4}), r"shape of gap in vary is \(\): \(2,\) is needed; give \(mean, sd\)"),
     (("three-balls", 4, {"gap": (1e-4, 1e-5, 0.0)}), r"shape of gap in vary is \(3,\): \(2,\) is needed"),
     (("three-balls", 4, TOUCHING, "v_reel"), r"result is 'v_reel': one of contacts, v_rel, .*did you mean v_rel\?"),
     (("three-balls", 4, TOUCHING, "v_rel[2]"), r"'v_rel\[2\]' is no result that is compared; did you mean v_rel"),

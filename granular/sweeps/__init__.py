@@ -12,8 +12,8 @@ May be skipped: many runs of the same engines.
 =============  =====================================================================================================
 """
 
-from granular.sweeps.ensembles import Ensemble, ensemble
+from granular.sweeps.ensembles import Ensemble, Quantity, ensemble
 from granular.sweeps.run import sweep
 from granular.sweeps.subject import axis
 
-__all__ = ["Ensemble", "axis", "ensemble", "sweep"]
+__all__ = ["Ensemble", "Quantity", "axis", "ensemble", "sweep"]
