@@ -86,7 +86,7 @@ class Remedies(Report):
     @property
     def _headline(self) -> str:
         newton, *others = self.rows
-        near, last = min(others[:5], key=lambda row: round(_off(row, newton), 9)), others[-1]
+        near, last = min(others[:5], key=lambda row: float(f"{_off(row, newton):.3g}")), others[-1]
         right = "is right" if self.tc == last.setting else "comes nearest, none is right"
         return (f"Newton has {self.what} = {number(newton.value, '.4g')}; nearest: {near.name}, "
                 f"{number(near.value, '.4g')}. " + (f"Of all tc {last.setting:.3g} s {right}." if self.tc else
