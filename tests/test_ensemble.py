@@ -132,7 +132,8 @@ def test_draws_without_a_value_of_one_engine_allow_no_yes():
     missing = np.isnan(found.quantities[1].hard)
     assert 0 < missing.sum() == found.quantities[1].lacking < 11
     assert found.answer is undecided
-    assert f"{missing.sum()} draws lack a value" in found.verdict
+    assert found.quantities[1].draws + missing.sum() == 12
+    assert f"{missing.sum()} draws lack a value of one engine" in found.verdict
     assert str(found).splitlines()[-1].startswith("refused: gap[1] is -")
 
 

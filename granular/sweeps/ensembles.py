@@ -60,8 +60,8 @@ class Quantity:
         Half the width of the interval that holds the true difference, with 95 % for all quantities at once.
     margin : float
         Means that differ by at most this are equivalent.
-    lacking : int
-        Draws for which only one of the two engines has a value.
+    draws, lacking : int
+        Draws that are compared, of the engine that has fewer; and those for which only one of the two has a value.
     answer : Answer
         yes: the interval is within the margin, and nothing is lacking; no: it is beyond; else undecided.
     """
@@ -77,6 +77,7 @@ class Quantity:
     error: float
     reach: float
     margin: float
+    draws: int
     lacking: int
     answer: Judgement
 
@@ -126,18 +127,18 @@ class Ensemble(Report):
             Judgement.yes: f"the means agree within {q.margin:.2g}: {off}",
             Judgement.no: f"the means of {off}, by more than {q.margin:.2g}",
         }.get(q.answer, f"{off}; to tell that from {q.margin:.2g} " + (
-            f"{q.lacking} draws lack a value" if q.lacking else
+            f"{q.lacking} draws lack a value of one engine" if q.lacking else
             f"takes about {self.n * (q.reach / room) ** 2:.2g} draws" if room > 0.0 else "more draws are needed")) + "."
 
     def __str__(self) -> str:
-        rows = [["", "hard", "± s.e.", "sd", "soft", "± s.e.", "sd", "difference", "± 95 %", "margin", "lacking", ""]]
+        rows = [["", "hard", "± s.e.", "sd", "soft", "± s.e.", "sd", "difference", "± 95 %", "margin", "draws", ""]]
         for q in self.quantities:
             of_engines = [number(x, ".4g") for one in zip(q.means, q.errors, q.spreads, strict=True) for x in one]
             judged = [number(x, ".3g") for x in (q.difference, q.reach, q.margin)]
-            rows.append([f"{q.name}, {q.units}", *of_engines, *judged, str(q.lacking), q.answer.name])
-        how = "independent draws" if self.independent else "draws, the same for both"
-        told = [self.verdict, "", f"{self.title}: {self.n} {how}", aligned(rows, "<" + 10 * ">" + "<")]
-        return "\n".join(told + [f"refused: {self.refused}"] * bool(self.refused))
+            rows.append([f"{q.name}, {q.units}", *of_engines, *judged, str(q.draws), q.answer.name])
+        how = f"{self.title}: {self.n} {'independent draws' if self.independent else 'draws, the same for both'}"
+        return "\n".join([self.verdict, "", how, aligned(rows, "<" + 10 * ">" + "<"),
+                          *[f"refused: {self.refused}"] * bool(self.refused)])
 
     _headline = verdict
 
@@ -300,7 +301,8 @@ def judged(
     (paired, of), known = how, [np.isfinite(one) for one in values]
     kept = [one[known[0] & known[1] if paired else there] for one, there in zip(values, known, strict=True)]
     lacking = int((known[0] != known[1]).sum() if paired else 2 * len(known[0]) - sum(map(len, kept)))
-    if min(map(len, kept)) < 2:
+    draws = min(map(len, kept))
+    if draws < 2:
         kept = [np.full(2, math.nan)] * 2
     size = np.array([len(one) for one in kept])
     means, spreads = np.array([(one.mean(), one.std(ddof=1)) for one in kept]).T
@@ -310,4 +312,5 @@ def judged(
     margin = max(share * spreads[1] if own is None else own, ROUNDING * np.abs(means).max())
     answer = (Judgement.yes if abs(apart) + reach <= margin and not lacking else
               Judgement.no if abs(apart) - reach > margin else Judgement.undecided)
-    return Quantity(name, units, *values, means, spreads, errors, apart, error, reach, float(margin), lacking, answer)
+    return Quantity(name, units, *values, means, spreads, errors, apart, error, reach, float(margin), draws, lacking,
+                    answer)
