@@ -84,7 +84,7 @@ def test_the_tc_with_which_the_energy_is_that_of_newton(mean, seed, right):
     if right is None:
         assert (table.tc, len(table.rows)) == (0.0, 6)
         assert abs(table.rows[1].value - newton) <= 0.01
-        assert str(table).splitlines()[0].endswith("No tc is needed.")
+        assert str(table).splitlines()[0].endswith("No tc is needed for that.")
         return
     assert last.value == pytest.approx(
         left(gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), tc=last.setting)), rel=1e-12)

@@ -90,7 +90,7 @@ class Remedies(Report):
         right = "is right" if self.tc == last.setting else "comes nearest, none is right"
         return (f"Newton has {self.what} = {number(newton.value, '.4g')}; nearest: {near.name}, "
                 f"{number(near.value, '.4g')}. " + (f"Of all tc {last.setting:.3g} s {right}." if self.tc else
-                                                    "No tc is needed."))
+                                                    "No tc is needed for that."))
 
     def _numbers(self) -> dict[str, Any]:
         return {**problem(self.report), "what": self.what, "rows": list(map(asdict, self.rows)), "tc": self.tc}
