@@ -97,7 +97,7 @@ def test_the_tc_with_which_the_energy_is_that_of_newton(mean, seed, right):
 
 @pytest.mark.soak
 @pytest.mark.parametrize(("mean", "newton", "tc", "best"), [
-    (0.1, 0.863, 0.981, 0.08), (0.3, 0.643, 0.980, 0.17), (1.0, 0.198, 0.980, 0.33), (3.0, 0.109, 0.214, 0.0),
+    (0.1, 0.863, 0.981, 0.071), (0.3, 0.643, 0.980, 0.169), (1.0, 0.198, 0.980, 0.333), (3.0, 0.109, 0.214, 0.0),
     (10.0, 0.108, 0.109, 0.0)])
 def test_ten_beads_on_a_wall(mean, newton, tc, best):
     """Means of ten seeds: below 0.3 v t_c the TC model is nearer to Newton, from 1 v t_c on farther than hard spheres.
@@ -106,7 +106,7 @@ def test_ten_beads_on_a_wall(mean, newton, tc, best):
     found = np.array([[table.rows[k].value for k in (0, 1, 3)] for table in tables]).mean(axis=0)
     assert found == pytest.approx([newton, 0.108, tc], abs=5.1e-4)
     settings = np.mean([table.rows[-1].setting * (len(table.rows) > 6) for table in tables]) / T_C
-    assert settings == pytest.approx(best, rel=0.15, abs=1e-12)
+    assert settings == pytest.approx(best, abs=1e-3)
 
 
 @pytest.mark.parametrize(("name", "value", "unit"), [("tc", 0.3 * T_C, "s"), ("elastic_below", 0.05, "m/s")])
