@@ -94,9 +94,9 @@ def test_a_run_is_made_once_however_many_ask(monkeypatch):
 
 
 def test_any_executor_gives_the_same_bits():
-    here = gr.ensemble("three-balls", 20, TOUCHING, ["v_rel[1]", "contacts"])
+    here = gr.ensemble("three-balls", 18, TOUCHING, ["v_rel[1]", "contacts"])
     with ThreadPoolExecutor(2) as pool:
-        there = gr.ensemble("three-balls", 20, TOUCHING, ["v_rel[1]", "contacts"], executor=pool)
+        there = gr.ensemble("three-balls", 18, TOUCHING, ["v_rel[1]", "contacts"], executor=pool)
     assert [q.name for q in here.quantities] == ["v_rel[1]", "contacts[0]", "contacts[1]"]
     for one, other in zip(here.quantities, there.quantities, strict=True):
         assert one.hard.tobytes() + one.soft.tobytes() == other.hard.tobytes() + other.soft.tobytes()
@@ -109,8 +109,8 @@ def test_any_executor_gives_the_same_bits():
 @pytest.mark.parametrize("paired", [True, False])
 @pytest.mark.parametrize(("n", "of"), [(4, 1), (30, 3)])
 def test_intervals_and_answers_of_random_numbers(paired, n, of):
-    """500 ensembles whose true difference is 0, just the margin, and twice the margin."""
-    rng, trials, width = np.random.default_rng(n), 500, 0.3
+    """300 ensembles whose true difference is 0, just the margin, and twice the margin."""
+    rng, trials, width = np.random.default_rng(n), 300, 0.3
     for shift in (0.0, width, 2.0 * width):
         rows = rng.normal(size=(trials, n))
         hard = shift + (rows if paired else rng.normal(size=(trials, n))) + rng.normal(0.0, 0.3, (trials, n))
@@ -165,9 +165,6 @@ def test_words_json_figure_and_command(three_balls, tmp_path, capsys):
     kept = json.loads((tmp_path / "e.json").read_text())
     assert (kept["answer"], len(kept["quantities"][1]["soft"])) == ("no", 8)
     pytest.importorskip("matplotlib")
-    figure = three_balls.plot(tmp_path / "e.png")
-    assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
-    assert figure is None or len(figure.axes) == 2
     assert [axis.get_xlabel() for axis in three_balls.plot().axes] == ["v_rel[0], m s-1", "v_rel[1], m s-1"]
     assert main(["ensemble", "three-balls", "--vary", "gap=1e-4,1e-5", "--draws", "8", "--seed", "3", "--result",
                  "v_rel"]) == 0

@@ -38,7 +38,7 @@ SURE = 0.95
 ROUNDING = 1e-9
 """Differences below this share of a value are rounding."""
 NO_VALUE = (NOT_RUN, MISUSE, *(CODE[status.name] for status in EARLY))
-"""Statuses of runs whose results are none."""
+"""Statuses of runs whose results are none: what a collapse leaves is no outcome."""
 
 
 @dataclass(frozen=True, eq=False)
