@@ -25,6 +25,8 @@ from granular.trajectory import Status, Trajectory
 
 MOST = 20
 """Rows of a table at most."""
+LIGHT = 200
+"""Contacts × bodies of a scene up to which the whole report tells what its outcomes answer to: some hundred runs."""
 MOST_CONTACTS = 16
 """Contacts of a ready-made scene that only its time would end: the slow solvers take seconds for each, interpreted."""
 
@@ -101,6 +103,10 @@ class Compare(Command):
         options |= given.run
         report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
         output.deliver(report, given)
+        ends, work = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
+        if given.verbose and 0 < work <= LIGHT and not np.isnan(ends).any():
+            end = {"t_end": options["t_end"]} if options.get("t_end") else {}
+            print(gr.sensitivity(given.target, **given.given | end).line, file=output.stream(given))
         return [report.soft, report.hard]
 
 

@@ -102,9 +102,7 @@ def sweep(
     TypeError, ValueError
         For an unknown parameter or result; for a sweep all of whose cells are refused.
     """
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
-                        "or client.get_executor() of dask.")
+    schedule.checked(executor)
     threads = cores() if workers is None else _check.whole("workers", workers, at_least=1)
     xarray_()
     varied = checked(over)

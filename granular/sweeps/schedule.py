@@ -46,6 +46,13 @@ WORTH = 0.1
 Batch = tuple[Values, Answers]
 
 
+def checked(executor: Executor | None) -> None:
+    """Raise if it is no executor."""
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
+                        "or client.get_executor() of dask.")
+
+
 def batches(
     plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None, workers: int,
 ) -> Iterator[Batch]:

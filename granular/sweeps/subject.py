@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -121,6 +121,8 @@ class Subject:
         The name of the case if it is a ready-made one.
     wholes : set of str
         Names of parameters that are whole numbers.
+    defaults : mapping
+        Values of the parameters of a function that have one.
     """
 
     title: str
@@ -130,6 +132,7 @@ class Subject:
     text: Any
     ready: str = ""
     wholes: frozenset[str] = frozenset()
+    defaults: Mapping[str, Any] = field(default_factory=dict)
 
     def way(self, name: str) -> Way:
         """Return the path of a parameter from the root.
@@ -175,7 +178,7 @@ def subject_of(given: SceneLike) -> Subject:
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
         return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title,
-                       wholes=whole(case))
+                       wholes=whole(case), defaults=_defaults(options_of(case)))
     if ready.is_file(case):
         return _of_file(Path(case))
     name = _check.choice("scene", case, cases.names())
@@ -183,7 +186,7 @@ def subject_of(given: SceneLike) -> Subject:
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
     shared = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
     return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, shared,
-                   whole(ready.TEMPLATES[name].make))
+                   whole(ready.TEMPLATES[name].make), _defaults(options))
 
 
 def _of_file(path: Path) -> Subject:
@@ -241,6 +244,27 @@ def _numbers(holder: Any) -> dict[str, Any]:
     return dict(holder) if isinstance(holder, Mapping) else {}
 
 
+def numbers_in(subject: Subject, root: Any) -> dict[str, float]:
+    """Return the finite numbers of a root that are no whole ones by their kind, by the names that `way` knows."""
+    held = {**subject.defaults, **_numbers(root)}
+    if not isinstance(subject.text, str):
+        held = {**_numbers(held.get("scene")), **{part: held.get(part) for part in ("law", "rule", "t_end")}}
+    found = {name: value for part, one in held.items() for name, value in _leaves(part, one)}
+    return {name: value for name, value in found.items() if math.isfinite(value) and not subject.is_whole(name)}
+
+
+def _leaves(name: str, holder: Any) -> Iterator[tuple[str, float]]:
+    """The numbers in lists, tables and dataclasses, by name."""
+    if isinstance(holder, (int, float)) and not isinstance(holder, bool):
+        yield name, float(holder)
+    elif isinstance(holder, (list, tuple, np.ndarray)):
+        for i, one in enumerate(holder.tolist() if isinstance(holder, np.ndarray) else holder):
+            yield from _leaves(f"{name}[{i}]", one)
+    else:
+        for word, one in _numbers(holder).items():
+            yield from _leaves(f"{name}.{word}", one)
+
+
 def _entries(given: Any) -> list[Any]:
     return list(given) if isinstance(given, (list, tuple)) else [] if given is None else [given]
 
@@ -255,6 +279,10 @@ def _about(plain: Any, **parts: Any) -> dict[str, str]:
 def _lists(options: list[Any]) -> dict[str, Any]:
     """Defaults that are lists, of which one entry may be asked for."""
     return {option.name: option.default for option in options if isinstance(option.default, (list, tuple))}
+
+
+def _defaults(options: list[Any]) -> dict[str, Any]:
+    return {option.name: option.default for option in options}
 
 
 def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:
