@@ -131,6 +131,12 @@ def at_once(hard: Trajectory) -> Trajectory:
     return replace(hard, contacts=log[np.sort(order[~again])])
 
 
+def energy_left(run: Trajectory) -> float:
+    """E/E0, the share of its energy that a run has left at its end; nan where there was none at its start."""
+    energy = run.energy()
+    return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
+
+
 def strengths(run: Trajectory) -> Array:
     """How hard each contact of the log is, in m/s: by approach, and by impulse / m_eff, as touching balls have none."""
     log = run.contacts

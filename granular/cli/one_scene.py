@@ -89,6 +89,8 @@ class Compare(Command):
         output.offer(parser, plot="draw contacts, forces and paths of both engines, and a lens on the hops",
                      film="film both engines: fall, contacts slowed down, flight; or .mp4",
                      json="write every number of the report")
+        parser.add_argument("--remedies", action="store_true", help="print what remedies for an inelastic collapse "
+                            "make of the scene, against Newton")
         parser.add_argument("-v", "--verbose", action="store_true", help="print all that there is to read")
         return [option for option in offered(gr.compare) if option.name != "rule"]
 

@@ -69,7 +69,8 @@ def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
 def deliver(report: Any, given: argparse.Namespace) -> None:
     """Print a report, on stderr if stdout is to have nothing but JSON; draw and write it where that is asked."""
     text = report.details() if getattr(given, "verbose", False) else report
-    print(text, file=stream(given))
+    more = f"\n\n{report.remedies()}" if getattr(given, "remedies", False) else ""
+    print(f"{text}{more}", file=stream(given))
     if getattr(given, "plot", None) is not None:
         report.plot(given.plot)
     if getattr(given, "film", None) is not None:

@@ -22,8 +22,8 @@ from granular.trajectory import Trajectory
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
-    "sensitivity": "sweep:Sensitivity", "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify",
-    "warm": "warm:Warm", "info": "info:Info",
+    "sensitivity": "sweep:Sensitivity", "ensemble": "sweep:Ensemble", "page": "pages:Page", "view": "pages:View",
+    "verify": "verify:Verify", "warm": "warm:Warm", "info": "info:Info",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\
@@ -41,6 +41,7 @@ examples:
   granular sweep mine.toml --over gap[1]=1e-6:1e-2:41:log
   granular threshold three-balls --over gap         from which gap on hard spheres will do
   granular sensitivity three-balls                  what its outcomes answer to, and how uncertain they are
+  granular ensemble gas --vary seed --draws 200     means of both engines over many gases
   granular frontier three-balls --plot out.png      error against run time of every method
   granular stability three-balls                    the scene made stiff, close, damped, unequal: who is right?
   granular page --open                              the teaching page, in the browser

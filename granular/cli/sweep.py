@@ -1,4 +1,4 @@
-"""The commands `granular sweep`, its processes, and what came out of it in words; and `granular sensitivity`.
+"""The commands `granular sweep`, its processes, and what came out of it in words; `granular sensitivity`, `ensemble`.
 May be skipped: the command, no physics.
 """
 
@@ -23,7 +23,8 @@ from granular._reports import cores
 from granular.cases.case import Option
 from granular.cli import ends, output
 from granular.cli.parser import Command, offered
-from granular.sweeps import axis, sensitivity, sweep
+from granular.sweeps import axis, ensemble, sensitivity, sweep
+from granular.sweeps.ensembles import BOTH
 from granular.sweeps.results import RESULTS, STATUS
 from granular.sweeps.run import DEFAULT
 from granular.sweeps.schedule import end_with_parent
@@ -128,6 +129,26 @@ def _obey() -> None:
     for one in ends.ASKING:
         signal.signal(one, signal.SIG_IGN)
     end_with_parent(os.getpid())
+
+
+class Ensemble(Command):
+    """Run both engines over many draws of a scene: do their means agree?"""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        parser.add_argument("--vary", action="append", metavar="NAME=MEAN,SD", default=[],
+                            help="draw a parameter; or NAME alone if it is a seed; may be given several times")
+        parser.add_argument("--draws", type=int, metavar="N", default=100, help="number of draws [100]")
+        parser.add_argument("--result", action="append", metavar="NAME", default=[],
+                            help=f"what is compared, such as v_rel[1], may be given several times: {', '.join(BOTH)}")
+        output.offer(parser, plot="draw the distributions", json="write every number")
+        return offered(ensemble, "margin", "seed", "independent")
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        vary: Any = dict(axis(word) if "=" in word else (word, None) for word in given.vary)
+        output.deliver(ensemble(given.target, given.draws, vary, given.result or "energy_left", progress=True,
+                                **given.given, **given.run), given)
 
 
 def summary(data: Any) -> str:

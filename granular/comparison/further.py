@@ -124,10 +124,11 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
 
     A ball that comes to rest has no time, and the height 0; nan where it cannot be told.
     """
-    scene, onward = report.scene, Onward(report, engine)
+    scene, onward, options = report.scene, Onward(report, engine), report.hard_options
     found = np.full((len(bodies), 2), math.nan)
-    grouped = engine == "hard" and report.hard_options["ties"] in ("newton", "poisson", "reflect")
-    if report.settled.status in EARLY or report.soft.status in EARLY or not scene.gravity or grouped:
+    no_end = engine == "hard" and (options["ties"] in ("newton", "poisson", "reflect")
+                                   or options["tc"] > 0.0 or options["elastic_below"] > 0.0)  # carried on without them
+    if report.settled.status in EARLY or report.soft.status in EARLY or not scene.gravity or no_end:
         return found
     fall, sight = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), found[:, 0]
     first = onward.before.contacts[~np.isnan(onward.before.contacts["t_end"])]

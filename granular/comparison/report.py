@@ -83,10 +83,12 @@ def _two_restitutions(report: Judged) -> Iterator[str]:
 
 
 def _merged(report: Judged) -> Iterator[str]:
-    """Hard spheres that move as one because they were told to."""
+    """Hard spheres that move as one, or lose no energy, because they were told to."""
     many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
     if many and below < math.inf:
         yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
+    yield from (f"hard spheres run with {name} = {value:.3g} {unit}: what follows depends on it; see remedies()"
+                for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
 
 
 def _no_solid(report: Judged) -> Iterator[str]:

@@ -12,12 +12,14 @@ May be skipped: many runs of the same engines.
 `slopes`         the derivative of results by one parameter: differences of runs with the same order of events
 `gradients`      derivatives by many parameters, condition numbers, what is uncertain: as numbers and as a table
 `sensitivities`  `sensitivity`, which finds them
+`ensembles`      both engines over many draws: do their means agree?
 ===============  =====================================================================================================
 """
 
+from granular.sweeps.ensembles import Ensemble, Quantity, ensemble
 from granular.sweeps.gradients import Sensitivity
 from granular.sweeps.run import sweep
 from granular.sweeps.sensitivities import sensitivity
 from granular.sweeps.subject import axis
 
-__all__ = ["Sensitivity", "axis", "sensitivity", "sweep"]
+__all__ = ["Ensemble", "Quantity", "Sensitivity", "axis", "ensemble", "sensitivity", "sweep"]

@@ -19,7 +19,7 @@ from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
 from granular.comparison.numbers import effective, is_drop
-from granular.outcome import at_once, counts, order, separations
+from granular.outcome import at_once, counts, energy_left, order, separations
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
@@ -151,8 +151,16 @@ RESULTS = {
                       lambda a: effective(a.v_rel[..., -1], a.impact), many="ended"),
     "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls",
                         lambda a: effective(a.v_rel[..., -1], a.impact) / a.eps, many="ended"),
+    "energy_left": Result("", "1", "E/E0, energy at the end over that at the start, soft",
+                          lambda a: energy_left(a.soft)),
     "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(at_once(a.hard)), -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
+    "hard_v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, hard",
+                         lambda a: separations(at_once(a.hard))[0]),
+    "hard_t_f": Result("pair", "s", "end of the pair's last contact, hard", lambda a: separations(at_once(a.hard))[1]),
+    "hard_time": Result("", "s", "end of the run, hard", lambda a: a.hard.time[-1]),
+    "hard_energy_left": Result("", "1", "E/E0, energy at the end over that at the start, hard",
+                               lambda a: energy_left(a.hard)),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
     "error": Result("", "1", "largest difference of a leaving velocity or separation speed, hard to soft, per "
                     "fastest impact", lambda a: a.report.error),
