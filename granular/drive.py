@@ -44,6 +44,8 @@ class Request:
     on_event: Callable[[Any], object] | None
     told: AbstractContextManager[Told | None]
     max_steps: int
+    singly: bool = False
+    """Whether a run pauses after every event."""
 
     @property
     def rows(self) -> bool:
@@ -64,7 +66,7 @@ def requested(
     return Request(
         start=start,
         end=end,
-        until=stop.checked(given["until"], scene.n_pairs),
+        until=stop.checked(given["until"], scene),
         samples=_sample_times(given["samples"], start, end),
         log=stream is not None or _check.truth("log", log),
         stream=stream,
@@ -72,6 +74,7 @@ def requested(
         on_event=_check.callback("on_event", given["on_event"], "row"),
         told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=_check.whole("max_steps", max_steps, at_least=1),
+        singly=isinstance(given["until"], stop.LEVELS),
     )
 
 
@@ -249,6 +252,11 @@ def portion(done: int, spent: float) -> int:
 
 def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
+    level = run.request.until
+    if isinstance(level, stop.LEVELS) and run.located:
+        from granular._levels import Watched
+
+        run = Watched(run, level)
     if run.request.stream is None:
         return _driven(run, [])
     from granular._log_file import LogFile

@@ -136,7 +136,7 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
         t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
-        stop = until.checked(_until(run.pop("until")), base.scene.n_pairs) if "until" in run else base.until
+        stop = until.checked(_until(run.pop("until")), base.scene) if "until" in run else base.until
         _check.known(run, {"t_end", "until"}.union(*map(keyword_options, map(engine_named, ENGINES))), "key")
     about = tables.get("about", base.about)
     if not isinstance(about, str):

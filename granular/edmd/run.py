@@ -15,13 +15,13 @@ from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import wall_state
 from granular.edmd.motion import LATEST
 from granular.edmd.physics import GROUP, ORDER, Physics
-from granular.edmd.records import APART, BUDGET, LATER, NEVER, ROW, SUSPECT, UNTIL
+from granular.edmd.records import APART, BUDGET, EACH, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.scene import velocities
 from granular.scene.places import Closing
 from granular.trajectory import Status
-from granular.until import Contact
+from granular.until import Contact, Level, Position, Separated
 
 if TYPE_CHECKING:
     from granular.edmd import collapse
@@ -66,6 +66,7 @@ class Run:
 
     in_order = True
     adds_up = True
+    located = True
     law = None
 
     def __init__(
@@ -73,7 +74,7 @@ class Run:
     ) -> None:
         self.physics, self.state, self.request, self.watch = physics, state, request, watch
         self.scene, self.rule, self.start = physics.scene, physics.rules, float(state.clock.start)
-        pair, contacts = NEVER if request.until is None else APART, 0
+        pair, contacts = APART if isinstance(request.until, Separated) else EACH if request.singly else NEVER, 0
         if isinstance(request.until, Contact):
             pair, contacts = request.until.pair, request.until.nth - 1
         state.run.stop_pair, state.run.stop_contacts = pair, contacts
@@ -84,6 +85,7 @@ class Run:
         n = len(self.scene.gap)  # to set up a ball takes as long as a collision
         fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events)))
         self._go_on_with(self._compiled() if fast else SortedQueue)
+        self.most = 1 if request.singly else request.max_events
         self.tail = state.clock.last_event - request.max_events // TAIL
         self.pace = [(self.events, request.start)]  # at the beginning and where the tail begins
         self.verdict: collapse.Verdict | None = None
@@ -153,7 +155,7 @@ class Run:
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
-            if self.events - seen >= (self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
+            if self.events - seen >= min(self.most, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
                 return Pause.full
         return Pause.reached
 
@@ -184,7 +186,7 @@ class Run:
         if self.may_compile and pays(self._expected()):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
-        budget, begun, before = min(self.queue.chunk, goal - self.events), process_time(), self.events
+        budget, begun, before = min(self.queue.chunk, self.most, goal - self.events), process_time(), self.events
         rows: list[Any] | None = [] if self.keeps_rows else None
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
@@ -237,6 +239,20 @@ class Run:
     def time(self) -> float:
         """Return the time in s up to which the run has got."""
         return float(self.state.time(self.state.run["now"]))
+
+    def calm(self) -> tuple[float, float]:
+        """Return the time in s, and that of the next event, up to which all move smoothly."""
+        state = self.state
+        soonest = self.queue.soonest() if state.near is None else self._closer.next_event(state, self.queue)
+        return self.time(), float(state.time(soonest))
+
+    def motion(self, level: Level) -> Any:
+        """Return the velocity of a ball as a function of the time in s up to the next event; None for what is not known
+        of the ball alone."""
+        if isinstance(level, Position) or self.scene.driven:
+            return None
+        velocity, state = self.state.velocity(level.ball, self.queue.fit), self.state
+        return lambda t: velocity(state.tau(t)) - (self.fall * state.elapsed(state.tau(t)) - self.drift)
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of collisions so far."""
