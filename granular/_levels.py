@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from granular import until as stop
-from granular.drive import Pause
+from granular.drive import Pause, Run
+from granular.scene import Scene
 from granular.scene.places import positions, velocities
 
 DEGREE = 8
@@ -65,53 +67,58 @@ def halved(above: Callable[[float], bool], low: float, high: float) -> float:
     return high
 
 
+def first_met(
+    watched: Callable[[float], float], level: stop.Level, scene: Scene, begin: float, end: float
+) -> float:
+    """Return when what is watched passes the level, from `begin` to `end` in s; inf if it does not."""
+    if scene.pendulum > 0.0:  # which after a period swings as before
+        end = min(end, begin + 2.0 * math.pi / scene.pendulum)
+    above = getattr(level, "above", None)
+    sides = [(1.0, above)] if above is not None else [(-1.0, -level.below)]
+    sides += [(-1.0, above)] if isinstance(level, stop.Speed) else []
+    seen, span = cache(watched), WINDOW
+    while True:
+        until = begin + span if end == math.inf else end
+        found = min(first_above(seen, sign, high, begin, until) for sign, high in sides)
+        if found < math.inf or until == end or span > FARTHEST:
+            return found
+        begin, span = until, 2.0 * span
+
+
+def shown(run: Run, level: stop.Level, time: float) -> float:
+    """Return what is watched as a row shows it, at a time up to the next event."""
+    row = run.row(time)
+    if isinstance(level, stop.Force):
+        return float(row.force[level.pair])
+    elapsed = np.array([row.elapsed])
+    if isinstance(level, stop.Position):
+        return float(positions(run.scene, row.gap[None], elapsed, run.start)[0, level.ball])
+    speeds = row.velocity if row.rate is None else velocities(run.scene, row.rate[None], elapsed, run.start)[0]
+    return float(speeds[level.ball])
+
+
 class Watched:
     """A `granular.drive.Run` that ends where a level is passed: the run itself, one event at a time."""
 
     def __init__(self, run: Any, level: stop.Level) -> None:
-        self.run, self.level = run, level
+        self.run, self.level, self.between = run, level, import_module(run.levels)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.run, name)
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on towards `time`, to the next event or to where the level is passed."""
-        run, (begin, due) = self.run, self.run.calm()
+        run, level, (begin, due) = self.run, self.level, self.between.calm(self.run)
         if run.scene.driven and due == math.inf:
             due = begin + WINDOW
-        goal = math.nextafter(due, math.inf)
-        met = self.met(begin, min(due, time))
+        watched = self.between.motion(run, level) or partial(shown, run, level)
+        met = first_met(watched, level, run.scene, begin, min(due, time))
         if met < math.inf:
             pause = Pause.reached if met == begin else run.to(met, True)
             run.row(met)  # the last that is read
             return Pause.until if pause is Pause.reached else pause
+        goal = math.nextafter(due, math.inf)
         if not goal < time:
             return run.to(time, last)
         pause = run.to(goal, True)
         return Pause.full if pause is Pause.reached else pause
-
-    def met(self, begin: float, end: float) -> float:
-        """Return when the level is passed between two times, inf if it is not."""
-        level, scene, watched = self.level, self.run.scene, cache(self.run.motion(self.level) or self.shown)
-        if scene.pendulum > 0.0:  # which after a period swings as before
-            end = min(end, begin + 2.0 * math.pi / scene.pendulum)
-        sides = [(1.0, level.above)] if level.above is not None else [(-1.0, -level.below)]
-        sides += [(-1.0, level.above)] if isinstance(level, stop.Speed) else []
-        span = WINDOW
-        while True:
-            until = begin + span if end == math.inf else end
-            found = min(first_above(watched, sign, high, begin, until) for sign, high in sides)
-            if found < math.inf or until == end or span > FARTHEST:
-                return found
-            begin, span = until, 2.0 * span
-
-    def shown(self, time: float) -> float:
-        """Return what is watched as a row shows it, at a time up to the next event."""
-        run, level, row = self.run, self.level, self.run.row(time)
-        if isinstance(level, stop.Force):
-            return float(row.force[level.pair])
-        elapsed = np.array([row.elapsed])
-        if isinstance(level, stop.Position):
-            return float(positions(run.scene, row.gap[None], elapsed, run.start)[0, level.ball])
-        speeds = row.velocity if row.rate is None else velocities(run.scene, row.rate[None], elapsed, run.start)[0]
-        return float(speeds[level.ball])

@@ -11,12 +11,12 @@ import numpy as np
 
 from granular._check import Array
 from granular._flight import time_to_contact
-from granular._records import Records, column, plain
+from granular._records import Records, column
 from granular.edmd.physics import Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
-from granular.edmd.zoom import soonest, write_back, zoom
+from granular.edmd.zoom import write_back, zoom
 
 REACH = 64
 """Pairs looked at on each side of a suspect."""
@@ -115,13 +115,6 @@ def look(
         verdict = _proved(state, physics, verdict)
     finish(state, queue)
     return UNTIL if run.stop_pair == APART and queue.apart() else end, verdict
-
-
-def next_event(state: State, queue: SortedQueue) -> float:
-    """Return the time (tau) of the next event of those that are looked at closely, or of any other pair."""
-    run, (pairs, _) = state.run, state.slices()
-    dt: float = queue.fit(soonest)(run, plain(state.near), plain(pairs))[1]
-    return min(float(run.began + run.elapsed) + dt, queue.soonest(run.first, run.first + len(pairs) - 1))
 
 
 def finish(state: State, queue: SortedQueue) -> None:

@@ -21,7 +21,7 @@ from granular.edmd.state import State
 from granular.scene import velocities
 from granular.scene.places import Closing
 from granular.trajectory import Status
-from granular.until import Contact, Level, Position, Separated
+from granular.until import Contact, Force, Separated
 
 if TYPE_CHECKING:
     from granular.edmd import collapse
@@ -66,7 +66,7 @@ class Run:
 
     in_order = True
     adds_up = True
-    located = True
+    levels = "granular.edmd.levels"
     law = None
 
     def __init__(
@@ -75,6 +75,9 @@ class Run:
         self.physics, self.state, self.request, self.watch = physics, state, request, watch
         self.scene, self.rule, self.start = physics.scene, physics.rules, float(state.clock.start)
         pair, contacts = APART if isinstance(request.until, Separated) else EACH if request.singly else NEVER, 0
+        if isinstance(request.until, Force):
+            raise ValueError(f"until is {request.until!r}: hard spheres push for no time, with no force; give until.speed "
+                             "or until.contact, or run soft spheres (granular.md).")
         if isinstance(request.until, Contact):
             pair, contacts = request.until.pair, request.until.nth - 1
         state.run.stop_pair, state.run.stop_contacts = pair, contacts
@@ -239,20 +242,6 @@ class Run:
     def time(self) -> float:
         """Return the time in s up to which the run has got."""
         return float(self.state.time(self.state.run["now"]))
-
-    def calm(self) -> tuple[float, float]:
-        """Return the time in s, and that of the next event, up to which all move smoothly."""
-        state = self.state
-        soonest = self.queue.soonest() if state.near is None else self._closer.next_event(state, self.queue)
-        return self.time(), float(state.time(soonest))
-
-    def motion(self, level: Level) -> Any:
-        """Return the velocity of a ball as a function of the time in s up to the next event; None for what is not known
-        of the ball alone."""
-        if isinstance(level, Position) or self.scene.driven:
-            return None
-        velocity, state = self.state.velocity(level.ball, self.queue.fit), self.state
-        return lambda t: velocity(state.tau(t)) - (self.fall * state.elapsed(state.tau(t)) - self.drift)
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of collisions so far."""

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array, held
-from granular._records import Record, Records, column, copied, one, packed, plain, taken, twin
+from granular._records import Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
-from granular.edmd.motion import rebase, span, velocities
+from granular.edmd.motion import rebase, span
 from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares
 from granular.edmd.records import (
     CLOCK,
@@ -258,11 +258,6 @@ class State:
         if self.walls is not None:
             wall_state.show(self, tau, velocity, gap)
         return velocity, gap
-
-    def velocity(self, ball: int, fit: Callable[[Any], Any]) -> Callable[[float], float]:
-        """Return the velocity of a ball in m/s as a function of tau, until something happens to it."""
-        (body,), g, at = plain(self.bodies[ball : ball + 1]), float(self.run["gravity"]), fit(velocities)
-        return lambda tau: float(at(body, body, g, tau)[0])
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the names of what changes, of pairs and of bodies."""

@@ -44,6 +44,7 @@ class Run:
     in_order = False
     adds_up = True
     rule = None
+    levels = ""
 
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
         self.scene, self.law, self.request, self.start = scene, laws.given, request, request.start
@@ -54,6 +55,7 @@ class Run:
         self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled",
                                self.start)
         self.k = self.steps = self.flights = self.contacts = 0
+        self.passes = math.inf  # number of the step at which the level is passed at which to stop
         self.halted = False  # between two steps, at the onset of the contact at which to stop
         self.crowded = False  # a ball would meet a thermal wall too often in a step
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
@@ -90,10 +92,12 @@ class Run:
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
-        if self.k == 0 and self._halts_at_start():
+        if self.k == 0 and (self._halts_at_start() or self._passes() == 0):
             return Pause.until
         limit = self._steps(time - self.start)
         pause = Pause.reached if self.k >= limit else self._advance(limit)
+        if self.passes <= limit:
+            return self._back()
         if self.scene.driven:
             self.closing.refuse(time if pause is Pause.reached else self.time(), self.request.end)
         if pause is Pause.reached:
@@ -129,17 +133,21 @@ class Run:
             if isinstance(self.request.until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
-                if self.take_off is None and self._fly():  # one flight to a march, however often it is looked at
-                    return Pause.quiet
+                if self.take_off is None:  # one flight to a march, however often it is looked at
+                    if self._fly():
+                        return Pause.quiet
+                    self.passes = self._passes()
                 if self.k >= limit:
                     return Pause.full
         if self.k > MOST_STEPS:
             raise self._beyond(self.k)
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        begun, steps = process_time(), int(min(self.chunk, limit - self.k, self.request.max_steps - self.steps))
+        most = 1 if self.request.singly else self.chunk
+        begun, steps = process_time(), int(min(most, limit - self.k, self.request.max_steps - self.steps))
         why, k = stepper.march(self.k, steps, room)
         self.chunk = portion(steps, process_time() - begun)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
+        self.passes = self._passes()
         self.crowded = why == CROWDED
         if self._counted(halts=why == UNTIL):
             return Pause.until
@@ -150,6 +158,25 @@ class Run:
         if self.engine == "auto":
             self._compile_if_worth_it()
         return Pause.full
+
+    def _passes(self) -> float:
+        """Number of the first step, of the flight that ends here or this one, at which a level is passed; else inf."""
+        level, first = self.request.until, self.k if self.take_off is None else self.take_off[0]
+        if not isinstance(level, stop.LEVELS):
+            return math.inf
+        from granular._levels import first_met, shown
+
+        begin, end = self.start + first * self.dt, self.time()
+        met = first_met(lambda time: shown(self, level, time), level, self.scene, begin, end)
+        return math.inf if met == math.inf else min(self.k, max(first, math.ceil((met - self.start) / self.dt)))
+
+    def _back(self) -> Pause:
+        """Stop at the step at which the level is passed: in flight, that lies behind."""
+        if self.take_off is not None:
+            k, flying = self.take_off
+            self.stepper.here = self.stepper.glide(copied(flying), k, (self.passes - k) * self.dt)
+        self.take_off, self.k = None, int(self.passes)
+        return Pause.until
 
     def _last_part(self, end: float) -> Pause:
         """Count the hits of thermal walls in the part of a step that is left to the end."""

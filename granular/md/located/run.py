@@ -82,8 +82,7 @@ class Run:
         A checkpoint to go on from.
     """
 
-    in_order = False
-    rule = None
+    in_order, rule, levels = False, None, "granular.md.located.levels"
 
     def __init__(
         self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve",

@@ -1,0 +1,39 @@
+"""Hard spheres between two events, for whom watches a ball: when the next event is, and how fast the ball is until then.
+May be skipped: stop conditions, no physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from granular._records import plain
+from granular.edmd.motion import velocities
+from granular.edmd.zoom import soonest
+from granular.until import Level, Position
+
+
+def calm(run: Any) -> tuple[float, float]:
+    """Return the time in s up to which a run has got, and that of the next event."""
+    state, queue = run.state, run.queue
+    if state.near is None:
+        return run.time(), float(state.time(queue.soonest()))
+    r, (pairs, _) = state.run, state.slices()  # a closer look
+    dt = queue.fit(soonest)(r, plain(state.near), plain(pairs))[1]
+    outside = queue.soonest(r.first, r.first + len(pairs) - 1)
+    return run.time(), float(state.time(min(r.began + r.elapsed + dt, outside)))
+
+
+def motion(run: Any, level: Level) -> Callable[[float], float] | None:
+    """Return the velocity of a ball in m/s as a function of the time in s up to the next event; None for what only a
+    row shows."""
+    state = run.state
+    if isinstance(level, Position) or run.scene.driven:
+        return None
+    (body,), show = plain(state.bodies[level.ball : level.ball + 1]), run.queue.fit(velocities)
+
+    def velocity(time: float) -> float:
+        tau = state.tau(time)
+        return float(show(body, body, float(state.run["gravity"]), tau)[0] - (run.fall * state.elapsed(tau) - run.drift))
+
+    return velocity
