@@ -95,7 +95,9 @@ class Run:
         if self.k == 0 and (self._halts_at_start() or self._passes() == 0):
             return Pause.until
         limit = self._steps(time - self.start)
-        pause = Pause.reached if self.k >= limit else self._advance(limit)
+        pause = Pause.reached
+        if self.k < limit and self.passes == math.inf:
+            pause = self._advance(limit)
         if self.passes <= limit:
             return self._back()
         if self.scene.driven:
@@ -137,7 +139,7 @@ class Run:
                     if self._fly():
                         return Pause.quiet
                     self.passes = self._passes()
-                if self.k >= limit:
+                if self.k >= limit or self.passes < math.inf:
                     return Pause.full
         if self.k > MOST_STEPS:
             raise self._beyond(self.k)
