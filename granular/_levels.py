@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache, partial
-from importlib import import_module
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from granular import until as stop
-from granular.drive import Pause, Run
+from granular.drive import Pause
 from granular.scene import Scene
 from granular.scene.places import positions, velocities
 
@@ -73,9 +72,9 @@ def first_met(
     """Return when what is watched passes the level, from `begin` to `end` in s; inf if it does not."""
     if scene.pendulum > 0.0:  # which after a period swings as before
         end = min(end, begin + 2.0 * math.pi / scene.pendulum)
-    above = getattr(level, "above", None)
-    sides = [(1.0, above)] if above is not None else [(-1.0, -level.below)]
-    sides += [(-1.0, above)] if isinstance(level, stop.Speed) else []
+    below = level.below if isinstance(level, stop.Position) else None
+    sides = [(-1.0, -below)] if below is not None else [(1.0, level.above or 0.0)]
+    sides += [(-1.0, level.above)] if isinstance(level, stop.Speed) else []
     seen, span = cache(watched), WINDOW
     while True:
         until = begin + span if end == math.inf else end
@@ -85,7 +84,7 @@ def first_met(
         begin, span = until, 2.0 * span
 
 
-def shown(run: Run, level: stop.Level, time: float) -> float:
+def shown(run: Any, level: stop.Level, time: float) -> float:
     """Return what is watched as a row shows it, at a time up to the next event."""
     row = run.row(time)
     if isinstance(level, stop.Force):
@@ -98,27 +97,32 @@ def shown(run: Run, level: stop.Level, time: float) -> float:
 
 
 class Watched:
-    """A `granular.drive.Run` that ends where a level is passed: the run itself, one event at a time."""
+    """A `granular.drive.Run` that ends where a level is passed: the run itself, one event at a time.
 
-    def __init__(self, run: Any, level: stop.Level) -> None:
-        self.run, self.level, self.between = run, level, import_module(run.levels)
+    The module `between` says up to when nothing happens to it (`calm`), and what is watched until then (`watched`).
+    """
+
+    def __init__(self, run: Any, between: Any) -> None:
+        self.run, self.between = run, between
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.run, name)
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on towards `time`, to the next event or to where the level is passed."""
-        run, level, (begin, due) = self.run, self.level, self.between.calm(self.run)
+        run, level, (begin, due) = self.run, self.run.request.until, self.between.calm(self.run)
         if run.scene.driven and due == math.inf:
             due = begin + WINDOW
-        watched = self.between.motion(run, level) or partial(shown, run, level)
-        met = first_met(watched, level, run.scene, begin, min(due, time))
-        if met < math.inf:
-            pause = Pause.reached if met == begin else run.to(met, True)
-            run.row(met)  # the last that is read
-            return Pause.until if pause is Pause.reached else pause
-        goal = math.nextafter(due, math.inf)
-        if not goal < time:
-            return run.to(time, last)
-        pause = run.to(goal, True)
-        return Pause.full if pause is Pause.reached else pause
+        goal = min(math.nextafter(due, math.inf), time)
+        met = first_met(self.between.watched(run, level), level, run.scene, begin, min(due, time))
+        if met == math.inf:
+            pause: Pause = run.to(goal, last or goal < time)
+            return Pause.full if pause is Pause.reached and goal < time else pause
+        pause = Pause.reached if met == begin else run.to(met, True)
+        run.row(met)  # the last that is read
+        return Pause.until if pause is Pause.reached else pause
+
+
+def stopping(run: Any, between: Any) -> Any:
+    """Return the run; if a level ends it, one that is watched."""
+    return Watched(run, between) if isinstance(run.request.until, stop.LEVELS) else run

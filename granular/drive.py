@@ -217,8 +217,6 @@ class Run(Protocol):
         As in `granular.Trajectory`.
     adds_up : bool
         Gaps in a box add up to it: not where contacts that begin early are set back to gap 0.
-    levels : str
-        The module that knows what is between two events; "" of steps that know of none.
     in_order : bool
         Contacts settle in the order of the log, else in the order in which they end.
     """
@@ -229,7 +227,6 @@ class Run(Protocol):
     law: Any
     rule: Any
     adds_up: bool
-    levels: str
     in_order: bool
 
     def to(self, time: float, last: bool) -> Pause:
@@ -255,11 +252,6 @@ def portion(done: int, spent: float) -> int:
 
 def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
-    level = run.request.until
-    if isinstance(level, stop.LEVELS) and run.levels:
-        from granular._levels import Watched
-
-        run = Watched(run, level)
     if run.request.stream is None:
         return _driven(run, [])
     from granular._log_file import LogFile

@@ -1,16 +1,18 @@
-"""Hard spheres between two events, for whom watches a ball: when the next event is, and how fast the ball is until then.
+"""Hard spheres between two events, for whom watches a ball: when the next event is, and how fast it is until then.
 May be skipped: stop conditions, no physics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+from granular._levels import shown
 from granular._records import plain
 from granular.edmd.motion import velocities
 from granular.edmd.zoom import soonest
-from granular.until import Level, Position
+from granular.until import Level, Speed
 
 
 def calm(run: Any) -> tuple[float, float]:
@@ -24,16 +26,15 @@ def calm(run: Any) -> tuple[float, float]:
     return run.time(), float(state.time(min(r.began + r.elapsed + dt, outside)))
 
 
-def motion(run: Any, level: Level) -> Callable[[float], float] | None:
-    """Return the velocity of a ball in m/s as a function of the time in s up to the next event; None for what only a
-    row shows."""
+def watched(run: Any, level: Level) -> Callable[[float], float]:
+    """Return what is watched as a function of the time in s up to the next event; a velocity from the ball alone."""
     state = run.state
-    if isinstance(level, Position) or run.scene.driven:
-        return None
-    (body,), show = plain(state.bodies[level.ball : level.ball + 1]), run.queue.fit(velocities)
+    if not isinstance(level, Speed) or run.scene.driven:
+        return partial(shown, run, level)
+    (body,), show, g = plain(state.bodies[level.ball : level.ball + 1]), run.queue.fit(velocities), state.run["gravity"]
 
     def velocity(time: float) -> float:
         tau = state.tau(time)
-        return float(show(body, body, float(state.run["gravity"]), tau)[0] - (run.fall * state.elapsed(tau) - run.drift))
+        return float(show(body, body, float(g), tau)[0] - (run.fall * state.elapsed(tau) - run.drift))
 
     return velocity

@@ -66,7 +66,6 @@ class Run:
 
     in_order = True
     adds_up = True
-    levels = "granular.edmd.levels"
     law = None
 
     def __init__(
@@ -76,8 +75,8 @@ class Run:
         self.scene, self.rule, self.start = physics.scene, physics.rules, float(state.clock.start)
         pair, contacts = APART if isinstance(request.until, Separated) else EACH if request.singly else NEVER, 0
         if isinstance(request.until, Force):
-            raise ValueError(f"until is {request.until!r}: hard spheres push for no time, with no force; give until.speed "
-                             "or until.contact, or run soft spheres (granular.md).")
+            raise ValueError(f"until is {request.until!r}: hard spheres push for no time, with no force; give "
+                             "until.speed or until.contact, or run soft spheres (granular.md).")
         if isinstance(request.until, Contact):
             pair, contacts = request.until.pair, request.until.nth - 1
         state.run.stop_pair, state.run.stop_contacts = pair, contacts

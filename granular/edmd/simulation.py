@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 
 from granular import _check, rules, until as stop
 from granular._kernels import no_compiler
+from granular._levels import stopping
 from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
+from granular.edmd import levels
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -166,7 +168,7 @@ def simulate(
 
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene)
-        return drive(Run(physics, State.of(physics, start), queue, asked, watching))
+        return drive(stopping(Run(physics, State.of(physics, start), queue, asked, watching), levels))
 
     return in_time(solve, request)
 
@@ -220,7 +222,8 @@ def resume(
 
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene, saved)
-        return go_on(Run(physics, State.restored(physics, saved), queue, asked, watching), trajectory)
+        run = Run(physics, State.restored(physics, saved), queue, asked, watching)
+        return go_on(stopping(run, levels), trajectory)
 
     return in_time(solve, request)
 

@@ -74,8 +74,8 @@ class Pace:
     def advanced(self, limit: float) -> int:
         """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
         run, begun = self.run, process_time()
-        most = 1 if run.request.singly else COMPILED if run.engine == "compiled" else PLAIN if run.collocation is None else OWN
-        self.chunk = min(most, self.chunk)
+        most = COMPILED if run.engine == "compiled" else PLAIN if run.collocation is None else OWN
+        self.chunk = min(1 if run.request.singly else most, self.chunk)
         for _ in range(PLAIN):
             why = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
             if why == WANTS_LOOK:

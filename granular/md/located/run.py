@@ -82,7 +82,8 @@ class Run:
         A checkpoint to go on from.
     """
 
-    in_order, rule, levels = False, None, "granular.md.located.levels"
+    in_order = False
+    rule = None
 
     def __init__(
         self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve",
