@@ -30,7 +30,7 @@ def watched(run: Any, level: Level) -> Callable[[float], float]:
     """Return what is watched as a function of the time in s up to the next event; a velocity from the ball alone."""
     state = run.state
     if not isinstance(level, Speed) or run.scene.driven:
-        return partial(shown, run, level)
+        return partial(ahead, run, level)
     (body,), show, g = plain(state.bodies[level.ball : level.ball + 1]), run.queue.fit(velocities), state.run["gravity"]
 
     def velocity(time: float) -> float:
@@ -38,3 +38,12 @@ def watched(run: Any, level: Level) -> Callable[[float], float]:
         return float(show(body, body, float(g), tau)[0] - (run.fall * state.elapsed(tau) - run.drift))
 
     return velocity
+
+
+def ahead(run: Any, level: Level, time: float) -> float:
+    """Return what is watched as a row shows it, at a time up to the next event; the run stays where it is."""
+    r = run.state.run
+    now, r["now"] = r["now"], run.state.tau(time)
+    value = shown(run, level, time)
+    r["now"] = now
+    return value
