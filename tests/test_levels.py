@@ -96,3 +96,21 @@ def test_hard_spheres_stop_where_rows_say(seed):
         t_end = 0.5 * float(rows.time[-1])
         rows = dense(go, t_end)
     check(go, at_random(rng, rows, False), t_end, rows)
+
+
+LAWS = gr.LinearDashpot(k=1e4, gamma=3.0), gr.Hertz(1e6), gr.LinearDashpot(k=1e5)
+
+
+def soft_case(seed):
+    """A scene of soft spheres, its whole run in dense rows, and a level."""
+    rng = np.random.default_rng(seed)
+    scene, t_end = scenes(rng)
+    go = partial(gr.md.simulate, scene, LAWS[int(rng.integers(3))], engine="plain")
+    rows = dense(go, 0.3 * t_end)
+    return go, at_random(rng, rows, True), 0.3 * t_end, rows
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_soft_spheres_stop_where_rows_say(seed):
+    go, level, t_end, rows = soft_case(100 + seed)
+    check(go, level, t_end, rows)
