@@ -1,7 +1,6 @@
 """Stop where a force, a speed or a place passes a level: located as the dense rows of the whole run say, in every
 engine; nothing earlier, exactly there, and with the same bits interpreted and compiled."""
 
-import math
 from functools import partial
 
 import numpy as np

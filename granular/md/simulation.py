@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
 from granular._levels import stopping
-from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
+from granular.drive import EVENTS, Event, Request, check_end, drive, go_on, in_time, one_by_one, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
 from granular.md.located import levels
@@ -206,6 +206,20 @@ def _stepped(
     if run.status is not Status.unstable:
         check_deepest(laws, run.contacts)
     return run
+
+
+def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **options: Any) -> Iterator[Event]:
+    """Yield the contacts of a run one at a time as they end, each with the scene then: for demos and debuggers.
+
+    ``for contact, time, scene in gr.md.events(scene, law, t_end=1.0)``: the row of the log, the time in s, and a
+    `Scene` that stands so then (with ``disturbed="ignore"``, at the next event). By method "located", and to rounding
+    the contacts of `simulate`, whose options are taken but for `samples` and `on_event`; where nothing ends the run, it
+    goes on for as long as it is asked.
+    """
+    known = simulate.__kwdefaults__.keys() - {"samples", "on_event", "log", "method", "dt"}
+    _check.known(options, known, "option of md.events", TypeError)
+    run: Any = simulate(scene, law, on_event=one_by_one, max_events=max_events, **options)
+    return iter(run)
 
 
 def resume(

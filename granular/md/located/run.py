@@ -38,6 +38,7 @@ from granular.md.located.records import (
     TO_PLAN,
     WANTS_CONTACT,
     WANTS_TABLE,
+    WATCHED,
 )
 from granular.md.located.system import (
     system_of,
@@ -99,7 +100,8 @@ class Run:
         self.bound = False
         self.creep: Creep | None = None
         self.checkpoint: Checkpoint | None = None
-        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "pause": FIRST_LOOK}
+        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "pause": FIRST_LOOK,
+                  "until_pair": WATCHED if request.singly else -1}
         ways, level = [DISTURBED.index(disturbed)], PEAKS if request.rows else NO_LOG
         s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
         self.collocation = None if s.kinds["kind"][0] != GENERAL else self.collocated()

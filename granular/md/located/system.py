@@ -42,7 +42,6 @@ from granular.md.located.records import (
     SPARE,
     TABLE,
     TABLES,
-    WATCHED,
 )
 from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.scene import Scene
@@ -100,8 +99,7 @@ def new_system(
         pairs["wall"][-1] += ceiling
     pairs["kind_of"], pairs["slot"], pairs["due"] = kind_of, -1, math.inf
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
-    stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (
-        WATCHED if isinstance(until, stop.LEVELS) else -1, 0)
+    stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (limits.get("until_pair", -1), 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
     limits |= {"first": -1, "disturbed": math.nan, "solo": -1}
     for name, value in limits.items():
