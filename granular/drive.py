@@ -7,7 +7,7 @@ that all engines share are checked too (`Request`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from granular import _check, until as stop
-from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order
+from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order, one_by_one
 from granular._progress import Told, shown
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
@@ -250,33 +250,10 @@ def portion(done: int, spent: float) -> int:
     return max(1, int(done * min(2.0, AWHILE / max(spent, 1e-9))))
 
 
-class Event(NamedTuple):
-    """A contact that is over, its row of the log, and right after it the time in s and the scene."""
-
-    contact: Any
-    time: float
-    scene: Scene
-
-
-def one_by_one(run: Any) -> Iterator[Event]:
-    """Yield every contact of a run once it is over, with the scene then; in place of `on_event`, `drive` returns it."""
-    pause, still = Pause.full, run.scene
-    while pause is Pause.full:
-        pause = run.to(run.request.end, True)
-        for contact in contacts(run.rows()):
-            time = run.progress()[0]
-            row = run.row(time)
-            elapsed = np.array([row.elapsed])
-            x = positions(still, row.gap[None], elapsed, run.start)[0]
-            v = row.velocity if row.rate is None else velocities(still, row.rate[None], elapsed, run.start)[0]
-            v = np.where(still.is_wall, still.velocity, v)
-            yield Event(contact, time, still.replace(gap=row.gap, velocity=v, origin=float(x[0])))
-
-
-def drive(run: Run) -> Any:
+def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
     if run.request.on_event is one_by_one:
-        return one_by_one(run)
+        return one_by_one(run)  # type: ignore[return-value]
     if run.request.stream is None:
         return _driven(run, [])
     from granular._log_file import LogFile

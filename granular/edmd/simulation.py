@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from granular import _check, rules, until as stop
+from granular._contact_log import Event, one_by_one
 from granular._kernels import no_compiler
 from granular._levels import stopping
-from granular.drive import EVENTS, Event, Request, check_end, drive, go_on, in_time, one_by_one, requested
+from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.edmd import levels
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
@@ -173,14 +174,16 @@ def simulate(
     return in_time(solve, request)
 
 
-def events(scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = _check.LARGEST, **options: Any) -> Iterator[Event]:
+def events(
+    scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = _check.LARGEST, **options: Any
+) -> Iterator[Event]:
     """Yield the collisions of a run one at a time, each with the scene right after it: for demos and debuggers.
 
     ``for contact, time, scene in gr.edmd.events(scene, rule, t_end=1.0)``: the row of the log, the time in s, and a
     `Scene` that stands so then. The bits are those of `simulate`, whose options are taken but for `samples` and
     `on_event`; where nothing ends the run, it goes on for as long as it is asked.
     """
-    known = simulate.__kwdefaults__.keys() - {"samples", "on_event", "log"}
+    known = (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log"}
     _check.known(options, known, "option of edmd.events", TypeError)
     run: Any = simulate(scene, rule, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)

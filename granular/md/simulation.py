@@ -15,8 +15,9 @@ from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
+from granular._contact_log import Event, one_by_one
 from granular._levels import stopping
-from granular.drive import EVENTS, Event, Request, check_end, drive, go_on, in_time, one_by_one, requested
+from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
 from granular.md.located import levels
@@ -216,7 +217,7 @@ def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **option
     the contacts of `simulate`, whose options are taken but for `samples` and `on_event`; where nothing ends the run, it
     goes on for as long as it is asked.
     """
-    known = simulate.__kwdefaults__.keys() - {"samples", "on_event", "log", "method", "dt"}
+    known = (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log", "method", "dt"}
     _check.known(options, known, "option of md.events", TypeError)
     run: Any = simulate(scene, law, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)
