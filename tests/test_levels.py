@@ -139,7 +139,7 @@ def test_soft_spheres_have_the_same_bits_compiled():
 
 @pytest.mark.parametrize("method", ["verlet", "rk4"])
 def test_fixed_steps_stop_at_the_step_or_within_a_flight(method):
-    scene, law, dt = gr.scenes.three_balls(), gr.LinearDashpot(k=1e6, gamma=50.0), 1e-5
+    scene, law, dt = gr.scenes.three_balls(), gr.LinearDashpot(k=1e6, gamma=50.0), 5e-6
     go = partial(gr.md.simulate, scene, law, method=method, dt=dt)
     flight = go(until=until.speed(1, above=2.5), t_end=0.4, samples=[0.0, 0.2, 0.4])
     assert flight.status is gr.Status.until
@@ -192,7 +192,7 @@ def test_the_command_stops_at_a_level(capsys):
 
 def test_a_sweep_stops_every_cell_at_its_level():
     scene = gr.scenes.three_balls()
-    data = gr.sweep(scene, {"gap[1]": [1e-4, 1e-3]}, ["status", "v_final"], law=gr.LinearDashpot(k=1e6, gamma=50.0),
+    data = gr.sweep(scene, {"gap[1]": [1e-4, 1e-3]}, ["v_final"], law=gr.LinearDashpot(k=1e6, gamma=50.0),
                     until=until.speed(2, above=2.5))
     assert np.allclose(np.abs(np.asarray(data["v_final"])[:, 2]), 2.5)
 
@@ -204,7 +204,7 @@ def test_collisions_one_at_a_time():
     assert [one.contact.tobytes() for one in events] == [row.tobytes() for row in whole.contacts]
     for contact, time, after in events:
         assert time == contact["t_begin"]
-        assert (after.velocity[contact["pair"] :][:2] == contact["v_out"]).all()
+        assert after.velocity[contact["pair"] :][:2] == pytest.approx(contact["v_out"], rel=1e-13)
         assert after.gap[contact["pair"]] == 0.0
     forever = gr.edmd.events(gr.scenes.ring_gas(n=5), gr.ConstantRestitution(1.0))
     assert len([next(forever) for _ in range(5)]) == 5

@@ -182,7 +182,8 @@ def stop_condition(value: Any, scene: Scene) -> until.Until | None:
         raise TypeError(f'until is {value!r}: "separated" or a table such as {{ pair = 0, nth = 2 }} is needed.')
     ways = {way.__name__: way for way in (until.contact, until.force, until.speed, until.position)}
     with place("until"):
-        return until.checked(build.of_type(ways, {"type": "contact", **value}), scene)
+        condition: until.Until = build.of_type(ways, {"type": "contact", **value})
+    return until.checked(condition, scene)
 
 
 def _table(value: Any) -> Mapping[str, Any]:

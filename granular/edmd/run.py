@@ -136,6 +136,8 @@ class Run:
                 state.clock.goal = time
             # between two samples perhaps nothing is due
             why = self._advance(limit) if last or state.near is not None or limit >= self.queue.soonest() else LATER
+            if self.request.singly and self.events > seen and why == LATER:
+                return Pause.full
             if self.moves_on:
                 limit = state.tau(time)
             if self.verdict is not None:
