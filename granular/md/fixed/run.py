@@ -101,7 +101,7 @@ class Run:
         pause = Pause.reached
         if self.k < limit and self.met == math.inf:
             pause = self._advance(limit)
-        if self.met <= time:
+        if self.met < math.inf and self.met <= time:
             return Pause.until
         if self.scene.driven:
             self.closing.refuse(time if pause is Pause.reached else self.time(), self.request.end)
