@@ -4,12 +4,14 @@ May be skipped: where records go.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from granular._check import Array
 from granular._records import raw
+from granular.scene import Scene, positions, velocities
 
 CONTACT = np.dtype(
     [
@@ -122,3 +124,26 @@ def _passed(run: Any, pair: int) -> Array:
     if sped > ROUNDING * np.abs(run.velocity).max():  # else the first row shows what was before any contact
         passed -= passed[0]
     return passed
+
+
+class Event(NamedTuple):
+    """A contact that is over, its row of the log, and right after it the time in s and the scene."""
+
+    contact: Any
+    time: float
+    scene: Scene
+
+
+def one_by_one(run: Any) -> Iterator[Event]:
+    """Yield every contact of a run once it is over, with the scene then; in place of `on_event`, `drive` returns it."""
+    more, still = True, run.scene
+    while more:
+        more = run.to(run.request.end, True).name == "full"
+        for contact in contacts(run.rows()):
+            time = run.progress()[0]
+            row = run.row(time)
+            elapsed = np.array([row.elapsed])
+            x = positions(still, row.gap[None], elapsed, run.start)[0]
+            v = row.velocity if row.rate is None else velocities(still, row.rate[None], elapsed, run.start)[0]
+            v = np.where(still.is_wall, still.velocity, v)
+            yield Event(contact, time, still.replace(gap=row.gap, velocity=v, origin=float(x[0])))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from granular import _check, until as stop
-from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order
+from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order, one_by_one
 from granular._progress import Told, shown
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
@@ -44,6 +44,8 @@ class Request:
     on_event: Callable[[Any], object] | None
     told: AbstractContextManager[Told | None]
     max_steps: int
+    singly: bool = False
+    """Whether a run pauses after every event."""
 
     @property
     def rows(self) -> bool:
@@ -64,7 +66,7 @@ def requested(
     return Request(
         start=start,
         end=end,
-        until=stop.checked(given["until"], scene.n_pairs),
+        until=stop.checked(given["until"], scene),
         samples=_sample_times(given["samples"], start, end),
         log=stream is not None or _check.truth("log", log),
         stream=stream,
@@ -72,6 +74,7 @@ def requested(
         on_event=_check.callback("on_event", given["on_event"], "row"),
         told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=_check.whole("max_steps", max_steps, at_least=1),
+        singly=isinstance(given["until"], stop.LEVELS) or given["on_event"] is one_by_one,
     )
 
 
@@ -250,6 +253,8 @@ def portion(done: int, spent: float) -> int:
 
 def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
+    if run.request.on_event is one_by_one:
+        return one_by_one(run)  # type: ignore[return-value]
     if run.request.stream is None:
         return _driven(run, [])
     from granular._log_file import LogFile

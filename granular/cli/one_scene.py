@@ -20,7 +20,7 @@ from granular import cases
 from granular.cases.case import ENGINES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.cli import output
-from granular.cli.parser import Command, case_of, offered
+from granular.cli.parser import Command, case_of, offer_until, offered
 from granular.trajectory import Status, Trajectory
 
 MOST = 20
@@ -58,6 +58,7 @@ class Run(Command):
         parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count collisions that would "
                             "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
                             "proof")
+        offer_until(parser)
         parser.add_argument("--log", metavar="FILE.npy", help="write contacts there as the run goes on")
         output.offer(parser, save="write the trajectory and its contact log; by its ending also .nc (netCDF), .csv "
                                   "(contacts) or .extxyz (OVITO)")
@@ -91,6 +92,7 @@ class Compare(Command):
                      json="write every number of the report")
         parser.add_argument("--remedies", action="store_true", help="print what remedies for an inelastic collapse "
                             "make of the scene, against Newton")
+        offer_until(parser)
         parser.add_argument("-v", "--verbose", action="store_true", help="print all that there is to read")
         return [option for option in offered(gr.compare) if option.name != "rule"]
 
