@@ -1,8 +1,10 @@
 """What the start page shows: the film of the paper's scene, its first picture, and a screen of the teaching page.
 
     python bench/first_minute.py        write docs/_static/two-balls.gif, two-balls.png and page.png (needs Chromium)
+    python bench/first_minute.py film   write the first two of them
 
-The film is made by `Comparison.animate`; tests/test_docs_figures.py holds its numbers against fresh ones.
+The film is made by `Comparison.animate`, balls and a ruler only, and the picture is its last one;
+tests/test_docs_figures.py holds its numbers against fresh ones.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from granular.page import live_page
 
 ROOT = Path(__file__).parents[1]
 STATIC = ROOT / "docs" / "_static"
-FILM = {"seconds": 5.0, "fps": 9}
+FILM: dict[str, Any] = {"seconds": 5.0, "fps": 12, "charts": False}
 
 
 def report() -> Any:
@@ -34,7 +36,7 @@ def numbers() -> Any:
     """What is to be seen in the film: its sentence, and contacts with their times."""
     seen = report()
     log = [run.contacts[["pair", "t_begin", "duration"]].tolist() for run in seen.counted]
-    return docs_data.plain({"verdict": seen.verdict, "contacts": log})
+    return docs_data.plain({"verdict": seen.verdict, "contacts": log, "rises": seen.rises})
 
 
 def screenshot(path: Path, width: int = 1280, height: int = 1130) -> None:
@@ -56,12 +58,14 @@ def main() -> None:
     film = STATIC / "two-balls.gif"
     report().animate(film, **FILM)
     with Image.open(film) as pictures:
-        pictures.seek(pictures.n_frames // 2)
+        pictures.seek(pictures.n_frames - 1)
         pictures.convert("RGB").quantize(64).save(STATIC / "two-balls.png", optimize=True)
+    docs_data.store("first-minute")
+    if "film" in sys.argv[1:]:
+        return
     screenshot(STATIC / "page.png")
     with Image.open(STATIC / "page.png") as picture:
         picture.convert("RGB").quantize(96).save(STATIC / "page.png", optimize=True)
-    docs_data.store("first-minute")
 
 
 if __name__ == "__main__":

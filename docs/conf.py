@@ -31,10 +31,10 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
 extensions += [] if QUICK else ["sphinx.ext.viewcode"]
 html_use_index = html_domain_indices = not QUICK
 STAGE = HERE / "_examples"
-if scripts := sorted((HERE.parent / "examples").glob("*.py")):
+if (HERE.parent / "examples").exists():
     extensions.append("sphinx_gallery.gen_gallery")
-    gallery.stage(scripts, STAGE, gallery.HEADER)
-    gallery.stage(sorted((HERE.parent / "examples" / "paper").glob("*.py")), STAGE / "paper", gallery.PAPER)
+    for shelf, (folder, header) in gallery.SHELVES.items():
+        gallery.stage(sorted((HERE.parent / "examples" / folder).glob("*.py")), STAGE / shelf, header)
 MADE = HERE / "_made"
 pages.write(MADE)
 
@@ -75,7 +75,7 @@ toc_object_entries_show_parents = "hide"
 sphinx_gallery_conf = {
     "examples_dirs": [str(STAGE)],
     "gallery_dirs": ["gallery"],
-    "filename_pattern": r"_examples[\\/](?!sweep_on_dask)\w+\.py$",  # needs a cluster: shown, not run; as the paper's
+    "filename_pattern": r"_examples[\\/](features[\\/](?!sweep_on_dask))?\w+\.py$",  # needs a cluster; not the paper's
     "ignore_pattern": r"(__init__|conftest)\.py",
     "download_all_examples": False,
     "show_memory": False,

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from granular.extremes import stability
     from granular.frontiers import frontier
     from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
-    from granular.sweeps import sweep
+    from granular.sweeps import Sensitivity, ensemble, sensitivity, sweep
     from granular.thresholds import Threshold, threshold
 
 load = Trajectory.load
@@ -48,16 +48,17 @@ load = Trajectory.load
 __version__ = VERSION
 
 __all__ = [
-    "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",
-    "Scene", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
-    "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "export",
-    "frontier", "load", "materials", "md", "measures", "restitution_of", "scenes", "stability", "sweep", "theory",
-    "threshold", "until", "walls", "waves",
+    "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair",
+    "PowerLaw", "Scene", "Sensitivity", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold",
+    "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases",
+    "compare", "edmd", "ensemble", "export", "frontier", "load", "materials", "md", "measures", "restitution_of",
+    "scenes", "sensitivity", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
 ]
 
 _HOMES = {
     "Answer": "comparison", "Case": "cases", "Comparison": "comparison", "compare": "comparison",
     "restitution_of": "binary", "frontier": "frontiers", "stability": "extremes", "sweep": "sweeps",
+    "Sensitivity": "sweeps", "ensemble": "sweeps", "sensitivity": "sweeps",
     "Threshold": "thresholds", "threshold": "thresholds", "Hertz": "laws", "LinearDashpot": "laws",
     "MatchedEnd": "laws", "PowerLaw": "laws", "TsujiHertz": "laws", "ViscoelasticHertz": "laws", "WaltonBraun": "laws",
 }

@@ -1,12 +1,17 @@
-"""The log of contacts: its columns, in public and as engines keep them.
+"""The log of contacts: its columns, in public and as engines keep them; what it says of the momentum that walls gave.
 May be skipped: where records go.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from granular._check import Array
 from granular._records import raw
+from granular.scene import Scene, positions, velocities
 
 CONTACT = np.dtype(
     [
@@ -35,6 +40,8 @@ COLUMNS = [(name, float) for name in (*SIDES, "xi_max", "force_max", "impulse")]
 N s."""
 CONTACT_ROW = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *COLUMNS], align=True)
 """A contact as soft spheres keep it; times in s, nan for what is still to come."""
+ROUNDING = 1e-9
+"""Part of the largest momentum or velocity by which rounding may be off."""
 PART = 2048
 """Contacts written at a time, column by column: so many stay near the processor."""
 
@@ -74,3 +81,69 @@ def in_order(log: Rows) -> Rows:
         tied = (np.diff(onset[order]) == 0.0).any()
         log = raw(log)[np.lexsort((pair, onset)) if tied else order].view(CONTACT)
     return log
+
+
+def given_by_walls(run: Any) -> Array:
+    """Return the momentum (T, 2) in N s that both walls have given the balls of a `Trajectory`; see its `account`.
+
+    What bodies up to a pair have gained, less the momentum of gravity and forces, is what the floor gave and what has
+    passed that pair. Pendula have it by the log alone.
+    """
+    scene, given = run.scene, np.zeros((len(run.time), 2))
+    floor, ceiling = scene.is_wall[[0, -1]].tolist()
+    if scene.pendulum > 0.0:
+        for side in [0] * floor + [1] * ceiling:
+            given[:, side] = (1.0 - 2.0 * side) * _passed(run, -side % scene.n_pairs)
+        return given
+    gained = np.where(scene.is_wall, 0.0, scene.mass) * (
+        run.velocity - run.velocity[0] - scene.fall * (run.time - run.time[0])[:, None])
+    below = np.cumsum(gained, axis=1)
+    if not (floor and ceiling):
+        given[:, int(ceiling)] = below[:, -1] * (floor or ceiling)
+        return given
+    hard = run.law is None  # the log lacks what passes hard balls that stick: with gravity none does to a ceiling
+    at = np.full(len(below), scene.n_pairs - 1) if hard else run.gap.argmax(axis=1)
+    for c in np.unique(at).tolist():
+        given[at == c, 0] = (below[:, c] + _passed(run, c))[at == c]
+    if hard and (scene.gravity == 0.0 or scene.external_force is not None or scene.motions[1] is not None):
+        size = np.abs(gained).sum(axis=1).max() + np.abs(given).max()
+        given[np.abs(given[:, 0] - _passed(run, 0)) > ROUNDING * size] = np.nan
+    given[:, 1] = below[:, -1] - given[:, 0]
+    return given
+
+
+def _passed(run: Any, pair: int) -> Array:
+    """Return the impulses (T,) in N s of the contacts of a pair since the first row; nan within one of them."""
+    rows, time = run.contacts[run.contacts["pair"] == pair], run.time
+    end = np.nan_to_num(rows["t_end"], nan=time[-1])  # of those still going on the impulse so far
+    sums = np.concatenate([[0.0], np.cumsum(rows["impulse"][np.argsort(end, kind="stable")])])
+    over, begun = np.searchsorted(np.sort(end), time, "right"), np.searchsorted(np.sort(rows["t_begin"]), time)
+    logged = len(run.contacts) > 0 or run.stats.get("contacts", run.stats.get("events", 0)) == 0
+    passed: Array = np.where((over >= begun) & logged, sums[over], np.nan)
+    sped = np.abs((run.velocity[0] - run.scene.velocity)[~run.scene.is_wall]).max()
+    if sped > ROUNDING * np.abs(run.velocity).max():  # else the first row shows what was before any contact
+        passed -= passed[0]
+    return passed
+
+
+class Event(NamedTuple):
+    """A contact that is over, its row of the log, and right after it the time in s and the scene."""
+
+    contact: Any
+    time: float
+    scene: Scene
+
+
+def one_by_one(run: Any) -> Iterator[Event]:
+    """Yield every contact of a run once it is over, with the scene then; in place of `on_event`, `drive` returns it."""
+    more, still = True, run.scene
+    while more:
+        more = run.to(run.request.end, True).name == "full"
+        for contact in contacts(run.rows()):
+            time = run.progress()[0]
+            row = run.row(time)
+            elapsed = np.array([row.elapsed])
+            x = positions(still, row.gap[None], elapsed, run.start)[0]
+            v = row.velocity if row.rate is None else velocities(still, row.rate[None], elapsed, run.start)[0]
+            v = np.where(still.is_wall, still.velocity, v)
+            yield Event(contact, time, still.replace(gap=row.gap, velocity=v, origin=float(x[0])))

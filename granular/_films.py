@@ -93,10 +93,12 @@ class Page:
         return self.canvas.buffer_rgba()
 
 
-def blank(said: str, more: str, mosaic: list[list[str]], **ratios: Any) -> Page:
-    """Return a page with nothing but its words and empty axes."""
+def blank(
+    said: str, more: str, mosaic: list[list[str]], size: tuple[float, float] = (9.6, 5.4), **ratios: Any
+) -> Page:
+    """Return a page with nothing but its words and empty axes; its size is in inches."""
     with optional("matplotlib", "animate").rc_context(STYLE):
-        figure = optional("matplotlib.figure", "animate").Figure((9.6, 5.4), 100, layout="constrained")
+        figure = optional("matplotlib.figure", "animate").Figure(size, 100, layout="constrained")
         head(figure, said, more, 10.0)
         page = Page(figure, figure.subplot_mosaic(mosaic, **ratios))
     for name in page.axes.keys() & COLOURS.keys():
@@ -106,10 +108,14 @@ def blank(said: str, more: str, mosaic: list[list[str]], **ratios: Any) -> Page:
 
 def paces(span: Span, time: Array, fps: int) -> list[str]:
     """Return how fast a film goes that shows these times (s) of a span, and which one each picture shows."""
-    slower, since = len(time) / fps / (span.end - span.begin), "t₁ + " if span.zero else ""
+    said, since = pace(len(time) / fps / (span.end - span.begin)), "t₁ + " if span.zero else ""
+    return [f"{said},  t = {since}{duration(t - span.zero)}" for t in time]
+
+
+def pace(slower: float) -> str:
+    """Return how fast a film goes that takes so many times as long as what it shows."""
     factor, way = max((slower, "slower"), (1.0 / slower, "faster"))
-    pace = f"{float(f'{factor:.2g}'):,g} × {way}".replace(",", " ") if factor > 1.05 else "as fast as life"
-    return [f"{pace},  t = {since}{duration(t - span.zero)}" for t in time]
+    return f"{float(f'{factor:.2g}'):,g} × {way}".replace(",", " ") if factor > 1.05 else "as fast as life"
 
 
 def stage(page: Page, scene: Scene, of: dict[str, Array]) -> None:

@@ -71,8 +71,8 @@ class LogFile:
         for rows in blocks:
             if self.count == 0:
                 self.kind = rows.dtype
-                self.file.truncate(0)
-                self._head()
+                self.file.truncate(self._head())
+                self.file.seek(0, os.SEEK_END)
             data = memoryview(rows.astype(self.kind, copy=False).tobytes())
             try:
                 while data.nbytes:
@@ -83,12 +83,15 @@ class LogFile:
                 raise type(error)(f"log is {self.path!r}: it cannot grow ({error.strerror}); the run ends here, the "
                                   f"first {self.count} contacts are in the file.") from None
 
-    def _head(self) -> None:
+    def _head(self) -> int:
+        """Write the head anew; return its length."""
         assert self.file is not None
         self.file.seek(0)
         head = {"descr": npy.dtype_to_descr(self.kind), "fortran_order": False, "shape": (self.count,)}
         npy.write_array_header_1_0(self.file, head)
+        length = self.file.tell()
         self.file.seek(0, os.SEEK_END)
+        return length
 
 
 def mapped(path: str) -> Rows:

@@ -117,11 +117,11 @@ def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
 
 
 def _picture(report: Any) -> str:
-    """Return the figure of a report for a notebook; nothing where matplotlib is not installed."""
+    """Return the figure of a report for a notebook; nothing where it has none, or matplotlib is not installed."""
     from base64 import b64encode
     from importlib.util import find_spec
 
-    if find_spec("matplotlib") is None:
+    if find_spec("matplotlib") is None or not hasattr(report, "plot"):
         return ""
     data = b64encode(_png(report.plot())).decode()
     return f'<img alt="Hard and soft spheres compared, one panel below the other" style="max-width:100%" ' \

@@ -60,7 +60,7 @@ class Collision:
 def collision(law: Any, pair: Pair, speed: float) -> Collision:
     """Return the isolated contact of `pair` under `law` at impact speed `speed` in m/s.
 
-    Closed forms for linear laws (any damping), undamped powers and the restitution of damped powers
+    Closed forms for linear laws (any damping), undamped powers, `WaltonBraun`, and the restitution of damped powers
     F = k ξ^p + γ ξ^((p-1)/2) ξ̇, which map onto the dashpot with ζ = γ / √(2 (p+1) k m_eff) (Tsuji: α/√5); else the
     contact is run by the event-located method.
 
@@ -75,6 +75,8 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
         return _in_range(_dashpot(known.form[0], known.form[2], pair, v), v)
     if known.form is not None and known.form[2] == 0.0 and SLOWEST <= v <= FASTEST:
         return _in_range(_elastic_power(known.form[0], known.form[1], pair, v), v)
+    if is_bilinear(law) and SLOWEST <= v <= FASTEST:
+        return _in_range(Collision(*law.isolated(pair, v)), v)
     return _integrated(law, pair, v)
 
 
@@ -100,9 +102,9 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array:
 
 def at_speed(known: PairLaw, speed: float) -> float:
     """`restitution` at one speed, whatever it is: ε at rest is 1, or the limit for slow impacts."""
-    zeta = damping_ratio(known)
-    if zeta is not None:
-        return dashpot.restitution(zeta)
+    same = steady(known)
+    if same is not None:
+        return same
     if not speed > 0.0:
         return 1.0
     if known.form is not None and known.form[1::2] == (1.5, 0.5):
@@ -119,6 +121,23 @@ def at_speed_or_nan(known: PairLaw, speed: float) -> float:
         return at_speed(known, speed)
     except (ValueError, ArithmeticError):
         return math.nan
+
+
+def steady(known: PairLaw) -> float | None:
+    """ε if it is known to be the same at every speed, else None."""
+    zeta = damping_ratio(known)
+    if zeta is None:
+        return float(known.law.restitution()) if is_bilinear(known.law) else None
+    return dashpot.restitution(zeta)
+
+
+def is_bilinear(law: Any) -> bool:
+    """Return whether a law is `WaltonBraun`, and none that is made of it."""
+    if not getattr(law, "memory", False):
+        return False
+    from granular.laws.springs import WaltonBraun
+
+    return type(law) is WaltonBraun
 
 
 def damping_ratio(known: PairLaw) -> float | None:
@@ -168,7 +187,7 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
         instance("law", one)
     if scene is not None:
         known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], scene.n_pairs), scene)
-        if None not in map(damping_ratio, known.each):
+        if None not in map(steady, known.each):
             return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from granular import _check, until as stop
-from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order
+from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order, one_by_one
 from granular._progress import Told, shown
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
@@ -44,6 +44,8 @@ class Request:
     on_event: Callable[[Any], object] | None
     told: AbstractContextManager[Told | None]
     max_steps: int
+    singly: bool = False
+    """Whether a run pauses after every event."""
 
     @property
     def rows(self) -> bool:
@@ -64,7 +66,7 @@ def requested(
     return Request(
         start=start,
         end=end,
-        until=stop.checked(given["until"], scene.n_pairs),
+        until=stop.checked(given["until"], scene),
         samples=_sample_times(given["samples"], start, end),
         log=stream is not None or _check.truth("log", log),
         stream=stream,
@@ -72,6 +74,7 @@ def requested(
         on_event=_check.callback("on_event", given["on_event"], "row"),
         told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=_check.whole("max_steps", max_steps, at_least=1),
+        singly=isinstance(given["until"], stop.LEVELS) or given["on_event"] is one_by_one,
     )
 
 
@@ -121,7 +124,8 @@ AROUND = np.arange(-2, 11) / 8
 def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
     """Solve what is requested; where only the run can tell the times of its rows, it is solved twice.
 
-    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same.
+    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same. Its last row is that
+    of its end: a sample at that instant would show what is still to act there, or the same once more.
     """
     asked = request.samples
     if asked is None or isinstance(asked, np.ndarray):
@@ -129,7 +133,7 @@ def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Traject
     first = solve(replace(request, samples=None, log=True, stream=None, on_event=None, told=nullcontext()))
     start, end = first.time[[0, -1]].tolist()
     times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
-    return solve(replace(request, samples=times))
+    return solve(replace(request, samples=times if first.status is Status.time or start == end else times[:-1]))
 
 
 def _about(log: Rows, start: float, end: float) -> _check.Array:
@@ -249,6 +253,8 @@ def portion(done: int, spent: float) -> int:
 
 def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
+    if run.request.on_event is one_by_one:
+        return one_by_one(run)  # type: ignore[return-value]
     if run.request.stream is None:
         return _driven(run, [])
     from granular._log_file import LogFile

@@ -7,6 +7,7 @@ p          share of EDMD events with an event of a neighbouring pair within t_c
 Λ          mean t_c × rate of collisions of a pair: the share of time a pair spends in contact
 D          √(Σ m (Δu)² / Σ m U²), u the velocity with which a ball leaves its last contact, U the fastest impact
 K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall at constant velocity
+T          Σ m (v - V)² / (N - 1) of N balls, V the velocity of their centre of mass
 =========  ===========================================================================================================
 """
 
@@ -25,11 +26,12 @@ from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
+from granular.trajectory import Status, Trajectory, points
 
 __all__ = [
-    "Overlap", "balance", "before_the_end", "crowding", "durations", "fastest_approach", "groups", "impact_speed",
-    "impact_velocities", "mass_centre_restitution", "occupation", "overlapping", "section", "shared_impulse",
+    "Overlap", "balance", "before_the_end", "crowding", "durations", "fastest_approach", "groups", "height",
+    "impact_speed", "impact_velocities", "mass_centre_restitution", "occupation", "overlapping", "section",
+    "shared_impulse", "temperature",
 ]
 __dir__ = __all__.copy
 
@@ -217,6 +219,31 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     phase = motion.phases(time) if isinstance(motion, walls.Sine) else np.full(len(log), math.nan)
     return {"time": time, "phase": phase, "wall": log["v_in"][:, side], "before": log["v_in"][:, 1 - side],
             "after": log["v_out"][:, 1 - side]}
+
+
+def temperature(run: Trajectory) -> Array:
+    """Temperature T = Σ m (v - V)² / (N - 1) of the N balls at every row, shape (T,).
+
+    V = Σ m v / Σ m is the velocity of the centre of mass, whose motion, one of N degrees of freedom, is taken off. So T
+    is k_B times an absolute temperature, in J, as that of `granular.walls.Thermal`: in equilibrium its mean is
+    that of the wall, for any masses. (Per unit mass, as the granular temperature often is, it is T/m in m²/s².) nan of
+    a single ball.
+    """
+    balls = ~run.scene.is_wall
+    m, v = run.scene.mass[balls], run.velocity[:, balls]
+    own = v - (v @ m / m.sum())[:, None]
+    return np.asarray((own * own) @ m / (len(m) - 1 or math.nan))
+
+
+def height(run: Trajectory) -> Array:
+    """Height h = Σ m s / Σ m in m of the centre of mass of the balls as points, at every row, shape (T,).
+
+    Radii are taken out: s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below,
+    above body 0 as it stood at the start: the floor, if there is one. It is 0 of balls that lie on a floor.
+    """
+    balls = ~run.scene.is_wall
+    m = run.scene.mass[balls]
+    return np.asarray(points(run)[:, balls] @ m / m.sum())
 
 
 def balance(run: Trajectory) -> dict[str, float]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
-from granular._contact_log import CONTACT as CONTACT
+from granular._contact_log import CONTACT as CONTACT, given_by_walls
 from granular.laws.kinds import resolved
 from granular.scene import Scene
 from granular.scene.places import points as scene_points
@@ -158,7 +158,8 @@ class Trajectory:
         return energy
 
     def account(self) -> dict[str, Array]:
-        """Where the energy comes from and goes to, at every row: energy - work - heat + dissipated is constant.
+        """Where energy and momentum come from, at every row: energy - work - heat + dissipated is constant, and so is
+        `momentum` - Σ momentum + Σ (m g - f) t, but for pendula.
 
         Returns
         -------
@@ -166,32 +167,24 @@ class Trajectory:
             In J: *energy* (T,), see `energy`; *work* (T, 2) that the first and the last body, if they are walls, have
             done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
             contacts. Where walls are driven or thermal each is accumulated by itself, with the rounding of its sum
-            carried along; else what is dissipated is what is lost, and the work of walls at constant speed is read off
-            the log: nan at rows within a contact at such a wall, and without a log. Under a fixed time step the sum is
-            constant to the order of the method only.
-        """
-        energy = self.energy()
-        if self.ledger is None:
-            work, none = self._work_at_constant_speed(), np.zeros((len(energy), 2))
-            return {"energy": energy, "work": work, "heat": none,
-                    "dissipated": energy[0] - energy + work.sum(axis=1)}
-        return {"energy": energy, "work": self.ledger[:, :2], "heat": self.ledger[:, 2:4],
-                "dissipated": self.ledger[:, 4]}
+            carried along; else what is dissipated is what is lost, and work is momentum times the constant speed.
+            Under a fixed time step the sum is constant to the order of the method only.
 
-    def _work_at_constant_speed(self) -> Array:
-        """Work (T, 2) in J of walls that move at constant speed, by the impulses of the log."""
-        work, scene = np.zeros((len(self.time), 2)), self.scene
-        logged = len(self.contacts) > 0 or self.stats.get("contacts", self.stats.get("events", 0)) == 0
-        for side, pair in enumerate((0, scene.n_pairs - 1)):
-            speed = scene.velocity[-side] if scene.is_wall[-side] else 0.0
-            if speed == 0.0 and scene.motions[side] is None:
-                continue
-            rows = self.contacts[self.rows(pair)]
-            over, begun = (np.searchsorted(np.sort(rows[name]), self.time, "right") for name in ("t_end", "t_begin"))
-            sums = np.concatenate([[0.0], np.cumsum(rows["impulse"][np.argsort(rows["t_end"], kind="stable")])])
-            known = (over == begun) & logged & (scene.motions[side] is None)
-            work[:, side] = np.where(known, (1.0 - 2.0 * side) * speed * sums[over], math.nan)
-        return work
+            In N s: *momentum* (T, 2) that these walls have given the balls since the first row, ∫ F dt, upwards
+            positive. It is what the balls beyond the wall, up to the widest gap, have gained, without gravity and
+            forces, and what the log says has passed that gap: nothing beyond the last ball. So nan only between two
+            walls, at rows at which every pair is in contact, without a log, and of hard balls that may have stuck to a
+            ceiling; of pendula at rows within a contact at that wall.
+        """
+        energy, momentum = self.energy(), given_by_walls(self)
+        if self.ledger is None:
+            speed = np.where(self.scene.is_wall, self.scene.velocity, 0.0)[[0, -1]]
+            speed[[motion is not None for motion in self.scene.motions]] = math.nan
+            work = np.where(speed == 0.0, 0.0, momentum * speed)
+            return {"energy": energy, "work": work, "heat": np.zeros((len(energy), 2)), "momentum": momentum,
+                    "dissipated": energy[0] - energy + work.sum(axis=1)}
+        return {"energy": energy, "work": self.ledger[:, :2], "heat": self.ledger[:, 2:4], "momentum": momentum,
+                "dissipated": self.ledger[:, 4]}
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw the paths of the balls over time, radii taken out, with all contacts marked; return the figure, or save

@@ -1,14 +1,18 @@
 """Stop conditions, understood by both engines: ``simulate(..., until=until.contact(pair=0, nth=2))``.
-May be skipped: two small records.
+May be skipped: small records.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from granular import _check
 
-__all__ = ["Contact", "Separated", "contact", "separated"]
+if TYPE_CHECKING:
+    from granular.scene import Scene
+
+__all__ = ["Contact", "Force", "Position", "Separated", "Speed", "contact", "force", "position", "separated", "speed"]
 __dir__ = __all__.copy
 
 
@@ -25,7 +29,34 @@ class Separated:
     """Stop when everything has parted; see `separated`."""
 
 
-Until = Contact | Separated
+@dataclass(frozen=True, slots=True)
+class Force:
+    """Stop when the contact force of `pair` exceeds `above` in N; see `force`."""
+
+    pair: int
+    above: float
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """Stop when the speed of `ball` exceeds `above` in m/s; see `speed`."""
+
+    ball: int
+    above: float
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Stop when the position of `ball` is above or below a place in m; see `position`."""
+
+    ball: int
+    above: float | None = None
+    below: float | None = None
+
+
+Level = Force | Speed | Position
+Until = Contact | Separated | Level
+LEVELS = (Force, Speed, Position)
 
 
 def contact(pair: int, nth: int = 1) -> Contact:
@@ -52,11 +83,68 @@ def separated() -> Separated:
     return Separated()
 
 
-def checked(until: Until | None, n_pairs: int) -> Until | None:
-    """Return `until` if it fits a scene of `n_pairs` pairs, else raise."""
+def force(pair: int, above: float) -> Force:
+    """Stop at the moment when the contact force F of `pair` first exceeds `above`, with the contact still open.
+
+    This says when a push has arrived, also in a row of balls that touch, where every contact begins at once. Soft
+    spheres only: the force of hard ones lasts for no time.
+
+    Parameters
+    ----------
+    pair : int
+        Number of the pair from the bottom; 0 is the floor's if there is one.
+    above : float
+        Level in N, not negative. It is met at once by a force that is larger at the start.
+    """
+    return Force(_check.whole("pair", pair), _check.number("above", above, at_least=0.0))
+
+
+def speed(ball: int, above: float) -> Speed:
+    """Stop at the moment when the speed abs(v) of `ball` first exceeds `above`, at a collision right after it.
+
+    Parameters
+    ----------
+    ball : int
+        Number of the body from the bottom, as in `Scene`: a floor is body 0, and the lowest ball then 1.
+    above : float
+        Level in m/s, not negative. It is met at once by a speed that is larger at the start.
+    """
+    return Speed(_check.whole("ball", ball), _check.number("above", above, at_least=0.0))
+
+
+def position(ball: int, above: float | None = None, *, below: float | None = None) -> Position:
+    """Stop at the moment when the centre of `ball` is first above a place, or below one.
+
+    Parameters
+    ----------
+    ball : int
+        Number of the body from the bottom, as in `Scene`: a floor is body 0, and the lowest ball then 1.
+    above, below : float
+        Place x in m, one of the two; as in ``Trajectory.position``, on a ring not taken modulo its length. It is met
+        at once by a ball that is beyond it at the start.
+    """
+    if (above is None) is (below is None):
+        raise TypeError(f"above is {above!r} and below is {below!r}: one of them is needed, a place in m.")
+    where = [None if x is None else _check.number(name, x) for name, x in (("above", above), ("below", below))]
+    return Position(_check.whole("ball", ball), *where)
+
+
+def checked(until: Until | None, scene: Scene) -> Until | None:
+    """Return `until` if it fits a scene, else raise."""
     if until is None or isinstance(until, Separated):
         return until
-    if not isinstance(until, Contact):
+    if not isinstance(until, (Contact, *LEVELS)):
         raise TypeError(f"until is {until!r}: a condition from granular.until is needed, such as until.contact(0, 2).")
-    _check.whole("pair of until.contact", until.pair, at_most=n_pairs - 1, fix="pairs are numbered from 0")
+    name = f"of until.{type(until).__name__.lower()}"
+    if isinstance(until, (Contact, Force)):
+        _check.whole(f"pair {name}", until.pair, at_most=scene.n_pairs - 1, fix="pairs are numbered from 0")
+    elif scene.is_wall[_check.whole(f"ball {name}", until.ball, at_most=scene.n - 1, fix="bodies are numbered from 0")]:
+        raise ValueError(f"ball {name} is {until.ball}: that is a wall; balls of this scene are numbered from "
+                         f"{int(scene.is_wall[0])} to {scene.n - 1 - int(scene.is_wall[-1])}.")
     return until
+
+
+def without_levels(until: Until | None, who: str) -> None:
+    """Raise where `who` knows contacts and parting only."""
+    if isinstance(until, LEVELS):
+        raise ValueError(f"until is {until!r}: {who} knows until.contact and until.separated only; give t_end in s.")

@@ -3,7 +3,7 @@
 import contextlib
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +43,23 @@ def test_walton_braun():
     contact = binary.collision(gr.WaltonBraun(1.0, 4.0), UNIT, 1.0)
     assert contact.restitution == pytest.approx(ROWS["C6"]["numbers"]["eps4"], rel=1e-11)
     assert contact.duration == pytest.approx(ROWS["C6"]["numbers"]["tc4"], rel=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_walton_braun_in_closed_form_is_what_its_run_gives(seed):
+    random = np.random.default_rng(seed)
+    k = 10.0 ** random.uniform(1.0, 9.0)
+    law = gr.WaltonBraun.from_restitution(random.uniform(0.05, 1.0), k)
+    pair = replace(UNIT, m_eff=10.0 ** random.uniform(-4.0, 2.0))
+    v = 10.0 ** random.uniform(-4.0, 3.0)
+
+    class Own(gr.WaltonBraun):
+        """One that may do anything: it is run."""
+
+    closed, run = (asdict(binary.collision(one, pair, v)) for one in (law, Own(law.k_load, law.k_unload)))
+    assert closed == pytest.approx(run, rel=1e-11, abs=1e-13 * closed["xi_max"])
+    assert binary.restitution(law, pair, v) == closed["restitution"]
+    assert isinstance(gr.restitution_of(law, gr.scenes.three_balls()), gr.ConstantRestitution)
 
 
 @dataclass(frozen=True)

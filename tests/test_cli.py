@@ -123,7 +123,8 @@ def test_compare_prints_all_that_there_is_with_v(granular):
     whole = granular("compare three-balls -v")[1]
     case = cases.make("three-balls")
     report = gr.compare(case.scene, case.law, case.rule, until=case.until)
-    assert whole == granular("compare --verbose three-balls")[1] == f"{report.details()}\n"
+    worth = gr.sensitivity("three-balls").line
+    assert whole == granular("compare --verbose three-balls")[1] == f"{report.details()}\n{worth}\n"
     assert granular("compare three-balls")[1] == f"{report}\n"
     assert whole.count(" share ") == 4
 

@@ -1,10 +1,12 @@
-"""Films of a comparison: three times and their rates, clock and words within the frame, balls where they are."""
+"""Films of a comparison: three times and their rates, clock and words within the frame, balls where they are, each at
+its own apex in the end."""
 
 import numpy as np
 import pytest
 
 import granular as gr
-from granular.comparison.film import FREEZE, HOLD, acts, film
+from granular.comparison import further
+from granular.comparison.film import FREEZE, HOLD, LONGEST, Story, flying
 from granular.comparison.view import window
 
 pytest.importorskip("matplotlib")
@@ -27,47 +29,52 @@ def cradle():
 
 def test_a_fall_has_three_times_each_with_its_own_rate(two):
     fps = 20
-    shown = acts(two, 6.0, fps, True)
+    story = Story(two, 6.0, fps)
+    shown = story.acts
     times = np.concatenate(list(shown.values()))
     assert list(shown) == ["fall", "stop", "slow", "flight", "end"]
     assert (np.diff(times) >= 0.0).all()
     assert times[0] == 0.0
     for act in ("fall", "flight"):
-        assert np.diff(shown[act])[:-1] == pytest.approx(1.0 / fps)
+        assert np.diff(shown[act])[:-1] == pytest.approx(1.0 / fps, rel=0.05)
     assert (len(shown["stop"]), len(shown["end"])) == (FREEZE * fps, HOLD * fps)
     assert set(shown["stop"]) == {two.begin}
     assert len(shown["slow"]) == 6 * fps
     assert 1.0 / (fps * np.diff(shown["slow"])) == pytest.approx(6.0 / 900e-6, rel=0.02)
-    contacts = film(two, shown, fps)[len(shown["fall"]) + len(shown["stop"])][0]
+    pictures = story.pictures()
+    contacts = pictures[len(shown["fall"]) + len(shown["stop"])][0]
     assert contacts.words[0].startswith("6 700 × slower")
+    assert pictures[-15][0].words[-25:-24] == ["flying, as fast as life"]
     top = gr.edmd.simulate(two.report.scene, two.report.rule, t_end=1.2, samples=np.linspace(0.4, 1.2, 801))
-    highest = top.time[top.position[:, 2].argmax()]
-    assert times[-1] == pytest.approx(highest, abs=0.04)  # 1.04 of the flight
+    assert times[-1] == pytest.approx(top.time[top.position[:, 2].argmax()], abs=1e-3)
 
 
 def test_no_ball_hangs_in_the_air_because_hard_spheres_have_collapsed():
     stack = gr.scenes.ball_stack(4, 0.3, gap=1e-4)
     law = [gr.LinearDashpot.from_restitution(0.3, k=5e7, pair=pair) for pair in stack.pairs]
     view = window(gr.compare(stack, law, until=gr.until.contact(0, 2)))
-    end = acts(view, 5.0, 10, True)["end"][-1]
+    story = Story(view, 5.0, 10)
     run = gr.edmd.simulate(stack, view.report.rule, t_end=3.0)
     assert run.status is gr.Status.collapse
-    assert view.end < end <= run.time[-1]
+    assert run.time[-1] < story.acts["end"][-1]  # those that would collide forever stick, and fall
+    top = story.tops["hard"][:, 1]
+    assert top[-1] == view.report.rises[0] > 0.0
+    assert story.heights("hard", story.acts["end"][:1])[0] == pytest.approx(top)
 
 
 def test_one_slow_motion_where_it_is_asked_for_or_nothing_falls(two, cradle):
     for view, whole in ((two, False), (cradle, True)):
-        shown = acts(view, 3.0, 10, whole)
+        shown = Story(view, 3.0, 10, whole).acts
         assert list(shown) == ["slow"]
         assert (len(shown["slow"]), shown["slow"][0], shown["slow"][-1]) == (30, view.begin, view.end)
     bouncing = compared(gr.scenes.bouncing_ball(height=1.0), t_end=3.0)
-    assert list(acts(window(bouncing), 5.0, 10, True)) == ["slow"]  # contacts and flights take turns
+    assert list(Story(window(bouncing), 5.0, 10).acts) == ["slow"]  # contacts and flights take turns
 
 
-@pytest.mark.parametrize("name", ["two", "cradle"])
-def test_clock_and_words_are_within_the_frame_in_every_picture(name, request):
-    view = request.getfixturevalue(name)
-    pictures = film(view, acts(view, 1.0, 10, True), 10)
+@pytest.mark.parametrize(("name", "charts"), [("two", True), ("cradle", False)])
+def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, request):
+    pictures = Story(request.getfixturevalue(name), 1.0, 10, charts=charts).pictures()
+    assert all(("time" in page.axes) is not charts and len(page.axes) >= 3 for page, _ in pictures)
     for page, k in pictures:
         pixels = np.asarray(page.show(k))
         for artist, path in page.moving:
@@ -84,7 +91,7 @@ def test_clock_and_words_are_within_the_frame_in_every_picture(name, request):
 
 def test_balls_stand_in_a_row_without_gravity_and_upright_with_it(two, cradle):
     for view, along in ((two, 1), (cradle, 0)):
-        (page,) = {page for page, _ in film(view, acts(view, 1.0, 10, False), 10)}
+        (page,) = {page for page, _ in Story(view, 1.0, 10, whole=False).pictures()}
         balls = [path for artist, path in page.moving if type(artist).__name__ == "Circle"]
         soft = np.array(balls[-5:] if along == 0 else balls)
         assert np.ptp(soft[:, :, 1 - along]) == 0.0
@@ -92,22 +99,98 @@ def test_balls_stand_in_a_row_without_gravity_and_upright_with_it(two, cradle):
 
 
 def test_the_ruler_reads_the_heights_of_the_balls(two):
-    shown = acts(two, 1.0, 10, True)
-    page = film(two, shown, 10)[0][0]
-    hard = [path[:, 1] for artist, path in page.moving if artist.axes is page.axes["hard"]]
-    times = np.concatenate([time for act, time in shown.items() if act != "slow"])
+    story = Story(two, 1.0, 10)
+    page = flying(story)
+    hard = balls_of(page, "hard")
+    times = np.concatenate([time for act, time in story.acts.items() if act != "slow"])
     run = gr.edmd.simulate(two.report.scene, two.report.rule, t_end=times[-1], samples=np.unique(times))
-    expected = np.interp(times, run.time, run.gap[:, 0] + run.gap[:, 1])
-    assert hard[1] == pytest.approx(expected, abs=1e-9)
+    flown = np.interp(times, run.time, run.gap[:, 0] + run.gap[:, 1])
+    assert hard[1] == pytest.approx(flown, abs=1e-9)
+    lower = np.interp(times, run.time, run.gap[:, 0])
+    before = times < story.tops["hard"][1, 0]
+    assert hard[0][before] == pytest.approx(lower[before], abs=1e-9)
     low, high = page.axes["hard"].get_ylim()
     assert low == 0.0 <= hard[1].min()
-    assert hard[1].max() < high < 1.1 * hard[1].max()
+    assert 1.1 * hard[1].max() < high < 1.2 * hard[1].max()
+    for name, body in (("hard", 1), ("hard", 2), ("soft", 1), ("soft", 2)):  # numbers are out of sight before
+        when, top = story.tops[name][body]
+        (path,) = [path[:, 1] for artist, path in page.moving
+                   if artist.get_gid() == f"apex {body}" and artist.axes is page.axes[name]]
+        assert (path[times >= when] == top).all()
+        assert (path[times < when] < 0.0).all()
+
+
+def balls_of(page, name):
+    """Heights of the balls of one engine on the ruler, picture by picture."""
+    return [path[:, 1] for artist, path in page.moving if artist.axes is page.axes[name] and artist.get_gid() == "ball"]
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_the_last_picture_is_what_the_report_says_of_random_drops():
+    """Each engine by itself, to the time of that picture's apex, has the ball there, at rest."""
+    random, shown = np.random.default_rng(32), 0
+    for i in range(50):
+        n, eps, gap = (1, 2)[i % 2], random.uniform(0.6, 0.9), 10.0 ** random.uniform(-6.0, -1.5)
+        scene = gr.scenes.ball_stack(n, 10.0 ** random.uniform(-2.0, 0.0), gap=gap, height=random.uniform(0.2, 2.0))
+        law = [gr.LinearDashpot.from_restitution(eps, 10.0 ** random.uniform(6, 8), pair) for pair in scene.pairs]
+        report = gr.compare(scene, law, until=gr.until.contact(0, 2))
+        story = Story(window(report), 1e3, 5)
+        for name, rise in zip(("hard", "soft"), report.rises, strict=True):
+            last = story.heights(name, story.acts["end"][-1:])[0]
+            assert last[-1] == pytest.approx(rise, rel=1e-12)
+            options = {"t_end": float(story.tops[name][-1, 0])}
+            alone = (gr.edmd.simulate(scene, report.rule, **options) if name == "hard" else
+                     gr.md.simulate(scene, law, **options))
+            if alone.status is gr.Status.time:
+                shown += 1
+                assert alone.gap[-1].sum() == pytest.approx(rise, rel=1e-9)
+                assert abs(alone.velocity[-1, -1]) < 1e-9 * report.impact_speed
+                assert alone.count(n - 1) > 0
+    assert shown > 85
+
+
+def test_ticks_and_numbers_of_the_last_picture_are_the_rises(two):
+    page, k = Story(two, 1.0, 10, charts=False).pictures()[-1]
+    page.show(0)
+    pixels = np.asarray(page.show(k)).astype(int)
+    for name, rise in zip(("hard", "soft"), two.report.rises, strict=True):
+        axis, colour = page.axes[name], np.array([0xc1, 0x44, 0x0e] if name == "hard" else [0x1f, 0x4e, 0x79])
+        assert balls_of(page, name)[-1][-1] == pytest.approx(rise)
+        (said,) = [path[-1] for artist, path in page.moving if artist.get_gid() == "apex 2" and artist.axes is axis]
+        (words,) = [artist.get_text() for artist, _ in page.moving
+                    if artist.get_gid() == "apex 2" and artist.axes is axis]
+        assert said[1] == pytest.approx(rise)
+        assert float(words) == pytest.approx(rise, rel=5e-3)
+        left, right = axis.transData.transform([(0.63, 0.0), (0.85, 0.0)])[:, 0].astype(int)  # beside the ball
+        rows = np.flatnonzero((np.abs(pixels[:, left:right, :3] - colour).max(axis=2) < 40).all(axis=1))
+        heights = axis.transData.inverted().transform([(left, len(pixels) - row - 0.5) for row in rows])[:, 1]
+        assert heights.mean() == pytest.approx(rise, abs=1.2 * axis.get_ylim()[1] / len(pixels))
+        assert np.ptp(heights) < 0.01 * axis.get_ylim()[1]
+
+
+def test_a_flight_that_takes_long_is_told_to_be_faster_than_life():
+    case = gr.cases.make("ball-stack", n=5)
+    report = gr.compare(case.scene, case.law, case.rule, until=case.until)
+    story = Story(window(report), 1.0, 5)
+    page = flying(story)
+    assert report.rises[0] > 200.0
+    assert page.axes["hard"].get_ylim()[1] > report.rises[0]
+    assert len(story.acts["flight"]) == 5 * LONGEST
+    assert page.words[-8:-6] == ["flying, 1.2 × faster"] * 2
+    assert page.words[-1] == "the highest point of each ball"
+
+
+def test_what_is_followed_no_farther_leaves_the_picture(two, monkeypatch):
+    monkeypatch.setattr(further, "MOST", 3)
+    story = Story(two, 1.0, 10)
+    assert np.isnan(story.heights("hard", np.array([0.1, 20.0, 30.0]))[1:, 1]).sum() == 0  # at their apexes
+    assert np.isnan(further.Onward(two.report, "hard").heights(np.array([0.1, 20.0, 30.0]))).sum() == 6
 
 
 def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
     """Before, the words at a height that is not shown pushed all axes out of the layout."""
     high = window(compared(gr.scenes.three_balls(gap=1e-4, height=1e5), until=gr.until.contact(0, 2)))
-    page = film(high, acts(high, 1.0, 5, True), 5)[0][0]
+    page = Story(high, 1.0, 5).pictures()[0][0]
     page.show(0)
     title = page.axes["hard"].title.get_window_extent()
     assert title.y1 < min(text.get_window_extent().y0 for text in page.figure.texts)
@@ -116,7 +199,7 @@ def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
 def test_the_number_of_a_ball_leaves_the_picture_with_it():
     """Before, the number of a ball above the stage stood over the words."""
     stack = window(compared(gr.scenes.ball_stack(4, 0.1, gap=1e-4), until=gr.until.contact(0, 2)))
-    page = film(stack, acts(stack, 1.0, 10, False), 10)[0][0]
+    page = Story(stack, 1.0, 10, whole=False).pictures()[0][0]
     page.show(0)
     places = [path[:, 1].max() for artist, path in page.moving if artist.axes is page.axes["hard"]]
     assert max(places) > page.axes["hard"].get_ylim()[1]

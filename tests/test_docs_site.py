@@ -63,7 +63,7 @@ def what_is_named_is_there(site, html):
 
 def the_start_page_leads_on(site, html):
     index = html[site / "index.html"]
-    parts = ("<figure", 'href="page/index.html"', "<h2>Install", "<h2>First answer", "<h2>Your way", "<iframe")
+    parts = ('href="page/index.html"', "<figure", "<h2>Install", "<h2>First answer", "<h2>Your way", "<iframe")
     places = [index.index(part) for part in parts]
     assert places == sorted(places)
     path = ("Your own scene", "Your own force law", "Driven", "Limits")

@@ -102,6 +102,24 @@ def test_extended_xyz_has_all_digits(scene, tmp_path):
         assert ("floor=" in head) is math.isinf(scene.mass[0])
 
 
+@pytest.mark.soak
+@pytest.mark.parametrize("scene", [FLOOR, LINE, RING])
+def test_ase_reads_extended_xyz(scene, tmp_path):
+    ase = pytest.importorskip("ase.io")
+    run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=0.05, samples=5)
+    run.save(tmp_path / "run.extxyz")
+    frames, balls = ase.read(tmp_path / "run.extxyz", index=":", format="extxyz"), ~scene.is_wall
+    assert len(frames) == len(run.time)
+    for k, frame in enumerate(frames):
+        assert frame.info["Time"] == run.time[k]
+        assert frame.pbc.tolist() == [scene.ring, False, False]
+        assert np.array_equal(frame.positions[:, 0], run.position[k, balls])
+        assert np.array_equal(frame.arrays["velo"][:, 0], run.velocity[k, balls])
+        assert not frame.positions[:, 1:].any()
+        assert np.array_equal(frame.arrays["radius"], scene.radius[balls])
+        assert np.array_equal(frame.arrays["mass"], scene.mass[balls])
+
+
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.npz.bak", "run\0.nc"])
 def test_an_unknown_ending_is_refused(name, tmp_path):
     with pytest.raises(ValueError, match=r"path is .*: the name of a file that ends in \.npz, \.nc, \.csv, \.extxyz"):

@@ -89,6 +89,28 @@ def test_walls_have_no_difference_and_the_first_that_is_large_is_named():
     assert lines[3].endswith(f"t = {times[4]:.9g} s")
 
 
+def test_it_is_said_from_when_on_for_both_engines_and_up_to_when_for_one_that_stopped():
+    scene = gr.Scene([math.inf, 1.0, 2.0], [0.0] * 3, [0.1, 0.05], [0.0] * 3, 9.81)
+    report = gr.compare(scene, gr.LinearDashpot(1e5, 100.0), t_end=3.0)
+    assert report.hard.time[-1] < 1.0  # its collisions pile up
+    times = np.linspace(0.0, 3.0, 31)
+    ours = gr.md.simulate(scene, report.law, t_end=3.0, samples=times)
+    lines = str(report.against(ours)).splitlines()
+    assert re.fullmatch("velocities less those of +hard spheres +soft spheres", lines[0])
+    apart = report.against(ours).hard
+    row = int(np.flatnonzero(np.isfinite(apart[:, 1]))[-1])
+    late = times[np.flatnonzero(np.abs(apart[:, 1]) > 0.01)[0]]
+    last, most = abs(apart[row, 1]), np.nanmax(np.abs(apart[:, 1]))
+    assert re.fullmatch(rf"ball 1 .* m/s +{last:.3g} +{most:.3g}  t = {late:.9g} s +0 +0  never", lines[2])
+    rows = gr.edmd.simulate(scene, report.rule, t_end=3.0, samples=times)
+    early = gr.Trajectory.from_arrays(scene, times, gap=np.vstack([rows.gap, ours.gap[len(rows.time):]]),
+                                      velocity=np.vstack([rows.velocity, ours.velocity[len(rows.time):]]))
+    nearer = str(report.against(early)).splitlines()[2]
+    assert f"  not up to {times[row]:.6g} s " in nearer
+    alone = report.against(gr.Trajectory.from_arrays(scene, [2.0], gap=ours.gap[20:21], velocity=ours.velocity[20:21]))
+    assert "nan  not known  " in str(alone).splitlines()[2]
+
+
 def test_runs_that_cannot_be_compared():
     with pytest.raises(TypeError, match=r"run is list: a granular.Trajectory is needed"):
         REPORT.against([1])

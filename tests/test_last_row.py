@@ -79,3 +79,47 @@ def test_a_run_that_ends_where_a_contact_does_logs_it_once(seed):
             assert len(part.contacts) == part.stats["contacts"] == (whole.contacts["t_begin"] <= t_end).sum()
             over = ~np.isnan(part.contacts["t_end"])
             assert over.sum() + len(gr.md.resume(part, t_end=1.0).contacts) == len(whole.contacts)
+
+
+PILE = gr.Scene([np.inf, 1.0, 1.3], [0.0] * 3, [0.02, 0.01], [0.0, 0.0, -1.0], 9.81)
+DAMPED = [gr.LinearDashpot.from_restitution(0.6, 1e4, pair) for pair in PILE.pairs]
+THREE = gr.Scene([1.0, 2.0, 1.0], [0.0] * 3, [0.1, 0.1], [1.0, 0.0, -2.0])
+ENDINGS = {
+    "max_events": lambda **rows: gr.md.simulate(PILE, DAMPED, max_events=5, engine="plain", **rows),
+    "resting": lambda **rows: gr.md.simulate(PILE, DAMPED, engine="plain", **rows),
+    "until": lambda **rows: gr.md.simulate(PILE, DAMPED, until=gr.until.contact(0, 2), engine="plain", **rows),
+    "disturbed": lambda **rows: gr.md.simulate(PILE, DAMPED, disturbed="stop", engine="plain", **rows),
+    "quiet": lambda **rows: gr.md.simulate(THREE, gr.Hertz(1e6), engine="plain", **rows),
+    "fixed": lambda **rows: gr.md.simulate(
+        PILE, DAMPED, max_events=2, engine="plain", dt=5e-4, method="verlet", **rows),
+    "hard max_events": lambda **rows: gr.edmd.simulate(PILE, gr.ConstantRestitution(0.6), max_events=5, **rows),
+    "hard until": lambda **rows: gr.edmd.simulate(
+        PILE, gr.ConstantRestitution(0.6), until=gr.until.contact(0, 2), **rows),
+    "hard quiet": lambda **rows: gr.edmd.simulate(THREE, gr.ConstantRestitution(1.0), **rows),
+    "collapse": lambda **rows: gr.edmd.simulate(gr.scenes.bouncing_ball(), gr.ConstantRestitution(0.6), **rows),
+    "bounded": lambda **rows: gr.edmd.simulate(PILE, gr.ConstantRestitution(0.6), **rows),
+}
+
+
+@pytest.mark.parametrize("name", ENDINGS)
+def test_a_run_that_ends_by_itself_shows_its_end_once(name):
+    """As the run without these rows does, to the bit, however many rows there are."""
+    run = ENDINGS[name]
+    end = run()
+    assert end.status.name in name or name == "fixed"
+    for rows in (2, 3, 10, "contacts"):
+        sampled = run(samples=rows)
+        assert rows == "contacts" or len(sampled.time) == rows
+        assert (np.diff(sampled.time) > 0.0).all()
+        for line in LINES:
+            mine, other = getattr(end, line), getattr(sampled, line)
+            assert mine is None or mine[-1].tobytes() == other[-1].tobytes(), (rows, line)
+        if name != "collapse":  # how soon it is certain hangs on how often one looks
+            assert (end.message, end.contacts.tobytes()) == (sampled.message, sampled.contacts.tobytes())
+
+
+def test_a_run_that_is_over_at_its_start_has_as_many_rows_as_were_asked_for():
+    parting = gr.Scene([1.0, 1.0], [0.0] * 2, [0.1], [-1.0, 1.0])
+    for run in (gr.md.simulate(parting, gr.Hertz(1e6), samples=4), gr.edmd.simulate(
+            parting, gr.ConstantRestitution(1.0), samples=4)):
+        assert run.time.tolist() == [0.0] * 4

@@ -21,8 +21,8 @@ def printed(notebook) -> list[str]:
     ]
 
 
-def test_there_are_four():
-    stems = ["first-session", "newtons-cradle", "tennis-ball", "what-accuracy-costs"]
+def test_there_are_five():
+    stems = ["calibration", "first-session", "newtons-cradle", "tennis-ball", "what-accuracy-costs"]
     assert [path.stem for path in NOTEBOOKS] == stems
 
 
@@ -63,9 +63,10 @@ def test_a_notebook_runs_in_jupyter(tmp_path):
 
 
 @pytest.mark.thirds
-@pytest.mark.parametrize("name", ["first-session", "tennis-ball", "what-accuracy-costs"])
+@pytest.mark.parametrize("name", ["calibration", "first-session", "tennis-ball", "what-accuracy-costs"])
 def test_the_cells_of_a_notebook_run_and_print_what_it_shows(name, monkeypatch, tmp_path):
     matplotlib = pytest.importorskip("matplotlib")
+    pytest.importorskip("xarray")  # sweeps
     import matplotlib.pyplot as plt
 
     monkeypatch.chdir(tmp_path)

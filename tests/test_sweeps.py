@@ -470,7 +470,7 @@ def test_the_command_sweeps_a_file(mine, capsys):
 @pytest.mark.parametrize(("over", "sentence"), [
     ("gab[1]=1,2", "'gab' is no parameter of Scene("),
     ("gap[7]=1,2", "gap[7] is asked for, and gap has 2 entries, counted from 0"),
-    ("gap=1,2", "gap is one parameter for 2 entries: name one of them, such as gap[0]."),
+    ("mass=1,2", "mass is one parameter for 3 entries: name one of them, such as mass[0]."),
     ("gravity[0]=1,2", "'gravity[0]' is no parameter: gravity is a single value"),
     ("law[0].kk=1,2", "'kk' is no parameter of LinearDashpot("),
     ("mass[1]=-1,-2", "mass[1] is -1.0: a mass must be positive"),
@@ -479,6 +479,83 @@ def test_the_command_sweeps_a_file(mine, capsys):
 def test_a_wrong_name_in_a_case_is_one_sentence(over, sentence, mine):
     with pytest.raises((TypeError, ValueError), match=re.escape(sentence)):
         gr.sweep(gr.cases.load(mine), over)
+
+
+@pytest.mark.parametrize(("walls", "ring"), [((), False), ((0,), False), ((0, 4), False), ((), True)])
+def test_one_gap_for_all_pairs_of_balls_of_a_scene_of_ones_own(walls, ring):
+    """Beside walls balls start where they stood; by hand to the bit."""
+    mass, gap = [math.inf if i in walls else 1.0 + i for i in range(5)], np.array([0.2, 0.1, 0.3, 0.1, 0.2][: 4 + ring])
+    scene = gr.Scene(mass, [0.0 if i in walls else 0.01 for i in range(5)], gap, [0.0, 1.0, -1.0, 2.0, 0.0], ring=ring)
+    law = [gr.LinearDashpot(1e5, 1.0)] * len(gap)
+    swept = gr.sweep(gr.Case(scene, law, t_end=1.0), {"gap": [0.05, 0.4]}, "v_final")
+    beside = [bool({c, (c + 1) % 5} & set(walls)) for c in range(len(gap))]
+    for i, value in enumerate((0.05, 0.4)):
+        run = gr.md.simulate(scene.replace(gap=np.where(beside, gap, value)), law, t_end=1.0)
+        assert swept["v_final"].values[i].tobytes() == run.velocity[-1].tobytes()
+    assert swept["gap"].attrs["units"] == "m"
+
+
+def test_one_gap_for_all_pairs_of_balls_of_a_file(mine):
+    one, all_ = (gr.sweep(mine, f"{name}=1e-4,2e-4", "v_final")["v_final"].values for name in ("gap[1]", "gap"))
+    assert one.tobytes() == all_.tobytes()
+    with pytest.raises(ValueError, match=r"gap is one parameter for all pairs of balls, and there are none: name one"):
+        gr.sweep(gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, -1.0]), "gap=1,2", law=gr.Hertz(1e6))
+
+
+def test_a_threshold_over_one_gap_is_that_of_the_ready_made_scene():
+    asked = {"between": (1e-6, 1e-3), "points": 3, "within": 0.2}
+    own = gr.threshold(gr.cases.make("newtons-cradle"), "gap", **asked)
+    assert [(one.value, one.verdict) for one in own.values] == [
+        (one.value, one.verdict) for one in gr.threshold("newtons-cradle", "gap", **asked).values]
+
+
+LIKE = [
+    (lambda e, k, pair: gr.LinearDashpot.from_restitution(e, k, pair), True),
+    (lambda e, k, pair: gr.TsujiHertz.from_restitution(e, k), True),
+    (lambda e, k, pair: gr.WaltonBraun.from_restitution(e, k), False),
+    (lambda e, k, pair: gr.ViscoelasticHertz.from_restitution(e, 2.0, k, pair), False),
+]
+
+
+@pytest.mark.parametrize(("make", "ruled"), LIKE)
+def test_one_restitution_for_all_laws_and_the_rule_of_a_case(make, ruled):
+    """The laws keep their stiffness, whatever else is varied or fixed, in whichever order."""
+    scene = gr.Scene([1.0, 2.0, 3.0], [0.01] * 3, [0.1, 0.2], [2.0, 0.0, -1.0])  # the first impact is one of 2 m/s
+    rule = gr.ConstantRestitution(0.5) if ruled else None
+    case = gr.Case(scene, [make(0.5, 1e5, p) for p in scene.pairs], rule, t_end=1.0)
+    by_hand = [make(0.9, 1e5, p) for p in scene.pairs]
+    found = gr.sweep(case, {"restitution": [0.9]}, ("v_final", "hard_v_final"))
+    soft = gr.md.simulate(scene, by_hand, t_end=1.0)
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9) if ruled else gr.restitution_of(by_hand), t_end=1.0)
+    assert found["v_final"].values[0].tobytes() == soft.velocity[-1].tobytes()
+    assert found["hard_v_final"].values[0].tobytes() == hard.velocity[-1].tobytes()
+    if isinstance(by_hand[0], gr.LinearDashpot):
+        stiff = gr.md.simulate(scene, [make(0.9, 1e6, p) for p in scene.pairs], t_end=1.0).velocity[-1].tobytes()
+        for over, fixed in (({"restitution": [0.9], "k": [1e6]}, {}), ({"k": [1e6]}, {"restitution": 0.9}),
+                            ({"restitution": [0.9]}, {"law.k": 1e6})):
+            assert gr.sweep(case, over, "v_final", **fixed)["v_final"].values.tobytes() == stiff
+
+
+def test_what_all_pairs_share_is_the_number_that_a_case_has():
+    from granular.sweeps.subject import shared
+
+    scene = gr.Scene([math.inf, 1.0, 2.0, 3.0], [0.0] * 4, [0.5, 0.1, 0.1], [0.0, 2.0, 0.0, -1.0])
+    case = gr.Case(scene, [gr.LinearDashpot.from_restitution(0.9, 1e5, p) for p in scene.pairs])
+    assert shared(case) == {"gap": 0.1, "restitution": pytest.approx(0.9, rel=1e-13)}
+    uneven = gr.Case(scene.replace(gap=[0.1, 0.1, 0.2]), [gr.LinearDashpot(1e5, 30.0)] * 3)
+    assert shared(uneven) == {}
+    assert shared(gr.Case(scene, gr.Hertz(1e6))) == {"gap": 0.1}
+
+
+def test_what_has_no_restitution_of_its_own_is_one_sentence_and_a_rule_alone_may_have_one():
+    scene = gr.Scene([1.0, 2.0], [0.01] * 2, [0.1], [2.0, 0.0])
+    ruled = gr.Case(scene, gr.Hertz(1e6), gr.ConstantRestitution(0.5), t_end=1.0)
+    last = gr.sweep(ruled, "restitution=0.9", "hard_v_final")["hard_v_final"].values[0]
+    assert last[1] - last[0] == pytest.approx(1.8)
+    for rule, sentence in ((None, "restitution is no parameter of Hertz(k=1000000.0): vary numbers of its own"),
+                           (lambda speed, pair: 0.5, "'restitution' is no parameter of <function")):
+        with pytest.raises(TypeError, match=re.escape(sentence)):
+            gr.sweep(gr.Case(scene, gr.Hertz(1e6), rule, t_end=1.0), "restitution=0.9", "v_final")
 
 
 def test_a_mistake_in_a_file_or_its_numbers_names_the_place(mine):

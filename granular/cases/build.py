@@ -145,12 +145,12 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
         if len(names) != 2:
             raise ValueError(f"material has {len(names)} entries: one, or two (lower, upper), are needed.")
         given["young"], given["poisson"] = materials.both(*names)
-    return _of_type(LAWS, given, pair=pair)
+    return of_type(LAWS, given, pair=pair)
 
 
 def rule(table: Mapping[str, Any]) -> Any:
     """Make a collision rule: ``type`` and its values."""
-    return _of_type(RULES, table)
+    return of_type(RULES, table)
 
 
 def wall(table: Any, folder: str = "") -> Any:
@@ -166,7 +166,7 @@ def wall(table: Any, folder: str = "") -> Any:
         named.function  # noqa: B018  says now what cannot be found
     elif isinstance(function, Mapping):
         values["function"] = wall(function)
-    return _of_type(WALLS, values)
+    return of_type(WALLS, values)
 
 
 def walled(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
@@ -219,7 +219,8 @@ def place(where: str) -> Iterator[None]:
         raise kind(f"{where}: {error}") from None
 
 
-def _of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> Any:
+def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> Any:
+    """Make what ``type`` of a table says, of its other keys."""
     if "type" not in table:
         raise ValueError(f"key 'type' is missing; needed is one of {', '.join(types)}.")
     kind = types[_check.choice("type", table["type"], list(types))]

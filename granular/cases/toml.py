@@ -62,7 +62,7 @@ def load(path: str | PathLike[str]) -> Case:
             restitution = 0.7
 
             [run]
-            until = { pair = 0, nth = 2 }    # or: "separated"
+            until = { pair = 0, nth = 2 }    # or: "separated", { type = "speed", ball = 2, above = 1.5 }
             t_end = 10.0
             dt = 1e-7                    # and other options of md.simulate and edmd.simulate
 
@@ -136,7 +136,7 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
         t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
-        stop = until.checked(_until(run.pop("until")), base.scene.n_pairs) if "until" in run else base.until
+        stop = stop_condition(run.pop("until"), base.scene) if "until" in run else base.until
         _check.known(run, {"t_end", "until"}.union(*map(keyword_options, map(engine_named, ENGINES))), "key")
     about = tables.get("about", base.about)
     if not isinstance(about, str):
@@ -174,14 +174,16 @@ def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
     return laws, rule
 
 
-def _until(value: Any) -> until.Until:
+def stop_condition(value: Any, scene: Scene) -> until.Until | None:
+    """Return the condition of `granular.until` that a table says, a contact if it has no `type`, or a word."""
     if value == "separated":
         return until.separated()
     if not isinstance(value, Mapping):
         raise TypeError(f'until is {value!r}: "separated" or a table such as {{ pair = 0, nth = 2 }} is needed.')
+    ways = {way.__name__: way for way in (until.contact, until.force, until.speed, until.position)}
     with place("until"):
-        stop: until.Until = build.call([until.contact], value)
-    return stop
+        condition: until.Until = build.of_type(ways, {"type": "contact", **value})
+    return until.checked(condition, scene)
 
 
 def _table(value: Any) -> Mapping[str, Any]:
@@ -208,14 +210,22 @@ def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
     tables: dict[str, Table | list[Table]] = {"scene": _scene(case.scene)}
     tables |= _by_restitution(case) or _each("law", case.law, LAWS) | _each("rule", case.rule, RULES)
-    stop = None if case.until is None else asdict(case.until) or "separated"
-    tables["run"] = {"until": stop, "t_end": case.t_end, **case.run}
+    tables["run"] = {"until": _stop(case.until), "t_end": case.t_end, **case.run}
     lines = [f"about = {_value(case.about)}", ""] if case.about else []
     for name, table in tables.items():
         for one in table if isinstance(table, list) else [table]:
             lines += [f"[[{name}]]" if isinstance(table, list) else f"[{name}]"]
             lines += [*(f"{key} = {_value(value)}" for key, value in one.items() if value is not None), ""]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _stop(condition: until.Until | None) -> Any:
+    """The table, or word, of a stop condition."""
+    if condition is None:
+        return None
+    given = {name: value for name, value in asdict(condition).items() if value is not None}
+    kind = {} if isinstance(condition, until.Contact) else {"type": type(condition).__name__.lower()}
+    return kind | given if given else "separated"
 
 
 def _scene(scene: Scene) -> Table:

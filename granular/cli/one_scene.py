@@ -20,11 +20,13 @@ from granular import cases
 from granular.cases.case import ENGINES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.cli import output
-from granular.cli.parser import Command, case_of, offered
+from granular.cli.parser import Command, case_of, offer_until, offered
 from granular.trajectory import Status, Trajectory
 
 MOST = 20
 """Rows of a table at most."""
+LIGHT = 200
+"""Contacts × bodies of a scene up to which the whole report tells what its outcomes answer to: some hundred runs."""
 MOST_CONTACTS = 16
 """Contacts of a ready-made scene that only its time would end: the slow solvers take seconds for each, interpreted."""
 
@@ -56,6 +58,7 @@ class Run(Command):
         parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count collisions that would "
                             "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
                             "proof")
+        offer_until(parser)
         parser.add_argument("--log", metavar="FILE.npy", help="write contacts there as the run goes on")
         output.offer(parser, save="write the trajectory and its contact log; by its ending also .nc (netCDF), .csv "
                                   "(contacts) or .extxyz (OVITO)")
@@ -87,6 +90,9 @@ class Compare(Command):
         output.offer(parser, plot="draw contacts, forces and paths of both engines, and a lens on the hops",
                      film="film both engines: fall, contacts slowed down, flight; or .mp4",
                      json="write every number of the report")
+        parser.add_argument("--remedies", action="store_true", help="print what remedies for an inelastic collapse "
+                            "make of the scene, against Newton")
+        offer_until(parser)
         parser.add_argument("-v", "--verbose", action="store_true", help="print all that there is to read")
         return [option for option in offered(gr.compare) if option.name != "rule"]
 
@@ -99,6 +105,10 @@ class Compare(Command):
         options |= given.run
         report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
         output.deliver(report, given)
+        ends, work = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
+        if given.verbose and 0 < work <= LIGHT and not np.isnan(ends).any():
+            end = {"t_end": options["t_end"]} if options.get("t_end") else {}
+            print(gr.sensitivity(given.target, **given.given | end).line, file=output.stream(given))
         return [report.soft, report.hard]
 
 

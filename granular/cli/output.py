@@ -69,13 +69,19 @@ def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
 def deliver(report: Any, given: argparse.Namespace) -> None:
     """Print a report, on stderr if stdout is to have nothing but JSON; draw and write it where that is asked."""
     text = report.details() if getattr(given, "verbose", False) else report
-    print(text, file=sys.stderr if given.json == _files.STDOUT else sys.stdout)
+    more = f"\n\n{report.remedies()}" if getattr(given, "remedies", False) else ""
+    print(f"{text}{more}", file=stream(given))
     if getattr(given, "plot", None) is not None:
         report.plot(given.plot)
     if getattr(given, "film", None) is not None:
         report.animate(given.film)
     if given.json is not None:
         report.to_json(given.json)
+
+
+def stream(given: argparse.Namespace) -> Any:
+    """Where words go: to stderr if stdout is to have nothing but JSON."""
+    return sys.stderr if given.json == _files.STDOUT else sys.stdout
 
 
 def _check_writable(name: str) -> None:

@@ -10,6 +10,7 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -17,13 +18,14 @@ from granular import _check, cases
 from granular._about import VERSION
 from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
+from granular.cases.toml import stop_condition
 from granular.trajectory import Trajectory
 
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
-    "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify", "warm": "warm:Warm",
-    "info": "info:Info",
+    "sensitivity": "sweep:Sensitivity", "ensemble": "sweep:Ensemble", "page": "pages:Page", "view": "pages:View",
+    "verify": "verify:Verify", "warm": "warm:Warm", "info": "info:Info",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\
@@ -40,6 +42,8 @@ examples:
   granular sweep three-balls --over restitution=0.5:1:101 --refine restitution
   granular sweep mine.toml --over gap[1]=1e-6:1e-2:41:log
   granular threshold three-balls --over gap         from which gap on hard spheres will do
+  granular sensitivity three-balls                  what its outcomes answer to, and how uncertain they are
+  granular ensemble gas --vary seed --draws 200     means of both engines over many gases
   granular frontier three-balls --plot out.png      error against run time of every method
   granular stability three-balls                    the scene made stiff, close, damped, unequal: who is right?
   granular page --open                              the teaching page, in the browser
@@ -51,6 +55,7 @@ examples:
 exit codes: 0 done; 1 verify found a number wrong or missing; 2 misuse, or a file that cannot be read or written;
  3 the run came to no proper end (status unstable: the time step is too long; broken: the last state is none that there
  can be; max_events: the limit on the amount of work); 130 interrupted; 143 ended by SIGTERM"""
+SEPARATED = "separated"
 HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 
@@ -121,9 +126,20 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 def case_of(given: argparse.Namespace) -> cases.Case:
     """The case that a command line names."""
-    if not is_file(given.target):
-        return cases.make(given.target, **given.given)
-    return cases.load(given.target)
+    case = cases.load(given.target) if is_file(given.target) else cases.make(given.target, **given.given)
+    words = getattr(given, "until", None)
+    if words is None:
+        return case
+    condition = words[0] if words[0] == SEPARATED else dict(word for word in words if word != SEPARATED)
+    return replace(case, until=stop_condition(condition, case.scene))
+
+
+def offer_until(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says when to stop."""
+    parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
+                        type=lambda text: SEPARATED if text.strip() == SEPARATED else _entry(text),
+                        help="stop there: pair=0 nth=2 (a contact); type=force pair=0 above=1e3; type=speed ball=2 "
+                             "above=1.5; type=position ball=2 above=0.8 (or below=); separated")
 
 
 def teller(target: str | None) -> Callable[[str], None]:

@@ -1,4 +1,4 @@
-"""The command `granular sweep`: its processes, and what came out of it in words.
+"""The commands `granular sweep`, its processes, and what came out of it in words; `granular sensitivity`, `ensemble`.
 May be skipped: the command, no physics.
 """
 
@@ -23,7 +23,8 @@ from granular._reports import cores
 from granular.cases.case import Option
 from granular.cli import ends, output
 from granular.cli.parser import Command, offered
-from granular.sweeps import axis, sweep
+from granular.sweeps import axis, ensemble, sensitivity, sweep
+from granular.sweeps.ensembles import BOTH
 from granular.sweeps.results import RESULTS, STATUS
 from granular.sweeps.run import DEFAULT
 from granular.sweeps.schedule import end_with_parent
@@ -66,6 +67,39 @@ class Sweep(Command):
         print(summary(data))
 
 
+class Sensitivity(Command):
+    """Find what outcomes answer to: derivatives, condition numbers, and how uncertain they are."""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        known = [name for name, result in RESULTS.items() if not isinstance(result.fill, int)]
+        parser.add_argument("--result", action="append", metavar="NAME", default=[],
+                            help=f"an outcome [v_rel], or one number of it, as v_rel[1]; may be given several times: "
+                                 f"{', '.join(known)}")
+        parser.add_argument("--over", action="append", metavar="NAME",
+                            help="a parameter, may be given several times [every number of the scene]")
+        parser.add_argument("--uncertainty", nargs="+", metavar="NAME=VALUE", default=[],
+                            help="standard uncertainties, as gap=1e-5 or gap=5%%; 1%% is of every parameter")
+        parser.add_argument("--border", action="store_true",
+                            help="find from where on, below and above each parameter, there is a contact more or less")
+        parser.add_argument("--workers", type=int, metavar="N", default=1, help="number of processes [1]")
+        output.offer(parser, json="write every number")
+        return offered(sensitivity, "t_end")
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        words = [word.strip().partition("=") for word in given.uncertainty]
+        one = len(words) == 1 and not words[0][1]
+        uncertain = words[0][0] if one else {name: value for name, _, value in words}
+        _check.whole("workers", given.workers, at_least=1, at_most=MOST_WORKERS)
+        with processes(given.workers) as executor:
+            report = sensitivity(given.target, given.result or ("v_rel",), given.over, uncertain or None,
+                                 executor=executor, progress=True, **given.given, **given.run)
+        if given.border:
+            report.border  # noqa: B018  from now on it is among what is printed
+        output.deliver(report, given)
+
+
 @contextmanager
 def processes(count: int) -> Iterator[Executor | None]:
     """A pool of so many processes, none for one. They end at once if something is raised, and with this process."""
@@ -95,6 +129,26 @@ def _obey() -> None:
     for one in ends.ASKING:
         signal.signal(one, signal.SIG_IGN)
     end_with_parent(os.getpid())
+
+
+class Ensemble(Command):
+    """Run both engines over many draws of a scene: do their means agree?"""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        parser.add_argument("--vary", action="append", metavar="NAME=MEAN,SD", default=[],
+                            help="draw a parameter; or NAME alone if it is a seed; may be given several times")
+        parser.add_argument("--draws", type=int, metavar="N", default=100, help="number of draws [100]")
+        parser.add_argument("--result", action="append", metavar="NAME", default=[],
+                            help=f"what is compared, such as v_rel[1], may be given several times: {', '.join(BOTH)}")
+        output.offer(parser, plot="draw the distributions", json="write every number")
+        return offered(ensemble, "margin", "seed", "independent")
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        vary: Any = dict(axis(word) if "=" in word else (word, None) for word in given.vary)
+        output.deliver(ensemble(given.target, given.draws, vary, given.result or "energy_left", progress=True,
+                                **given.given, **given.run), given)
 
 
 def summary(data: Any) -> str:

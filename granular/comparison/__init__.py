@@ -4,10 +4,12 @@ May be skipped: names of the package only.
 =============  =====================================================================================================
 `run`          `compare`, and `Comparison` as people have it
 `numbers`      both runs, and the numbers that tell them apart
-`further`      the ε that gives another outcome, and how high a ball rises: numbers that further runs give
+`further`      both runs again, and past their stop: how high a ball rises, the ε that gives another outcome
 `answer`       the answer as a value, and the reasons of every component
 `report`       the table, and what JSON has of it
-`view`         which span of time is drawn, the runs with enough rows, a lens on one pair, and the scene in words
+`view`         which span of time is drawn, a lens on one pair, and the scene in words
+`against`      a run of another program
+`remedies`     remedies for an inelastic collapse
 `figure`       timelines, forces and world lines
 `film`         both engines side by side in slow motion
 =============  =====================================================================================================
@@ -15,6 +17,7 @@ May be skipped: names of the package only.
 
 from granular.binary import LawRule
 from granular.comparison.answer import Answer, Reason
+from granular.comparison.remedies import Remedies, Remedy
 from granular.comparison.run import Comparison, compare
 
-__all__ = ["Answer", "Comparison", "LawRule", "Reason", "compare"]
+__all__ = ["Answer", "Comparison", "LawRule", "Reason", "Remedies", "Remedy", "compare"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from granular._check import Array
 from granular.comparison.answer import Judged
-from granular.comparison.view import with_rows
+from granular.comparison.further import with_rows
 from granular.outcome import SAME
 from granular.trajectory import Trajectory
 
@@ -39,18 +39,31 @@ class Against:
     soft: Array
 
     def __str__(self) -> str:
-        rows = [part for one in (self.hard, self.soft) for part in (np.abs(one[-1]), np.fmax.reduce(np.abs(one)))]
+        rows = [part for one in (self.hard, self.soft) for part in (_last(one), np.fmax.reduce(np.abs(one)))]
         balls = np.flatnonzero(np.isfinite(rows[3]) | np.isfinite(rows[1]))
         shown = np.sort(balls[np.argsort(-np.nan_to_num(rows[3][balls]), kind="stable")][:MANY])
-        lines = ["velocities less those of    hard spheres             soft spheres",
-                 f"{'':22}{'last row':>11}{'largest':>11}{'last row':>14}{'largest':>11}   beyond 0.01 from"]
+        head = f"{'last known':>12}{'largest':>10}  {f'beyond {SAME} from':<22}"
+        lines = [f"{'velocities less those of':26}{'hard spheres':<46}soft spheres", f"{'':24}{head}{head}".rstrip()]
         for i in shown.tolist():
-            off = np.flatnonzero(np.abs(self.soft[:, i]) > SAME)
-            since = f"t = {self.time[off[0]]:.9g} s" if len(off) else "never"
-            a, b, c, d = (f"{row[i]:.3g}" for row in rows)
-            lines.append(f"ball {i:<4}of {self.unit[i]:8.3g} m/s{a:>10}{b:>11}{c:>14}{d:>11}   {since}")
+            words = [f"{last[i]:>12.3g}{most[i]:>10.3g}  {self._since(one[:, i]):<22}"
+                     for one, last, most in zip((self.hard, self.soft), rows[::2], rows[1::2], strict=True)]
+            lines.append(f"ball {i:<4}of {self.unit[i]:8.3g} m/s{words[0]}{words[1]}".rstrip())
         return "\n".join([*lines, *[f"({len(balls) - len(shown)} balls that are nearer not shown)"]
                           * (len(shown) < len(balls))])
+
+    def _since(self, apart: Array) -> str:
+        """From when on a ball is beyond `SAME`; up to where it is known that it is not, if a run stopped early."""
+        off, known = np.flatnonzero(np.abs(apart) > SAME), np.flatnonzero(np.isfinite(apart))
+        if len(off):
+            return f"t = {self.time[off[0]]:.9g} s"
+        return "never" if len(known) == len(apart) else (
+            f"not up to {self.time[known[-1]]:.6g} s" if len(known) else "not known")
+
+
+def _last(apart: Array) -> Array:
+    """Sizes of the last differences that are known, ball by ball: of a run that stopped early of an earlier row."""
+    row = len(apart) - 1 - np.isfinite(apart)[::-1].argmax(axis=0)
+    return np.asarray(np.abs(np.take_along_axis(apart, row[None], axis=0)[0]))
 
 
 def against(report: Judged, run: Trajectory) -> Against:

@@ -26,7 +26,7 @@ from granular import end_time
 from granular._reports import rounded
 from granular.comparison.numbers import Compared, smaller_radius
 from granular.outcome import FAINT, SAME, PairOutcome
-from granular.trajectory import EARLY
+from granular.trajectory import EARLY, Status
 
 
 class Answer(Enum):
@@ -194,8 +194,8 @@ def _forever(report: Compared, pairs: Sequence[int]) -> str:
     if not parted:
         return ""
     n = sum(map(report.soft.count, group))
-    return (f": hard spheres collide forever ({hard.stats['verdict']}), soft ones part after {n} "
-            f"contact{'s' * (n != 1)}")
+    return (f": hard spheres {'may ' * (hard.status is Status.bounded)}collide forever ({hard.stats['verdict']}), "
+            f"soft ones part after {n} contact{'s' * (n != 1)}")
 
 
 def _other_counts(report: Compared, wrong: tuple[int, ...], of: int) -> str:

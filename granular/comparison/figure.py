@@ -16,7 +16,8 @@ from granular._figures import NAMED, SMALL, head, world_lines
 from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular.comparison.answer import Judged
 from granular.comparison.captions import pair_name, parameters
-from granular.comparison.view import Closeup, View, closeup, draw_closeup, window, with_rows
+from granular.comparison.further import with_rows
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
 from granular.trajectory import EARLY, Trajectory, points
 
 THIN = 1.5
@@ -56,10 +57,10 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     return _files.write_figure(path, figure, dpi=200)
 
 
-def both(report: Judged, times: Array, further: bool = False) -> dict[str, Trajectory]:
+def both(report: Judged, times: Array) -> dict[str, Trajectory]:
     """Both runs with rows at those times; of hard spheres only if they do not collide too often."""
     few = len(report.hard.contacts) < 100_000
-    return {engine: with_rows(report, engine, times, further) for engine in ("soft", "hard") if engine == "soft" or few}
+    return {engine: with_rows(report, engine, times) for engine in ("soft", "hard") if engine == "soft" or few}
 
 
 def mark(axis: Any, view: View, look: Closeup) -> None:

@@ -3,136 +3,185 @@ May be skipped: pictures, no physics.
 
 The same story as that of the teaching page, granular/page/live/film.mjs. A film has two pages:
 `flying`, as fast as life against a ruler, and `touching`, where balls are drawn by the square root of their radii,
-paths and overlaps by a common factor so large that they can be seen.
+paths and overlaps by a common factor so large that they can be seen. Every ball that flies stops at its own apex, where
+a tick and a number stay: that of the top ball is its `Comparison.rises`.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
 from granular._check import Array
 from granular._figures import COLOURS, NAMED
-from granular._films import Page, blank, check, paces, radii, save, stage
+from granular._films import Page, blank, check, pace, paces, radii, save, stage
 from granular._reports import GREY
 from granular.comparison.answer import Judged
-from granular.comparison.captions import parameters
+from granular.comparison.captions import number, parameters
 from granular.comparison.figure import FEW, both, draw_runs, force_curve, timeline
-from granular.comparison.view import View, closeup, draw_closeup, window, with_rows
-from granular.trajectory import EARLY, points
+from granular.comparison.further import Onward, apexes
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
+from granular.trajectory import EARLY, Trajectory, points
 
 FREEZE, HOLD = 0.9, 1.2  # how long in s the film stops at the floor, and at its end
-SHORTEST, LONGEST = 0.2, 6.0  # the flight is shown for so many s at least, fall and flight at most
-HIGHEST = 12.0  # drops: the ruler is no longer, and what flies higher leaves the picture
+SHORTEST, LONGEST = 0.2, 6.0  # a flight lasts so many s at least; it and the fall are shown for so many at most
 SLOW = 10.0  # contacts that are slowed down less are no act of their own
-SAID = {
-    "fall": "falling, as fast as life", "stop": "stop: the floor is reached",
-    "flight": "flying, as fast as life", "end": "the highest point",
-}
+SAID = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, {}",
+        "end": "the highest point of each ball"}
 PANELS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # beside the balls, with their heights
+BARE = (6.4, 4.8)  # size in inches without charts
 
 
 def animate(
-    report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True
+    report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
+    charts: bool = True,
 ) -> None:
     """See `Comparison.animate`."""
     check(path, report.scene, seconds, fps)
-    view = window(report)
-    save(path, film(view, acts(view, seconds, fps, whole), fps), fps)
+    save(path, Story(window(report), seconds, fps, whole, charts).pictures(), fps)
 
 
-def acts(view: View, seconds: float, fps: int, whole: bool) -> dict[str, Array]:
-    """Return the time in s of every picture, act by act: the contacts for so many s, or the `whole` story.
+@dataclass(frozen=True)
+class Story:
+    """What a film shows: the contacts for so many seconds, or the `whole` story; with `charts` beside the balls."""
 
-    Without a fall, and where contacts and flights take turns, there is one act only.
-    """
-    contacts = np.linspace(view.begin, view.end, max(2, round(seconds * fps)))
-    scene, runs = view.report.scene, (view.report.hard, view.report.soft)
-    falls = scene.gravity > 0.0 and scene.is_wall[0] and not scene.fed and all(run.status not in EARLY for run in runs)
-    if not (whole and falls and seconds >= SLOW * (view.end - view.begin)):
-        return {"slow": contacts}
-    begin, end = max(float(runs[1].time[0]), view.begin - LONGEST), _apex(view)
-    return {
-        "fall": np.arange(begin, view.begin, 1.0 / fps), "stop": np.full(round(FREEZE * fps), view.begin),
-        "slow": contacts, "flight": np.append(np.arange(view.end + 1.0 / fps, end, 1.0 / fps), end),
-        "end": np.full(round(HOLD * fps), end),
-    }
+    view: View
+    seconds: float
+    fps: int
+    whole: bool = True
+    charts: bool = True
+
+    @cached_property
+    def tops(self) -> dict[str, Array]:
+        """When in s, and how high in m, each body is at its apex as hard and as soft sphere, (n, 2)."""
+        return {name: apexes(self.view.report, name, range(self.view.report.scene.n)) for name in COLOURS}
+
+    @cached_property
+    def acts(self) -> dict[str, Array]:
+        """The time in s of every picture, act by act.
+
+        Without a fall, and where contacts and flights take turns, there is one act only.
+        """
+        view, fps = self.view, self.fps
+        contacts = np.linspace(view.begin, view.end, max(2, round(self.seconds * fps)))
+        scene, runs = view.report.scene, (view.report.hard, view.report.soft)
+        falls = scene.gravity > 0.0 and scene.is_wall[0] and not scene.fed and all(r.status not in EARLY for r in runs)
+        if not (self.whole and falls and self.seconds >= SLOW * (view.end - view.begin)):
+            return {"slow": contacts}
+        end = max(view.end + SHORTEST, *(float(np.nan_to_num(top[:, 0]).max()) for top in self.tops.values()))
+        return {
+            "fall": np.arange(max(float(runs[1].time[0]), view.begin - LONGEST), view.begin, 1.0 / fps),
+            "stop": np.full(round(FREEZE * fps), view.begin), "slow": contacts,
+            "flight": np.linspace(view.end, end, 1 + round(fps * min(LONGEST, end - view.end)))[1:],
+            "end": np.full(round(HOLD * fps), end),
+        }
+
+    def heights(self, name: str, times: Array) -> Array:
+        """Heights (len(times), n) in m of hard or soft spheres, radii taken out: a ball stops at its apex."""
+        when, top = self.tops[name].T
+        return np.where(times[:, None] >= when, top, Onward(self.view.report, name).heights(times))
+
+    def pictures(self) -> list[tuple[Page, int]]:
+        """Which picture of which page is shown, from the first to the last."""
+        contacts, flown = touching(self), count()
+        flights = flying(self) if len(self.acts) > 1 else contacts
+        return [(contacts, k) if name == "slow" else (flights, next(flown))
+                for name, times in self.acts.items() for k in range(len(times))]
+
+    def page(self, panels: list[str], wide: float) -> Page:
+        """An empty page: balls of both engines; beside them, so `wide`, or below panels; or but a strip of time."""
+        report, high = self.view.report, [PANELS.get(name, 1.0) for name in panels]
+        stages = [[*COLOURS]] if report.scene.gravity > 0.0 else [[name] for name in COLOURS]
+        if not self.charts:
+            page = blank("", "", [["time"] * len(stages[0]), *stages], BARE, height_ratios=[0.04] + [1] * len(stages))
+            page.axes["time"].set(xticks=[], yticks=[])
+            return page
+        words = report.verdict, parameters(report)
+        if len(stages) > 1:
+            return blank(*words, stages + [[name] for name in panels], height_ratios=[1.25, 1.25, *high])
+        return blank(*words, [[*COLOURS, name] for name in panels], width_ratios=[1, 1, wide], height_ratios=high)
 
 
-def _apex(view: View) -> float:
-    """When the last of the top balls is highest, in s, if it stays in the picture, that is not too long, and both runs
-    get there: hard spheres may collapse meanwhile."""
-    leaving = max(float(with_rows(view.report, name, np.array([view.end]), True).velocity[-1][-1]) for name in COLOURS)
-    leaving = min(leaving, HIGHEST**0.5 * view.report.impact_speed)
-    end = np.array([view.end + min(LONGEST, max(SHORTEST, 1.04 * leaving / view.report.scene.gravity))])
-    return max(view.end, min(float(with_rows(view.report, name, end, True).time[-1]) for name in COLOURS))
-
-
-def film(view: View, shown: dict[str, Array], fps: int) -> list[tuple[Page, int]]:
-    """Return which picture of which page is shown, from the first to the last."""
-    contacts, others = touching(view, shown["slow"], fps), {name: shown[name] for name in shown if name != "slow"}
-    flights, flown = flying(view.report, others) if others else contacts, count()
-    return [(contacts, k) if name == "slow" else (flights, next(flown))
-            for name, times in shown.items() for k in range(len(times))]
-
-
-def flying(report: Judged, shown: dict[str, Array]) -> Page:
+def flying(story: Story) -> Page:
     """Return the page on which balls fall and fly: against a ruler, side by side, and their heights over time."""
-    from matplotlib import markers, transforms
-
-    scene, time = report.scene, np.concatenate(list(shown.values()))
-    runs = both(report, np.union1d(np.linspace(time[0], time[-1], 1200), time), further=True)
-    page = blank(report.verdict, parameters(report), [["hard", "soft", "heights"]], width_ratios=[1.0, 1.0, 2.2])
-    graph, balls = page.axes["heights"], np.flatnonzero(~scene.is_wall)
-    size = 18.0 * min(1.0, 6.0 / len(balls)) * radii(scene)  # in points
-    standing = markers.MarkerStyle("o", transform=transforms.Affine2D().translate(0.0, 0.5))
-    for name, run in runs.items():
-        axis, colour, heights = page.axes[name], COLOURS[name], np.asarray(points(run))
-        axis.set(xlim=(-0.5, len(balls) - 0.5), xticks=[])
-        for place, body in enumerate(balls.tolist()):
-            how = {"marker": standing, "ms": size[body], "mfc": f"{colour}30", "mec": colour, "mew": 1.4}
-            height = np.interp(time, run.time, heights[:, body])
-            page.moving.append((axis.plot([place], [0.0], **how)[0], np.stack([0.0 * height, height], 1)))
-        graph.plot(run.time, heights, color=colour, ls="--" if name == "hard" else "-", lw=1.1,
-                   label=[f"{name} spheres"] + ["_"] * (scene.n - 1))
-    drop = report.impact_speed**2 / (2.0 * scene.gravity)
-    top = 1.06 * min(HIGHEST * drop, float(graph.dataLim.ymax))
-    for axis in page.axes.values():
-        axis.set_ylim(0.0, top)
-        axis.axhline(drop, color=GREY, lw=0.8, ls=":", label="dropped from here")
-    graph.set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s")
-    graph.legend(fontsize=8, frameon=False, loc="upper left")
-    page.axes["hard"].set_ylabel("height, radii taken out, m")
-    page.tell([graph], time, [SAID[act] for act, times in shown.items() for _ in times])
+    report, shown = story.view.report, {name: times for name, times in story.acts.items() if name != "slow"}
+    time = np.concatenate(list(shown.values()))
+    drawn = np.union1d(np.linspace(time[0], time[-1], 1200), time)
+    heights = {name: story.heights(name, drawn) for name in COLOURS}
+    page, above = story.page(["heights"], 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
+    for name in page.axes.keys() - {"time"}:
+        page.axes[name].set_ylim(0.0, above)
+        page.axes[name].axhline(report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY, lw=0.8, ls=":")
+    for name, path in heights.items():
+        stand(page, story, name, time, np.nan_to_num(path[np.searchsorted(drawn, time)], nan=-above))
+        if story.charts:
+            flown = np.where(drawn[:, None] > story.tops[name][:, 0], np.nan, path)
+            page.axes["heights"].plot(drawn, flown, color=COLOURS[name], ls={"hard": "--"}.get(name, "-"), lw=1.1)
+    clock = page.axes["heights" if story.charts else "time"]
+    clock.set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
+    page.axes["hard"].set_ylabel("height, radii taken out, m; dotted: dropped from here")
+    fast = pace(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
+    page.tell([clock], time, [SAID[act].format(fast) for act, times in shown.items() for _ in times])
     return page
 
 
-def touching(view: View, time: Array, fps: int) -> Page:
+def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> None:
+    """Stand the balls of one engine side by side at these heights (len(time), n) in m; ticks with numbers come when
+    they are at their apexes, and are out of sight before."""
+    from matplotlib import markers, transforms
+
+    scene, axis, colour = story.view.report.scene, page.axes[name], COLOURS[name]
+    balls = np.flatnonzero(~scene.is_wall)
+    size = 18.0 * min(1.0, 6.0 / len(balls)) * radii(scene)  # in points
+    standing = markers.MarkerStyle("o", transform=transforms.Affine2D().translate(0.0, 0.5))
+    axis.set(xlim=(-0.5, len(balls) - 0.5), xticks=[])
+    for place, body in enumerate(balls.tolist()):
+        when, top = story.tops[name][body]
+        there = np.where(time >= when, top, -axis.get_ylim()[1])
+        drawn = [
+            *axis.plot([place], [0.0], marker=standing, ms=size[body], mfc=f"{colour}30", mec=colour, gid="ball"),
+            *axis.plot([place - 0.4, place + 0.4], [0.0, 0.0], color=colour, lw=1.4),
+            axis.text(place, 0.0, number(top, 3) * (len(balls) <= FEW or body == balls[-1]), color=colour, fontsize=8,
+                      transform=transforms.offset_copy(axis.transData, page.figure, 0.0, size[body] + 3.0, "points"),
+                      ha="center", va="bottom", clip_on=True, gid=f"apex {body}"),
+        ]
+        page.moving += [(artist, np.stack([0.0 * path, path], 1))
+                        for artist, path in zip(drawn, (heights[:, body], there, there), strict=True)]
+
+
+def touching(story: Story) -> Page:
     """Return the page of the contacts: the balls, and beside (below) them contacts, forces, paths and the lens."""
+    view, time = story.view, story.acts["slow"]
     report, look = view.report, closeup(view)
     if look is not None and (look.view is not view or len(look.touches) < 2):
         look = None  # a short moment of a long film, or nothing hops
     runs = both(report, np.unique(np.concatenate([time, view.moments, look.moments if look else []])))
-    upright, names = report.scene.gravity > 0.0, list(PANELS)[: 4 if look else 3]
-    high = [PANELS[name] for name in names]
-    words = report.verdict, parameters(report)
-    page = (blank(*words, [["hard", "soft", name] for name in names], width_ratios=[1, 1, 3.2], height_ratios=high)
-            if upright else blank(*words, [[name] for name in (*COLOURS, *names)], height_ratios=[1.25, 1.25, *high]))
+    names = list(PANELS)[: 4 if look else 3]
+    page = story.page(names, 3.2)
     stage(page, report.scene, {
         name: np.asarray(points(run))[np.searchsorted(run.time, time, side="right") - 1] for name, run in runs.items()})
-    panels = [page.axes[name] for name in names]
-    timeline(panels[0], view, NAMED if upright else FEW)
+    panels = [page.axes[name] for name in names] if story.charts else [page.axes["time"]]
+    if story.charts:
+        chart(panels, view, look, runs)
+    for axis in panels:
+        axis.set(xlim=view.limits, xlabel=view.named if axis is panels[-1] and story.charts else "")
+        axis.tick_params(labelbottom=axis is panels[-1])
+    page.tell(panels, view.clock(time), paces(view, time, story.fps))
+    page.figure.align_ylabels(panels)
+    return page
+
+
+def chart(panels: list[Any], view: View, look: Closeup | None, runs: dict[str, Trajectory]) -> None:
+    """Draw contacts, forces, paths and, if there is one, the lens."""
+    timeline(panels[0], view, NAMED if view.report.scene.gravity > 0.0 else FEW)
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))
     panels[1].set(ylim=(0.0, 1.05), ylabel="force /\nits peak")
     draw_runs(panels[2], view, runs)
     if look is not None:
         draw_closeup(panels[3], look, runs)
-    for axis in panels:
-        axis.set(xlim=view.limits, xlabel=view.named if axis is panels[-1] else "")
-        axis.tick_params(labelbottom=axis is panels[-1])
-    page.tell(panels, view.clock(time), paces(view, time, fps))
-    page.figure.align_ylabels(panels)
-    return page

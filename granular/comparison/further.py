@@ -1,23 +1,27 @@
-"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; and how high the
-top ball rises, as granular/page/physics/apex.mjs defines it.
-May be skipped: rarer, and one more number of a comparison.
+"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; when and how high
+balls rise, as granular/page/physics/apex.mjs defines it; and how much of the floor's push neighbours share.
+May be skipped: rarer, and more numbers of a comparison.
 
-It rises to the first apex of its free flight after it has been touched, all hits before that included, a run that stops
-earlier being carried on. A ball that comes to rest instead rises 0.
+A ball rises to the first apex of its free flight after it has been touched, from the floor contact on that is asked
+for, all hits before that apex included, a run that stops earlier being carried on. A ball that rests instead rises 0.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from granular import edmd, md
+from granular import _check, edmd, md
 from granular._check import Array
+from granular._kernels import flags
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
+from granular.trajectory import EARLY, Status, Trajectory
+from granular.until import Separated
 
 ROUNDING = 1e-14
 """Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""
@@ -30,7 +34,6 @@ MOST = 3000
 STEPS = 10 * MOST
 """Steps of each soft run: of a pile that settles, hours may pass before so many events."""
 Flight = tuple[float, float, float]
-Runs = Callable[[float, Array | None], Trajectory]
 
 
 def roots(function: Callable[[float], float], grid: Array, scale: float) -> tuple[float, ...]:
@@ -48,62 +51,133 @@ def roots(function: Callable[[float], float], grid: Array, scale: float) -> tupl
     return tuple(sorted(found))
 
 
-def soft_rise(scene: Scene, law: Any, start: float) -> float:
-    """Return the rise in m of the top ball of soft spheres, sought from the time `start` on; nan if it has none."""
-
-    def simulate(t_end: float, samples: Array | None) -> Trajectory:
-        return md.simulate(scene, law, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
-
-    return _carried_on(simulate, scene, start, None) if scene.gravity else math.nan
-
-
-def hard_rise(hard: Trajectory, rule: Any, ties: str, impact: float) -> float:
-    """Return the rise in m of the top ball of hard spheres, whose run has stopped; nan if it cannot be told."""
-    scene = hard.scene
-    if not scene.gravity or ties in ("newton", "poisson", "reflect"):
-        return math.nan
-    if any(0.0 < v <= scene.gravity * lasting for _, v, lasting in _flights(hard, float(hard.time[-1]))):
-        return math.nan  # the apex is before the stop: rare, and not sought here
-    rest = scene.replace(gap=hard.gap[-1], velocity=hard.velocity[-1], origin=0.0)
-
-    def simulate(t_end: float, samples: Array | None) -> Trajectory:
-        return edmd.simulate(rest, rule, t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
-                             merge_below=MERGED * impact)
-
-    return _carried_on(simulate, rest, 0.0, float(hard.velocity[-1][-1]) if hard.count(scene.n - 2) else None)
+def with_rows(report: Any, engine: str, times: Array, further: bool = False) -> Trajectory:
+    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
+    is to go `further`."""
+    hard = engine == "hard"
+    run = report.hard if hard else report.soft
+    free = run.status in (Status.quiet, Status.resting, Status.time)
+    free = free or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
+    free = free and not report.scene.driven  # a path may end with the run
+    stop = float(times[-1]) if free or further else min(float(times[-1]), float(run.time[-1]))
+    rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
+    if hard:
+        return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
+    return md.simulate(report.scene, report.law, **report.soft_options, **rows)
 
 
-def _carried_on(simulate: Runs, scene: Scene, start: float, leaving: float | None) -> float:
-    """The first apex of the top ball of a run that is made longer until there is one; it may begin `leaving`."""
-    fall = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity)
-    for t_end in start + fall * 4.0 ** np.arange(-3, math.log(LONGEST) / math.log(4.0)):
-        run = simulate(float(t_end), None)
-        end = float(run.time[-1])
-        free = list(_flights(run, end))
-        if leaving is not None:
-            free.insert(0, (0.0, leaving, float(_of_top(run)["t_begin"].min(initial=end))))
-        for begin, v, lasting in free:
-            if 0.0 < v <= scene.gravity * lasting:
-                half = begin + 0.5 * v / scene.gravity
-                at = simulate(half, np.array([half]))
-                return max(0.0, float(at.gap[-1].sum()) + (0.5 * v) ** 2 / (2.0 * scene.gravity))
-        if run.status is not Status.time:
-            return 0.0 if run.status is Status.resting else math.nan
-    return math.nan
+@dataclass(frozen=True, eq=False)
+class Onward:
+    """One of the two runs of a comparison, past its stop too, where hard spheres that hardly collide stick together."""
+
+    report: Any
+    engine: str
+
+    @cached_property
+    def before(self) -> Trajectory:
+        """The run up to its stop; of soft spheres one that can be gone on from."""
+        run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
+        return run if self.engine == "hard" or "creeping" in run.state else md.simulate(
+            run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
+
+    def run(self, t_end: float, samples: Array | None = None) -> Trajectory:
+        """What follows, up to `t_end` in s."""
+        run, start = self.before, float(self.before.time[-1])
+        if self.engine == "soft":
+            return md.resume(run, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
+        return edmd.simulate(
+            run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0), self.report.rule, t_start=start,
+            t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
+            merge_below=MERGED * self.report.impact_speed)
+
+    def heights(self, times: Array) -> Array:
+        """Heights (len(times), n) in m above the lowest body, radii taken out, at times in s, which increase; nan from
+        where the run is given up."""
+        early = times <= self.before.time[-1]
+        gaps = [with_rows(self.report, self.engine, times[early]).gap] if early.any() else []
+        if not early.all():
+            run = self.run(float(times[-1]), times[~early])
+            gaps.append(run.gap[run.time.searchsorted(times[~early][times[~early] <= run.time[-1]])])
+        known = np.pad(np.cumsum(np.concatenate(gaps), axis=1), ((0, 0), (1, 0)))
+        return np.pad(known, ((0, len(times) - len(known)), (0, 0)), constant_values=math.nan)
 
 
-def _flights(run: Trajectory, end: float) -> Iterator[Flight]:
-    """Begin, velocity and duration of the free flights of the top ball after its contacts, in order of time."""
-    rows = _of_top(run)
+class Rises(tuple[float, float]):
+    """How high in m the top ball rises, as hard and as soft sphere; called, the same after a later bounce."""
+
+    report: Any
+
+    def __call__(self, bounce: int = 1) -> Rises:
+        """Return the same after that contact with the floor, 1 the first."""
+        return rises(self.report, _check.whole("bounce", bounce, at_least=1))
+
+
+def rises(report: Any, bounce: int = 1) -> Rises:
+    """Return how high the top ball rises after that contact with the floor."""
+    found = Rises(float(apexes(report, engine, [report.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
+    found.report = report
+    return found
+
+
+def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> Array:
+    """When in s, and how high in m, each of these bodies is at its apex after that contact with the floor, (count, 2).
+
+    A ball that comes to rest has no time, and the height 0; nan where it cannot be told.
+    """
+    scene, onward, options = report.scene, Onward(report, engine), report.hard_options
+    found = np.full((len(bodies), 2), math.nan)
+    no_end = engine == "hard" and (options["ties"] in ("newton", "poisson", "reflect")
+                                   or options["tc"] > 0.0 or options["elastic_below"] > 0.0)  # carried on without them
+    if report.settled.status in EARLY or report.soft.status in EARLY or not scene.gravity or no_end:
+        return found
+    fall, sight = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), found[:, 0]
+    first = onward.before.contacts[~np.isnan(onward.before.contacts["t_end"])]
+    for ahead in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), LONGEST):
+        end = float(np.fmin(onward.before.time[-1] + ahead, sight.max()))
+        run = onward.run(end)
+        log = np.concatenate([first, run.contacts])
+        sight[:] = [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce) for body in bodies]
+        rests = run.status is Status.resting or not (run.gap[-1].any() or run.velocity[-1].any())
+        if rests or run.status is not Status.time or (sight <= end).all():
+            break
+    sight[sight > run.time[-1]] = math.nan
+    times, back = np.unique(np.nan_to_num(sight, nan=onward.before.time[-1]), return_inverse=True)
+    tops = np.maximum(0.0, onward.heights(times)[back, list(bodies)])
+    found[:, 1] = np.where(np.isfinite(sight), tops, 0.0 if rests else math.nan)
+    return found
+
+
+def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
+    """When in s a body is, or will be if nothing hits it, at the first apex of its free flight after that bounce."""
+    floor = np.sort(log["t_begin"][log["pair"] == 0])[bounce - 1 :]
+    since = float(floor.min(initial=math.inf)) if bounce > 1 else -math.inf
+    apex = ((begin + v / scene.gravity, hit) for begin, v, hit in _flights(log, body, since) if v > 0.0)
+    return next((time for time, hit in apex if time <= hit), math.nan)
+
+
+def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
+    """Begin, velocity and end of the free flights of a body after its contacts that begin `since`, in order of time."""
+    rows = log[(log["pair"] == body) | (log["pair"] == body - 1)]
     rows = rows[np.argsort(rows["t_end"], kind="stable")]
     for k, row in enumerate(rows[~np.isnan(rows["t_end"])]):
         t = float(row["t_end"])
         pressed = ((rows["t_begin"] < t) & ~(rows["t_end"] <= t)).any()
         later = rows["t_begin"][k + 1 :][rows["t_begin"][k + 1 :] >= t]
-        if not pressed:
-            yield t, float(row["v_out"][1]), float(later.min(initial=end)) - t
+        if not pressed and row["t_begin"] >= since:
+            yield t, float(row["v_out"][int(row["pair"] < body)]), float(later.min(initial=math.inf))
 
 
-def _of_top(run: Trajectory) -> Any:
-    """Contacts of the top ball."""
-    return run.contacts[run.contacts["pair"] == run.scene.n - 2]
+def floor_share(report: Any) -> float:
+    """Share of the floor's impulse during which the ball on it is pressed from above too, of soft spheres.
+
+    Between any two times the wall gives Σ m (Δv + g Δt); nan without a floor, with a ceiling, or with forces besides
+    weight.
+    """
+    scene, log, total = report.scene, report.counted[1].contacts, report.soft.of(0)["impulse"].sum()
+    if flags(scene) or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0:
+        return math.nan
+    spans = np.array([2 * (report.soft.time[-1],), *((o.begin, o.end) for o in report.overlaps
+                                                     if log["pair"][o.lower] == 0)])  # there may be none
+    run = with_rows(report, "soft", np.unique(spans))
+    given = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
+    return float(np.diff(given[np.searchsorted(run.time, spans)], axis=1).sum() / total)

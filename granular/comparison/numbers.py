@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from granular.outcome import Components, PairOutcome, components, counted, diffe
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory
+
+if TYPE_CHECKING:
+    from granular.comparison.further import Rises
 
 MERGED = 1e-9
 """After a collapse, hard spheres that collide at less than this share of the fastest impact stick."""
@@ -136,24 +139,23 @@ class Compared:
 
     @property
     def drop(self) -> float:
-        """Height in m from which two balls fall on a floor together; nan for other scenes."""
-        falls = is_drop(self.scene) and self.scene.gravity > 0.0
+        """Height in m from which two to five balls fall on a floor together; nan for other scenes, also of more balls,
+        whose `rises` take longer than the comparison."""
+        falls = 2 < self.scene.n <= 6 and fall_together(self.scene) and self.scene.gravity > 0.0
         return self.impact_speed**2 / (2.0 * self.scene.gravity) if falls else math.nan
 
     @cached_property
-    def rises(self) -> tuple[float, float]:
+    def rises(self) -> Rises:
         """How high in m the top ball rises as hard and as soft sphere, if need be after the stop; nan without gravity,
         or if it cannot be told.
 
         The first apex of its free flight after it has been touched; a run that stops earlier is carried on.
+        ``rises(bounce=2)`` counts from the second contact with the floor on. A ball that was last touched at the
+        height 0 left at √(2 g rise).
         """
-        if self._early:
-            return math.nan, math.nan
-        from granular.comparison.further import hard_rise, soft_rise
+        from granular.comparison.further import rises
 
-        ties = self.hard_options["ties"]
-        return (hard_rise(self.hard, self.rule, ties, self.impact_speed),
-                soft_rise(self.scene, self.law, float(self.soft.time[-1])))
+        return rises(self)
 
     def effective_restitution(
         self, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41
@@ -322,10 +324,15 @@ class Compared:
         return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
 
 
+def fall_together(scene: Scene) -> bool:
+    """Whether balls fall on a floor, or meet it, all at one speed, without driven walls or other forces."""
+    walls = scene.is_wall.tolist() == [True] + [False] * (scene.n - 1)
+    return walls and bool((scene.velocity[1:] == scene.velocity[1]).all()) and not flags(scene)
+
+
 def is_drop(scene: Scene) -> bool:
     """Whether two balls fall on a floor together, without driven walls or other forces."""
-    together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
-    return together and scene.velocity[1] == scene.velocity[2] and not flags(scene)
+    return scene.n == 3 and fall_together(scene)
 
 
 def effective(v_rel: Any, impact: Any) -> Any:

@@ -18,6 +18,7 @@ from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
 from granular.outcome import FAINT, PairOutcome
 from granular.trajectory import Status, Trajectory
+from granular.until import Contact
 
 FEW, MANY = 2, 8
 """Up to this many pairs are shown one by one, and in the whole report as many pairs or laws."""
@@ -29,6 +30,7 @@ diamond 18 000. None is too soft, for then overlaps are deep."""
 MEASURES = {
     "error": "largest error of a velocity, of the fastest impact = {error:.3g}",
     "shared_impulse": "impulse shared with a neighbour      φ   = {shared_impulse:.4g}",
+    "floor_share": "floor's impulse while pressed from above  = {floor_share:.4g}   (explains, does not decide)",
     "crowding": "events with a neighbour within t_c   p   = {crowding:.4g}",
     "occupation": "share of time in contact             Λ   = {occupation:.3g}",
     "distance": "distance of leaving velocities       D   = {distance:.3g}"
@@ -57,8 +59,11 @@ def text(report: Judged) -> str:
 
 def details(report: Judged) -> str:
     """All that there is to read: `str` has what one needs of it."""
+    from granular.comparison.further import floor_share
+
     lines = [report.verdict, *_why(report), "", str(report.scene), *_laws(report), "", *_outcomes(report, MANY)]
-    lines += [*_account(report), "", *_known(MEASURES, {"error": report.error} | report.measures)]
+    lines += [*_account(report), "", *_known(MEASURES, {"error": report.error} | report.measures | {
+        "floor_share": floor_share(report)})]
     lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
     return "\n".join(lines)
 
@@ -78,10 +83,12 @@ def _two_restitutions(report: Judged) -> Iterator[str]:
 
 
 def _merged(report: Judged) -> Iterator[str]:
-    """Hard spheres that move as one because they were told to."""
+    """Hard spheres that move as one, or lose no energy, because they were told to."""
     many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
     if many and below < math.inf:
         yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
+    yield from (f"hard spheres run with {name} = {value:.3g} {unit}: what follows depends on it; see remedies()"
+                for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
 
 
 def _no_solid(report: Judged) -> Iterator[str]:
@@ -205,8 +212,11 @@ def _outcomes(report: Judged, most: int) -> Iterator[str]:
     because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
     yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
     if not math.isnan(report.drop):
-        in_drops = [number(rise / report.drop) for rise in report.rises]
-        yield _line("rise of ball 2, drops", in_drops[0], in_drops[1], f"  of {report.drop:.4g} m")
+        asked = report.until.nth - 1 if isinstance(report.until, Contact) and report.until.pair == 0 else 1
+        for bounce in sorted({1, max(1, asked)}):
+            hard_rise, soft_rise = (number(rise / report.drop) for rise in report.rises(bounce))
+            yield _line(f"rise of ball {report.scene.n - 1}, drops", hard_rise, soft_rise,
+                        f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 

@@ -16,6 +16,7 @@ from granular._reports import Report
 from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
+from granular.comparison.remedies import Remedies, table
 from granular.drive import EVENTS
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
@@ -70,6 +71,39 @@ class Comparison(Judged, Report):
 
         return figure.plot(self, path)
 
+    def remedies(
+        self,
+        observable: Callable[[Trajectory], float] | None = None,
+        *,
+        tc: float | None = None,
+        merge_below: float | None = None,
+        elastic_below: float | None = None,
+    ) -> Remedies:
+        """Hold every remedy for an inelastic collapse against Newton: none, merge, TC model, elastic cut-off, sticky.
+
+        Parameters
+        ----------
+        observable : callable, optional
+            Trajectory → float, what is to be right; default: the share E/E0 of its energy that a run has left.
+        tc : float, optional
+            Duration in s of the TC model; if not given that of the comparison, else the shortest isolated contact of
+            its force laws at the speed of the first collision.
+        merge_below, elastic_below : float, optional
+            Speeds in m/s below which balls merge, or collide elastically; if not given those of the comparison, else
+            1/100 of the speed of the first collision.
+
+        Returns
+        -------
+        Remedies
+            A row for each, and the tc with which the TC model has Newton's value, if any.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a duration or a speed is no positive number.
+        """
+        return table(self, observable, {"tc": tc, "merge_below": merge_below, "elastic_below": elastic_below})
+
     def against(self, run: Trajectory) -> Against:
         """Hold the rows of a run of another program against both engines, solved anew at exactly its times.
 
@@ -92,14 +126,18 @@ class Comparison(Judged, Report):
 
         return against(self, run)
 
-    def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True) -> None:
+    def animate(
+        self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
+        charts: bool = True,
+    ) -> None:
         """Write a film of both engines; of at most 60 balls.
 
         A fall has three times, as on the teaching page: the fall as fast as life, a stop at the floor, the contacts
-        slowed down (thousands of times, as the film says), and the flight as fast as life to the highest point of the
-        top ball, against a ruler. Where nothing falls, or contacts and flights take turns, all of the film has one
-        time, slowed down or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two
-        balls that touch most often while a neighbouring contact lasts.
+        slowed down (thousands of times, as the film says), and the flight against a ruler, as fast as life unless it
+        takes longer than 6 s. Every ball stops at its own apex, where a tick and its height in m stay; that of the top
+        ball is `rises`. Where nothing falls, or contacts and flights take turns, all of the film has one time, slowed
+        down or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two balls that
+        touch most often while a neighbouring contact lasts.
 
         Parameters
         ----------
@@ -111,10 +149,12 @@ class Comparison(Judged, Report):
             Pictures per second.
         whole : bool
             False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
+        charts : bool
+            False leaves out all charts and parameters: balls, and a ruler for those that fall.
         """
         from granular.comparison import film
 
-        film.animate(self, path, seconds, fps, whole=whole)
+        film.animate(self, path, seconds, fps, whole=whole, charts=charts)
 
 
 def compare(
@@ -129,6 +169,8 @@ def compare(
     seed: int = 0,
     collapse: str = "stop",
     merge_below: float | None = None,
+    tc: float = 0.0,
+    elastic_below: float = 0.0,
     method: str | None = None,
     dt: float | None = None,
     engine: str = "auto",
@@ -157,6 +199,11 @@ def compare(
         What hard spheres do about an inelastic collapse: "stop", or "merge"; see `granular.edmd.simulate`.
     merge_below : float, optional
         Speed in m/s for ``collapse="merge"``.
+    tc : float
+        Contact duration in s of the TC model of the hard spheres; 0: not used. See `granular.edmd.simulate`, and
+        `Comparison.remedies` for all remedies side by side.
+    elastic_below : float
+        Speed in m/s below which hard collisions are elastic; 0: not used.
     method : str, optional
         How Newton's equation is solved: "located" (every event to rounding, the default) or a fixed-step integrator.
     dt : float, optional
@@ -175,7 +222,8 @@ def compare(
     laws = checked(law, a_scene(scene)).given
     used = rule_of_comparison(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
-    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
+    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below,
+                                          "tc": tc, "elastic_below": elastic_below}
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     with shown(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
         hard = edmd.simulate(scene, used, **event_driven, on_progress=tell)

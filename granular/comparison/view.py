@@ -13,14 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md
 from granular._check import Array
 from granular._figures import FAR, MARGIN, Span
 from granular._reports import GREY, HARD, SOFT, unit_of
 from granular.comparison.answer import Judged
 from granular.comparison.captions import pair_name
 from granular.trajectory import Status, Trajectory
-from granular.until import Separated
 
 LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
 MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last
@@ -64,21 +62,6 @@ def window(report: Judged) -> View:
     if report.hard.status is report.soft.status is Status.time:
         end = min(end, max(last, float(report.soft.time[-1])))
     return View(begin, end, first if first > FAR * (end - begin) else 0.0, report)
-
-
-def with_rows(report: Judged, engine: str, times: Array, further: bool = False) -> Trajectory:
-    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
-    is to go `further`."""
-    hard = engine == "hard"
-    run = report.hard if hard else report.soft
-    free = run.status in (Status.quiet, Status.resting, Status.time)
-    free = free or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
-    free = free and not report.scene.driven  # a path may end with the run
-    stop = float(times[-1]) if free or further else min(float(times[-1]), float(run.time[-1]))
-    rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
-    if hard:
-        return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
-    return md.simulate(report.scene, report.law, **report.soft_options, **rows)
 
 
 @dataclass(frozen=True)

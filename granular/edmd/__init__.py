@@ -11,6 +11,6 @@ what may be an inelastic collapse, and the verdict), `driven` and `wall_state` (
 runs it, and the closing sentence), `simulation` (the public face).
 """
 
-from granular.edmd.simulation import resume, simulate
+from granular.edmd.simulation import events, resume, simulate
 
-__all__ = ["resume", "simulate"]
+__all__ = ["events", "resume", "simulate"]

@@ -134,8 +134,9 @@ OF_HUNG = more(
     [("sway", float), ("omega", float)],
 )
 """Records of pairs and of bodies: of plain scenes, of those with forces, driven or thermal walls, and of pendula."""
-NEVER, APART = -1, -2
-"""`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
+NEVER, APART, EACH = -1, -2, -3
+"""`stop_pair` of a run that does not stop at a contact; of one that stops when no pair approaches; of one that pauses
+after every event."""
 LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
 """Why a queue or a closer look hands control back. The next event is later than asked for; it is the contact to stop
 at, or all pairs recede; as many events as asked for have acted. Of a queue: the last collisions look like a collapse;

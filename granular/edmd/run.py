@@ -15,13 +15,13 @@ from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import wall_state
 from granular.edmd.motion import LATEST
 from granular.edmd.physics import GROUP, ORDER, Physics
-from granular.edmd.records import APART, BUDGET, LATER, NEVER, ROW, SUSPECT, UNTIL
+from granular.edmd.records import APART, BUDGET, EACH, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.scene import velocities
 from granular.scene.places import Closing
 from granular.trajectory import Status
-from granular.until import Contact
+from granular.until import Contact, Force, Separated
 
 if TYPE_CHECKING:
     from granular.edmd import collapse
@@ -73,7 +73,10 @@ class Run:
     ) -> None:
         self.physics, self.state, self.request, self.watch = physics, state, request, watch
         self.scene, self.rule, self.start = physics.scene, physics.rules, float(state.clock.start)
-        pair, contacts = NEVER if request.until is None else APART, 0
+        pair, contacts = APART if isinstance(request.until, Separated) else EACH if request.singly else NEVER, 0
+        if isinstance(request.until, Force):
+            raise ValueError(f"until is {request.until!r}: hard spheres push for no time, with no force; give "
+                             "until.speed or until.contact, or run soft spheres (granular.md).")
         if isinstance(request.until, Contact):
             pair, contacts = request.until.pair, request.until.nth - 1
         state.run.stop_pair, state.run.stop_contacts = pair, contacts
@@ -84,6 +87,7 @@ class Run:
         n = len(self.scene.gap)  # to set up a ball takes as long as a collision
         fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events)))
         self._go_on_with(self._compiled() if fast else SortedQueue)
+        self.most = 1 if request.singly else request.max_events
         self.tail = state.clock.last_event - request.max_events // TAIL
         self.pace = [(self.events, request.start)]  # at the beginning and where the tail begins
         self.verdict: collapse.Verdict | None = None
@@ -132,6 +136,8 @@ class Run:
                 state.clock.goal = time
             # between two samples perhaps nothing is due
             why = self._advance(limit) if last or state.near is not None or limit >= self.queue.soonest() else LATER
+            if self.request.singly and self.events > seen and why == LATER:
+                return Pause.full
             if self.moves_on:
                 limit = state.tau(time)
             if self.verdict is not None:
@@ -153,7 +159,7 @@ class Run:
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
-            if self.events - seen >= (self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
+            if self.events - seen >= min(self.most, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
                 return Pause.full
         return Pause.reached
 
@@ -184,7 +190,7 @@ class Run:
         if self.may_compile and pays(self._expected()):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
-        budget, begun, before = min(self.queue.chunk, goal - self.events), process_time(), self.events
+        budget, begun, before = min(self.queue.chunk, self.most, goal - self.events), process_time(), self.events
         rows: list[Any] | None = [] if self.keeps_rows else None
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)

@@ -5,15 +5,18 @@ May be skipped: options and their checks, no physics.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
 from granular import _check, rules, until as stop
+from granular._contact_log import Event, one_by_one
 from granular._kernels import no_compiler
+from granular._levels import stopping
 from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
+from granular.edmd import levels
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -166,9 +169,24 @@ def simulate(
 
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene)
-        return drive(Run(physics, State.of(physics, start), queue, asked, watching))
+        return drive(stopping(Run(physics, State.of(physics, start), queue, asked, watching), levels))
 
     return in_time(solve, request)
+
+
+def events(
+    scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = _check.LARGEST, **options: Any
+) -> Iterator[Event]:
+    """Yield the collisions of a run one at a time, each with the scene right after it: for demos and debuggers.
+
+    ``for contact, time, scene in gr.edmd.events(scene, rule, t_end=1.0)``: the row of the log, the time in s, and a
+    `Scene` that stands so then. The bits are those of `simulate`, whose options are taken but for `samples` and
+    `on_event`; where nothing ends the run, it goes on for as long as it is asked.
+    """
+    known = (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log"}
+    _check.known(options, known, "option of edmd.events", TypeError)
+    run: Any = simulate(scene, rule, on_event=one_by_one, max_events=max_events, **options)
+    return iter(run)
 
 
 def resume(
@@ -220,7 +238,8 @@ def resume(
 
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene, saved)
-        return go_on(Run(physics, State.restored(physics, saved), queue, asked, watching), trajectory)
+        run = Run(physics, State.restored(physics, saved), queue, asked, watching)
+        return go_on(stopping(run, levels), trajectory)
 
     return in_time(solve, request)
 

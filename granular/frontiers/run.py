@@ -77,7 +77,7 @@ def frontier(
     place of the settings follow from the reference, not from the clock.
     """
     laws = checked(law, a_scene(scene)).given
-    stop.checked(until, scene.n_pairs)
+    stop.without_levels(stop.checked(until, scene), "frontier")
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
     count = _check.whole("repeats", repeats, at_least=1)
     with shown(progress, on_progress, "settings") as tell:

@@ -85,3 +85,9 @@ class WaltonBraun:
     def restitution(self) -> float:
         """√(k_load / k_unload)."""
         return math.sqrt(self.k_load / self.k_unload)
+
+    def isolated(self, pair: Pair, speed: float) -> tuple[float, float, float, float, float]:
+        """ε, t_c in s, largest overlap in m and force in N, and the overlap in m at the end of an isolated contact."""
+        eps, omega = self.restitution(), math.sqrt(self.k_load / pair.m_eff)
+        deepest = speed / omega
+        return eps, 0.5 * math.pi * (1.0 + eps) / omega, deepest, self.k_load * deepest, (1.0 - eps * eps) * deepest

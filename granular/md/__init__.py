@@ -2,6 +2,6 @@
 May be skipped: names of the package only.
 """
 
-from granular.md.simulation import resume, simulate
+from granular.md.simulation import events, resume, simulate
 
-__all__ = ["resume", "simulate"]
+__all__ = ["events", "resume", "simulate"]

@@ -15,9 +15,12 @@ from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
+from granular._contact_log import Event, one_by_one
+from granular._levels import stopping
 from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
+from granular.md.located import levels
 from granular.scene import Scene, checked
 from granular.scene.places import Closing, fitted
 from granular.trajectory import Status, Trajectory
@@ -160,7 +163,8 @@ def simulate(
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
     finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
     with _in_range(laws.given[0]):
-        return in_time(lambda asked: drive(located.Run(scene, laws, asked, engine, finest, disturbed)), request)
+        return in_time(lambda asked: drive(stopping(
+            located.Run(scene, laws, asked, engine, finest, disturbed), levels)), request)
 
 
 def _requested(
@@ -203,6 +207,20 @@ def _stepped(
     if run.status is not Status.unstable:
         check_deepest(laws, run.contacts)
     return run
+
+
+def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **options: Any) -> Iterator[Event]:
+    """Yield the contacts of a run one at a time as they end, each with the scene then: for demos and debuggers.
+
+    ``for contact, time, scene in gr.md.events(scene, law, t_end=1.0)``: the row of the log, the time in s, and a
+    `Scene` that stands so then (with ``disturbed="ignore"``, at the next event). By method "located", and to rounding
+    the contacts of `simulate`, whose options are taken but for `samples` and `on_event`; where nothing ends the run, it
+    goes on for as long as it is asked.
+    """
+    known = (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log", "method", "dt"}
+    _check.known(options, known, "option of md.events", TypeError)
+    run: Any = simulate(scene, law, on_event=one_by_one, max_events=max_events, **options)
+    return iter(run)
 
 
 def resume(
@@ -250,8 +268,9 @@ def resume(
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)
     with _in_range(laws.given[0]):
-        return in_time(lambda asked: go_on(
-            located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state), trajectory), request)
+        return in_time(lambda asked: go_on(stopping(
+            located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state), levels),
+            trajectory), request)
 
 
 @contextmanager

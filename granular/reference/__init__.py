@@ -67,7 +67,7 @@ def solve(
     looks for contacts twenty times a period, or piece of a path: it may overlook what is shorter.
     """
     start = _check.number("t_start", t_start)
-    stop.checked(until, a_scene(scene).n_pairs)
+    stop.without_levels(stop.checked(until, a_scene(scene)), "the reference")
     end = None if t_end is None else _check.number("t_end", t_end, at_least=start)
     scene = fitted(scene, start, math.inf if end is None else end)
     if end is not None:

@@ -19,7 +19,7 @@ from granular._describe import by_words
 from granular._kernels import have_numba
 from granular.cases import Case, ready
 from granular.sweeps.results import RESULTS, STATUS, Result
-from granular.sweeps.subject import SceneLike, Subject, Values, Way, put, subject_of
+from granular.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
 
 if TYPE_CHECKING:
     import xarray
@@ -71,12 +71,16 @@ class Plan:
     @cached_property
     def root(self) -> Any:
         """The subject with what all cells share."""
-        fixed = ((self.subject.way(name), value) for name, value in self.fixed.items())
-        return reduce(lambda root, change: put(root, *change), fixed, self.subject.root)
+        return reduce(lambda root, change: put(root, *change), sorted(self._shared, key=_late), self.subject.root)
+
+    @cached_property
+    def _shared(self) -> list[tuple[Way, Any]]:
+        return [(self.subject.way(name), value) for name, value in self.fixed.items()]
 
     def parameters(self, values: Sequence[Any]) -> Any:
         """The root of the cell with these `values` of the parameters that vary."""
-        return reduce(lambda root, change: put(root, *change), zip(self.ways, values, strict=True), self.root)
+        changes = [*filter(_late, self._shared), *zip(self.ways, values, strict=True)]
+        return reduce(lambda root, change: put(root, *change), sorted(changes, key=_late), self.root)
 
     def case(self, values: Sequence[Any]) -> Case:
         """The case of one cell."""
@@ -129,6 +133,11 @@ def planned(
     if twice := [name for name in over if name in fixed]:
         raise ValueError(f"{twice[0]} is both varied and fixed: give it once.")
     return replace(plan, at_once=have_numba() and not run and all(result.many for result in plan.results.values()))
+
+
+def _late(change: tuple[Way, Any]) -> bool:
+    """Whether to make a change after all others."""
+    return change[0] == RESTITUTION
 
 
 def _result(ask: Ask) -> Result:

@@ -7,7 +7,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import xor
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
 from granular.comparison.numbers import effective, is_drop
-from granular.outcome import at_once, counts, separations
+from granular.outcome import at_once, counts, energy_left, order, separations
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
@@ -101,6 +102,14 @@ class Answer:
         np.fmax.at(longest, log["pair"], np.where(np.isnan(log["t_end"]), math.nan, log["duration"]))
         return longest
 
+    @property
+    def order(self) -> int:
+        """Number of the order of begins and ends in the runs that other results have asked for so far."""
+        given = vars(self)
+        runs = [given[name] for name in ("soft", "hard") if name in given]
+        runs += self.report.counted if "report" in given else []
+        return reduce(xor, map(order, runs or [self.hard if self.case.law is None else self.soft]))
+
     def status(self, results: Mapping[str, Result]) -> int:
         """Status of the soft run; of the hard one if there is no force law or only hard results are asked."""
         if self.case.law is None or all(name.startswith("hard_") for name in results):
@@ -142,8 +151,16 @@ RESULTS = {
                       lambda a: effective(a.v_rel[..., -1], a.impact), many="ended"),
     "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls",
                         lambda a: effective(a.v_rel[..., -1], a.impact) / a.eps, many="ended"),
+    "energy_left": Result("", "1", "E/E0, energy at the end over that at the start, soft",
+                          lambda a: energy_left(a.soft)),
     "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(at_once(a.hard)), -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
+    "hard_v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, hard",
+                         lambda a: separations(at_once(a.hard))[0]),
+    "hard_t_f": Result("pair", "s", "end of the pair's last contact, hard", lambda a: separations(at_once(a.hard))[1]),
+    "hard_time": Result("", "s", "end of the run, hard", lambda a: a.hard.time[-1]),
+    "hard_energy_left": Result("", "1", "E/E0, energy at the end over that at the start, hard",
+                               lambda a: energy_left(a.hard)),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
     "error": Result("", "1", "largest difference of a leaving velocity or separation speed, hard to soft, per "
                     "fastest impact", lambda a: a.report.error),
@@ -154,6 +171,7 @@ RESULTS = {
     "predictability": _measure("predictability", "D of hard spheres to themselves, gaps shifted by 1e-12"),
     "mass_centre_ratio": _measure("mass_centre_ratio", "K_cm: soft over hard restitution of the centre of mass"),
     "isolated_share": _measure("isolated_share", "share of soft contacts that are isolated"),
+    "order": Result("", "1", "a number that stands for the order of all begins and ends", lambda a: a.order, -1),
     "lag": _measure("lag", "how much later the soft run ends", "s"),
 }
 

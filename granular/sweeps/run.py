@@ -63,7 +63,8 @@ def sweep(
     over : mapping, or text
         Values of the parameters to vary: ``{"gap": [1e-5, 1e-4]}``, or texts such as ``"gap=1e-7:1e-2:300:log"``.
         ``radii[0]`` is one entry of a list of values. Parameters of a file are the numbers in its tables, of a case
-        those of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``, ``t_end``.
+        those of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``, ``t_end``;
+        ``gap`` of all pairs of balls, ``restitution`` of all laws, which keep their stiffness, and of the rule.
     results : names, or functions of the case that return a number
         What to keep of every cell, besides its `status`; see `granular.sweeps.results.RESULTS`.
     run : mapping, optional
@@ -102,9 +103,7 @@ def sweep(
     TypeError, ValueError
         For an unknown parameter or result; for a sweep all of whose cells are refused.
     """
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
-                        "or client.get_executor() of dask.")
+    schedule.checked(executor)
     threads = cores() if workers is None else _check.whole("workers", workers, at_least=1)
     xarray_()
     varied = checked(over)

@@ -31,6 +31,7 @@ from granular.scene import Scene, velocities
 from granular.sweeps.plan import Plan
 from granular.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
 from granular.sweeps.subject import Values
+from granular.until import LEVELS
 
 LOADING, MAKING = 1.5, 20.0
 """Seconds that it takes to load the machine code from the disk, and to make it."""
@@ -44,6 +45,13 @@ WORTH = 0.1
 """Seconds of compiled calls from which on there are several threads of them."""
 
 Batch = tuple[Values, Answers]
+
+
+def checked(executor: Executor | None) -> None:
+    """Raise if it is no executor."""
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
+                        "or client.get_executor() of dask.")
 
 
 def batches(
@@ -240,7 +248,8 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
     balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact_speed(case.scene)
-    return None if case.run or flags(case.scene) else Start(case, balls if plan.subject.ready else point)
+    singly = bool(case.run or flags(case.scene)) or isinstance(case.until, LEVELS)
+    return None if singly else Start(case, balls if plan.subject.ready else point)
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:

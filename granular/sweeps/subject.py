@@ -4,15 +4,17 @@ May be skipped: many runs of the same engines.
 
 A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``,
 ``external_force[1]``, ``run.dt``. The parameters of a file are the numbers in its tables, those of a `Case` its fields,
-and there the first word may be left out: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``.
+and there the first word may be left out: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``. Of one's own
+scene ``gap`` is that of all pairs of balls, and ``restitution`` of a `Case` that of all its laws, which keep their
+stiffness, and of its rule.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -22,8 +24,9 @@ import numpy as np
 
 from granular import _check, cases, md
 from granular._describe import scene_to_json
+from granular.binary import restitution
 from granular.cases import Case, build, ready
-from granular.cases.case import descriptions, options_of, whole
+from granular.cases.case import descriptions, options_of, parameters_of, whole
 from granular.cases.toml import of_tables, tables_of
 from granular.scene import Scene
 
@@ -37,6 +40,8 @@ PARTS = ("scene", "law", "rule", "run")
 """Where a name is looked for whose first word is left out."""
 _WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
 Way = tuple[str | int, ...]
+RESTITUTION: Way = ("restitution",)
+"""What is set when all else is: it is that of the stiffness and the scene that are then."""
 SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
 """What may be swept."""
 
@@ -121,6 +126,8 @@ class Subject:
         The name of the case if it is a ready-made one.
     wholes : set of str
         Names of parameters that are whole numbers.
+    defaults : mapping
+        Values of the parameters of a function that have one.
     """
 
     title: str
@@ -130,6 +137,7 @@ class Subject:
     text: Any
     ready: str = ""
     wholes: frozenset[str] = frozenset()
+    defaults: Mapping[str, Any] = field(default_factory=dict)
 
     def way(self, name: str) -> Way:
         """Return the path of a parameter from the root.
@@ -146,7 +154,8 @@ class Subject:
             names = [about for about in self.about if "." not in about]
             _check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
-        if of_function or way[0] in {*PARTS, *_numbers(self.root)}:
+        of_case = isinstance(self.root, Case) and way == RESTITUTION
+        if of_function or of_case or way[0] in {*PARTS, *_numbers(self.root)}:
             return way
         parts = (part for part in PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
         return next(parts, "run" if way[0] == "t_end" else "scene"), *way
@@ -175,7 +184,7 @@ def subject_of(given: SceneLike) -> Subject:
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
         return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title,
-                       wholes=whole(case))
+                       wholes=whole(case), defaults=_defaults(options_of(case)))
     if ready.is_file(case):
         return _of_file(Path(case))
     name = _check.choice("scene", case, cases.names())
@@ -183,7 +192,7 @@ def subject_of(given: SceneLike) -> Subject:
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
     shared = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
     return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, shared,
-                   whole(ready.TEMPLATES[name].make))
+                   whole(ready.TEMPLATES[name].make), _defaults(options))
 
 
 def _of_file(path: Path) -> Subject:
@@ -218,12 +227,63 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         return [put(one, rest, value, name) if i == step else one for i, one in enumerate(holder)]
     if entries:
         return [put(one, way, value) for one in holder]
+    if (name, way) == ("scene", ("gap",)) and np.ndim(value) == 0:
+        value = _of_balls(holder, value)
     if isinstance(holder, Mapping):
         return {**holder, step: put(holder.get(step, {}), rest, value, step)}
     if holder is None:
         raise TypeError(f"'{name}.{step}' is no parameter: there is no {name}.")
+    if isinstance(holder, Case) and way == RESTITUTION:
+        return _with_restitution(holder, value)
     _check.known([step], _numbers(holder), f"parameter of {holder!r}", TypeError)
     return replace(holder, **{step: put(_entry(holder, step), rest, value, step)})
+
+
+def _of_balls(holder: Any, gap: Any) -> Any:
+    """The gaps of one's own scene if all pairs of balls have this one; of a ready-made one the gap itself."""
+    given = _numbers(holder)
+    if not {"mass", "gap"} <= given.keys():
+        return gap
+    of_balls = _between_balls(given["mass"], given["gap"])
+    if not of_balls.any():
+        raise ValueError("gap is one parameter for all pairs of balls, and there are none: name one entry, as gap[0].")
+    return np.where(of_balls, gap, given["gap"]).tolist()
+
+
+def _between_balls(mass: Any, gap: Any) -> Any:
+    """Which pairs are of two balls."""
+    wall = np.isinf(np.asarray(mass, float))
+    return ~(wall | np.roll(wall, -1))[: len(gap)]
+
+
+def shared(case: Case) -> dict[str, float]:
+    """Return `gap` and `restitution` of one's own case, each if all pairs of balls, or all laws, have the same."""
+    scene, speed = case.scene, ready.first_impact_speed(case.scene) or 1.0
+    gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], [*_check.per_pair("law", case.law, scene.n_pairs)]
+    found = {"gap": float(gap[0])} if len(gap) and np.ptp(gap) == 0.0 else {}
+    if all(hasattr(law, "from_restitution") for law in laws):
+        eps = [restitution(law, pair, speed) for law, pair in zip(laws, scene.pairs, strict=True)]
+        found |= {"restitution": eps[0]} if max(eps) - min(eps) <= 1e-12 else {}
+    return found
+
+
+def _with_restitution(case: Case, eps: float) -> Case:
+    """The case with this restitution of all its laws, which keep their stiffness, and of its rule if there is one; of
+    the rule alone if a law is not made by its restitution."""
+    laws, pairs = _check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
+    rule = None if case.rule is None else put(case.rule, RESTITUTION, eps)
+    other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
+    if other is not None and rule is None:
+        raise TypeError(f"restitution is no parameter of {other!r}: vary numbers of its own, such as law.k.")
+    return replace(case, rule=rule, law=case.law if other is not None else build.each_pair(
+        partial(_like, {"restitution": eps, "speed": ready.first_impact_speed(case.scene)}), laws, pairs))
+
+
+def _like(given: dict[str, float], law: Any, pair: Any) -> Any:
+    """A law as stiff as this one, made by its restitution."""
+    known = {one.name for one in parameters_of(law.from_restitution)}
+    values = {name: value for name, value in (_numbers(law) | given).items() if name in known}
+    return build.call([law.from_restitution], values, pair=pair)
 
 
 def _entry(holder: Any, name: str) -> Any:
@@ -241,6 +301,27 @@ def _numbers(holder: Any) -> dict[str, Any]:
     return dict(holder) if isinstance(holder, Mapping) else {}
 
 
+def numbers_in(subject: Subject, root: Any) -> dict[str, float]:
+    """Return the finite numbers of a root that are no whole ones by their kind, by the names that `way` knows."""
+    held = {**subject.defaults, **_numbers(root)}
+    if not isinstance(subject.text, str):
+        held = {**_numbers(held.get("scene")), **{part: held.get(part) for part in ("law", "rule", "t_end")}}
+    found = {name: value for part, one in held.items() for name, value in _leaves(part, one)}
+    return {name: value for name, value in found.items() if math.isfinite(value) and not subject.is_whole(name)}
+
+
+def _leaves(name: str, holder: Any) -> Iterator[tuple[str, float]]:
+    """The numbers in lists, tables and dataclasses, by name."""
+    if isinstance(holder, (int, float)) and not isinstance(holder, bool):
+        yield name, float(holder)
+    elif isinstance(holder, (list, tuple, np.ndarray)):
+        for i, one in enumerate(holder.tolist() if isinstance(holder, np.ndarray) else holder):
+            yield from _leaves(f"{name}[{i}]", one)
+    else:
+        for word, one in _numbers(holder).items():
+            yield from _leaves(f"{name}.{word}", one)
+
+
 def _entries(given: Any) -> list[Any]:
     return list(given) if isinstance(given, (list, tuple)) else [] if given is None else [given]
 
@@ -255,6 +336,10 @@ def _about(plain: Any, **parts: Any) -> dict[str, str]:
 def _lists(options: list[Any]) -> dict[str, Any]:
     """Defaults that are lists, of which one entry may be asked for."""
     return {option.name: option.default for option in options if isinstance(option.default, (list, tuple))}
+
+
+def _defaults(options: list[Any]) -> dict[str, Any]:
+    return {option.name: option.default for option in options}
 
 
 def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:

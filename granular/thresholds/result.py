@@ -20,9 +20,11 @@ from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.outcome import SAME
 from granular.sweeps.results import Answer
-from granular.trajectory import EARLY
+from granular.trajectory import EARLY, Status
 
 HOLDS, FAILS, UNDECIDED = VERDICTS = ("holds", "fails", "undecided")
+NONE, CUT = "nothing touches", "a contact is cut off by the end time"
+"""Why every contact of a value is isolated although less is known than it sounds."""
 Interval = tuple[float, float]
 MOST = 20
 """Crossings that are shown."""
@@ -83,7 +85,8 @@ def isolated(case: Case, limit: float) -> tuple[str, float, str]:
         return FAILS, time, f"the first disturbed: {isolation.first_disturbed(run)}"
     if run.status in EARLY:
         return UNDECIDED, math.nan, f"{run.status.name}: {run.message}"
-    return HOLDS, math.nan, isolation.sentence(run) or "no contact"
+    cut = run.status is Status.time and run.force is not None and run.force[-1].any()
+    return HOLDS, math.nan, (isolation.sentence(run) or NONE) + (f"; {CUT}" if cut else "")
 
 
 def error(case: Case, limit: float) -> tuple[str, float, str]:
@@ -174,11 +177,11 @@ class Threshold(Report):
     def sentence(self) -> str:
         """Where hard spheres hold, in one or two sentences."""
         if not self.undecided:
-            return _decided(self)
+            return _decided(self) + "".join(_little(self))
         first = next(one for one in self.values if one.verdict == UNDECIDED)
         doubt = (f"Undecided {_spans(self, self.undecided)}; at {self.over} = {first.value:.4g}{_unit(self)}: "
                  f"{first.why.rstrip('.')}.")
-        return f"{_decided(self)} {doubt}" if self.holds or self.fails else doubt
+        return f"{_decided(self)}{''.join(_little(self))} {doubt}" if self.holds or self.fails else doubt
 
     @property
     def _headline(self) -> str:
@@ -250,12 +253,22 @@ def _decided(report: Threshold) -> str:
     if not report.holds:
         return f"Nowhere is {asked.what} {how}: {scan} was scanned."
     said = f"{asked.what[0].upper()}{asked.what[1:]} is {how}"
+    if all(one.why == NONE for one in report.values):
+        return f"No contact begins: {scan} was scanned."
     if report.holds == (report.between,):
         return f"{said} everywhere: {scan} was scanned."
     reaches = report.holds[0][0] == low, report.holds[-1][1] == high
     scanned = {(True, False): f"from {low:g}{_unit(report)} on", (False, True): f"up to {high:g}{_unit(report)}"}
     within = scanned.get(reaches, f"from {low:g} to {high:g}{_unit(report)}")
     return f"{said} {_spans(report, report.holds)} (scanned {within})."
+
+
+def _little(report: Threshold) -> Iterator[str]:
+    """At how many values there was little or nothing to be disturbed."""
+    for what in (NONE, CUT):
+        many = sum(what in one.why for one in report.values)
+        if 0 < many < len(report.values) or (many and what == CUT):
+            yield f" At {many} of {len(report.values)} values {what}."
 
 
 def _spans(report: Threshold, spans: tuple[Interval, ...]) -> str:

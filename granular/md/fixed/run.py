@@ -7,6 +7,7 @@ In the end it says honestly how far the step could be trusted.
 from __future__ import annotations
 
 import math
+from functools import partial
 from time import process_time
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 from granular import until as stop
 from granular._contact_log import COLUMNS, CONTACT_ROW, Rows
 from granular._kernels import Toll, have_numba
+from granular._levels import first_met, shown
 from granular._records import packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.laws.kinds import SceneLaws
@@ -54,6 +56,7 @@ class Run:
         self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled",
                                self.start)
         self.k = self.steps = self.flights = self.contacts = 0
+        self.met = math.inf  # s, when the level is passed at which to stop
         self.halted = False  # between two steps, at the onset of the contact at which to stop
         self.crowded = False  # a ball would meet a thermal wall too often in a step
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
@@ -92,8 +95,14 @@ class Run:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
         if self.k == 0 and self._halts_at_start():
             return Pause.until
+        if self.k == 0:
+            self.met = self._meets()
         limit = self._steps(time - self.start)
-        pause = Pause.reached if self.k >= limit else self._advance(limit)
+        pause = Pause.reached
+        if self.k < limit and self.met == math.inf:
+            pause = self._advance(limit)
+        if self.met < math.inf and self.met <= time:
+            return Pause.until
         if self.scene.driven:
             self.closing.refuse(time if pause is Pause.reached else self.time(), self.request.end)
         if pause is Pause.reached:
@@ -129,17 +138,21 @@ class Run:
             if isinstance(self.request.until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
-                if self.take_off is None and self._fly():  # one flight to a march, however often it is looked at
-                    return Pause.quiet
-                if self.k >= limit:
+                if self.take_off is None:  # one flight to a march, however often it is looked at
+                    if self._fly():
+                        return Pause.quiet
+                    self.met = self._meets()
+                if self.k >= limit or self.met < math.inf:
                     return Pause.full
         if self.k > MOST_STEPS:
             raise self._beyond(self.k)
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        begun, steps = process_time(), int(min(self.chunk, limit - self.k, self.request.max_steps - self.steps))
+        most = 1 if self.request.singly else self.chunk
+        begun, steps = process_time(), int(min(most, limit - self.k, self.request.max_steps - self.steps))
         why, k = stepper.march(self.k, steps, room)
         self.chunk = portion(steps, process_time() - begun)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
+        self.met = self._meets()
         self.crowded = why == CROWDED
         if self._counted(halts=why == UNTIL):
             return Pause.until
@@ -150,6 +163,13 @@ class Run:
         if self.engine == "auto":
             self._compile_if_worth_it()
         return Pause.full
+
+    def _meets(self) -> float:
+        """When a level is passed in s, in the flight that ends here or else at this step; inf if it is not."""
+        level, first = self.request.until, self.k if self.take_off is None else self.take_off[0]
+        if not isinstance(level, stop.LEVELS):
+            return math.inf
+        return first_met(partial(shown, self, level), level, self.scene, self.start + first * self.dt, self.time())
 
     def _last_part(self, end: float) -> Pause:
         """Count the hits of thermal walls in the part of a step that is left to the end."""
@@ -249,7 +269,7 @@ class Run:
         """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
         if self.engine == "auto":
             self.toll.lap()
-        at = self.request.end if pause is Pause.reached else self.time()
+        at = self.request.end if pause is Pause.reached else min(self.met, self.time())
         row = self._onset() if self.halted else self.row(at)
         status, message, trust = self._judge(pause.value, row.time)
         stats = {

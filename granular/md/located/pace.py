@@ -39,6 +39,7 @@ from granular.md.located.rest.equilibrium import NOT_YET, RESTS
 from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
 from granular.trajectory import Status
+from granular.until import Contact
 
 OWN, PLAIN, COMPILED = 8, 100, 20_000
 """Pieces between two looks at progress and log, at most: under laws that are functions, interpreted, compiled."""
@@ -74,7 +75,7 @@ class Pace:
         """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
         run, begun = self.run, process_time()
         most = COMPILED if run.engine == "compiled" else PLAIN if run.collocation is None else OWN
-        self.chunk = min(most, self.chunk)
+        self.chunk = min(1 if run.request.singly else most, self.chunk)
         for _ in range(PLAIN):
             why = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
             if why == WANTS_LOOK:
@@ -161,6 +162,10 @@ def stats_of(run: Any, r: Any, crept: float) -> dict[str, Any]:
 def message_of(run: Any, status: Status, r: Any, t: float) -> str:
     """Return the sentence of a status with its numbers."""
     sentence = f"{status.value} (t = {t:.6g} s, {r.contacts} contacts, {r.steps} steps)"
+    until = run.request.until
+    if status is Status.until and t == run.start and isinstance(until, Contact):
+        sentence += (": where balls touch, a contact begins at once; granular.until.force"
+                     f"({until.pair}, above=...) tells when a push arrives")
     if run.pace.stalled:
         sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
                      "or a force without a jump at rest, is needed (granular.md.resume goes on)")

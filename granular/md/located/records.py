@@ -164,6 +164,8 @@ NO_LOG, ROWS, PEAKS = range(3)
 """`log_level`: no contacts are noted; rows without, and with, largest overlap and force."""
 AT_LEAST_ONE = -1
 """`pieces`, at first, of a contact that takes one piece even if no time is left: it is looked at at its onset."""
+WATCHED = -2
+"""`until_pair` of a run that is watched, and so follows all contacts by pieces; -1 of one that is not."""
 RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""
 MOST_MAPS = 64

@@ -38,6 +38,7 @@ from granular.md.located.records import (
     TO_PLAN,
     WANTS_CONTACT,
     WANTS_TABLE,
+    WATCHED,
 )
 from granular.md.located.system import (
     system_of,
@@ -82,8 +83,7 @@ class Run:
         A checkpoint to go on from.
     """
 
-    in_order = False
-    rule = None
+    in_order, rule = False, None
 
     def __init__(
         self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve",
@@ -95,11 +95,11 @@ class Run:
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.closing = Closing(scene, self.start, flattened=True) if scene.driven else None
-        self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
-        self.bound = False
+        self.bound, self.seen, self.now = False, 0.0, 0.0  # s, when a row was last read, and how far it has come
         self.creep: Creep | None = None
         self.checkpoint: Checkpoint | None = None
-        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "pause": FIRST_LOOK}
+        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "pause": FIRST_LOOK,
+                  "until_pair": WATCHED if request.singly else -1}
         ways, level = [DISTURBED.index(disturbed)], PEAKS if request.rows else NO_LOG
         s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
         self.collocation = None if s.kinds["kind"][0] != GENERAL else self.collocated()
@@ -234,7 +234,7 @@ class Run:
 
         if self.scene.n_pairs > LARGEST:
             return False
-        self.let_creep(math.inf if limit == math.inf else SMOOTH)
+        self.let_creep(math.inf if self.request.end == math.inf else SMOOTH)
         return limit == math.inf and self.creep is not None
 
     def let_creep(self, most: float) -> None:
@@ -315,7 +315,7 @@ class Run:
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
         self.pace.look_at_all()
-        row, wanted = None, pause is not Pause.reached or seen == -math.inf
+        row, wanted = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row(self.request.end)
         untouched = Untouched(self.s, end)

@@ -99,7 +99,7 @@ def new_system(
         pairs["wall"][-1] += ceiling
     pairs["kind_of"], pairs["slot"], pairs["due"] = kind_of, -1, math.inf
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
-    stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
+    stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (limits.get("until_pair", -1), 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
     limits |= {"first": -1, "disturbed": math.nan, "solo": -1}
     for name, value in limits.items():

@@ -29,7 +29,18 @@ from granular.md.located.one_contact.maps import encounter, of_pendula, peaks, p
 from granular.md.located.one_contact.tables import WANTED, table_of, tabled, tabled_peaks
 from granular.md.located.pendula import impulse_of_pendula, shift, swung
 from granular.md.located.pieces import DRIFT, ULP, predict, since, tick
-from granular.md.located.records import BEGIN, BY_PIECES, DONE, IGNORE, NO_LOG, OPEN, PEAKS, WANTS_CONTACT, WANTS_TABLE
+from granular.md.located.records import (
+    BEGIN,
+    BY_PIECES,
+    DONE,
+    IGNORE,
+    NO_LOG,
+    OPEN,
+    PEAKS,
+    WANTS_CONTACT,
+    WANTS_TABLE,
+    WATCHED,
+)
 from granular.md.located.system import beside, count_of, nth
 from granular.md.located.walls import (
     carry_walls,
@@ -98,7 +109,7 @@ def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
     pair = pairs[c]
     if pair.mode != OPEN or pair.event != BEGIN or is_awaited(run, pairs, c):
         return False
-    return not (DRIVEN and pair.wall > 0 and run.disturbing != IGNORE)
+    return not ((run.until_pair == WATCHED or (DRIVEN and pair.wall > 0)) and run.disturbing != IGNORE)
 
 
 @inlined

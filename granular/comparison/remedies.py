@@ -1,0 +1,156 @@
+"""Remedies for an inelastic collapse beside Newton: what each makes of one scene, in one table.
+May be skipped: further runs of hard spheres, each with another option.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from granular import _check, edmd, end_time, measures
+from granular._reports import Report, aligned, number, problem
+from granular.comparison.answer import Judged
+from granular.outcome import SAME, energy_left
+from granular.rules import ConstantRestitution
+from granular.trajectory import Status, Trajectory
+
+SLOW = 0.01
+"""Below this share of the fastest impact balls merge, or collide elastically, if nothing else is said."""
+LONGEST, STEP, COUNT, HALVINGS = 10.0, 10.0**0.5, 9, 11
+"""From ten contacts down to a thousandth a tc is sought, in such steps; then by so many halvings, to 1e-3 of itself."""
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """One way to run the scene.
+
+    Attributes
+    ----------
+    name : str
+        What it is.
+    setting : float
+        Its tc in s, or its speed in m/s; 0 where there is none to choose.
+    value : float
+        What the run has of the observable, as it stops; nan if the engine refused the remedy.
+    error : float
+        Largest error of a velocity, in units of the largest closing speed of its component: that of
+        `granular.Comparison.error`, but of the run as it stops; nan where it was cut off.
+    contacts : int
+        Collisions, or contacts of soft spheres.
+    status : str
+        How the run ended; what is wrong where it was refused.
+    """
+
+    name: str
+    setting: float
+    value: float
+    error: float
+    contacts: int
+    status: str
+
+
+@dataclass(frozen=True, repr=False)
+class Remedies(Report):
+    """Remedies for an inelastic collapse beside Newton; print it, save it with `to_json`.
+
+    Attributes
+    ----------
+    report : Comparison
+        What was compared.
+    what : str
+        The observable.
+    rows : tuple of Remedy
+        Newton, hard spheres as they stop, and with each remedy; the TC model also with the tc with which it comes
+        nearest to Newton, where hard spheres are not right without.
+    tc : float
+        A tc in s with which the TC model is right: its value within 0.01 of Newton's, of 1 for E/E0, else of the value.
+        It is sought from ten contacts down to a thousandth of one; 0 where hard spheres are right without, nan where
+        none was found: the value jumps with tc.
+    """
+
+    report: Judged
+    what: str
+    rows: tuple[Remedy, ...]
+    tc: float
+
+    def __str__(self) -> str:
+        return f"{self._headline}\n\n{aligned(self._table(), '<>>>><')}"
+
+    def _table(self) -> list[list[str]]:
+        head = ["", "s, m/s", self.what, "worst error", "contacts", "status"]
+        return [head, *([row.name, f"{row.setting:.3g}" if row.setting else "", number(row.value, ".4g"),
+                         number(row.error, ".2g"), str(row.contacts), row.status] for row in self.rows)]
+
+    @property
+    def _headline(self) -> str:
+        newton, *others = self.rows
+        near, last = min(others[:5], key=lambda row: float(f"{_off(row, newton):.3g}")), others[-1]
+        right = "is right" if self.tc == last.setting else "comes nearest, none is right"
+        return (f"Newton has {self.what} = {number(newton.value, '.4g')}; nearest: {near.name}, "
+                f"{number(near.value, '.4g')}. " + (f"Of all tc {last.setting:.3g} s {right}." if self.tc else
+                                                    "No tc is needed for that."))
+
+    def _numbers(self) -> dict[str, Any]:
+        return {**problem(self.report), "what": self.what, "rows": list(map(asdict, self.rows)), "tc": self.tc}
+
+
+def table(report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
+          ) -> Remedies:
+    """See `Comparison.remedies`."""
+    measure, soft = _check.callback("observable", observable, "run") or energy_left, report.soft
+    duration = float(measures.durations(report.hard, report.law).min(initial=math.inf))
+    slow = SLOW * measures.fastest_approach(report.hard)
+    tc, merge, elastic = (
+        report.hard_options[name] or usual if given[name] is None else _check.number(name, given[name], above=0.0)
+        for name, usual in (("tc", duration), ("merge_below", slow), ("elastic_below", slow)))
+
+    def row(name: str, setting: float = 0.0, rule: Any = report.rule, **remedy: Any) -> Remedy:
+        try:
+            run = _run(report, rule, remedy)
+        except ValueError as refused:
+            return Remedy(name, setting, math.nan, math.nan, 0, f"refused: {refused}")
+        as_it_stops = replace(run, stats={key: run.stats[key] for key in run.stats if key != "verdict"})
+        errors = replace(report, hard=as_it_stops).errors
+        error = math.nan if run.status is Status.max_events else float(errors.max(initial=0.0))
+        return Remedy(name, setting, float(measure(run)), error, len(run.contacts), run.status.name)
+
+    newton = Remedy("Newton, soft spheres", 0.0, float(measure(soft)), 0.0, len(soft.contacts), soft.status.name)
+    hard, within = row("hard spheres"), SAME * (1.0 if observable is None else abs(newton.value))
+    rows = [hard, row("merge", merge, collapse="merge", merge_below=merge), row("TC model", tc, tc=tc),
+            row("elastic cut-off", elastic, elastic_below=elastic), row("sticky", rule=ConstantRestitution(0.0))]
+    best = hard if _off(hard, newton) <= within else _best(
+        lambda of: row("TC model at its best", of, tc=of), newton, duration)
+    what = "E/E0" if observable is None else str(getattr(observable, "__name__", "observable"))
+    right = best.setting if _off(best, newton) <= within else math.nan
+    return Remedies(report, what, (newton, *rows, *[best] * (best is not hard)), right)
+
+
+def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
+    """Run the hard spheres with this remedy and no other; they are given up as those of another tie rule are."""
+    none = {"collapse": "stop", "merge_below": None, "tc": 0.0, "elastic_below": 0.0}
+    options = {**report.hard_options, **none, **remedy}
+    if options == report.hard_options and rule is report.rule:
+        return report.hard
+    most = end_time.MOST_OF_OTHERS * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
+    return edmd.simulate(report.scene, rule, **options | {"max_events": min(options["max_events"], most)})
+
+
+def _off(row: Remedy, newton: Remedy) -> float:
+    """How far a row is from Newton's value; inf where it has none, or was cut off."""
+    off = abs(row.value - newton.value)
+    return off if math.isfinite(off + row.error) else math.inf
+
+
+def _best(at: Callable[[float], Remedy], newton: Remedy, duration: float) -> Remedy:
+    """Return the row of the tc in s nearest to Newton of all that are tried: from long ones down to where the value
+    goes through Newton's, then by bisection."""
+    tried = [at(LONGEST * duration / STEP**k) for k in range(COUNT)]
+    above = tried[0].value > newton.value
+    low = next((row.setting for row in tried if (row.value > newton.value) is not above), tried[-1].setting)
+    high = STEP * low
+    for _ in range(HALVINGS):
+        tried.append(middle := at(math.sqrt(low * high)))
+        low, high = (low, middle.setting) if (middle.value > newton.value) is above else (middle.setting, high)
+    return min(tried, key=lambda row: _off(row, newton))

@@ -1,0 +1,316 @@
+"""`ensemble`: both engines over many draws of a scene. Do their means agree, where single runs cannot be compared?
+May be skipped: many runs of the same engines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cache
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from granular import _check, _files
+from granular._check import Array
+from granular._reports import HARD, SOFT, Report, aligned, canvas, number
+from granular.cases import Case
+from granular.comparison.answer import ORDER, Answer as Judgement
+from granular.sweeps.plan import Plan, planned
+from granular.sweeps.results import CODE, MISUSE, NOT_RUN, RESULTS
+from granular.sweeps.run import sweep
+from granular.sweeps.subject import SceneLike
+from granular.trajectory import EARLY, Trajectory
+
+Way = tuple[float, float] | Callable[[np.random.Generator], Any] | None
+"""How a parameter is drawn: mean and standard deviation, a function of the generator, None: a seed of its own."""
+BOTH = tuple(name for name in RESULTS if f"hard_{name}" in RESULTS)
+"""Results that both engines have."""
+NAMED = {"md": "", "edmd": "hard_"}
+"""What the names of results of each engine begin with."""
+MARGIN = 0.1
+"""Standard deviations of the soft spheres within which means are equivalent, if nothing else is said."""
+SURE = 0.95
+"""Confidence with which all answers hold at once."""
+ROUNDING = 1e-9
+"""Differences below this share of a value are rounding."""
+NO_VALUE = (NOT_RUN, MISUSE, *(CODE[status.name] for status in EARLY))
+"""Statuses of runs whose results are none: what a collapse leaves is no outcome."""
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """One result over all draws.
+
+    Attributes
+    ----------
+    name, units : str
+        What it is.
+    hard, soft : (n,) arrays
+        Its values, draw by draw; nan where a run came to no proper end, or has none.
+    means, spreads, errors : (2,) arrays
+        Mean, standard deviation and standard error of the mean, of hard and of soft spheres.
+    difference, error : float
+        Mean of hard less mean of soft spheres, and its standard error: of the paired differences if both have the same
+        draws, else of two samples.
+    reach : float
+        Half the width of the interval that holds the true difference, with 95 % for all quantities at once.
+    margin : float
+        Means that differ by at most this are equivalent.
+    draws, lacking : int
+        Draws that are compared, of the engine that has fewer; and those for which only one of the two has a value.
+    answer : Answer
+        yes: the interval is within the margin, and nothing is lacking; no: it is beyond; else undecided.
+    """
+
+    name: str
+    units: str
+    hard: Array
+    soft: Array
+    means: Array
+    spreads: Array
+    errors: Array
+    difference: float
+    error: float
+    reach: float
+    margin: float
+    draws: int
+    lacking: int
+    answer: Judgement
+
+
+@dataclass(frozen=True, repr=False)
+class Ensemble(Report):
+    """Both engines over the same draws, or over independent ones; print it, `plot` it, save it with `to_json`.
+
+    Attributes
+    ----------
+    title : str
+        What was drawn.
+    n, seed : int
+        Number of draws, and the seed from which they come.
+    independent : bool
+        Whether the engines have draws of their own.
+    quantities : tuple of Quantity
+        Every result, pair by pair or body by body where it has several.
+    refused : str
+        Why the first draw that was refused was; empty if none was.
+    """
+
+    title: str
+    n: int
+    seed: int
+    independent: bool
+    quantities: tuple[Quantity, ...]
+    refused: str
+
+    @property
+    def worst(self) -> Quantity:
+        """The quantity that decides: of those with the worst answer the one farthest from its margin."""
+        return min(self.quantities, key=lambda q: (ORDER.index(q.answer), -abs(q.difference) / (q.margin or 1.0)))
+
+    @property
+    def answer(self) -> Judgement:
+        """May the collisions be treated as instantaneous, as far as means go?"""
+        return self.worst.answer
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one line."""
+        q, room = self.worst, abs(self.worst.margin - abs(self.worst.difference))
+        off = (f"{q.name} {q.means[0]:.4g} (hard) and {q.means[1]:.4g} (soft) differ by {q.difference:.2g} ± "
+               f"{q.reach:.2g}")
+        return f"{q.answer.value}: " + {
+            Judgement.yes: f"the means agree within {q.margin:.2g}: {off}",
+            Judgement.no: f"the means of {off}, by more than {q.margin:.2g}",
+        }.get(q.answer, f"{off}; to tell that from {q.margin:.2g} " + (
+            f"{q.lacking} draws lack a value of one engine" if q.lacking else
+            f"takes about {self.n * (q.reach / room) ** 2:.2g} draws" if room > 0.0 else "more draws are needed")) + "."
+
+    def __str__(self) -> str:
+        rows = [["", "hard", "± s.e.", "sd", "soft", "± s.e.", "sd", "difference", "± 95 %", "margin", "draws", ""]]
+        for q in self.quantities:
+            of_engines = [number(x, ".4g") for one in zip(q.means, q.errors, q.spreads, strict=True) for x in one]
+            judged = [number(x, ".3g") for x in (q.difference, q.reach, q.margin)]
+            rows.append([f"{q.name}, {q.units}", *of_engines, *judged, str(q.draws), q.answer.name])
+        how = f"{self.title}: {self.n} {'independent draws' if self.independent else 'draws, the same for both'}"
+        return "\n".join([self.verdict, "", how, aligned(rows, "<" + 10 * ">" + "<"),
+                          *[f"refused: {self.refused}"] * bool(self.refused)])
+
+    _headline = verdict
+
+    def _numbers(self) -> dict[str, Any]:
+        return {**vars(self), "quantities": [{**vars(q), "answer": q.answer.name} for q in self.quantities],
+                "answer": self.answer.name, "verdict": self.verdict}
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw which share of the draws is below each value; return the figure, or save it to `path`."""
+        figure, axes = canvas(3.4, 1.0 + 1.6 * len(self.quantities), len(self.quantities))
+        for axis, q in zip(axes[:, 0], self.quantities, strict=True):
+            for values, colour, name in ((q.hard, HARD, "hard"), (q.soft, SOFT, "soft")):
+                known = np.sort(values[np.isfinite(values)])
+                axis.step(known, np.arange(1, len(known) + 1) / max(1, len(known)), color=colour, label=name)
+            axis.set(xlabel=f"{q.name}, {q.units}", ylabel="share of draws below", ylim=(0.0, 1.0))
+        axes[0, 0].legend()
+        return _files.write_figure(path, figure, dpi=150)
+
+
+def ensemble(
+    scene: SceneLike,
+    n: int,
+    /,
+    vary: str | Mapping[str, Way],
+    results: str | Callable[[Trajectory], float] | Iterable[str | Callable[[Trajectory], float]] = "energy_left",
+    *,
+    margin: float | Mapping[str, float] = MARGIN,
+    seed: int = 0,
+    independent: bool = False,
+    executor: Executor | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
+    **fixed: Any,
+) -> Ensemble:
+    """Run both engines over many draws of a scene: do their means agree?
+
+    Parameters
+    ----------
+    scene : str, path, callable, Case or Scene
+        What is drawn, as in `granular.sweep`.
+    n : int
+        Number of draws, at least 2. The first draws of a larger ensemble are those of a smaller one.
+    vary : mapping, or str
+        Parameters by the names that `granular.sweep` knows, and how each is drawn: (mean, standard deviation) of a
+        normal distribution; or a function of a `numpy.random.Generator`; or None for a parameter that is a seed, such
+        as that of a gas: a whole number from 0 to 2³¹ - 1. A name alone is that of a seed.
+    results : names, or functions of a run that return a number
+        What is compared: contacts, v_rel, t_f, v_final, time, energy_left as in `granular.sweep`, of all pairs or
+        bodies, or of one: ``v_rel[1]``; a function is asked of both runs.
+    margin : float, or mapping
+        Means that differ by no more are equivalent: in standard deviations of the soft spheres; or by the names of
+        results, in their own units (0.1 standard deviations of those that are left out).
+    seed : int
+        Of the draws.
+    independent : bool
+        Give hard spheres draws of their own, the n that follow: the difference is then that of two samples.
+    executor, on_progress, progress
+        As in `granular.sweep`; soft spheres come first. Any executor gives the same bits.
+    **fixed
+        Parameters that all draws share.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an unknown parameter or result, or a way to draw that is none; if all draws are refused.
+
+    Notes
+    -----
+    With d the mean difference, s its standard error and q the quantile of Student's t at 1 - 0.025/m of m quantities,
+    all m intervals |d| ± q s hold the true differences with 95 % or more (Bonferroni). "yes" if |d| + q s is at most
+    the margin, "no" if |d| - q s is above it. That is a statement on means; distributions may differ: `plot`.
+    """
+    count, ways = _check.whole("n", n, at_least=2), {vary: None} if isinstance(vary, str) else dict(vary)
+    if not ways:
+        raise ValueError("vary is empty: at least one parameter with its distribution is needed.")
+    plan = planned(scene, dict.fromkeys(ways, np.zeros(0)), (), fixed, {})
+    for name, way in ways.items():
+        if not (way is None or callable(way)):
+            _check.array(f"{name} in vary", way, (2,), fix="give (mean, sd), a function of the generator, or None")
+    draws = Draws(plan, tuple(ways.values()), _check.whole("seed", seed))
+    given = [results] if isinstance(results, str) or callable(results) else list(results)
+    asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
+    if len(asked) < len(given) or not given:
+        raise ValueError(f"results are {', '.join(asked) or 'empty'}: one or more of different names are needed.")
+    whole = {name.partition("[")[0]: ask for name, ask in asked.items()}
+    for name, ask in whole.items():
+        _check.takes(name, ask, "run") if callable(ask) else _check.choice("result", name, BOTH)
+    own = dict(margin) if isinstance(margin, Mapping) else {}
+    share = MARGIN if isinstance(margin, Mapping) else _check.number("margin", margin, at_least=0.0)
+    data = [sweep(draws, {"draw": np.arange(first, first + count)},
+                  [Of(ask, engine) if callable(ask) else NAMED[engine] + name for name, ask in whole.items()],
+                  executor=executor, on_progress=on_progress, progress=progress)
+            for engine, first in (("md", 0), ("edmd", count * bool(independent)))]
+    soft, hard = ({name: values for one in whole for name, values in _values(of_engine, one, prefix)}
+                  for of_engine, prefix in zip(data, NAMED.values(), strict=True))
+    _check.known([*asked, *own], {*soft, *whole}, "result that is compared")
+    found = {name: (hard[name], values) for name, values in soft.items() if not asked.keys().isdisjoint(_names(name))}
+    quantities = tuple(
+        judged(name, data[0][_names(name)[1]].attrs["units"], values, share,
+               next((own[x] for x in _names(name) if x in own), None), (not independent, len(found)))
+        for name, values in found.items())
+    return Ensemble(plan.subject.title, count, draws.seed, bool(independent), quantities,
+                    next((str(one.attrs["refusal"]) for one in data if "refusal" in one.attrs), ""))
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Case number `draw` of an ensemble: what it is depends on nothing but that number, and the seed."""
+
+    plan: Plan
+    ways: tuple[Way, ...]
+    seed: int
+
+    def __call__(self, draw: int = 0) -> Case:
+        random = np.random.default_rng([self.seed, draw])
+        values = [int(random.integers(2**31)) if way is None else way(random) if callable(way) else
+                  float(way[0] + way[1] * random.standard_normal()) for way in self.ways]
+        case = replace(self.plan.case(values))
+        vars(case)["simulate"] = cache(case.simulate)  # several results ask for the same run
+        return case
+
+
+@dataclass(frozen=True)
+class Of:
+    """A function of a run, asked of one engine."""
+
+    function: Callable[[Trajectory], float]
+    engine: str
+
+    @property
+    def __name__(self) -> str:
+        return NAMED[self.engine] + getattr(self.function, "__name__", "result")
+
+    def __call__(self, case: Case) -> float:
+        return float(self.function(case.simulate(self.engine)))
+
+
+def _names(name: str) -> tuple[str, str]:
+    """The name of a quantity, and of the result that it is one of."""
+    return name, name.partition("[")[0]
+
+
+def _values(data: Any, name: str, prefix: str) -> Iterator[tuple[str, Array]]:
+    """The quantities of a result of one engine by name, with their values (n,), nan where there is none."""
+    values = data[prefix + name].values.astype(float)
+    values[np.isin(data["status"].values, NO_VALUE)] = math.nan
+    yield from [(name, values)] if values.ndim == 1 else [(f"{name}[{k}]", row) for k, row in enumerate(values.T)]
+
+
+def judged(
+    name: str, units: str, values: tuple[Array, Array], share: float, own: float | None, how: tuple[bool, int],
+) -> Quantity:
+    """Judge one quantity by its values of both engines, paired or not, of so many; see `ensemble`."""
+    from scipy.special import stdtrit
+
+    (paired, of), known = how, [np.isfinite(one) for one in values]
+    kept = [one[known[0] & known[1] if paired else there] for one, there in zip(values, known, strict=True)]
+    lacking = int((known[0] != known[1]).sum() if paired else 2 * len(known[0]) - sum(map(len, kept)))
+    draws = min(map(len, kept))
+    if draws < 2:
+        kept = [np.full(2, math.nan)] * 2
+    size = np.array([len(one) for one in kept])
+    means, spreads = np.array([(one.mean(), one.std(ddof=1)) for one in kept]).T
+    errors = spreads / np.sqrt(size)
+    error = float(np.hypot(*errors) if not paired else (kept[0] - kept[1]).std(ddof=1) / math.sqrt(size[0]))
+    apart, reach = float(means[0] - means[1]), error * float(stdtrit(size.min() - 1, 1.0 - 0.5 * (1.0 - SURE) / of))
+    margin = max(share * spreads[1] if own is None else own, ROUNDING * np.abs(means).max())
+    answer = (Judgement.yes if abs(apart) + reach <= margin and not lacking else
+              Judgement.no if abs(apart) - reach > margin else Judgement.undecided)
+    return Quantity(name, units, *values, means, spreads, errors, apart, error, reach, float(margin), draws, lacking,
+                    answer)
