@@ -107,7 +107,9 @@ def given_by_walls(run: Any) -> Array:
         given[at == c, 0] = (below[:, c] + _passed(run, c))[at == c]
     if hard and (scene.gravity == 0.0 or scene.external_force is not None or scene.motions[1] is not None):
         size = np.abs(gained).sum(axis=1).max() + np.abs(given).max()
-        given[np.abs(given[:, 0] - _passed(run, 0)) > ROUNDING * size] = np.nan
+        met = run.contacts["t_begin"][run.contacts["pair"] == scene.n_pairs - 1].min(initial=np.inf)
+        touched = (run.time >= met) | (run.gap[0, -1] <= 0.0)
+        given[touched & (np.abs(given[:, 0] - _passed(run, 0)) > ROUNDING * size)] = np.nan
     given[:, 1] = below[:, -1] - given[:, 0]
     return given
 
