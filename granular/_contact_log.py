@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array
-from granular._records import raw
+from granular._records import FEW, raw
 from granular.scene import Scene, positions, velocities
 
 CONTACT = np.dtype(
@@ -76,6 +76,8 @@ def in_order(log: Rows) -> Rows:
     if len(log) < 2:
         return log
     onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
+    if len(log) <= FEW:
+        return raw(log)[np.lexsort((pair, onset))].view(CONTACT)
     if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
         order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
         tied = (np.diff(onset[order]) == 0.0).any()
