@@ -21,6 +21,7 @@ import numpy as np
 
 from granular._kernels import HEATED, RING, kernel, load_numba
 from granular.laws.kinds import SceneLaws
+from granular.md.fixed.window import DAMPED
 from granular.scene import Pairs
 
 WIDTH = 12
@@ -35,7 +36,7 @@ Called = namedtuple("Called", "function law pair")
 def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
     """k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇)."""
     x = xi if xi > 0.0 else 0.0
-    f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot
+    f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot if DAMPED else a.k[j + 1] * x
     if physics.root:
         f = math.sqrt(x) * f
     return f if xi > 0.0 else 0.0

@@ -15,14 +15,14 @@ from typing import Any
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
 
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
-from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, neighbours, share, verlet as step
+from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, beside, share, verlet as step
 from granular.md.fixed.notes import log_contacts, may_log_alone
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 """Why `march` returned: steps used up, every pair open, log buffer full, stop condition, too many hits in a step."""
-REACH = 24
+REACH = 96
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
 """Of the forces in a step."""
@@ -75,8 +75,7 @@ def take_steps(
                 flags |= wall_flags
             step_flags = step(physics, lo, right, a)
             if done == 0 or step_flags & CHANGED or wall_flags & HIT:
-                neighbours(right, a)
-            share(right, 0.5 * physics.dt, a)
+                beside(right, a)
             if physics.memory:
                 remember(right, a)
             if WORKED:

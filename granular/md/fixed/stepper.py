@@ -81,7 +81,7 @@ class Stepper:
     def _state(self, start: float, logged: bool, memory: bool) -> Array:
         """Rows of what changes, up to the last one that the run needs."""
         scene, hung = self.scene, self.rest is not None
-        needed = {window.SHARED: True, window.TOUCHED: logged, window.TOP: memory, window.OFF: hung,
+        needed = {window.XI_MAX: True, window.TOUCHED: logged, window.TOP: memory, window.OFF: hung,
                   window.SNAP: self.integrator.derivatives, window.HEAT_LOW: self.walls is not None}
         state = np.zeros((1 + max(row for row, is_needed in needed.items() if is_needed), scene.n_pairs + 2))
         state[XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], self._around(scene.velocity)
@@ -129,7 +129,8 @@ class Stepper:
         fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
         if self.rest is not None:
             fit["ball_acceleration"] = pendulum_acceleration
-        fit |= self.flags | {"LOGGED": self.physics.logged}
+        fit |= self.flags | {"LOGGED": self.physics.logged, "DAMPED": force is not contact_force.power
+                             or bool(np.any(self.physics.given[window.GAMMA]))}
         return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), window.glide, window.time_to_touch,
                     window.swing, window.time_to_touch_hung)
 
