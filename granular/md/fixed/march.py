@@ -15,7 +15,7 @@ from typing import Any
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
 
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
-from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, beside, share, verlet as step
+from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
 from granular.md.fixed.notes import log_contacts, may_log_alone
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store

@@ -17,7 +17,21 @@ import numpy as np
 
 from granular._contact_log import COLUMNS
 from granular._kernels import RING, kernel
-from granular.md.fixed.window import COUNT, DEEPEST, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
+from granular.md.fixed.window import (
+    COUNT,
+    DEEPEST,
+    FORCE_MAX,
+    IMPULSE,
+    LOWER,
+    PART,
+    RAW,
+    STEP,
+    TOUCHED,
+    UPPER,
+    XI,
+    XI_MAX,
+    V,
+)
 
 STEP_ROW = np.dtype(
     [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True

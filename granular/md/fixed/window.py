@@ -30,13 +30,13 @@ ROWS = (
     "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square",
     "half", "guess", "rate", "start", "sway",
 )
-"""Overlap, unclipped force, velocity. Over the whole run: an overlap of the pair and the next one together,
-impulse exchanged while a neighbouring pair was active, largest overlap. If a log is kept, the largest overlap is that of the
-running contact, and then comes that of the whole run before it; greatest force and impulse of the contact so far; onset
+"""Overlap, unclipped force, velocity. Over the whole run: an overlap of the pair and the next one together, impulse
+exchanged while a neighbouring pair was active, largest overlap. If a log is kept, that is the largest overlap of the
+running contact, and that of the run before it comes next; greatest force and impulse of the contact so far; onset
 (step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a contact still without
-force. For laws with memory: largest overlap of the running contact. For Gear's method:
-acceleration and higher derivatives of the velocity. Where walls are driven or heat: what the pair dissipated, and the
-work and the heat of the wall that is its lower body, or of a ceiling, in two floats each. Of pendula: displacements.
+force. For laws with memory: largest overlap of the running contact. For Gear's method: acceleration and higher
+derivatives of the velocity. Where walls are driven or heat: what the pair dissipated, and the work and the heat of the
+wall that is its lower body, or of a ceiling, in two floats each. Of pendula: displacements.
 
 In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations, squares of Ω;
 velocities within a step; a sum of Runge and Kutta, displacements at the start of their step, and the sum for these."""
