@@ -43,7 +43,8 @@ def remember(m: int, a: Any) -> None:
 def take_steps(
     physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, noting: bool, watched_pair: int
 ) -> tuple[int, int]:
-    """Take up to `reach` steps of all windows from `here` to `there`, `noting` their contacts or leaving them as is.
+    """Take up to `reach` steps of the work's windows from `here` to `there`, `noting` their contacts or leaving them as
+    is.
 
     If they are noted, a chain in one window stops when all its pairs are open, and a longer one cannot go on alone if
     the pair `watched_pair` opens.
@@ -54,7 +55,7 @@ def take_steps(
         Steps taken, none if the windows cannot take them alone; flags of the last of them.
     """
     pairs, margin, taken, flags, a = len(here[XI]) - 2, reach * EVALUATIONS + 2, reach, 0, work.window
-    for first in range(0, pairs, physics.block):
+    for first in range(work.low, min(work.high, pairs), physics.block):
         stop = min(first + physics.block, pairs)
         lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
         if RING and not alone:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from granular._check import Array
 from granular._kernels import compiled, fitted, flags
 from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
-from granular.md.fixed import contact_force, march, window
+from granular.md.fixed import abreast, contact_force, march, window
 from granular.md.fixed.integrators import Integrator, pendulum_acceleration
 from granular.md.fixed.notes import STEP_ROW, log_contacts
 from granular.md.fixed.walls import HALT, HEATER, MOST, clock, flown, heaters, next_touch, packed_walls, walls_of
@@ -26,7 +27,7 @@ from granular.scene import Scene
 
 SWUNG = 1e-11
 """Part of the speed up to which pendula swing as they would freely: Gear's derivatives follow a little behind."""
-Code = namedtuple("Code", "march take_steps glide time_to_touch swing time_to_touch_hung")
+Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swing time_to_touch_hung")
 """The kernels of a run, as they stand or compiled."""
 
 
@@ -56,6 +57,7 @@ class Stepper:
         at_once: bool, start: float = 0.0,
     ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
+        self.crew: abreast.Crew | None = None
         self.flags = {name: holds for name, holds in flags(scene).items() if name != "FORCED"}  # which no kernel reads
         p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
@@ -131,8 +133,8 @@ class Stepper:
             fit["ball_acceleration"] = pendulum_acceleration
         fit |= self.flags | {"LOGGED": self.physics.logged, "DAMPED": force is not contact_force.power
                              or bool(np.any(self.physics.given[window.GAMMA]))}
-        return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), window.glide, window.time_to_touch,
-                    window.swing, window.time_to_touch_hung)
+        return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **fit),
+                    window.glide, window.time_to_touch, window.swing, window.time_to_touch_hung)
 
     def _fall(self) -> Array:
         """Acceleration of every ball without contacts in m/s²."""
@@ -160,11 +162,27 @@ class Stepper:
                                              walls=walls, heat=heat)
         self.rest = None if self.rest is None else np.array(self.rest)
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
-        record, work = np.zeros(1, WINDOW), self.work
-        rows, log = record.view(float).reshape(len(ROWS), window.LENGTH), packed(work.log, STEP_ROW)
-        parts = {"rows": rows, "was": rows[window.WAS :], "given": rows[window.GIVEN :]}
-        self.work = work._replace(window=one(record), ended=np.array(work.ended), log=log, **parts)
+        self.work = self._packed(self.work, packed(self.work.log, STEP_ROW))
         self.compiled = True
+        self._spread(abreast.parts(self.scene.n_pairs))
+
+    def _packed(self, work: Work, log: Any, **more: int) -> Work:
+        """What is worked with in compiled code, with a window of its own."""
+        record = np.zeros(1, WINDOW)
+        rows = record.view(float).reshape(len(ROWS), window.LENGTH)
+        return work._replace(window=one(record), rows=rows, was=rows[window.WAS :], given=rows[window.GIVEN :],
+                             ended=np.array(work.ended), log=log, **more)
+
+    def _spread(self, parts: int) -> None:
+        """Let the windows be stepped in so many parts at once; walls that move or heat leave notes for all windows."""
+        if parts < 2 or self.walls is not None:
+            return
+        pairs, block = self.scene.n_pairs, self.physics.block
+        ends = [-(-pairs * i // (parts * block)) * block for i in range(parts + 1)]
+        works = [self._packed(self.work, np.zeros(pairs // parts * self.physics.logged, STEP_ROW), low=low, high=high)
+                 for low, high in pairwise(ends)]
+        self.crew = abreast.crew(self.work, works, self.code)
+        self.code = self.code._replace(march=fitted(self.fit.march, **abreast.MARCH))
 
     def _block(self) -> int:
         """How many pairs a window stands for, beside its margins."""
@@ -181,7 +199,8 @@ class Stepper:
 
     def march(self, k: int, steps: int, room: int) -> tuple[int, int]:
         """Take up to `steps` steps from step number `k`; see `granular.md.fixed.march.march`."""
-        why, k, turned = self.code.march(self.physics, self.here, self.there, self.work, k, steps, room)
+        work = self.crew or self.work
+        why, k, turned = self.code.march(self.physics, self.here, self.there, work, k, steps, room)
         if turned:
             self.here, self.there = self.there, self.here
         return why, int(k)

@@ -65,9 +65,10 @@ Physics = namedtuple("Physics", "laws given root dt logged memory block walls ri
 accelerations and squares of Ω, and whether √ξ is a factor of k ξ + γ ξ̇; time step; whether a log is kept, and whether
 laws have memory; pairs that a window stands for; walls that move, or 0; pairs of a ring, or 0; thermal walls, or
 0: see `walls`."""
-Work = namedtuple("Work", "window rows was given ended log pair nth")
+Work = namedtuple("Work", "window rows was given ended log pair nth low high", defaults=(0, MOST))
 """The window, by name, as rows, as those of a step ago, as those that are given; how many contacts ended (1,), and
-their rows; at the onset of which contact of a pair to stop (-1: of none)."""
+their rows; at the onset of which contact of a pair to stop (-1: of none); the pairs it is for, from one to before
+another."""
 
 
 @kernel
