@@ -36,7 +36,7 @@ class Swapped(OwnDashpot):
         return (xi + self.gamma / self.k * xi_dot) * self.k
 
 
-TO_COMPILE = dict.fromkeys(ALL, (0, 1, 2)) | {"verlet": (0, 1, 2, 6, 8)}
+TO_COMPILE = dict.fromkeys(ALL, (0, 1, 2)) | {"verlet": (0, 1, 2, 3, 6, 8)}
 """Which of the laws in `drawn` run compiled, too: of each kind one, but such as are a C function with one method."""
 
 

@@ -93,6 +93,8 @@ def half_way(dt: float, m: int, a: Any) -> None:
 @kernel
 def kick(i: int, dt: float, a: Any) -> None:
     """End a Verlet step of ball i, and begin the next."""
+    if HUNG:
+        a.off[i + 1] += dt * a.half[i + 1]
     acc, half = ball_acceleration(i, a.raw[i], a.raw[i + 1], a), 0.5 * dt
     v = a.half[i + 1] + half * acc
     a.v[i + 1], a.half[i + 1] = v, v + half * acc
@@ -115,9 +117,6 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
     if WORKED or (LOGGED and flags & CHANGED):
         for i in range(m + 1):
             a.was_v[i + 1] = a.v[i + 1]
-    if HUNG:
-        for i in range(m + 1):
-            a.off[i + 1] += dt * a.half[i + 1]
     for j in range(m):
         kick(j, dt, a)
         share(j, half, a)
@@ -157,8 +156,7 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
-    if HUNG:
-        for i in range(m + 1):
+        if HUNG:
             a.sway[i + 1] += weight * a.half[i + 1]
             a.off[i + 1] = a.start[i + 1] + reach * a.half[i + 1]
     if DRIVEN:
@@ -176,8 +174,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     flags, dt, half, sixth = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0
     for i in range(m + 1):
         a.was_v[i + 1], a.guess[i + 1], a.acc[i + 1] = a.v[i + 1], a.v[i + 1], 0.0
-    if HUNG:
-        for i in range(m + 1):
+        if HUNG:
             a.start[i + 1], a.sway[i + 1] = a.off[i + 1], 0.0
     for j in range(m):
         a.was_xi[j + 1], a.was_raw[j + 1], a.rate[j + 1] = a.xi[j + 1], a.raw[j + 1], 0.0
@@ -187,8 +184,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a.raw[i], a.raw[i + 1], a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
-    if HUNG:
-        for i in range(m + 1):
+        if HUNG:
             a.off[i + 1] = a.start[i + 1] + sixth * (a.sway[i + 1] + a.half[i + 1])
     if DRIVEN:
         steer(physics, lo, m, a.half, LAST, a.guess, END)
@@ -220,11 +216,10 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
         a.was_xi[j + 1] = a.xi[j + 1]
         a.xi[j + 1] += dt * rate + d2 * pull + later + d4 * (a.snap[j + 1] - a.snap[j + 2])
-    if HUNG:
-        for i in range(m + 1):
-            a.off[i + 1] += dt * a.v[i + 1] + d2 * a.acc[i + 1] + d3 * a.jerk[i + 1] + d4 * a.snap[i + 1]
     for i in range(m + 1):
         v, acc, jerk, snap = a.v[i + 1], a.acc[i + 1], a.jerk[i + 1], a.snap[i + 1]
+        if HUNG:
+            a.off[i + 1] += dt * v + d2 * acc + d3 * jerk + d4 * snap
         a.was_v[i + 1], a.v[i + 1] = v, v + (dt * acc + d2 * jerk + d3 * snap)
         a.acc[i + 1], a.jerk[i + 1] = acc + dt * jerk + d2 * snap, jerk + dt * snap
     if DRIVEN:
@@ -240,9 +235,8 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.v[i + 1] += 0.375 * dt * miss
         a.jerk[i + 1] += 1.5 / dt * miss
         a.snap[i + 1] += 1.0 / (dt * dt) * miss
-    if HUNG:
-        for i in range(m + 1):
-            a.off[i + 1] += 19.0 / 180.0 * dt * dt * a.half[i + 1]
+        if HUNG:
+            a.off[i + 1] += 19.0 / 180.0 * dt * dt * miss
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi

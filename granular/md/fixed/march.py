@@ -34,8 +34,7 @@ NO_PAIR = -1
 def remember(m: int, a: Any) -> None:
     """Note the largest overlaps of running contacts, which laws with memory ask for."""
     for j in range(m):
-        x = a.xi[j + 1] if a.xi[j + 1] > a.top[j + 1] else a.top[j + 1]
-        a.top[j + 1] = x if a.xi[j + 1] > 0.0 else 0.0
+        a.top[j + 1] = 0.0 if not a.xi[j + 1] > 0.0 else a.xi[j + 1] if a.xi[j + 1] > a.top[j + 1] else a.top[j + 1]
 
 
 @entry

@@ -62,7 +62,7 @@ class Stepper:
         p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         form = contact_force.coefficients(laws)
-        self.force = contact_force.asked if form is None else contact_force.power
+        self.force = contact_force.asked if form is None else form[3]
         self.heaters = heaters(scene)
         self.walls = walls_of(scene, start) if "WORKED" in self.flags else None
         held: Any = np.array if at_once else np.ndarray.tolist
@@ -94,11 +94,11 @@ class Stepper:
                 state[V, body + 1] = v
         return state
 
-    def _given(self, form: tuple[Any, Any, bool] | None) -> Array:
+    def _given(self, form: tuple[Any, Any, bool, Any] | None) -> Array:
         """Rows of what does not change; a thermal wall has no stiffness."""
         scene = self.scene
         given = np.zeros((1 + window.SQUARE, scene.n_pairs + 2))
-        given[window.K, 1:-1], given[window.GAMMA, 1:-1], _ = form or (1.0 * scene.heated, 0.0, False)
+        given[window.K, 1:-1], given[window.GAMMA, 1:-1], *_ = form or (1.0 * scene.heated, 0.0)
         square = np.where(scene.is_wall, 0.0, scene.pendulum**2)
         given[window.INVERSE_MASS :, 1:] = list(map(self._around, (scene.inverse_mass, scene.fall, square)))
         for wall in self.heaters:
@@ -154,7 +154,7 @@ class Stepper:
         ImportError, NotCompilableError
             If numba is missing or a law does not compile.
         """
-        laws = 0 if self.force is contact_force.power else contact_force.records(self.laws, self.scene.pairs)
+        laws = 0 if self.force is not contact_force.asked else contact_force.records(self.laws, self.scene.pairs)
         self.code = Code(*map(compiled, self.fit))  # what may fail: before anything changes
         walls = 0 if self.walls is None else packed_walls(self.walls)
         heat = packed(self.heaters, HEATER) if self.heaters else 0
