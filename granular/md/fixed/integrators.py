@@ -37,9 +37,10 @@ def pendulum_acceleration(i: int, below: float, above: float, a: Any) -> Any:
 
 @kernel
 def noted(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
-    """Note the largest overlap of pair `j` after a step, for a log also the greatest force; return flags."""
-    a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
+    """Note the largest overlap of pair `j` after a step, for a log also peaks; return flags."""
+    a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
     if LOGGED:
+        a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
         a.force_max[j + 1] = raw if raw > a.force_max[j + 1] else a.force_max[j + 1]
     opened, closed = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
     return (opened ^ closed) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * closed

@@ -17,21 +17,7 @@ import numpy as np
 
 from granular._contact_log import COLUMNS
 from granular._kernels import RING, kernel
-from granular.md.fixed.window import (
-    COUNT,
-    DEEPEST,
-    FORCE_MAX,
-    IMPULSE,
-    LOWER,
-    PART,
-    RAW,
-    STEP,
-    TOUCHED,
-    UPPER,
-    XI,
-    XI_MAX,
-    V,
-)
+from granular.md.fixed.window import COUNT, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
 
 STEP_ROW = np.dtype(
     [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True
@@ -100,7 +86,6 @@ def _begin(j: int, k: int, dt: float, ring: int, was: Any, now: Any) -> None:
         spread(j, k, part, ring, was, now)
     now[TOUCHED][j] = 0
     now[COUNT][j] += 1
-    now[DEEPEST][j] = now[XI_MAX][j] if now[XI_MAX][j] > now[DEEPEST][j] else now[DEEPEST][j]
     now[XI_MAX][j], now[FORCE_MAX][j], now[IMPULSE][j] = now[XI][j], now[RAW][j], 0.5 * dt * now[RAW][j]
 
 

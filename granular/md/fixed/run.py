@@ -26,7 +26,7 @@ from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
 from granular.md.fixed.stepper import Stepper
 from granular.md.fixed.walls import MOST
-from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, XI_MAX, V, copied
+from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V, copied
 from granular.md.time_step import WARN, expected_rate, sharpest_rate
 from granular.scene import Scene, positions
 from granular.scene.places import Closing
@@ -62,7 +62,7 @@ class Run:
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
         self.chunk = max(1, CHUNK // scene.n_pairs)
-        self.toll = Toll(self.stepper.fit.take_steps, LOADING, MAKING)
+        self.toll = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING, MAKING)  # march, or take_steps
         self.closing = Closing(scene, self.start, flattened=True)
 
     def time(self) -> float:
@@ -299,8 +299,7 @@ class Run:
     def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
         """Status, message and dt·λ of the contacts that took place; also a doubt if the step was too long."""
         scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
-        trust = dt * sharpest_rate(
-            scene, laws, np.fmax.reduce(self.stepper.here[XI_MAX : DEEPEST + 1])[1:-1], pairs(BESIDE))
+        trust = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE))
         if trust == 0.0 and self._deflected():  # contacts shorter than a step leave no overlap behind
             trust = dt * expected_rate(scene, laws)
         gain = self._energy_gain()

@@ -65,6 +65,7 @@ class Stepper:
         self.force = contact_force.asked if form is None else form[3]
         self.heaters = heaters(scene)
         self.walls = walls_of(scene, start) if "WORKED" in self.flags else None
+        self.parts = abreast.parts(p) if self.walls is None else 1  # walls that move leave notes for all windows
         held: Any = np.array if at_once else np.ndarray.tolist
         state, given = self._state(start, logged, memory), self._given(form)
         self.here, self.there, self.pull = held(state), held(state), held(scene.pull)
@@ -83,7 +84,7 @@ class Stepper:
     def _state(self, start: float, logged: bool, memory: bool) -> Array:
         """Rows of what changes, up to the last one that the run needs."""
         scene, hung = self.scene, self.rest is not None
-        needed = {window.XI_MAX: True, window.TOUCHED: logged, window.TOP: memory, window.OFF: hung,
+        needed = {window.SHARED: True, window.TOUCHED: logged, window.TOP: memory, window.OFF: hung,
                   window.SNAP: self.integrator.derivatives, window.HEAT_LOW: self.walls is not None}
         state = np.zeros((1 + max(row for row, is_needed in needed.items() if is_needed), scene.n_pairs + 2))
         state[XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], self._around(scene.velocity)
@@ -164,7 +165,8 @@ class Stepper:
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
         self.work = self._packed(self.work, packed(self.work.log, STEP_ROW))
         self.compiled = True
-        self._spread(abreast.parts(self.scene.n_pairs))
+        if self.parts > 1:
+            self._spread(self.parts)
 
     def _packed(self, work: Work, log: Any, **more: int) -> Work:
         """What is worked with in compiled code, with a window of its own."""
@@ -174,9 +176,7 @@ class Stepper:
                              ended=np.array(work.ended), log=log, **more)
 
     def _spread(self, parts: int) -> None:
-        """Let the windows be stepped in so many parts at once; walls that move or heat leave notes for all windows."""
-        if parts < 2 or self.walls is not None:
-            return
+        """Let the windows be stepped in so many parts at once."""
         pairs, block = self.scene.n_pairs, self.physics.block
         ends = [-(-pairs * i // (parts * block)) * block for i in range(parts + 1)]
         works = [self._packed(self.work, np.zeros(pairs // parts * self.physics.logged, STEP_ROW), low=low, high=high)

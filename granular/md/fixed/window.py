@@ -23,26 +23,25 @@ LENGTH = 2008
 """Entries of a row of a window: all rows should fit in the second-level cache. No power of two: rows would begin at the
 same places of it."""
 ROWS = (
-    "xi", "raw", "v", "beside", "shared", "xi_max",
-    "deepest", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
+    "xi", "raw", "v", "deepest", "beside", "shared",
+    "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
     "top", "acc", "jerk", "snap",
     "lost", "lost_low", "work", "work_low", "heat", "heat_low", "off",
     "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square",
     "half", "guess", "rate", "start", "sway",
 )
-"""Overlap, unclipped force, velocity. Over the whole run: an overlap of the pair and the next one together, impulse
-exchanged while a neighbouring pair was active, largest overlap. If a log is kept, that is the largest overlap of the
-running contact, and that of the run before it comes next; greatest force and impulse of the contact so far; onset
-(step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a contact still without
-force. For laws with memory: largest overlap of the running contact. For Gear's method: acceleration and higher
-derivatives of the velocity. Where walls are driven or heat: what the pair dissipated, and the work and the heat of the
-wall that is its lower body, or of a ceiling, in two floats each. Of pendula: displacements.
+"""Overlap, unclipped force, velocity. Over the whole run: largest overlap, an overlap of the pair and the next one
+together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
+impulse so far; onset (step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a
+contact still without force. For laws with memory: largest overlap of the running contact. For Gear's method:
+acceleration and higher derivatives of the velocity. Where walls are driven or heat: what the pair dissipated, and the
+work and the heat of the wall that is its lower body, or of a ceiling, in two floats each. Of pendula: displacements.
 
 In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations, squares of Ω;
 velocities within a step; a sum of Runge and Kutta, displacements at the start of their step, and the sum for these."""
 (
-    XI, RAW, V, BESIDE, SHARED, XI_MAX,
-    DEEPEST, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
+    XI, RAW, V, DEEPEST, BESIDE, SHARED,
+    XI_MAX, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
     LOST, LOST_LOW, WORK, WORK_LOW, HEAT, HEAT_LOW, OFF,
 ) = range(26)
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
