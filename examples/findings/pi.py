@@ -5,12 +5,12 @@ the first digits of π. How many digits can be had of balls whose collisions tak
 
 :Published: ⌊π 10ᵈ⌋ collisions (Galperin, Regul. Chaotic Dyn. 8, 375 (2003)).
 :Hard spheres: 3, 31, 314, 3141, 31 415, 314 159, all with the first digits of π.
-:Newton: Springs come to 8, 26, 84, 266 contacts for k = 1e2, 1e4, 1e6, 1e8 N/m (839 for 1e10) and stay there, however
+:Newton: Springs come to 8, 26, 84, 266 contacts for k = 1e2, 1e4, 1e6, 1e8 N/m (840 for 1e10) and stay there, however
     heavy the other ball: the light one is squeezed between ball and wall, and at last touches both all the time.
     Yet they part as fast as the hard ones: what is lost are digits of π, not the outcome.
 :New: The law: 2.656 √(x₀ ω/V) with x₀ the distance from the wall, V the speed of the heavy ball, ω² = k/m of the light
     one; its action ∮ p dx = 2 m V x₀ is kept, flight grows into oscillation, and each period counts two contacts.
-:Read: Nothing today; Galperin is quoted from memory.
+:Read: Two accounts of Galperin's billiard on the web; his paper is quoted from memory.
 """
 
 import math
@@ -38,8 +38,8 @@ def counted(digits, k=math.inf):
 
 
 def most(k):
-    """Number of contacts of a very heavy ball: u/V on the way in while the ball flies between contacts, with u² = 2 V x₀ ω/π at
-    their end; then ∫ 2/T ds/V while the springs overlap by s, until it leaves neither; twice, for the way back too.
+    """Number of contacts of a very heavy ball: u/V on the way in while the light one flies between contacts, until
+    u² = 2 V x₀ ω/π; then ∫ 2/T ds/V while the springs overlap by s, until it leaves neither; twice, for the way back.
 
     In units of ω and of the ball's speed at the middle: there the stiffness is double, beyond s/2 only one spring acts.
     """
@@ -62,12 +62,11 @@ if __name__ == "__main__":
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
     digits = np.arange(0.0, 3.01, 0.25)
     axes[0].loglog(100.0**digits, [counted(d)[0] for d in digits], color="#c1440e", label="hard, π √(M/m)")
-    for k, colour in zip(STIFF, ("#bcd3ea", "#8fb4d9", "#4f81b0", "#1f4e79"), strict=True):
-        axes[0].loglog(100.0**digits, [counted(d, k)[0] for d in digits], color=colour,
-                       label=f"soft, k = {k:.0e} N/m".replace("+0", ""))
+    for k, colour, name in zip(STIFF, ("#bcd3ea", "#8fb4d9", "#4f81b0", "#1f4e79"), "²⁴⁶⁸", strict=True):
+        axes[0].loglog(100.0**digits, [counted(d, k)[0] for d in digits], color=colour, label=f"soft, k = 10{name} N/m")
     axes[0].set(xlabel="mass ratio M/m", ylabel="collisions", ylim=(2.0, 6e3))
     axes[0].legend(fontsize=12)
-    axes[1].loglog(STIFF, [counted(3, k)[0] for k in STIFF], "o", color="#1f4e79", ms=11, label="Newton, M/m = 1e6")
+    axes[1].loglog(STIFF, [counted(3, k)[0] for k in STIFF], "o", color="#1f4e79", ms=11, label="Newton, M/m = 10⁶")
     axes[1].loglog(STIFF, [most(k) for k in STIFF], color="#c8963e", label="2.656 √(x₀ ω/V)", zorder=0)
     axes[1].set(xlabel="stiffness k, N/m", ylabel="contacts, however heavy the ball")
     axes[1].legend()

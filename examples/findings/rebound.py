@@ -11,8 +11,8 @@ upper one up hardly at all, is that all of it?
 :Newton: Touching balls of steel, each contact one: 0.5714 and 1.7380 for μ = 1/3, 1.1803 for μ = 0.01. The table-tennis
     ball leaves at 0.88 at the first bounce if it falls 1 mm behind, after four contacts, and at 1.72 at the second;
     touching at 0.80 and 0.98; 5 cm behind at 2.33.
-:New: Light upper balls miss the textbook by a factor of 2.5, with one contact each; the late flight is a matter of
-    millimetres, 0.1 to 10 mm here, and never one of hard spheres.
+:New: Light upper balls miss the textbook by a factor of 2.5, with one contact each; the late flight comes and goes
+    with gaps of 0.1 to 10 mm, and hard spheres never have it.
 :Read: The abstracts of both papers.
 """
 
@@ -63,14 +63,16 @@ if __name__ == "__main__":
         print(f"{1e3 * gap:4.1f} mm behind:", *(f"{speed:.3f} after {count}" for speed, count in bounces(gap)))
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
-    mu, gaps = np.geomspace(0.01, 10.0, 25), np.geomspace(2e-5, 0.1, 60)
+    mu, gaps = np.geomspace(0.01, 10.0, 25), np.geomspace(2e-5, 0.1, 180)
     axes[0].semilogx(mu, textbook(mu)[1], color="#c1440e", label="hard, upper")
     for law, line in zip(LAWS, ("-", "--"), strict=True):
         axes[0].semilogx(mu, [touching(m, law)[1] for m in mu], line, color="#1f4e79", label=f"{law}, touching")
     axes[0].set(xlabel="upper mass / lower mass", ylabel="speed of the upper ball / fall")
     for nth, colour in enumerate(("#1f4e79", "#6f9fc8")):
-        axes[1].semilogx(1e3 * gaps, [bounces(gap)[nth][0] for gap in gaps], color=colour, label=f"soft, bounce {nth + 1}")
+        speeds = [bounces(gap)[nth][0] for gap in gaps]
+        axes[1].semilogx(1e3 * gaps, speeds, ("-", ".")[nth], color=colour, ms=5, label=f"soft, bounce {nth + 1}")
     axes[1].semilogx(1e3 * gaps, [bounces(gap, gr.edmd)[0][0] for gap in gaps], color="#c1440e", label="hard, bounce 1")
     axes[1].set(xlabel="gap between the balls, mm", ylabel="speed of the table-tennis ball / fall", ylim=(0.0, 2.6))
-    axes[0].legend(), axes[1].legend(loc="lower right", fontsize=12)
+    axes[0].legend()
+    axes[1].legend(loc="lower right", fontsize=12)
     figure.savefig("rebound.png")
