@@ -48,9 +48,8 @@ def bounces(gap, engine=gr.md):
     lower, upper = gr.balls.BALLS["basketball"], gr.balls.BALLS["table-tennis ball"]
     scene = gr.Scene([math.inf, lower.mass, upper.mass], [0.0, lower.radius, upper.radius], [HEIGHT, gap], [0.0] * 3,
                      gravity=9.81)
-    soft = [gr.LinearDashpot.from_restitution(eps, k, pair)
-            for eps, k, pair in zip((0.80, 0.85), (4e4, 3e4), scene.pairs, strict=True)]
-    law = soft if engine is gr.md else [gr.ConstantRestitution(0.80), gr.ConstantRestitution(0.85)]
+    law = [gr.LinearDashpot.from_restitution(eps, k, pair) if engine is gr.md else gr.ConstantRestitution(eps)
+           for eps, k, pair in zip((0.80, 0.85), (4e4, 3e4), scene.pairs, strict=True)]
     run = engine.simulate(scene, law, until=gr.until.contact(0, 3), t_end=3.0 * FALL / 9.81)
     met = [run.of(1)[run.of(1)["t_begin"] < end] for end in (*run.of(0)["t_begin"][1:2], run.time[-1])]
     return [(part["v_out"][-1, 1] / FALL, len(part)) for part in met]
@@ -67,7 +66,6 @@ if __name__ == "__main__":
     axes[0].semilogx(mu, textbook(mu)[1], color="#c1440e", label="hard, upper")
     for law, line in zip(LAWS, ("-", "--"), strict=True):
         axes[0].semilogx(mu, [touching(m, law)[1] for m in mu], line, color="#1f4e79", label=f"{law}, touching")
-    axes[0].set(xlabel="upper mass / lower mass", ylabel="speed of the upper ball / fall")
     for nth, colour in enumerate(("#1f4e79", "#6f9fc8")):
         speeds = [bounces(gap)[nth][0] for gap in gaps]
         axes[1].semilogx(1e3 * gaps, speeds, ("-", ".")[nth], color=colour, ms=5, label=f"soft, bounce {nth + 1}")
