@@ -100,6 +100,7 @@ def test_three_balls_by_newton(gap, speed, speeds):
     assert [1e6 * touching.deepest(v) for v in (1.0, 0.01)] == [printed(26.54, 2), printed(0.67, 2)]
 
 
+@SOAK
 def test_points_with_half_their_speed_left_collapse_unless_something_is_cut_off():
     case = cooling.gas(0)
     assert gr.edmd.simulate(case.scene, case.rule, t_end=16.0).status is gr.Status.bounded
