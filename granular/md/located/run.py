@@ -130,8 +130,7 @@ class Run:
 
     def launch(self) -> bool:
         """Form the first islands and plan them; false if the run is to stop at once."""
-        formed = self.kernels(blocks.launch)(self.s, self.collocation)
-        return bool(formed and self.kernels(plan_all_due)(self.s, self.collocation))
+        return bool(self.kernels(blocks.set_out)(self.s, self.collocation))
 
     def go_on(self, state: Mapping[str, Any]) -> None:
         """Go on from the records of a checkpoint."""
