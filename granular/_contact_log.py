@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array
-from granular._records import raw
+from granular._records import FEW, raw
 from granular.scene import Scene, positions, velocities
 
 CONTACT = np.dtype(
@@ -76,6 +76,8 @@ def in_order(log: Rows) -> Rows:
     if len(log) < 2:
         return log
     onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
+    if len(log) <= FEW:
+        return raw(log)[np.lexsort((pair, onset))].view(CONTACT)
     if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
         order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
         tied = (np.diff(onset[order]) == 0.0).any()
@@ -107,7 +109,9 @@ def given_by_walls(run: Any) -> Array:
         given[at == c, 0] = (below[:, c] + _passed(run, c))[at == c]
     if hard and (scene.gravity == 0.0 or scene.external_force is not None or scene.motions[1] is not None):
         size = np.abs(gained).sum(axis=1).max() + np.abs(given).max()
-        given[np.abs(given[:, 0] - _passed(run, 0)) > ROUNDING * size] = np.nan
+        met = run.contacts["t_begin"][run.contacts["pair"] == scene.n_pairs - 1].min(initial=np.inf)
+        touched = (run.time >= met) | (run.gap[0, -1] <= 0.0)
+        given[touched & (np.abs(given[:, 0] - _passed(run, 0)) > ROUNDING * size)] = np.nan
     given[:, 1] = below[:, -1] - given[:, 0]
     return given
 

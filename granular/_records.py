@@ -31,7 +31,7 @@ NODE = np.dtype([("due", float), ("key", int)], align=True)
 LAST = 1 << 62
 """Key of the empty leaves, behind all others."""
 FEW = 64
-"""Records that are made plain one by one; more, field by field."""
+"""Records that are made plain, or put in order, without looking whether that can be done better."""
 
 
 def plain(records: Records) -> list[Any]:
@@ -58,7 +58,7 @@ def packed(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[A
 def copied(records: Records) -> Records:
     """Return a copy of records of either kind, with all that they hold."""
     if isinstance(records, np.ndarray):
-        return raw(records).copy().view(records.dtype)
+        return np.frombuffer(bytearray(records.tobytes()), records.dtype) if records.size else records.copy()
     held = map(_fields_of(type(records[0]).dtype), records) if records else ()
     return [type(records[0])(*(x[:] if isinstance(x, list) else x for x in values)) for values in held]
 

@@ -75,7 +75,7 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
         return _in_range(_dashpot(known.form[0], known.form[2], pair, v), v)
     if known.form is not None and known.form[2] == 0.0 and SLOWEST <= v <= FASTEST:
         return _in_range(_elastic_power(known.form[0], known.form[1], pair, v), v)
-    if is_bilinear(law) and SLOWEST <= v <= FASTEST:
+    if is_bilinear(known) and SLOWEST <= v <= FASTEST:
         return _in_range(Collision(*law.isolated(pair, v)), v)
     return _integrated(law, pair, v)
 
@@ -127,17 +127,17 @@ def steady(known: PairLaw) -> float | None:
     """ε if it is known to be the same at every speed, else None."""
     zeta = damping_ratio(known)
     if zeta is None:
-        return float(known.law.restitution()) if is_bilinear(known.law) else None
+        return float(known.law.restitution()) if is_bilinear(known) else None
     return dashpot.restitution(zeta)
 
 
-def is_bilinear(law: Any) -> bool:
-    """Return whether a law is `WaltonBraun`, and none that is made of it."""
-    if not getattr(law, "memory", False):
+def is_bilinear(known: PairLaw) -> bool:
+    """Return whether the law is `WaltonBraun`, and none that is made of it."""
+    if not known.memory:
         return False
     from granular.laws.springs import WaltonBraun
 
-    return type(law) is WaltonBraun
+    return type(known.law) is WaltonBraun
 
 
 def damping_ratio(known: PairLaw) -> float | None:

@@ -21,6 +21,8 @@ with suppress(ImportError):  # files marked `core` do without
     settings.load_profile("same")
 MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines"
 """Files that have machine code made for nearly all that others need."""
+TAKERS = "test_costs", "test_costs_hard", "test_levels", "test_sweeps"
+"""Files that need much of it: the other worker must not come to them while it is being made."""
 PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"MAKING_LOOK": math.inf},
             "md.fixed.run": {"MAKING": math.inf}, "edmd.run": {"VERY_LONG": math.inf},
             "sweeps.schedule": {"MAKING": math.inf}, "_progress": {"PATIENCE": TIMEOUT_MAX}}
@@ -37,12 +39,13 @@ def turn():
 
 
 def pytest_collection_modifyitems(config, items):
-    """Have the makers run first, all by one worker: from an empty cache, the other would make the same code again.
+    """Have the makers run first, all by one worker, and the takers last: from an empty cache, the other worker would
+    make the same code again.
 
     Of cases marked `thirds` a run of whole folders has each third one, which by commit and, for single ones, by name,
     its soak the others; of files, all.
     """
-    items.sort(key=lambda item: item.path.stem not in MAKERS)
+    items.sort(key=lambda item: (item.path.stem not in MAKERS) + (item.path.stem in TAKERS))
     if all(Path(name).is_dir() for name in config.args):
         count = Counter()
         for item in items:

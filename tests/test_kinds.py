@@ -336,3 +336,31 @@ def test_zeros_of_both_signs_and_laws_with_a_trait_of_their_own_are_told_apart()
     of_laws.checked(gr.LinearDashpot(5e6, 0.0), scene)
     with pytest.raises(ValueError, match="trait says"):
         of_laws.checked(odd, scene)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_records_remembered_with_laws_are_those_of_the_scene(seed):
+    """Scenes of the same laws in any order, with other places, speeds, masses, gravity, ends and ways: as alone."""
+    rng = np.random.default_rng(seed)
+    scene = gr.scenes.three_balls(gap=1e-4)
+    mass = scene.mass.copy()
+    mass[1:] = 1.0, 2.0
+    law = [gr.LinearDashpot(1e6, 20.0), gr.ViscoelasticHertz(1e8, 1e3)][seed % 2]
+    free = scene.replace(mass=[2.0, 1.0, 2.0], gravity=0.0)  # the same m_eff of pair 1
+    asked = [
+        (one.replace(gap=rng.uniform(1e-5, 1e-3, 2), velocity=np.array([0.0, -1.0, -1.5]) * rng.uniform(0.5, 2.0)), how)
+        for one in (scene.replace(mass=mass), scene.replace(mass=mass, gravity=1.0), free,
+                    free.replace(mass=[1.0, 2.0, 1.0]), scene.replace(mass=mass, radius=2.0 * scene.radius))
+        for how in ({}, {"until": gr.until.contact(1, 1)}, {"until": gr.until.separated()}, {"tol": 1e-9},
+                    {"max_events": 1}, {"disturbed": "stop"}, {"samples": 5}, {"log": False})]
+
+    def result(one, how):
+        run = gr.md.simulate(one, law, t_end=0.01, engine="plain", **how)
+        return run.message, run.gap.tobytes(), run.velocity.tobytes(), run.contacts.tobytes(), repr(run.stats)
+
+    alone = []
+    for one, how in asked:
+        of_laws._remembered.cache_clear()
+        alone.append(result(one, how))
+    for i in rng.integers(0, len(asked), 30).tolist():
+        assert result(*asked[i]) == alone[i]

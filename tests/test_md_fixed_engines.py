@@ -10,6 +10,7 @@ from condition import response
 from own_laws import OwnDashpot
 
 import granular as gr
+from granular.md.fixed import abreast
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.stepper import Stepper
 
@@ -35,7 +36,7 @@ class Swapped(OwnDashpot):
         return (xi + self.gamma / self.k * xi_dot) * self.k
 
 
-TO_COMPILE = dict.fromkeys(ALL, (0, 1, 2)) | {"verlet": (0, 1, 2, 6, 8)}
+TO_COMPILE = dict.fromkeys(ALL, (0, 1, 2)) | {"verlet": (0, 1, 2, 3, 6, 8)}
 """Which of the laws in `drawn` run compiled, too: of each kind one, but such as are a C function with one method."""
 
 
@@ -137,13 +138,49 @@ def test_engines_and_windows_give_the_same_bits(method, monkeypatch):
     pytest.param(method, seed, marks=[pytest.mark.soak] * (method in SELDOM))
     for method, seeds in LONG.items() for seed in seeds
 ])
-def test_long_chains_give_the_bits_of_one_window(method, seed):
-    """Compiled, a chain of more than 326 pairs goes in windows; interpreted it is one."""
+def test_long_chains_give_the_bits_of_one_window(method, seed, monkeypatch):
+    """Compiled, a long chain goes in windows; interpreted it is one."""
     scene, law = some_chain(seed)
     few = {"max_events": 1 + 5 * scene.n} if seed % 5 == 0 else {}
     for log in (True, False):
         options = {"method": method, "t_end": 0.004, "dt": 1e-4, "log": log, "samples": 3} | few
-        same(*(run(scene, law, engine=engine, **options) for engine in ("plain", "compiled")))
+        plain = run(scene, law, engine="plain", **options)
+        with monkeypatch.context() as patch:
+            in_windows(patch, 274)
+            same(plain, run(scene, law, engine="compiled", **options))
+
+
+@pytest.mark.parametrize("options", [{"log": False}, {"samples": 5}, {"until": gr.until.contact(200, 2)},
+                                     {"max_events": 300}])
+@pytest.mark.parametrize("ring", [False, True])
+def test_however_many_threads_step_a_chain_the_bits_are_the_same(ring, options, monkeypatch):
+    """Windows, logs and limits as in one thread; a row at rest is hit on the way."""
+    n, random = 900, np.random.default_rng(7)
+    gap, v = np.where(random.random(n) < 0.3, 0.0, random.uniform(0.0, 1e-2, n)), random.normal(size=n)
+    gap[300:320], v[301:320] = 0.0, 0.0
+    scene = gr.Scene([1.0] * n, [0.1] * n, gap[: n - 1 + ring], v, ring=ring)
+    monkeypatch.setattr(Stepper, "_block", lambda self: 90)
+    runs, met = [], 0
+
+    def counted(*given):
+        nonlocal met
+        met += 1
+        return take_steps(*given)
+
+    take_steps = abreast.MARCH["take_steps"]
+    monkeypatch.setitem(abreast.MARCH, "take_steps", counted)
+    for parts in (1, 2, 5):
+        monkeypatch.setattr(abreast, "parts", lambda pairs, parts=parts: parts)
+        runs.append(run(scene, gr.LinearDashpot(1e5, 5.0), dt=2e-4, t_end=0.05, engine="compiled", **options))
+        assert (met > 0) is (parts > 1)
+    same(*runs[:2])
+    same(*runs[1:])
+    assert runs[0].stats["contacts"] > 100
+
+
+def test_short_chains_are_stepped_in_one_thread(monkeypatch):
+    monkeypatch.setattr(abreast, "cores", lambda: 8)
+    assert [abreast.parts(pairs) for pairs in (1, 39_999, 40_000, 60_000, 10**6)] == [1, 1, 2, 3, 8]
 
 
 def test_a_log_that_is_full_is_handed_over_in_time(monkeypatch):

@@ -32,7 +32,7 @@ def stubbed(monkeypatch):
         asked.append(what)
 
     monkeypatch.setattr(cases.Case, "simulate", lambda case, engine, **end: note(
-        (frozenset(_kernels.flags(case.scene)), engine, *sorted(case.run.items()))))
+        (frozenset(_kernels.flags(case.scene)), (engine, type(case.law).__name__), *sorted(case.run.items()))))
     monkeypatch.setattr(many, "solve_many", lambda *cells, **end: note(MAPS))
     monkeypatch.setattr(warm, "load_numba", lambda: SimpleNamespace(core=SimpleNamespace(event=event)))
     monkeypatch.setattr(info, "kept", lambda: "the folder")

@@ -18,6 +18,7 @@ from granular._kernels import flags, load_numba
 from granular.cases.case import Option
 from granular.cli import info
 from granular.cli.parser import Command
+from granular.laws import Hertz
 from granular.md.located import many
 from granular.rules import ConstantRestitution
 
@@ -28,8 +29,10 @@ WAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "hard, no log": ("edmd", {"log": False}),
     "soft": ("md", {"samples": 50}),
     "fixed steps": ("md", {"method": "verlet"}),
-    "fixed steps, no log": ("md", {"method": "verlet", "log": False})}
-"""What has machine code of its own: an engine, and options. Hard balls collapse."""
+    "fixed steps, no log": ("md", {"method": "verlet", "log": False}),
+    "elastic": ("md", {"method": "verlet"}),
+    "elastic, no log": ("md", {"method": "verlet", "log": False})}
+"""What has machine code of its own: an engine, and options. Hard balls collapse; elastic ones take fixed steps."""
 END: dict[str, Any] = {"t_end": 5.0, "until": None, "max_events": 1000}
 """Enough for a run to call all that it may."""
 
@@ -58,7 +61,8 @@ def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
     """Return what calls all kernels that runs of a scene need, and maps if they are open to it, by what they are."""
     scene, rule = case.scene, ConstantRestitution(0.1)
     runs: dict[str, Callable[[], object]] = {
-        kind: partial(cases.Case(scene, case.law, rule, run={"engine": "compiled"} | options).simulate, engine, **END)
+        kind: partial(cases.Case(scene, Hertz(1e6) if "elastic" in kind else case.law, rule,
+                                 run={"engine": "compiled"} | options).simulate, engine, **END)
         for kind, (engine, options) in WAYS.items()}
     cells = many.Scenes(scene.mass, scene.gap, scene.velocity, [[1e6, 1.0, 1.0, 0.0]], scene.gravity)
     return runs if flags(scene) else runs | {"maps": partial(many.solve_many, cells, t_end=END["t_end"])}

@@ -115,6 +115,7 @@ def _remembered(floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: 
     laws.sound = all(one.form is not None for one in laws.each)
     if laws.sound:
         _check_said(laws)
+        laws.notes["records"] = None  # of the engine that solves a scene of these laws; None while there are none
     return laws
 
 

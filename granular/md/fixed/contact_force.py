@@ -2,11 +2,11 @@
 May be skipped: faster, same results.
 
 They are called as ``force(physics, lo, j, xi, xi_dot, a)`` for the pair at place `j` of a window that begins at pair
-`lo`, and return the unclipped force, 0 of an open pair. Laws of the form k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) become part of
-the march itself, interpreted and compiled. All others are `asked` as objects where a run is interpreted, and `called`
-as one C function where it is compiled: the law's own method, compiled with a record of its fields in place of `self`.
-It is the same source, hence the same bits. The function has one fixed type whatever the law, so a march that takes it
-is compiled once and cached, and a new law costs only its own few lines.
+`lo`, and return the unclipped force, 0 of an open pair. Laws of the form k ξ + γ ξ̇, √ξ (k ξ + γ ξ̇) or that of Tsuji
+become part of the march itself, interpreted and compiled. All others are `asked` as objects where a run is interpreted,
+and `called` as one C function where it is compiled: the law's own method, compiled with a record of its fields in place
+of `self`. It is the same source, hence the same bits. The function has one fixed type whatever the law, so a march that
+takes it is compiled once and cached, and a new law costs only its own few lines.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 
 from granular._kernels import HEATED, RING, kernel, load_numba
 from granular.laws.kinds import SceneLaws
+from granular.md.fixed.window import DAMPED
 from granular.scene import Pairs
 
 WIDTH = 12
@@ -35,9 +36,18 @@ Called = namedtuple("Called", "function law pair")
 def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
     """k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇)."""
     x = xi if xi > 0.0 else 0.0
-    f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot
+    f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot if DAMPED else a.k[j + 1] * x
     if physics.root:
         f = math.sqrt(x) * f
+    return f if xi > 0.0 else 0.0
+
+
+@kernel
+def tsuji(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
+    """k ξ √ξ + γ ξ^(1/4) ξ̇, rounded as the law rounds it."""
+    x = xi if xi > 0.0 else 0.0
+    root = math.sqrt(x)
+    f = a.k[j + 1] * x * root + a.gamma[j + 1] * math.sqrt(root) * xi_dot
     return f if xi > 0.0 else 0.0
 
 
@@ -62,12 +72,13 @@ def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> A
     return laws.function(laws.law[c], xi, xi_dot, a.top[j + 1] if a.top[j + 1] > xi else xi, laws.pair[c])
 
 
-def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool] | None:
-    """Return k and γ of all pairs, and whether √ξ is a factor: what `power` takes, if all laws are of one such form."""
-    for p, d in ((1.0, 0.0), (1.5, 0.5)):
+def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool, Any] | None:
+    """Return k and γ of all pairs, whether √ξ is a factor, and the kernel that takes them, if all laws are of one such
+    form."""
+    for p, d, force in ((1.0, 0.0, power), (1.5, 0.5, power), (1.5, 0.25, tsuji)):
         if all(law.form and law.form[1] == p and (law.form[3] == d or not law.form[2]) for law in laws.each):
             k, _, gamma, _ = laws.column(lambda law: law.form).T
-            return k, gamma, p == 1.5
+            return k, gamma, p == 1.5, force
     return None
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from granular._kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.fixed.contact_force import asked as force
-from granular.md.fixed.window import END, HALF, LAST, LOGGED, MIDDLE, WHOLE, arrive, close, steer
+from granular.md.fixed.window import DAMPED, END, HALF, LAST, LOGGED, MIDDLE, START, WHOLE, close, steer
 
 CHANGED, CLOSED = 1, 2
 
@@ -36,35 +36,32 @@ def pendulum_acceleration(i: int, below: float, above: float, a: Any) -> Any:
 
 
 @kernel
-def noted(j: int, half: float, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
-    """Note the largest overlap of pair `j` after a step, for a log also peaks and impulse; return flags."""
+def noted(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
+    """Note the largest overlap of pair `j` after a step, for a log also peaks; return flags."""
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
     if LOGGED:
-        before, after = was if was > 0.0 else 0.0, raw if raw > 0.0 else 0.0
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
-        a.force_max[j + 1] = after if after > a.force_max[j + 1] else a.force_max[j + 1]
-        a.impulse[j + 1] += half * (before + after)
+        a.force_max[j + 1] = raw if raw > a.force_max[j + 1] else a.force_max[j + 1]
     opened, closed = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
     return (opened ^ closed) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * closed
 
 
 @kernel
-def neighbours(m: int, a: Any) -> None:
-    """Note which pairs have a neighbour that pushes, and which are closed together with the next one: asked only where
-    that may have changed."""
+def beside(m: int, a: Any) -> None:
+    """Note which pairs are closed together with the next one: asked only where that may have changed."""
     for j in range(m):
         both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
-        a.pushed[j + 1] = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
         a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
 
 
 @kernel
-def share(m: int, half: float, a: Any) -> None:
-    """Note the impulse exchanged beside a neighbour that pushes."""
-    for j in range(m):
-        before = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0
-        after = a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
-        a.shared[j + 1] += half * (before + after) if a.pushed[j + 1] > 0.0 else 0.0
+def share(j: int, half: float, a: Any) -> None:
+    """Note the impulse of pair `j` in a step of twice `half`: beside a neighbour that pushes, for a log all."""
+    before, after = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0, a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
+    pushed, impulse = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2], half * (before + after)
+    a.shared[j + 1] += impulse if pushed > 0.0 else 0.0
+    if LOGGED:
+        a.impulse[j + 1] += impulse
 
 
 @kernel
@@ -76,7 +73,7 @@ def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
     if LOGGED or WORKED:
         a.was_xi[j + 1] = was_xi
     a.was_raw[j + 1], a.xi[j + 1], a.raw[j + 1] = was, xi, raw
-    return noted(j, 0.5 * physics.dt, was_xi, xi, was, raw, a)
+    return noted(j, was_xi, xi, was, raw, a)
 
 
 @kernel
@@ -89,42 +86,44 @@ def half_way(dt: float, m: int, a: Any) -> None:
     """Begin the first of several Verlet steps."""
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
-        a.half[i + 1], a.guess[i + 1] = a.v[i + 1] + 0.5 * dt * acc, a.v[i + 1] + dt * acc
+        a.half[i + 1] = a.v[i + 1] + 0.5 * dt * acc
+        if DAMPED:
+            a.guess[i + 1] = a.v[i + 1] + dt * acc
 
 
 @kernel
-def kick(i: int, dt: float, below: float, above: float, a: Any) -> None:
-    """End a Verlet step of ball i between two forces, and begin the next."""
+def kick(i: int, dt: float, a: Any) -> None:
+    """End a Verlet step of ball i, and begin the next."""
     if HUNG:
         a.off[i + 1] += dt * a.half[i + 1]
-    acc, half = ball_acceleration(i, below, above, a), 0.5 * dt
+    acc, half = ball_acceleration(i, a.raw[i], a.raw[i + 1], a), 0.5 * dt
     v = a.half[i + 1] + half * acc
-    if LOGGED or WORKED:
-        a.was_v[i + 1] = a.v[i + 1]
-    a.v[i + 1] = v
-    a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
+    a.v[i + 1], a.half[i + 1] = v, v + half * acc
+    if DAMPED:
+        a.guess[i + 1] = v + dt * acc
 
 
 @kernel
 def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
     """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too.
 
-    One loop: ball j is between pairs that have both moved. Its outer balls wait for the pair beyond the end of a ring.
+    The velocities of a step ago are kept only where a contact begins or ends, or walls do work.
     """
     if DRIVEN:
-        steer(physics, lo, m, WHOLE, END, a)
-    dt = physics.dt
-    flags, below = move_pair(physics, lo, 0, a), a.raw[1]
-    for j in range(1, m):
+        steer(physics, lo, m, a.half, WHOLE, a.guess, END)
+    flags, dt, half = 0, physics.dt, 0.5 * physics.dt
+    for j in range(m):
         flags |= move_pair(physics, lo, j, a)
-        above = a.raw[j + 1]
-        kick(j, dt, below, above, a)
-        below = above  # in hand, not read again: so compilers turn the loop into vector code
     close(physics, m, a)
-    kick(0, dt, a.raw[0], a.raw[1], a)
-    kick(m, dt, a.raw[m], a.raw[m + 1], a)
+    if WORKED or (LOGGED and flags & CHANGED):
+        for i in range(m + 1):
+            a.was_v[i + 1] = a.v[i + 1]
+    for j in range(m):
+        kick(j, dt, a)
+        share(j, half, a)
+    kick(m, dt, a)
     if DRIVEN:
-        arrive(physics, lo, m, END, a)
+        steer(physics, lo, m, a.was_v, START, a.v, END)
     return flags
 
 
@@ -138,14 +137,16 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
             a.was_v[i + 1] = a.v[i + 1]
         a.v[i + 1] = a.half[i + 1] = a.guess[i + 1] = v
     if DRIVEN:
-        arrive(physics, lo, m, END, a)
-        steer(physics, lo, m, WHOLE, END, a)
+        steer(physics, lo, m, a.was_v, START, a.v, END)
+        steer(physics, lo, m, a.half, WHOLE, a.guess, END)
     for j in range(m):
         flags |= move_pair(physics, lo, j, a)
     if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += dt * a.half[i + 1]
     close(physics, m, a)
+    for j in range(m):
+        share(j, 0.5 * dt, a)
     return flags
 
 
@@ -156,12 +157,11 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
-    if HUNG:
-        for i in range(m + 1):
+        if HUNG:
             a.sway[i + 1] += weight * a.half[i + 1]
             a.off[i + 1] = a.start[i + 1] + reach * a.half[i + 1]
     if DRIVEN:
-        steer(physics, lo, m, drift, speed, a)
+        steer(physics, lo, m, a.half, drift, a.guess, speed)
     for j in range(m):
         rate = a.half[j + 1] - a.half[j + 2]
         a.rate[j + 1] += weight * rate
@@ -174,10 +174,8 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     """Classical Runge-Kutta of order 4."""
     flags, dt, half, sixth = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0
     for i in range(m + 1):
-        a.was_v[i + 1] = a.guess[i + 1] = a.v[i + 1]
-        a.acc[i + 1] = 0.0
-    if HUNG:
-        for i in range(m + 1):
+        a.was_v[i + 1], a.guess[i + 1], a.acc[i + 1] = a.v[i + 1], a.v[i + 1], 0.0
+        if HUNG:
             a.start[i + 1], a.sway[i + 1] = a.off[i + 1], 0.0
     for j in range(m):
         a.was_xi[j + 1], a.was_raw[j + 1], a.rate[j + 1] = a.xi[j + 1], a.raw[j + 1], 0.0
@@ -187,18 +185,19 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a.raw[i], a.raw[i + 1], a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
-    if HUNG:
-        for i in range(m + 1):
+        if HUNG:
             a.off[i + 1] = a.start[i + 1] + sixth * (a.sway[i + 1] + a.half[i + 1])
     if DRIVEN:
-        steer(physics, lo, m, LAST, END, a)
-        arrive(physics, lo, m, END, a)
+        steer(physics, lo, m, a.half, LAST, a.guess, END)
+        steer(physics, lo, m, a.was_v, START, a.v, END)
     for j in range(m):
         xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
-        flags |= noted(j, half, a.xi[j + 1], xi, a.was_raw[j + 1], raw, a)
+        flags |= noted(j, a.xi[j + 1], xi, a.was_raw[j + 1], raw, a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
     close(physics, m, a)
+    for j in range(m):
+        share(j, half, a)
     return flags
 
 
@@ -212,22 +211,20 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     flags, dt, half = 0, physics.dt, 0.5 * physics.dt
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
     if DRIVEN:
-        arrive(physics, lo, m, WHOLE, a)
+        steer(physics, lo, m, a.was_v, START, a.v, WHOLE)
     for j in range(m):
         rate, pull = a.v[j + 1] - a.v[j + 2], a.acc[j + 1] - a.acc[j + 2]
         later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
         a.was_xi[j + 1] = a.xi[j + 1]
         a.xi[j + 1] += dt * rate + d2 * pull + later + d4 * (a.snap[j + 1] - a.snap[j + 2])
-    if HUNG:
-        for i in range(m + 1):
-            a.off[i + 1] += dt * a.v[i + 1] + d2 * a.acc[i + 1] + d3 * a.jerk[i + 1] + d4 * a.snap[i + 1]
     for i in range(m + 1):
         v, acc, jerk, snap = a.v[i + 1], a.acc[i + 1], a.jerk[i + 1], a.snap[i + 1]
+        if HUNG:
+            a.off[i + 1] += dt * v + d2 * acc + d3 * jerk + d4 * snap
         a.was_v[i + 1], a.v[i + 1] = v, v + (dt * acc + d2 * jerk + d3 * snap)
-        a.acc[i + 1] = acc + dt * jerk + d2 * snap
-        a.jerk[i + 1] = jerk + dt * snap
+        a.acc[i + 1], a.jerk[i + 1] = acc + dt * jerk + d2 * snap, jerk + dt * snap
     if DRIVEN:
-        arrive(physics, lo, m, END, a)
+        steer(physics, lo, m, a.was_v, START, a.v, END)
     for j in range(m):
         a.was_raw[j + 1] = a.raw[j + 1]
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
@@ -239,14 +236,15 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.v[i + 1] += 0.375 * dt * miss
         a.jerk[i + 1] += 1.5 / dt * miss
         a.snap[i + 1] += 1.0 / (dt * dt) * miss
-    if HUNG:
-        for i in range(m + 1):
-            a.off[i + 1] += 19.0 / 180.0 * dt * dt * a.half[i + 1]
+        if HUNG:
+            a.off[i + 1] += 19.0 / 180.0 * dt * dt * miss
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
-        flags |= noted(j, half, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
+        flags |= noted(j, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
     close(physics, m, a)
+    for j in range(m):
+        share(j, half, a)
     return flags
 
 

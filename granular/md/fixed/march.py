@@ -15,14 +15,14 @@ from typing import Any
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
 
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
-from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, neighbours, share, verlet as step
+from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
 from granular.md.fixed.notes import log_contacts, may_log_alone
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 """Why `march` returned: steps used up, every pair open, log buffer full, stop condition, too many hits in a step."""
-REACH = 24
+REACH = 96
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
 """Of the forces in a step."""
@@ -34,8 +34,7 @@ NO_PAIR = -1
 def remember(m: int, a: Any) -> None:
     """Note the largest overlaps of running contacts, which laws with memory ask for."""
     for j in range(m):
-        x = a.xi[j + 1] if a.xi[j + 1] > a.top[j + 1] else a.top[j + 1]
-        a.top[j + 1] = x if a.xi[j + 1] > 0.0 else 0.0
+        a.top[j + 1] = 0.0 if not a.xi[j + 1] > 0.0 else a.xi[j + 1] if a.xi[j + 1] > a.top[j + 1] else a.top[j + 1]
 
 
 @entry
@@ -43,7 +42,8 @@ def remember(m: int, a: Any) -> None:
 def take_steps(
     physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, noting: bool, watched_pair: int
 ) -> tuple[int, int]:
-    """Take up to `reach` steps of all windows from `here` to `there`, `noting` their contacts or leaving them as is.
+    """Take up to `reach` steps of the work's windows from `here` to `there`, `noting` their contacts or leaving them as
+    is.
 
     If they are noted, a chain in one window stops when all its pairs are open, and a longer one cannot go on alone if
     the pair `watched_pair` opens.
@@ -54,7 +54,7 @@ def take_steps(
         Steps taken, none if the windows cannot take them alone; flags of the last of them.
     """
     pairs, margin, taken, flags, a = len(here[XI]) - 2, reach * EVALUATIONS + 2, reach, 0, work.window
-    for first in range(0, pairs, physics.block):
+    for first in range(work.low, min(work.high, pairs), physics.block):
         stop = min(first + physics.block, pairs)
         lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
         if RING and not alone:
@@ -75,8 +75,7 @@ def take_steps(
                 flags |= wall_flags
             step_flags = step(physics, lo, right, a)
             if done == 0 or step_flags & CHANGED or wall_flags & HIT:
-                neighbours(right, a)
-            share(right, 0.5 * physics.dt, a)
+                beside(right, a)
             if physics.memory:
                 remember(right, a)
             if WORKED:

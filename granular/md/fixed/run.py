@@ -62,7 +62,7 @@ class Run:
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
         self.chunk = max(1, CHUNK // scene.n_pairs)
-        self.toll = Toll(self.stepper.fit.march, LOADING, MAKING)
+        self.toll = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING, MAKING)  # march, or take_steps
         self.closing = Closing(scene, self.start, flattened=True)
 
     def time(self) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from granular._check import Array
 from granular._kernels import compiled, fitted, flags
 from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
-from granular.md.fixed import contact_force, march, window
+from granular.md.fixed import abreast, contact_force, march, window
 from granular.md.fixed.integrators import Integrator, pendulum_acceleration
 from granular.md.fixed.notes import STEP_ROW, log_contacts
 from granular.md.fixed.walls import HALT, HEATER, MOST, clock, flown, heaters, next_touch, packed_walls, walls_of
@@ -26,7 +27,7 @@ from granular.scene import Scene
 
 SWUNG = 1e-11
 """Part of the speed up to which pendula swing as they would freely: Gear's derivatives follow a little behind."""
-Code = namedtuple("Code", "march take_steps glide time_to_touch swing time_to_touch_hung")
+Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swing time_to_touch_hung")
 """The kernels of a run, as they stand or compiled."""
 
 
@@ -56,13 +57,15 @@ class Stepper:
         at_once: bool, start: float = 0.0,
     ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
+        self.crew: abreast.Crew | None = None
         self.flags = {name: holds for name, holds in flags(scene).items() if name != "FORCED"}  # which no kernel reads
         p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         form = contact_force.coefficients(laws)
-        self.force = contact_force.asked if form is None else contact_force.power
+        self.force = contact_force.asked if form is None else form[3]
         self.heaters = heaters(scene)
         self.walls = walls_of(scene, start) if "WORKED" in self.flags else None
+        self.parts = abreast.parts(p) if self.walls is None else 1  # walls that move leave notes for all windows
         held: Any = np.array if at_once else np.ndarray.tolist
         state, given = self._state(start, logged, memory), self._given(form)
         self.here, self.there, self.pull = held(state), held(state), held(scene.pull)
@@ -92,11 +95,11 @@ class Stepper:
                 state[V, body + 1] = v
         return state
 
-    def _given(self, form: tuple[Any, Any, bool] | None) -> Array:
+    def _given(self, form: tuple[Any, Any, bool, Any] | None) -> Array:
         """Rows of what does not change; a thermal wall has no stiffness."""
         scene = self.scene
         given = np.zeros((1 + window.SQUARE, scene.n_pairs + 2))
-        given[window.K, 1:-1], given[window.GAMMA, 1:-1], _ = form or (1.0 * scene.heated, 0.0, False)
+        given[window.K, 1:-1], given[window.GAMMA, 1:-1], *_ = form or (1.0 * scene.heated, 0.0)
         square = np.where(scene.is_wall, 0.0, scene.pendulum**2)
         given[window.INVERSE_MASS :, 1:] = list(map(self._around, (scene.inverse_mass, scene.fall, square)))
         for wall in self.heaters:
@@ -129,9 +132,10 @@ class Stepper:
         fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
         if self.rest is not None:
             fit["ball_acceleration"] = pendulum_acceleration
-        fit |= self.flags | {"LOGGED": self.physics.logged}
-        return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), window.glide, window.time_to_touch,
-                    window.swing, window.time_to_touch_hung)
+        fit |= self.flags | {"LOGGED": self.physics.logged, "DAMPED": force is not contact_force.power
+                             or bool(np.any(self.physics.given[window.GAMMA]))}
+        return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **fit),
+                    window.glide, window.time_to_touch, window.swing, window.time_to_touch_hung)
 
     def _fall(self) -> Array:
         """Acceleration of every ball without contacts in m/s²."""
@@ -151,7 +155,7 @@ class Stepper:
         ImportError, NotCompilableError
             If numba is missing or a law does not compile.
         """
-        laws = 0 if self.force is contact_force.power else contact_force.records(self.laws, self.scene.pairs)
+        laws = 0 if self.force is not contact_force.asked else contact_force.records(self.laws, self.scene.pairs)
         self.code = Code(*map(compiled, self.fit))  # what may fail: before anything changes
         walls = 0 if self.walls is None else packed_walls(self.walls)
         heat = packed(self.heaters, HEATER) if self.heaters else 0
@@ -159,11 +163,26 @@ class Stepper:
                                              walls=walls, heat=heat)
         self.rest = None if self.rest is None else np.array(self.rest)
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
-        record, work = np.zeros(1, WINDOW), self.work
-        rows, log = record.view(float).reshape(len(ROWS), window.LENGTH), packed(work.log, STEP_ROW)
-        parts = {"rows": rows, "was": rows[window.WAS :], "given": rows[window.GIVEN :]}
-        self.work = work._replace(window=one(record), ended=np.array(work.ended), log=log, **parts)
+        self.work = self._packed(self.work, packed(self.work.log, STEP_ROW))
         self.compiled = True
+        if self.parts > 1:
+            self._spread(self.parts)
+
+    def _packed(self, work: Work, log: Any, **more: int) -> Work:
+        """What is worked with in compiled code, with a window of its own."""
+        record = np.zeros(1, WINDOW)
+        rows = record.view(float).reshape(len(ROWS), window.LENGTH)
+        return work._replace(window=one(record), rows=rows, was=rows[window.WAS :], given=rows[window.GIVEN :],
+                             ended=np.array(work.ended), log=log, **more)
+
+    def _spread(self, parts: int) -> None:
+        """Let the windows be stepped in so many parts at once."""
+        pairs, block = self.scene.n_pairs, self.physics.block
+        ends = [-(-pairs * i // (parts * block)) * block for i in range(parts + 1)]
+        works = [self._packed(self.work, np.zeros(pairs // parts * self.physics.logged, STEP_ROW), low=low, high=high)
+                 for low, high in pairwise(ends)]
+        self.crew = abreast.crew(self.work, works, self.code)
+        self.code = self.code._replace(march=fitted(self.fit.march, **abreast.MARCH))
 
     def _block(self) -> int:
         """How many pairs a window stands for, beside its margins."""
@@ -180,7 +199,8 @@ class Stepper:
 
     def march(self, k: int, steps: int, room: int) -> tuple[int, int]:
         """Take up to `steps` steps from step number `k`; see `granular.md.fixed.march.march`."""
-        why, k, turned = self.code.march(self.physics, self.here, self.there, self.work, k, steps, room)
+        work = self.crew or self.work
+        why, k, turned = self.code.march(self.physics, self.here, self.there, work, k, steps, room)
         if turned:
             self.here, self.there = self.there, self.here
         return why, int(k)

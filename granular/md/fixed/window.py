@@ -19,15 +19,16 @@ import numpy as np
 from granular._flight import gap_after, hung, hung_after, time_to_contact
 from granular._kernels import RING, kernel
 
-LENGTH = 328
-"""Entries of a row of a window: all rows should fit in the first-level cache (48 kB)."""
+LENGTH = 2008
+"""Entries of a row of a window: all rows should fit in the second-level cache. No power of two: rows would begin at the
+same places of it."""
 ROWS = (
     "xi", "raw", "v", "deepest", "beside", "shared",
     "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
     "top", "acc", "jerk", "snap",
     "lost", "lost_low", "work", "work_low", "heat", "heat_low", "off",
     "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square",
-    "half", "guess", "pushed", "rate", "start", "sway",
+    "half", "guess", "rate", "start", "sway",
 )
 """Overlap, unclipped force, velocity. Over the whole run: largest overlap, an overlap of the pair and the next one
 together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
@@ -37,8 +38,7 @@ acceleration and higher derivatives of the velocity. Where walls are driven or h
 work and the heat of the wall that is its lower body, or of a ceiling, in two floats each. Of pendula: displacements.
 
 In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations, squares of Ω;
-velocities within a step; the greater of the forces beside a pair; a sum of Runge and Kutta, displacements at the start
-of their step, and the sum for these."""
+velocities within a step; a sum of Runge and Kutta, displacements at the start of their step, and the sum for these."""
 (
     XI, RAW, V, DEEPEST, BESIDE, SHARED,
     XI_MAX, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
@@ -46,7 +46,9 @@ of their step, and the sum for these."""
 ) = range(26)
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
 LOGGED: bool = False
-"""A log is kept: kernels note peaks, and the state a step ago. `Stepper` has kernels made in which it says so."""
+"""A log is kept: kernels note peaks, and the state before a change. `Stepper` has kernels made in which it says so."""
+DAMPED: bool = True
+"""Forces see velocities; said as `LOGGED` is."""
 WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
 WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
 HALF, WHOLE, LAST, START, MIDDLE, END = range(6)
@@ -62,9 +64,10 @@ Physics = namedtuple("Physics", "laws given root dt logged memory block walls ri
 accelerations and squares of Ω, and whether √ξ is a factor of k ξ + γ ξ̇; time step; whether a log is kept, and whether
 laws have memory; pairs that a window stands for; walls that move, or 0; pairs of a ring, or 0; thermal walls, or
 0: see `walls`."""
-Work = namedtuple("Work", "window rows was given ended log pair nth")
+Work = namedtuple("Work", "window rows was given ended log pair nth low high", defaults=(0, MOST))
 """The window, by name, as rows, as those of a step ago, as those that are given; how many contacts ended (1,), and
-their rows; at the onset of which contact of a pair to stop (-1: of none)."""
+their rows; at the onset of which contact of a pair to stop (-1: of none); the pairs it is for, from one to before
+another."""
 
 
 @kernel
@@ -118,23 +121,14 @@ def store(lo: int, first: int, stop: int, work: Any, x: Any) -> None:
 
 
 @kernel
-def steer(physics: Any, lo: int, m: int, drift: int, speed: int, a: Any) -> None:
-    """Give driven walls in a window their drift in a step or stage, and the velocity that forces see at its end."""
+def steer(physics: Any, lo: int, m: int, row: Any, this: int, other: Any, that: int) -> None:
+    """Give driven walls in a window, in two of its rows, velocities of this step: drift and what forces see, or those
+    at its start and at its end."""
     walls = physics.walls
     for i in range(len(walls.bodies)):
-        place, row = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
+        place, given = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
         if 0 <= place <= m:
-            a.half[place + 1], a.guess[place + 1] = row[drift], row[speed]
-
-
-@kernel
-def arrive(physics: Any, lo: int, m: int, speed: int, a: Any) -> None:
-    """Give driven walls in a window a velocity, at the end of a step that of their path."""
-    walls = physics.walls
-    for i in range(len(walls.bodies)):
-        place, row = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
-        if 0 <= place <= m:
-            a.was_v[place + 1], a.v[place + 1] = row[START], row[speed]
+            row[place + 1], other[place + 1] = given[this], given[that]
 
 
 def copied(x: Any) -> Any:

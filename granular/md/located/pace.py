@@ -69,11 +69,12 @@ class Pace:
     def __init__(self, run: Any) -> None:
         self.run, self.chunk = run, max(1, min(PLAIN, AT_FIRST // run.scene.n_pairs))
         self.trials, self.time, self.step, self.stalled = 0, float(run.counters["t"]), 0.0, False
+        self.begun = 0.0  # s of processor time at the end of the last portion, if there was one that did not do
         self.seen = -math.inf  # s, how far the run had come at the last look
 
     def advanced(self, limit: float) -> int:
         """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
-        run, begun = self.run, process_time()
+        run = self.run
         most = COMPILED if run.engine == "compiled" else PLAIN if run.collocation is None else OWN
         self.chunk = min(1 if run.request.singly else most, self.chunk)
         for _ in range(PLAIN):
@@ -82,8 +83,12 @@ class Pace:
                 why = looked_at(run.s, limit, run.kernels, self.seldom)
             if why != WANTS_LOOK:
                 break
-        self.chunk = portion(self.chunk, process_time() - begun)
-        return MORE if why == WANTS_LOOK else why
+        if why in (MORE, WANTS_LOOK):
+            begun, self.begun = self.begun, process_time()
+            if begun > 0.0:
+                self.chunk = portion(self.chunk, self.begun - begun)
+            return MORE
+        return why
 
     def look_at_all(self) -> None:
         """Plan the blocks that wait for a look whether they creep."""

@@ -113,7 +113,9 @@ class Run:
         if s.field is None:  # no driven wall ever moves
             self.special.pop("DRIVEN", None)
         self.adds_up = IGNORE not in ways
-        self.pace, self.toll = Pace(self), Toll(self.fit(blocks.advance), LOADING, MAKING)
+        self.pace = Pace(self)
+        if engine == "auto":
+            self.toll = Toll(self.fit(blocks.advance), LOADING, MAKING)
         if engine == "compiled" or self.pays(LAUNCH * scene.n_pairs):
             self.compile()
         else:

@@ -16,7 +16,7 @@ import numpy as np
 
 from granular import until as stop
 from granular._contact_log import CONTACT_ROW
-from granular._kernels import RING, kernel
+from granular._kernels import RING, flags, kernel
 from granular._records import NODE, packed, plain, tournament
 from granular._roots import DEEPEST, workspace
 from granular.laws.kinds import SceneLaws, alike
@@ -145,11 +145,35 @@ def with_longer_log(s: System) -> System:
 
 
 def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float = 0.0, **limits: Any) -> System:
-    """Return the records of a scene at the start of its run, the time `start` in s."""
+    """Return the records of a scene at the start of its run, the time `start` in s.
+
+    Where laws are remembered, so are they: a scene that differs from the one before in gaps and velocities alone has
+    copies.
+    """
+    room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
+    if "records" not in laws.notes or flags(scene):
+        return _made(scene, laws, until, start, room, limits)
+    shape = scene.mass.tobytes(), scene.gravity, until, room, *limits.values()
+    known = laws.notes["records"]
+    if known is None or known[0] != shape:
+        made = _made(scene, laws, until, start, room, limits)
+        if "kinds" not in laws.notes:  # they hang on speeds
+            return made
+        known = laws.notes["records"] = shape, made, [records.tobytes() for records in made[:-2]]
+    held = [np.frombuffer(bytearray(bits), records.dtype) for bits, records in zip(known[2], known[1], strict=False)]
+    s = System._make([*held[:-1], held[-1].reshape(known[1].scratch.shape), None, None])
+    s.bodies["v"], s.pairs["xi"] = scene.velocity, -scene.gap
+    s.pairs["eta"] = -(scene.velocity[1:] - scene.velocity[:-1])
+    return s
+
+
+def _made(
+    scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float, room: int, limits: dict[str, Any]
+) -> System:
+    """Make the records of `system_of`."""
     if not 2.0 * float(scene.inverse_mass.max()) < math.inf:
         raise OverflowError("the inverse of a mass")
     kinds = kinds_of(laws, scene)
-    room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
     walls, lift = walls_of(scene, start, ROW) if scene.driven else None, None
     if scene.external_force is not None:
         lift = scene.external_force * scene.inverse_mass

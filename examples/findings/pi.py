@@ -1,0 +1,73 @@
+"""π by counting collisions: how far soft balls can count
+
+A ball of 1 kg rests 1 m before a wall; one of 100ᵈ kg comes at 1 m/s. The number of collisions, with the wall too, has
+the first digits of π. How many digits can be had of balls whose collisions take a time?
+
+:Published: ⌊π 10ᵈ⌋ collisions (Galperin, Regul. Chaotic Dyn. 8, 375 (2003)).
+:Hard spheres: 3, 31, 314, 3141, 31 415, 314 159, all with the first digits of π.
+:Newton: Springs come to 8, 26, 84, 266 contacts for k = 1e2, 1e4, 1e6, 1e8 N/m (840 for 1e10) and stay there, however
+    heavy the other ball: the light one is squeezed between ball and wall, and at last touches both all the time.
+    Yet they part as fast as the hard ones: what is lost are digits of π, not the outcome.
+:New: The law: 2.656 √(x₀ ω/V) with x₀ the distance from the wall, V the speed of the heavy ball, ω² = k/m of the light
+    one; its action ∮ p dx = 2 m V x₀ is kept, flight grows into oscillation, and each period counts two contacts.
+:Read: Two accounts of Galperin's billiard on the web; his paper is quoted from memory.
+"""
+
+import math
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import granular as gr
+
+STIFF = (1e2, 1e4, 1e6, 1e8)
+
+
+def balls(digits):
+    """A wall, a ball at rest 1 m beside it, and a ball of 100**digits kg that comes at 1 m/s from 1 m further."""
+    return gr.Scene([math.inf, 1.0, 100.0**digits], [0.0] * 3, [1.0, 1.0], [0.0, 0.0, -1.0])
+
+
+def counted(digits, k=math.inf):
+    """Number of collisions of hard balls, or of contacts of springs, and the speed at which the heavy one leaves."""
+    if k < math.inf:
+        run = gr.md.simulate(balls(digits), gr.LinearDashpot(k, gamma=0.0), log=False)
+    else:
+        run = gr.edmd.simulate(balls(digits), gr.ConstantRestitution(1.0), log=False)
+    return run.stats["contacts" if k < math.inf else "events"], run.velocity[-1, -1]
+
+
+def most(k):
+    """Number of contacts of a very heavy ball: u/V on the way in while the light one flies between contacts, until
+    u² = 2 V x₀ ω/π; then ∫ 2/T ds/V while the springs overlap by s, until it leaves neither; twice, for the way back.
+
+    In units of ω and of the ball's speed at the middle: there the stiffness is double, beyond s/2 only one spring acts.
+    """
+    s = np.linspace(0.0, math.sqrt(2.0), 4001)
+    half, far = s / math.sqrt(2.0), np.sqrt(1.0 + 0.5 * s**2)
+    within = (np.arcsin(half) + half * np.sqrt(1.0 - half**2)) / math.sqrt(8.0)
+    turn = np.arccos(s / far)
+    action = 4.0 * within + 2.0 * (far**2 * turn - s * np.sqrt(far**2 - s**2))
+    period, overlap = 4.0 * (np.arcsin(half) / math.sqrt(2.0) + turn), s / np.sqrt(action)
+    squeezed = np.sum(np.diff(overlap) * (1.0 / period[1:] + 1.0 / period[:-1]))
+    return 2.0 * math.sqrt(2.0 * math.sqrt(k)) * (1.0 / math.sqrt(math.pi) + squeezed)
+
+
+if __name__ == "__main__":
+    print("hard:", *(counted(digits)[0] for digits in range(6)))
+    for k in STIFF:
+        count, speed = counted(3, k)
+        print(f"k = {k:g} N/m: {count} contacts, {most(k):.1f} by the law; parts at {speed:.6f} m/s")
+    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
+    figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
+    digits = np.arange(0.0, 3.01, 0.25)
+    axes[0].loglog(100.0**digits, [counted(d)[0] for d in digits], color="#c1440e", label="hard, π √(M/m)")
+    for k, colour, name in zip(STIFF, ("#bcd3ea", "#8fb4d9", "#4f81b0", "#1f4e79"), "²⁴⁶⁸", strict=True):
+        axes[0].loglog(100.0**digits, [counted(d, k)[0] for d in digits], color=colour, label=f"soft, k = 10{name} N/m")
+    axes[0].set(xlabel="mass ratio M/m", ylabel="collisions", ylim=(2.0, 6e3))
+    axes[0].legend(fontsize=12)
+    axes[1].loglog(STIFF, [counted(3, k)[0] for k in STIFF], "o", color="#1f4e79", ms=11, label="Newton, M/m = 10⁶")
+    axes[1].loglog(STIFF, [most(k) for k in STIFF], color="#c8963e", label="2.656 √(x₀ ω/V)", zorder=0)
+    axes[1].set(xlabel="stiffness k, N/m", ylabel="contacts, however heavy the ball")
+    axes[1].legend()
+    figure.savefig("pi.png")
