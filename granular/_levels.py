@@ -121,8 +121,3 @@ class Watched:
         pause = Pause.reached if met == begin else run.to(met, True)
         run.row(met)  # the last that is read
         return Pause.until if pause is Pause.reached else pause
-
-
-def stopping(run: Any, between: Any) -> Any:
-    """Return the run; if a level ends it, one that is watched."""
-    return Watched(run, between) if isinstance(run.request.until, stop.LEVELS) else run

@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike
 from granular import _check, rules, until as stop
 from granular._contact_log import Event, one_by_one
 from granular._kernels import no_compiler
-from granular._levels import stopping
 from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
-from granular.edmd import levels
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -169,9 +167,19 @@ def simulate(
 
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene)
-        return drive(stopping(Run(physics, State.of(physics, start), queue, asked, watching), levels))
+        return drive(_stopping(Run(physics, State.of(physics, start), queue, asked, watching)))
 
     return in_time(solve, request)
+
+
+def _stopping(run: Run) -> Any:
+    """Return the run; if a level ends it, one that is watched: what watches is loaded then."""
+    if not isinstance(run.request.until, stop.LEVELS):
+        return run
+    from granular._levels import Watched
+    from granular.edmd import levels
+
+    return Watched(run, levels)
 
 
 def events(
@@ -239,7 +247,7 @@ def resume(
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene, saved)
         run = Run(physics, State.restored(physics, saved), queue, asked, watching)
-        return go_on(stopping(run, levels), trajectory)
+        return go_on(_stopping(run), trajectory)
 
     return in_time(solve, request)
 

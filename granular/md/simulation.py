@@ -16,11 +16,9 @@ from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
 from granular._contact_log import Event, one_by_one
-from granular._levels import stopping
 from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
-from granular.md.located import levels
 from granular.scene import Scene, checked
 from granular.scene.places import Closing, fitted
 from granular.trajectory import Status, Trajectory
@@ -163,8 +161,18 @@ def simulate(
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
     finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
     with _in_range(laws.given[0]):
-        return in_time(lambda asked: drive(stopping(
-            located.Run(scene, laws, asked, engine, finest, disturbed), levels)), request)
+        return in_time(lambda asked: drive(_stopping(
+            located.Run(scene, laws, asked, engine, finest, disturbed))), request)
+
+
+def _stopping(run: located.Run) -> Any:
+    """Return the run; if a level ends it, one that is watched: what watches is loaded then."""
+    if not isinstance(run.request.until, stop.LEVELS):
+        return run
+    from granular._levels import Watched
+    from granular.md.located import levels
+
+    return Watched(run, levels)
 
 
 def _requested(
@@ -268,9 +276,8 @@ def resume(
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)
     with _in_range(laws.given[0]):
-        return in_time(lambda asked: go_on(stopping(
-            located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state), levels),
-            trajectory), request)
+        return in_time(lambda asked: go_on(_stopping(
+            located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state)), trajectory), request)
 
 
 @contextmanager

@@ -223,13 +223,7 @@ def ensemble(
         if not (way is None or callable(way)):
             _check.array(f"{name} in vary", way, (2,), fix="give (mean, sd), a function of the generator, or None")
     draws = Draws(plan, tuple(ways.values()), _check.whole("seed", seed))
-    given = [results] if isinstance(results, str) or callable(results) else list(results)
-    asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
-    if len(asked) < len(given) or not given:
-        raise ValueError(f"results are {', '.join(asked) or 'empty'}: one or more of different names are needed.")
-    whole = {name.partition("[")[0]: ask for name, ask in asked.items()}
-    for name, ask in whole.items():
-        _check.takes(name, ask, "run") if callable(ask) else _check.choice("result", name, BOTH)
+    asked, whole = _asked(results)
     own = dict(margin) if isinstance(margin, Mapping) else {}
     share = MARGIN if isinstance(margin, Mapping) else _check.number("margin", margin, at_least=0.0)
     data = [sweep(draws, {"draw": np.arange(first, first + count)},
@@ -246,6 +240,18 @@ def ensemble(
         for name, values in found.items())
     return Ensemble(plan.subject.title, count, draws.seed, bool(independent), quantities,
                     next((str(one.attrs["refusal"]) for one in data if "refusal" in one.attrs), ""))
+
+
+def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What is asked for by name, and the results of all pairs or bodies that hold it."""
+    given = [results] if isinstance(results, str) or callable(results) else list(results)
+    asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
+    if len(asked) < len(given) or not given:
+        raise ValueError(f"results are {', '.join(asked) or 'empty'}: one or more of different names are needed.")
+    whole = {name.partition("[")[0]: ask for name, ask in asked.items()}
+    for name, ask in whole.items():
+        _check.takes(name, ask, "run") if callable(ask) else _check.choice("result", name, BOTH)
+    return asked, whole
 
 
 @dataclass(frozen=True)

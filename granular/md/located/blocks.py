@@ -83,6 +83,12 @@ def launch(s: Any, laws: Any) -> bool:
     return True
 
 
+@kernel
+def set_out(s: Any, laws: Any) -> bool:
+    """`launch`, and plan the blocks; false if the run is to stop at once."""
+    return launch(s, laws) and plan_all_due(s, laws)
+
+
 @entry
 @kernel
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:

@@ -18,7 +18,7 @@ from granular.md.located import blocks
 from granular.md.located.checkpoint import Checkpoint, Untouched
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
-from granular.md.located.one_contact.inside import look, look_inside, seen
+from granular.md.located.one_contact.inside import look_inside, look_over, seen
 from granular.md.located.pace import WHY, Pace, message_of, stats_of, still_open
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
@@ -132,8 +132,7 @@ class Run:
 
     def launch(self) -> bool:
         """Form the first islands and plan them; false if the run is to stop at once."""
-        formed = self.kernels(blocks.launch)(self.s, self.collocation)
-        return bool(formed and self.kernels(plan_all_due)(self.s, self.collocation))
+        return bool(self.kernels(blocks.set_out)(self.s, self.collocation))
 
     def go_on(self, state: Mapping[str, Any]) -> None:
         """Go on from the records of a checkpoint."""
@@ -294,11 +293,11 @@ class Run:
         if self.creep is not None:
             self.creep.show(elapsed)
         sums: Any = None if self.s.ledger is None else [0.0] * 5 if self.is_plain else np.zeros(5)
-        self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
-        c = -1
-        while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < n:
+        c = self.kernels(look_over)(self.s, elapsed, *rows, sums, self.collocation)
+        while c < n:
             self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(seen)(self.s, c, *rows, sums)
+            c = self.kernels(look_inside)(self.s, c + 1, elapsed)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")

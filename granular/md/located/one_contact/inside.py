@@ -266,6 +266,13 @@ def look_inside(s: Any, c: int, t: float) -> int:
 
 
 @kernel
+def look_over(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> int:
+    """`look`, and `look_inside` from pair 0 on, in one call: to enter machine code costs more than to look."""
+    look(s, t, xi, eta, force, sums, laws)
+    return look_inside(s, 0, t)
+
+
+@kernel
 def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
     """Write what pair `c`, which has been relived, and its flanks are, and leave no trace of it."""
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
