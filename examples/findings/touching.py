@@ -3,17 +3,17 @@
 Two steel balls of one inch touch, or nearly, and a third one meets them. Rounding of positions to single precision puts
 them 0.15 µm into each other. Which balls move then, and how fast?
 
-:Published: An open question of users of physics engines: three equal spheres in a row do not do what Newton's cradle
-    does. Rules for simultaneous collisions disagree: in turn (0, 0, 1), all at once (-1/3, 2/3, 2/3) (Moreau; Glocker &
-    Pfeiffer, Nonlinear Dyn. 7, 471 (1995)), by reflections again (0, 0, 1) (Smith, Kaufman, Vouga, Tamstorf & Grinspun,
-    ACM Trans. Graph. 31, 106 (2012)).
+:Published: An open question of a physics engine's users (newton-physics/newton, issue 3233): by an overlap of 0.15 µm
+    contacts are solved together, and half the energy is lost. Rules for simultaneous collisions disagree: in turn
+    (0, 0, 1), all at once (-1/3, 2/3, 2/3) (Moreau; Glocker & Pfeiffer, Nonlinear Dyn. 7, 471 (1995)), by reflections
+    again (0, 0, 1) (Smith, Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 106 (2012)).
 :Hard spheres: What the rule says: `ties="left"`, "right", "random", "reflect": (0, 0, 1); "newton", "poisson":
     (-1/3, 2/3, 2/3). An overlap is refused.
 :Newton: Touching: (-0.071, 0.076, 0.995) at any speed. 0.15 µm of overlap at 1 m/s: (-0.073, 0.079, 0.994);
     at 1 cm/s (-0.159, 0.175, 0.984): the energy of the overlap is set free. Gaps of 10 µm at 1 cm/s: (0, 0, 1).
 :New: There is a right answer, none of the rules'; rounding matters below some cm/s only: a collision presses two balls
     27 µm into each other at 1 m/s, 0.67 µm at 1 cm/s.
-:Read: Threads of users, not the papers, which are quoted from memory.
+:Read: The beginning of that thread; the papers are quoted from memory.
 """
 
 import matplotlib.pyplot as plt

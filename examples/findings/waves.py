@@ -12,7 +12,7 @@ only one is, and a light bead sits in the middle, how much comes back?
     parted is 0.0458, 0.0302, 0.0755, of equal beads 0.0063; the light one has 17 and 15 contacts with its neighbours.
 :New: Secondary waves are made by duration alone. What a light intruder sends back swings between nothing and 0.15 with
     its mass if balls are hard, and is a smooth 0.03 to 0.05 by Newton; of a heavy one hard spheres say too much.
-:Read: The abstract of the paper of 2011, and the beginning of its text; that of 2009 is quoted from memory.
+:Read: The abstracts of both papers.
 """
 
 import matplotlib.pyplot as plt
