@@ -7,11 +7,11 @@ fall with time, and does ε matter?
     (Ben-Naim, Chen, Doolen & Redner, Phys. Rev. Lett. 83, 4069 (1999)). Hard spheres need a speed below which they are
     elastic, or they collide forever.
 :Hard spheres: Sticking, 30 000 points: exponent -0.669 ± 0.004 over t = 10 … 2000 (8 draws). With ε = 0.5 seven of
-    eight draws of 60 points collide without end at t = 4 to 14; elastic below 3 mm/s they go on.
+    eight draws of 60 points collapse, bounded, not proved, at t = 4 to 14; elastic below 3 mm/s they go on.
 :Newton: ε = 0.5, contacts of 2 ms: nothing has to be cut off. Over 24 draws of 60 points the energy left at t = 16 is
     0.0595, that of hard ones 0.0594: the same within a tenth of a standard deviation (8 draws leave that undecided).
     Eight draws have 5809 contacts and 27 586 collisions: where a crowd pushes at once, one contact is many of them.
-:New: Soft spheres cool as hard ones do and need no cut-off: with a margin, and with the number of events on either side.
+:New: Soft spheres cool as hard ones do and need no cut-off: with a margin, and events counted on either side.
 :Read: The abstract and the first page.
 """
 

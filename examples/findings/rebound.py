@@ -48,9 +48,8 @@ def bounces(gap, engine=gr.md):
     lower, upper = gr.balls.BALLS["basketball"], gr.balls.BALLS["table-tennis ball"]
     scene = gr.Scene([math.inf, lower.mass, upper.mass], [0.0, lower.radius, upper.radius], [HEIGHT, gap], [0.0] * 3,
                      gravity=9.81)
-    soft = [gr.LinearDashpot.from_restitution(eps, k, pair)
-            for eps, k, pair in zip((0.80, 0.85), (4e4, 3e4), scene.pairs, strict=True)]
-    law = soft if engine is gr.md else [gr.ConstantRestitution(0.80), gr.ConstantRestitution(0.85)]
+    law = [gr.LinearDashpot.from_restitution(eps, k, pair) if engine is gr.md else gr.ConstantRestitution(eps)
+           for eps, k, pair in zip((0.80, 0.85), (4e4, 3e4), scene.pairs, strict=True)]
     run = engine.simulate(scene, law, until=gr.until.contact(0, 3), t_end=3.0 * FALL / 9.81)
     met = [run.of(1)[run.of(1)["t_begin"] < end] for end in (*run.of(0)["t_begin"][1:2], run.time[-1])]
     return [(part["v_out"][-1, 1] / FALL, len(part)) for part in met]
@@ -73,6 +72,6 @@ if __name__ == "__main__":
         axes[1].semilogx(1e3 * gaps, speeds, ("-", ".")[nth], color=colour, ms=5, label=f"soft, bounce {nth + 1}")
     axes[1].semilogx(1e3 * gaps, [bounces(gap, gr.edmd)[0][0] for gap in gaps], color="#c1440e", label="hard, bounce 1")
     axes[1].set(xlabel="gap between the balls, mm", ylabel="speed of the table-tennis ball / fall", ylim=(0.0, 2.6))
-    axes[0].legend()
-    axes[1].legend(loc="lower right", fontsize=12)
+    for axis, place in zip(axes, ("lower left", "lower right"), strict=True):
+        axis.legend(loc=place, fontsize=12)
     figure.savefig("rebound.png")

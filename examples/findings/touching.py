@@ -56,7 +56,7 @@ if __name__ == "__main__":
         print(f"gap {1e6 * gap:5.2f} µm, {speed:g} m/s:", newton(gap, speed).round(4), f"{1e6 * deepest(speed):.2f} µm")
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axis = plt.subplots(figsize=(8.5, 5.0), layout="constrained")
-    gaps = np.concatenate([-np.geomspace(4e-7, 1e-9, 12), [0.0], np.geomspace(1e-9, 1e-4, 32)])
+    gaps = np.concatenate([np.linspace(-4e-7, 1e-6, 43), np.geomspace(1e-6, 1e-4, 25)])
     for speed, colour in ((1.0, "#1f4e79"), (0.1, "#4f81b0"), (0.01, "#9dbfe0")):
         axis.plot(1e6 * gaps, [newton(gap, speed)[1] for gap in gaps], color=colour, label=f"Newton, {speed:g} m/s")
     axis.axvline(-1e6 * OVERLAP, color="black", lw=1.0, ls="--")

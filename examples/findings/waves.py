@@ -4,11 +4,14 @@ Forty equal beads touch. If both ends are struck at once, two waves meet in the 
 only one is, and a light bead sits in the middle, how much comes back?
 
 :Published: Two waves that cross leave small *secondary waves* behind, larger if they meet at a contact, in a chain with
-    an even number of beads (Santibáñez, Muñoz, Caussarieu, Job & Melo, Phys. Rev. E 84, 026604 (2011)). A light intruder
-    oscillates, and gaps open beside it (Job, Santibáñez, Tapia & Melo, Phys. Rev. E 80, 025602 (2009)).
-:Hard spheres: HARD
-:Newton: NEWTON
-:New: NEW
+    an even number of beads (Santibáñez, Muñoz, Caussarieu, Job & Melo, arXiv:1102.3364). A light intruder oscillates,
+    and gaps open beside it (Job, Santibáñez, Tapia & Melo, arXiv:0901.3532).
+:Hard spheres: Equal balls hand on their velocities: nothing is left behind. A light one sends back 0.0051 of the energy
+    at μ = 0.1 of the others' mass, 0.0519 at 0.5; a heavy one 0.1111 at 2.
+:Newton: The secondary wave has 0.0238 of the first one's force of 40 beads, 0.0061 of 41. What comes back when all have
+    parted is 0.0458, 0.0302, 0.0755, of equal beads 0.0063; the light one has 17 and 15 contacts with its neighbours.
+:New: Secondary waves are made by duration alone. What a light intruder sends back swings between nothing and 0.15 with
+    its mass if balls are hard, and is a smooth 0.03 to 0.05 by Newton; of a heavy one hard spheres say too much.
 :Read: The abstract of the paper of 2011, and the beginning of its text; that of 2009 is quoted from memory.
 """
 
@@ -17,29 +20,27 @@ import numpy as np
 
 import granular as gr
 
-SPRING, RADIUS = gr.Hertz(k=1e9), 0.05
-BLUE, RED, SAND = "#1f4e79", "#c1440e", "#c8963e"
+SPRING, RULE, RADIUS = gr.Hertz(k=1e9), gr.ConstantRestitution(1.0), 0.05
 
 
-def waves(n, engine=gr.md, until=gr.until.separated(), **asked):
+def waves(n, engine=gr.md, **asked):
     """A run of n beads that are struck at both ends."""
     gap = 0.0 if engine is gr.md else 1e-6
     scene = gr.Scene([1.0] * n, [RADIUS] * n, [gap] * (n - 1), [1.0, *[0.0] * (n - 2), -1.0])
-    law = SPRING if engine is gr.md else gr.ConstantRestitution(1.0)
-    return engine.simulate(scene, law, until=until, **asked)
+    return engine.simulate(scene, SPRING if engine is gr.md else RULE, **asked)
 
 
 def force(n, samples=4001, end=0.02):
     """Times, and the force between beads a quarter of the way along the chain."""
-    run = waves(n, until=None, t_end=end, samples=samples)
-    overlap = 2.0 * RADIUS - (run.position[:, n // 4 + 1] - run.position[:, n // 4])
+    run = waves(n, t_end=end, samples=samples)
+    overlap = 2.0 * RADIUS + run.position[:, n // 4] - run.position[:, n // 4 + 1]
     return run.time, SPRING.k * np.maximum(overlap, 0.0) ** 1.5
 
 
 def secondary(n):
-    """Peak of the secondary wave, of the force of the first one."""
-    _, push = force(n)
-    peaks = push[1:-1][(push[1:-1] > push[:-2]) & (push[1:-1] >= push[2:])]
+    """Peak of the secondary wave, the third to come by, in units of the first; rounding has peaks of its own."""
+    push = force(n)[1]
+    peaks = push[1:-1][(push[1:-1] > push[:-2]) & (push[1:-1] >= push[2:]) & (push[1:-1] > 1.0)]
     return peaks[2] / peaks[0]
 
 
@@ -48,7 +49,27 @@ def intruder(mu, engine=gr.md, n=40):
     mass = np.where(np.arange(n) == n // 2, mu, 1.0)
     gap = 0.0 if engine is gr.md else 1e-6
     scene = gr.Scene(mass, RADIUS * np.cbrt(mass), [gap] * (n - 1), [1.0] + [0.0] * (n - 1))
-    law = SPRING if engine is gr.md else gr.ConstantRestitution(1.0)
-    run = engine.simulate(scene, law, until=gr.until.separated())
-    back = np.sum(run.velocity[-1, : n // 2] ** 2)
-    return back, run.count(n // 2 - 1), run.count(n // 2)
+    run = engine.simulate(scene, SPRING if engine is gr.md else RULE, until=gr.until.separated())
+    return float(np.sum(run.velocity[-1, : n // 2] ** 2)), run.count(n // 2 - 1), run.count(n // 2)
+
+
+if __name__ == "__main__":
+    print("hard, 40 beads: fastest between the ends", abs(waves(40, gr.edmd).velocity[-1, 1:-1]).max())
+    for n in (40, 41):
+        print(f"secondary wave of {n} beads: {secondary(n):.4f}")
+    for mu in (0.1, 0.5, 1.0, 2.0):
+        print(f"intruder of {mu:g}: sent back, contacts before and after:", intruder(mu), intruder(mu, gr.edmd), "hard")
+    plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
+    figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
+    for n, colour in ((40, "#1f4e79"), (41, "#c8963e")):
+        time, push = force(n)
+        axes[0].semilogy(1e3 * time, np.maximum(push, 1e-3) / push.max(), color=colour, label=f"{n} beads")
+    axes[0].set(xlabel="time, ms", ylabel="force a quarter along / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
+    axes[0].text(9.9, 0.045, "secondary waves")
+    axes[0].legend(loc="upper right", ncols=2)
+    for engine, colour, name, many in ((gr.edmd, "#c1440e", "hard", 301), (gr.md, "#1f4e79", "soft", 41)):
+        masses = np.geomspace(0.05, 20.0, many)
+        axes[1].loglog(masses, [intruder(mu, engine)[0] for mu in masses], color=colour, label=name)
+    axes[1].set(xlabel="mass of the intruder / of the others", ylabel="energy sent back, part of all", ylim=(1e-3, 1.0))
+    axes[1].legend(loc="upper left")
+    figure.savefig("waves.png")
