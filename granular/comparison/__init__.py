@@ -17,7 +17,6 @@ May be skipped: names of the package only.
 
 from granular.binary import LawRule
 from granular.comparison.answer import Answer, Reason
-from granular.comparison.remedies import Remedies, Remedy
 from granular.comparison.run import Comparison, compare
 
-__all__ = ["Answer", "Comparison", "LawRule", "Reason", "Remedies", "Remedy", "compare"]
+__all__ = ["Answer", "Comparison", "LawRule", "Reason", "compare"]

@@ -16,6 +16,7 @@ from granular.outcome import SAME, energy_left
 from granular.rules import ConstantRestitution
 from granular.trajectory import Status, Trajectory
 
+__all__ = ["Remedies", "Remedy"]
 SLOW = 0.01
 """Below this share of the fastest impact balls merge, or collide elastically, if nothing else is said."""
 LONGEST, STEP, COUNT, HALVINGS = 10.0, 10.0**0.5, 9, 11

@@ -16,7 +16,6 @@ from granular._reports import Report
 from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
-from granular.comparison.remedies import Remedies, table
 from granular.drive import EVENTS
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
@@ -24,6 +23,7 @@ from granular.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from granular.comparison.against import Against
+    from granular.comparison.remedies import Remedies
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -102,6 +102,8 @@ class Comparison(Judged, Report):
         TypeError, ValueError
             If a duration or a speed is no positive number.
         """
+        from granular.comparison.remedies import table
+
         return table(self, observable, {"tc": tc, "merge_below": merge_below, "elastic_below": elastic_below})
 
     def against(self, run: Trajectory) -> Against:

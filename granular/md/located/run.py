@@ -225,10 +225,7 @@ class Run:
         return Pause.work if self.pace.stalls() else Pause.full
 
     def rests(self, limit: float) -> bool:
-        """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it.
-
-        Looked at after 256, 512, 1024 … pieces. What creeps needs no kernels any more.
-        """
+        """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it."""
         if not self.settles:
             return False
         from granular.md.located.rest.creep import LARGEST, SMOOTH

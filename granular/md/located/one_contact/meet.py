@@ -63,10 +63,8 @@ are to be; THERMAL is a wall that throws back, which takes no time."""
 
 @kernel
 def happen_at_once(s: Any, c: int) -> int:
-    """Let the contact of pair `c`, which is due, happen at once if it is known and certain to be isolated: DONE.
-
-    Else return BY_PIECES, or what is wanted first: WANTS_TABLE, WANTS_CONTACT.
-    """
+    """Let the contact of pair `c`, which is due, happen at once if it is known and certain to be isolated: DONE; else
+    return BY_PIECES, or what is wanted first: WANTS_TABLE, WANTS_CONTACT."""
     run, pairs, pair = s.run[0], s.pairs, s.pairs[c]
     v = touching_rate(s.field, pair, pair.wait) if may_happen_at_once(run, pairs, c) else 0.0
     if not v > DRIFT * pair.noise:
@@ -117,9 +115,7 @@ def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
 def flank_below(s: Any, c: int, t2: float, way: float, lower_v: float) -> tuple[float, bool, float, float]:
     """Return of the flank below pair `c`, as `clearance` does, its gap when all is over and whether it is certain; the
     rate at which it grows then, and how long the contact beyond it goes on. Without a flank it is always wide enough.
-
-    Each unit of impulse takes the lower ball a `way` down, and it leaves at `lower_v`.
-    """
+    Each unit of impulse takes the lower ball a `way` down, and it leaves at `lower_v`."""
     pairs, pair, lower = s.pairs, s.pairs[c], beside(s.pairs, c)[0]
     if lower < 0:
         return math.inf, True, 0.0, 0.0
@@ -213,8 +209,7 @@ def parted(s: Any, c: int, pair: Any, over: float, kick: float, v2: float) -> tu
     """Return the velocities of the bodies of pair `c` a time `over` after its clock, when they part at speed `v2`.
 
     The heavier one takes its share of the `kick`, the change of their rate, and the lighter one follows: so no rounding
-    of the shares adds up.
-    """
+    of the shares adds up."""
     lower, upper = s.bodies[c], s.bodies[c + 1]
     share = min(lower.inverse_mass, upper.inverse_mass) / (lower.inverse_mass + upper.inverse_mass)
     if lower.inverse_mass <= upper.inverse_mass:
@@ -227,8 +222,7 @@ def parted(s: Any, c: int, pair: Any, over: float, kick: float, v2: float) -> tu
 @kernel
 def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     """Return (t1, t2, v1, v2) of the contact of pair `c` at speed `v`, t1 nan if it is not known, and where from:
-    the place of a table, CLOSED, FOLLOWED, THERMAL; WANTED for a table to be made, TO_FOLLOW to be asked.
-    """
+    the place of a table, CLOSED, FOLLOWED, THERMAL; WANTED for a table to be made, TO_FOLLOW to be asked."""
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     if HEATED and pair.wall < 0:
         v2 = speed_away(s.ledger, pair.wall)
