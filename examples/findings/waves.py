@@ -30,7 +30,7 @@ def waves(n, engine=gr.md, **asked):
     return engine.simulate(scene, SPRING if engine is gr.md else RULE, **asked)
 
 
-def force(n, samples=4001, end=0.02):
+def force(n, samples=1501, end=0.015):
     """Times, and the force between beads a quarter of the way along the chain."""
     run = waves(n, t_end=end, samples=samples)
     overlap = 2.0 * RADIUS + run.position[:, n // 4] - run.position[:, n // 4 + 1]
@@ -67,9 +67,9 @@ if __name__ == "__main__":
     axes[0].set(xlabel="time, ms", ylabel="force a quarter along / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
     axes[0].text(9.9, 0.045, "secondary waves")
     axes[0].legend(loc="upper right", ncols=2)
-    for engine, colour, name, many in ((gr.edmd, "#c1440e", "hard", 301), (gr.md, "#1f4e79", "soft", 41)):
+    for engine, c, name, many, mark in ((gr.edmd, "#c1440e", "hard", 301, "-"), (gr.md, "#1f4e79", "soft", 15, "o-")):
         masses = np.geomspace(0.05, 20.0, many)
-        axes[1].loglog(masses, [intruder(mu, engine)[0] for mu in masses], color=colour, label=name)
+        axes[1].loglog(masses, [intruder(mu, engine)[0] for mu in masses], mark, color=c, label=name)
     axes[1].set(xlabel="mass of the intruder / of the others", ylabel="energy sent back, part of all", ylim=(1e-3, 1.0))
     axes[1].legend(loc="upper left")
     figure.savefig("waves.png")
