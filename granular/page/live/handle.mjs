@@ -27,7 +27,7 @@ export class Handle {
     const shown = kind === "gap" ? (value ? quantity(value, "m") : plain("touching")) : plain("your-guess", { guess: value ?? "–" });
     this.view.svg.classList.toggle("grabs", kind === "guess");
     set(this.grip, {
-      visibility: kind ? "visible" : "hidden", tabindex: kind && isFirst ? 0 : null, role: kind && isFirst ? "slider" : null, "aria-orientation": "vertical",
+      visibility: kind ? "visible" : "hidden", tabindex: kind && isFirst ? 0 : null, role: kind && isFirst ? "slider" : null, "aria-hidden": kind && isFirst ? null : "true", "aria-orientation": "vertical",
       "aria-label": plain(kind === "gap" ? "label-gap" : "guess-label"), "aria-valuemin": 0, "aria-valuemax": most, "aria-valuenow": value ?? 1, "aria-valuetext": shown,
     });
   }

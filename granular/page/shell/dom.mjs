@@ -49,7 +49,7 @@ export function fillTable(table, head, rows) {
   if (table.shape !== shape) {
     table.shape = shape;
     const body = rows.map(() => h("tr", {}, h("th", { scope: "row" }), ...head.slice(1).map(() => h("td"))));
-    table.replaceChildren(h("thead", {}, h("tr", {}, ...head.map(() => h("th", { scope: "col" })))), h("tbody", {}, ...body));
+    table.replaceChildren(h("thead", {}, h("tr", {}, ...head.map((name) => (name ? h("th", { scope: "col" }) : h("td"))))), h("tbody", {}, ...body));
   }
   const [top, ...others] = table.rows;
   head.forEach((name, j) => text(top.cells[j], name));
