@@ -302,7 +302,7 @@ def test_any_number_of_threads_gives_the_same_bits(workers, threads, monkeypatch
     here = gr.sweep("three-balls", over, sorted(FAST), workers=1)
     monkeypatch.setattr(located, "solve_many", solve_many)
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
-    monkeypatch.setattr(schedule, "WORTH", -1.0)  # a clock may stand still for a tick
+    monkeypatch.setattr(schedule, "WORTH", 0.0)
     assert here.identical(gr.sweep("three-balls", over, sorted(FAST), workers=workers))
     assert len(names - {"MainThread"}) <= threads
     assert (len(names) > 1) == (threads > 0)
@@ -313,7 +313,7 @@ def test_any_number_of_threads_gives_the_same_bits(workers, threads, monkeypatch
 
 
 def test_an_interrupted_sweep_in_threads_leaves_none_and_keeps_what_is_done(monkeypatch, tmp_path):
-    monkeypatch.setattr(schedule, "WORTH", -1.0)  # a clock may stand still for a tick
+    monkeypatch.setattr(schedule, "WORTH", 0.0)
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
 
     def interrupt(reached, count):
