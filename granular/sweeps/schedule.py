@@ -130,7 +130,8 @@ def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Ba
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
         start = time.process_time()
         yield cells[part], solve(plan, [column[cells[part]] for column in columns])
-    return np.delete(cells, chosen), (time.process_time() - start) / max(1, len(chosen) - 1)
+    spent = max(time.process_time() - start, 1e-5)  # such a clock may stand still for a tick
+    return np.delete(cells, chosen), spent / max(1, len(chosen) - 1)
 
 
 def _spread(plan: Plan, columns: Sequence[Values], parts: list[Values], executor: Executor) -> Iterator[Batch]:
