@@ -132,3 +132,25 @@ def test_what_the_key_says_beside_the_page_is_so():
     spring = gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=ball.pairs[0])
     assert f"in {gr.edmd.simulate(ball, gr.ConstantRestitution(0.5)).time[-1]:.4f} s" in KEY
     assert len(gr.md.simulate(ball, spring).contacts) == 10
+
+
+def test_the_numbers_of_the_lesson_are_those_of_the_engines():
+    """Rises in drop heights of real balls, the share of the floor's push, the restitution, and v t_c."""
+    text = (DOCS / "lesson.md").read_text(encoding="utf-8")
+
+    def rises(upper, gap):
+        case = gr.cases.make("real-balls", lower="basketball", upper=upper, gap=gap)
+        report = gr.compare(case.scene, case.law, until=case.until, t_end=case.t_end)
+        return report, "{:.2f}; {:.2f}".format(*report.rises())
+
+    near, said = rises("tennis ball", 1e-3)
+    assert f"1. {said}. " in text
+    pushed = re.search(r"pressed from above\s+= (0\.\d+)", near.details())
+    assert f"4. {100.0 * float(pushed[1]):.0f} %" in text
+    far, touching = rises("tennis ball", 0.02)[0].rises()[1], rises("tennis ball", 0.0)[0].rises()[1]
+    assert f"{far:.3g} drop heights instead of {touching:.3g}" in text
+    hard, soft = rises("table-tennis ball", 0.0)[0].rises()
+    assert f"6. {hard:.1f} and {soft:.1f}" in text
+    ball, speed = gr.balls.BALLS["basketball"], (2.0 * 9.81) ** 0.5
+    assert f"2. {ball.restitution**2:.2f} m; {ball.restitution:g} of" in text
+    assert f"{1e3 * speed * ball.duration:.0f} mm = {speed:.1f} m/s · {1e3 * ball.duration:.0f} ms" in text
