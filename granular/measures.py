@@ -229,7 +229,7 @@ def temperature(run: Trajectory) -> Array:
     that of the wall, for any masses. (Per unit mass, as the granular temperature often is, it is T/m in m²/s².) nan of
     a single ball.
     """
-    balls = ~run.scene.is_wall
+    balls = _balls(run)
     m, v = run.scene.mass[balls], run.velocity[:, balls]
     own = v - (v @ m / m.sum())[:, None]
     return np.asarray((own * own) @ m / (len(m) - 1 or math.nan))
@@ -241,9 +241,16 @@ def height(run: Trajectory) -> Array:
     Radii are taken out: s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below,
     above body 0 as it stood at the start: the floor, if there is one. It is 0 of balls that lie on a floor.
     """
-    balls = ~run.scene.is_wall
+    balls = _balls(run)
     m = run.scene.mass[balls]
     return np.asarray(points(run)[:, balls] @ m / m.sum())
+
+
+def _balls(run: Trajectory) -> Array:
+    """Which bodies of a run are balls; raise `TypeError` unless it is one."""
+    if not isinstance(run, Trajectory):
+        raise TypeError(f"run is {type(run).__name__}: a granular.Trajectory is needed.")
+    return np.asarray(~run.scene.is_wall)
 
 
 def balance(run: Trajectory) -> dict[str, float]:

@@ -171,3 +171,9 @@ def test_the_height_of_the_centre_of_mass_is_that_of_points(walls):
     piled = gr.Scene([np.inf, 1.0, 2.0], [0.0, 0.1, 0.2], [0.0, 0.0], [0.0] * 3, 9.81, origin=5.0)
     rest = gr.edmd.simulate(piled, gr.ConstantRestitution(0.5), t_end=1.0, collapse="merge")
     assert measures.height(rest).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("measure", [gr.measures.temperature, gr.measures.height])
+def test_what_is_no_run_is_refused(measure):
+    with pytest.raises(TypeError, match=r"run is Scene: a granular\.Trajectory is needed"):
+        measure(gr.scenes.three_balls())

@@ -246,3 +246,10 @@ def test_what_all_pairs_share_is_one_parameter_of_a_scene_of_ones_own_too():
     here, there = (found.gradient["v_rel[1]"] for found in both)
     assert here == pytest.approx(there, rel=1e-9)
     assert here["restitution"] > 1.0
+
+
+def test_an_uncertainty_beyond_what_a_scene_may_have_is_no_warning():
+    """Both ends are refused: not given, and neither is the spread."""
+    found = gr.sensitivity("three-balls", "v_rel[1]", "restitution", {"restitution": 3.0})
+    assert math.isnan(found.spread["v_rel[1]"])
+    assert np.isnan(found.sides["v_rel[1]"]["restitution"]).all()

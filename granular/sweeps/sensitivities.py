@@ -224,7 +224,7 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
     sides, why = {}, {}
     for k, (start, (_, _, reason, ends)) in enumerate(zip(starts, slopes, strict=True)):
         if ends is not None:
-            sides[start.name], moved[k] = ends, np.nanmax(np.abs(ends - here), axis=0)
+            sides[start.name], moved[k] = ends, np.fmax.reduce(np.abs(ends - here), axis=0)
         if (missing := np.isnan(value[k]) & ~np.isnan(here)).any():
             why[start.name] = reason or f"differences agree to {far[k][missing].max():.1g} of the outcome, no better"
     spread = np.sqrt((moved**2).sum(axis=0)) if u.any() else np.full_like(here, math.nan)
