@@ -166,6 +166,8 @@ class LawRestitution:
     laws: tuple[Any, ...]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.laws, (tuple, list)) or not self.laws:
+            raise TypeError(f"laws is {self.laws!r}: a tuple of force laws is needed, one for all or one per pair.")
         for law in self.laws:
             instance("law", law)
 

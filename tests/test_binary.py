@@ -168,3 +168,9 @@ def sentence(ask, speed):
         if "beyond the range of numbers" in str(refused):
             raise OutOfRange from None
         raise
+
+
+@pytest.mark.parametrize("laws", [3.0, None, (), "dashpot"])
+def test_a_rule_of_laws_needs_laws(laws):
+    with pytest.raises(TypeError, match=r"laws is .*: a tuple of force laws is needed"):
+        gr.binary.LawRestitution(laws)
