@@ -150,7 +150,8 @@ def replay(tree: Records, first: int, last: int) -> None:
     due, key = tree[node].due, tree[node].key
     while node > 1:
         rival = tree[node ^ 1]
-        if rival.due < due or (rival.due == due and rival.key < key):
-            due, key = rival.due, rival.key
+        other, number = rival.due, rival.key
+        wins = (other < due) | ((other == due) & (number < key))
+        due, key = other if wins else due, number if wins else key
         node >>= 1
         tree[node].due, tree[node].key = due, key
