@@ -141,10 +141,10 @@ def replay(tree: Records, first: int, last: int) -> None:
     low, high = (len(tree) // 2 + first) >> 1, (len(tree) // 2 + last) >> 1
     while low < high:
         for node in range(low, high + 1):
-            winner, rival = tree[2 * node], tree[2 * node + 1]
-            if rival.due < winner.due or (rival.due == winner.due and rival.key < winner.key):
-                winner = rival
-            tree[node].due, tree[node].key = winner.due, winner.key
+            one, rival = tree[2 * node], tree[2 * node + 1]
+            due, key, other, number = one.due, one.key, rival.due, rival.key
+            wins = (other < due) | ((other == due) & (number < key))
+            tree[node].due, tree[node].key = other if wins else due, number if wins else key
         low, high = low >> 1, high >> 1
     node = 2 * low
     due, key = tree[node].due, tree[node].key
