@@ -137,21 +137,24 @@ def play(tree: Records, owner: int, due: float) -> None:
 
 @kernel
 def replay(tree: Records, first: int, last: int) -> None:
-    """Play the matches above the leaves of owners `first` … `last` again, O(log n) if they are few."""
+    """Play the matches above the leaves of owners `first` … `last` again, O(log n) if they are few.
+
+    Who wins cannot be foretold, so nothing branches on it; and times, of which the keys wait, wait for no key.
+    """
     low, high = (len(tree) // 2 + first) >> 1, (len(tree) // 2 + last) >> 1
     while low < high:
         for node in range(low, high + 1):
-            one, rival = tree[2 * node], tree[2 * node + 1]
-            due, key, other, number = one.due, one.key, rival.due, rival.key
-            wins = (other < due) | ((other == due) & (number < key))
-            tree[node].due, tree[node].key = other if wins else due, number if wins else key
+            winner, rival = tree[2 * node], tree[2 * node + 1]
+            due, key, other, number = winner.due, winner.key, rival.due, rival.key
+            key = number if (other < due) | ((other == due) & (number < key)) else key
+            tree[node].due, tree[node].key = other if other < due else due, key
         low, high = low >> 1, high >> 1
     node = 2 * low
     due, key = tree[node].due, tree[node].key
     while node > 1:
         rival = tree[node ^ 1]
         other, number = rival.due, rival.key
-        wins = (other < due) | ((other == due) & (number < key))
-        due, key = other if wins else due, number if wins else key
+        key = number if (other < due) | ((other == due) & (number < key)) else key
+        due = other if other < due else due
         node >>= 1
         tree[node].due, tree[node].key = due, key
