@@ -58,7 +58,7 @@ def contacts(settled: list[Rows]) -> Rows:
         for k in range(0, len(some), PART):
             rows = some[k : k + PART]
             part, stop = log[stop : stop + len(rows)], stop + len(rows)
-            if rows.dtype == CONTACT:
+            if rows.dtype in (CONTACT, CONTACT_ROW):  # the same bytes
                 raw(part)[:] = raw(rows)
                 continue
             names = rows.dtype.names or ()

@@ -284,7 +284,8 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
         log.extend([end.running])
     stats = end.stats if isinstance(log, list) else {**end.stats, "log": log.path}
     rows = log if isinstance(log, list) else []
-    table = rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
+    hard = run.law is None  # what its engine keeps is the least that tells all
+    table: Any = tuple(rows) if hard else rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns

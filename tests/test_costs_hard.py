@@ -3,8 +3,12 @@ written."""
 
 from __future__ import annotations
 
+import pickle
 import sys
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,13 +69,47 @@ def test_rows_of_the_engine_need_no_memory_once_they_are_in_the_log() -> None:
     assert settled == []
 
 
+def held(run: gr.Trajectory) -> int:
+    """Bytes of the rows that a run keeps of its collisions."""
+    return sum(rows.nbytes for rows in vars(run)["settled"])
+
+
+@pytest.mark.parametrize("engine", ["sorted", "compiled"])
+def test_a_log_that_nobody_reads_needs_less_than_its_public_form(engine) -> None:
+    """It is made once, of whichever copy and in whichever thread, and then the rows of the engine are given up."""
+    if engine == "compiled":
+        pytest.importorskip("numba")
+    scene = gr.Scene(np.ones(30), np.zeros(30), np.ones(29), np.random.default_rng(1).normal(size=30))
+    run = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), engine=engine)
+    count = run.stats["events"]
+    assert held(run) == 56 * count > 0
+    again = replace(copy(run), message="")
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda _: run.contacts, range(32)))
+    assert all(log is found[0] for log in found)
+    assert len(found[0]) == count
+    assert not found[0].flags.writeable
+    assert held(run) == 0
+    assert again.contacts.tobytes() == found[0].tobytes() == pickle.loads(pickle.dumps(run)).contacts.tobytes()
+    with pytest.raises(AttributeError, match="'Trajectory' object has no attribute 'contact'"):
+        run.contact  # noqa: B018
+
+
+def test_auto_counts_samples_too(monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or False)
+    scene = gr.Scene(np.ones(33), np.zeros(33), np.ones(32), np.zeros(33))
+    gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=1.0, samples=1000, max_events=1)
+    assert asked[0] == 32 + 1 + 2 * 1000
+
+
 def test_auto_counts_the_balls_that_are_set_up(monkeypatch) -> None:
     """However few collisions are asked for."""
     asked = []
     monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or False)
     scene = gr.Scene(np.ones(300), np.zeros(300), np.ones(299), np.zeros(300))
     gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), max_events=1)
-    assert asked[0] == 300
+    assert asked[0] == 299 + 1 + 299 // 16
 
 
 @pytest.mark.parametrize("compressed", [False, True])

@@ -76,7 +76,7 @@ def begin(state: State, queue: SortedQueue) -> None:
     pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
     rate = (np.diff(u) - pull * at) - pull * (run.now - at)
     rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
-    near["gap"], near["rate"] = gaps(pairs, u, run.now), np.where(rounding, 0.0, rate)
+    near["gap"], near["rate"] = gaps(pairs, u, run.now, True), np.where(rounding, 0.0, rate)
     near["rate"][(c - first) % n] = run.rebound
     state.near = queue.hold(near)
 

@@ -34,8 +34,9 @@ LARGE = 100_000
 """Bodies from which on working in blocks pays."""
 BLOCK = 4096
 """Pairs kept of a block."""
-ROOM = 1024
-"""Less room for rows of the log is not begun with."""
+ROOM = 64
+"""Rows of the log that there is room for at first; each next room is so many times as large, up to `chunk` rows."""
+GROWTH = 4
 MARGIN = 1.25
 """Speed allowed for, in units of the largest at the start of the window."""
 
@@ -75,7 +76,7 @@ class TreeQueue(SortedQueue):
 
     name = "compiled"
     chunk = 65_536
-    room = np.empty(0, ROW)
+    room, size = np.empty(0, ROW), ROOM
     kernel = staticmethod(partial(compiled, inline=True))
     hold = staticmethod(packed)
     loop, predict = staticmethod(loop), staticmethod(refresh)
@@ -83,7 +84,7 @@ class TreeQueue(SortedQueue):
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as there still are of those made at a time."""
         if len(self.room) < min(n, ROOM):
-            self.room = np.empty(TreeQueue.chunk, ROW)
+            self.room, self.size = np.empty(self.size, ROW), min(GROWTH * self.size, TreeQueue.chunk)
         return self.room[:n]
 
     def kept(self, rows: Records) -> Records:
@@ -120,7 +121,12 @@ def in_order(written: list[Any]) -> Any:
     part = np.repeat(np.arange(len(written)), list(map(len, written)))
     if (part[order[same]] != part[order[same + 1]]).any():
         return None
-    return np.concatenate(list(map(raw, written)))[order].view(ROW)
+    place, log, done = np.empty_like(order), np.empty(len(order), ROW), 0
+    place[order] = np.arange(len(order))
+    for rows in written:  # where they belong at once: twice as many pages of new memory would cost as much again
+        raw(log)[place[done : done + len(rows)]] = raw(rows)
+        done += len(rows)
+    return log
 
 
 class BlockQueue(TreeQueue):

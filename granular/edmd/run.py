@@ -84,8 +84,9 @@ class Run:
         state.clock.last_event = self.events + request.max_events
         self.began = request.start, self._work()
         self.may_compile = engine == "auto"
-        n = len(self.scene.gap)  # to set up a ball takes as long as a collision
-        fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events)))
+        n = len(self.scene.gap)  # to set up a ball takes as long as a collision, to show it a sixteenth of that
+        shown = n * np.size(request.samples) // 16  # type: ignore[arg-type]
+        fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events) + shown))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.most = 1 if request.singly else request.max_events
         self.tail = state.clock.last_event - request.max_events // TAIL
@@ -263,7 +264,8 @@ class Run:
         if state.hung:  # these are rates
             velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
             return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
-        return Row(time, elapsed, gap, velocity - (self.fall * elapsed - self.drift), ledger=ledger)
+        fallen = self.fall * elapsed - self.drift
+        return Row(time, elapsed, gap, velocity - fallen if fallen != 0.0 else velocity, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""

@@ -252,7 +252,8 @@ class State:
         if self.hung:
             return hanging.row(self.pairs, tau)
         g, (u, is_free) = float(self.run["gravity"]), columns(self.bodies, "fall_velocity", "is_free")
-        gap, velocity = gaps(self.pairs, u, tau), np.array(u[:-1] if self.ring else u)
+        pulled = g > 0.0 or self.walls is not None
+        gap, velocity = gaps(self.pairs, u, tau, pulled), np.array(u[:-1] if self.ring else u)
         if g > 0.0:
             velocity -= is_free * (g * tau)
         if self.walls is not None:
@@ -292,11 +293,16 @@ class State:
         assert self.sound()
 
 
-def gaps(pairs: Records, u: Array, tau: float) -> Array:
-    """Return the gaps in m, never negative, at `tau` between bodies of fall velocities `u`."""
-    begun, pull, at = columns(pairs, "gap", "closing_acceleration", "at")
-    rate, dt = u[1:] - u[:-1] - pull * at, tau - at
-    gap: Array = begun + dt * (rate - 0.5 * pull * dt)
+def gaps(pairs: Records, u: Array, tau: float, pulled: bool) -> Array:
+    """Return the gaps in m, never negative, at `tau` between bodies of fall velocities `u`; `pulled` if any of them has
+    an acceleration."""
+    begun, at = columns(pairs, "gap", "at")
+    rate, dt = u[1:] - u[:-1], tau - at
+    if pulled:
+        pull = column(pairs, "closing_acceleration")
+        rate -= pull * at
+        rate -= 0.5 * pull * dt
+    gap: Array = begun + dt * rate
     return np.maximum(gap, 0.0, out=gap)
 
 
