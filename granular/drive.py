@@ -284,8 +284,9 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
         log.extend([end.running])
     stats = end.stats if isinstance(log, list) else {**end.stats, "log": log.path}
     rows = log if isinstance(log, list) else []
-    hard = run.law is None  # what its engine keeps is the least that tells all
-    table: Any = tuple(rows) if hard else rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
+    table: Any = tuple(rows)  # what an engine keeps is the least that tells all
+    if not run.in_order:
+        table = in_order(rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows))
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns
@@ -299,7 +300,7 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=position,
         velocity=velocity, gap=gap, force=force, ledger=ledger,
-        contacts=table if run.in_order else in_order(table), status=status,
+        contacts=table, status=status,
         message=message, stats=stats, state=end.state,
     )
 

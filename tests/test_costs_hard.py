@@ -109,7 +109,7 @@ def test_auto_counts_the_balls_that_are_set_up(monkeypatch) -> None:
     monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or False)
     scene = gr.Scene(np.ones(300), np.zeros(300), np.ones(299), np.zeros(300))
     gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), max_events=1)
-    assert asked[0] == 299 + 1 + 299 // 16
+    assert asked[0] == 300
 
 
 @pytest.mark.parametrize("compressed", [False, True])
