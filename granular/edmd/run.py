@@ -85,7 +85,7 @@ class Run:
         self.began = request.start, self._work()
         self.may_compile = engine == "auto"
         n = len(self.scene.gap)  # to set up a ball takes as long as a collision, to show it a sixteenth of that
-        shown = 0 if request.samples is None else n * np.size(request.samples) // 16  # type: ignore[arg-type]
+        shown = 0 if request.samples is None else n * np.size(request.samples) // 16
         fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events) + shown))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.most = 1 if request.singly else request.max_events
