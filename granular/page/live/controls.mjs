@@ -33,7 +33,7 @@ export class Controls {
     const groups = [...new Set(specs.map((spec) => spec.group ?? ""))];
     $(".sliders").replaceChildren(...groups.map((group) => {
       const mine = made.filter(([spec]) => (spec.group ?? "") === group).map(([, row]) => row.element);
-      return group ? h("fieldset", {}, h("legend", {}, plain(`group-${group}`)), ...mine) : h("div", {}, ...mine);
+      return group ? h("details", {}, h("summary", {}, plain(`group-${group}`)), ...mine) : h("div", {}, ...mine);
     }));
     const base = Object.values(SETUPS[name].presets)[0];
     this.presets = Object.entries(presets).map(([label, given]) => {

@@ -53,6 +53,8 @@ class Page {
     $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
     $(".print-button").addEventListener("click", () => print());
     whenResized(() => this.redraw());
+    $(".times").addEventListener("toggle", () => this.redraw()); // charts that were not to be seen have no width
+    window.addEventListener("beforeprint", () => document.querySelectorAll(".sliders details").forEach((one) => (one.open = true)));
     window.addEventListener("hashchange", () => this.arrive());
     window.addEventListener("popstate", () => this.arrive());
     explainTerms();
@@ -94,6 +96,7 @@ class Page {
     this.state.values = name === this.state.name ? this.state.values : cleaned(name, { eps, gap, k });
     Object.assign(this.state, { name, told: [] });
     this.run();
+    this.redraw(); // charts come and go, and share the width
     this.rest();
   }
 

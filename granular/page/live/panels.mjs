@@ -12,7 +12,7 @@ const LISTED = 400, ENGINES = ["hard", "soft"];
 export class Panels {
   constructor() {
     $(".contacts-box").addEventListener("toggle", () => this.listContacts());
-    this.rises = new Chart($(".rises"), { height: 310, label: "" });
+    this.rises = new Chart($(".rises"), { height: 225, label: "" });
   }
 
   // Returns what is to be drawn later, by name.
