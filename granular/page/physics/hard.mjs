@@ -1,13 +1,14 @@
 // Hard spheres, event-driven, in gaps and their rates: the next event is the smallest (wait, rank), and all pairs move on
 // to it. A rate is never the difference of two velocities, so it is exact however small it is (granular/edmd/zoom.py).
-// "collapse": infinitely many collisions, or rates below 2^-200 of the impact speed. "endless": more than `maxEvents`.
+// "collapse": infinitely many collisions, or rates below 2^-200 of the impact speed, or more than `maxEvents` when they are below
+// 2^-30 of it. "endless": more than that.
 import { comesToRest, noteApexes, noteTouch, startApexes } from "./apex.mjs";
 import { gapAfter, rateAtContact, timeToContact } from "./flight.mjs";
 import { newtonRule, poissonRule, velocityChanges, reflectRule } from "./groups.mjs";
 import { heights, isElastic, isNoise, pairsOf } from "./scenes.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
-const TINY = 2 ** -200, FAINT = 2 ** -20, SLOW = 1e-6, MERGED = 1e-4, STUCK = 1e-9; // of the impact speed
+const TINY = 2 ** -200, FAINT = 2 ** -20, FAINTER = 2 ** -30, SLOW = 1e-6, MERGED = 1e-4, STUCK = 1e-9; // of the impact speed
 const DRAWN = 20000; // flights between events
 const LONGER = 10; // what has collapsed takes more events until it sticks
 export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
@@ -61,7 +62,7 @@ const waitOf = (p) => timeToContact(p.gap, p.rate, p.pull);
 
 function advance(run) {
   const { pairs } = run, waits = pairs.map(waitOf), c = soonest(run, waits), room = run.tEnd - run.t;
-  if (run.events >= run.maxEvents) return void (run.status = "endless");
+  if (run.events >= run.maxEvents) return void (isSlow(run, c, FAINTER) && run.scene.gravity === 0 ? collapse(run, slowAbout(run, c)) : (run.status = "endless"));
   if (waits[c] === Infinity || waits[c] > room) {
     run.status = room === Infinity ? "quiet" : "time";
     return move(run, room);
@@ -169,11 +170,17 @@ function watch(run, c, speed) {
 
 const collapse = (run, group) => Object.assign(run, { status: "collapse", group });
 
+// Beside the fastest impact, and as near as that is slow.
+function isSlow({ pairs, scene: { gap, impact } }, c, share = FAINT) {
+  const near = 64 * gap.reduce((sum, one) => sum + one / gap.length, 0) || impact;
+  return Math.abs(pairs[c]?.rate) < share * impact && pairs[c].gap < share * near;
+}
+
 // The pairs about pair c that have all but stopped.
-function slowAbout({ pairs, scene }, c) {
-  const isSlow = (i) => Math.abs(pairs[i]?.rate) < FAINT * scene.impact, group = [c];
-  for (let i = c - 1; isSlow(i); i--) group.unshift(i);
-  for (let i = c + 1; isSlow(i); i++) group.push(i);
+function slowAbout(run, c) {
+  const group = [c];
+  for (let i = c - 1; isSlow(run, i); i--) group.unshift(i);
+  for (let i = c + 1; isSlow(run, i); i++) group.push(i);
   return group;
 }
 
