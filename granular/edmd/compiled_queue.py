@@ -59,7 +59,8 @@ def refresh(
         leaf(queue, c).due = due
         if run.order != LEFT:  # else its number, as the tree has it
             leaf(queue, c).key = rank(c, run.order, run.seed, pair.contacts)
-        if due == math.inf and (FORCED or pair.closing_acceleration > 0.0):
+        pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
+        if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):
             low, high = rest(run, pairs, bodies, c, walls)
             first, last = min(first, low), max(last, high)
             c = low

@@ -118,7 +118,7 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
 @kernel
 def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
     """Move a pair to time `now`; return 1 if rounding made its gap negative and it was clamped at 0."""
-    if FORCED or HUNG:
+    if HUNG or (FORCED and (pair.wall >= 0 or pair.stuck > FREE)):
         return carry_led(pair, lower, upper, now, walls)
     a, at = pair.closing_acceleration, pair.at
     d = gap_after(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * at, a, now - at)  # `after`, called less

@@ -103,7 +103,8 @@ def refresh(
             entry[c] = new
             if time < math.inf:
                 order.add(new)
-        if time == math.inf and (FORCED or pair.closing_acceleration > 0.0):
+        pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
+        if pressed and time == math.inf and (not FORCED or pair.gap == 0.0):
             low, high = rest(run, pairs, bodies, c, walls)
             last = max(last, high)
             c = low
