@@ -92,6 +92,7 @@ html_context = {"default_mode": "auto"}
 html_static_path = ["_static"]
 html_extra_path = [MADE.name]
 html_css_files = ["granular.css"]
+html_js_files = ["named.js"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
@@ -103,8 +104,8 @@ html_theme_options = {
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],
-    "pygments_light_style": "default",
-    "pygments_dark_style": "github-dark",
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
 }
 html_sidebars = {"index": [], "reading": [], "defence-of-design": []}
 
