@@ -6,6 +6,7 @@ import { Classroom } from "./classroom.mjs";
 import { Controls } from "./controls.mjs";
 import { explainTerms } from "./glossary.mjs";
 import { copyLink, follow, read, write, written } from "./link.mjs";
+import { printPack } from "./pack.mjs";
 import { contactsCsv } from "./panels.mjs";
 import { Picture } from "./picture.mjs";
 import { Predict } from "./predict.mjs";
@@ -52,6 +53,7 @@ class Page {
     $(".csv").addEventListener("click", () => save("contacts.csv", "text/csv", contactsCsv(this.report)));
     $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
     $(".print-button").addEventListener("click", () => print());
+    $(".pack-button").addEventListener("click", printPack);
     whenResized(() => this.redraw());
     $(".times").addEventListener("toggle", () => this.redraw()); // charts that were not to be seen have no width
     window.addEventListener("beforeprint", () => document.querySelectorAll(".sliders details").forEach((one) => (one.open = true)));

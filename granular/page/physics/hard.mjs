@@ -9,7 +9,7 @@ import { heights, isElastic, isNoise, pairsOf } from "./scenes.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
 const TINY = 2 ** -200, FAINT = 2 ** -20, FAINTER = 2 ** -30, SLOW = 1e-6, MERGED = 1e-4, STUCK = 1e-9; // of the impact speed
-const DRAWN = 20000; // flights between events
+const DRAWN = 20000, LATELY = 1000; // flights between events; contacts
 const LONGER = 10; // what has collapsed takes more events until it sticks
 export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
 
@@ -62,7 +62,7 @@ const waitOf = (p) => timeToContact(p.gap, p.rate, p.pull);
 
 function advance(run) {
   const { pairs } = run, waits = pairs.map(waitOf), c = soonest(run, waits), room = run.tEnd - run.t;
-  if (run.events >= run.maxEvents) return void (isSlow(run, c, FAINTER) && run.scene.gravity === 0 ? collapse(run, slowAbout(run, c)) : (run.status = "endless"));
+  if (run.events >= run.maxEvents) return exhausted(run, c);
   if (waits[c] === Infinity || waits[c] > room) {
     run.status = room === Infinity ? "quiet" : "time";
     return move(run, room);
@@ -168,19 +168,21 @@ function watch(run, c, speed) {
   else if (c === 0 && speed < SLOW * run.scene.impact && run.t + restTime(run) < run.tEnd) collapse(run, [0]);
 }
 
-const collapse = (run, group) => Object.assign(run, { status: "collapse", group });
-
-// Beside the fastest impact, and as near as that is slow.
-function isSlow({ pairs, scene: { gap, impact } }, c, share = FAINT) {
-  const near = 64 * gap.reduce((sum, one) => sum + one / gap.length, 0) || impact;
-  return Math.abs(pairs[c]?.rate) < share * impact && pairs[c].gap < share * near;
+// As many events as there may be, and ever slower ones.
+function exhausted(run, c) {
+  run.status = "endless";
+  if (run.sticks === 0 && run.scene.gravity === 0 && isSlow(run, c, FAINTER)) collapse(run, slowAbout(run, c));
 }
 
-// The pairs about pair c that have all but stopped.
+const collapse = (run, group) => Object.assign(run, { status: "collapse", group });
+
+const isSlow = ({ pairs, scene: { impact } }, c, share = FAINT) => Math.abs(pairs[c]?.rate) < share * impact;
+
+// The pairs about pair c that have all but stopped, and collided of late.
 function slowAbout(run, c) {
-  const group = [c];
-  for (let i = c - 1; isSlow(run, i); i--) group.unshift(i);
-  for (let i = c + 1; isSlow(run, i); i++) group.push(i);
+  const late = new Set(run.contacts.slice(-LATELY).map(({ pair }) => pair)), isOne = (i) => late.has(i) && isSlow(run, i), group = [c];
+  for (let i = c - 1; isOne(i); i--) group.unshift(i);
+  for (let i = c + 1; isOne(i); i++) group.push(i);
   return group;
 }
 
