@@ -97,7 +97,7 @@ def test_a_log_that_nobody_reads_needs_less_than_its_public_form(engine) -> None
 
 def test_auto_counts_samples_too(monkeypatch) -> None:
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or False)
+    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or False)
     scene = gr.Scene(np.ones(33), np.zeros(33), np.ones(32), np.zeros(33))
     gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=1.0, samples=1000, max_events=1)
     assert asked[0] == 32 + 1 + 2 * 1000
@@ -106,7 +106,7 @@ def test_auto_counts_samples_too(monkeypatch) -> None:
 def test_auto_counts_the_balls_that_are_set_up(monkeypatch) -> None:
     """However few collisions are asked for."""
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or False)
+    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or False)
     scene = gr.Scene(np.ones(300), np.zeros(300), np.ones(299), np.zeros(300))
     gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), max_events=1)
     assert asked[0] == 300

@@ -115,7 +115,7 @@ def test_a_closer_look_in_a_large_scene_keeps_a_log_of_bounded_size(monkeypatch)
 def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_enough(monkeypatch) -> None:
     """Unless no more are asked for."""
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or work >= 500 * runs.LIKELY)
+    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or work >= 500 * runs.LIKELY)
     for n, most, engine in ((100, 10**6, "sorted"), (600, 10**6, "compiled"), (600, 1, "sorted")):
         run = edmd.simulate(gas(n, n), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
         assert run.stats["engine"] == engine
@@ -125,7 +125,7 @@ def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_e
 def test_auto_goes_over_as_soon_as_the_pace_tells_that_it_pays(monkeypatch) -> None:
     """Not only when as much has been done; and never for what `max_events` does not leave."""
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or work >= 100_000)
+    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or work >= 100_000)
     scene, rule = gas(100, 100), ConstantRestitution(1.0)
     whole = edmd.simulate(scene, rule, t_end=2000.0, log=False, max_events=10**9)
     assert whole.stats["engine"] == "compiled"

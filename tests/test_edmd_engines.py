@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scenes_at_random import HARD, gas, scenes
 
+import granular as gr
 from granular import edmd
+from granular.edmd import run as runs
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
@@ -81,6 +83,14 @@ def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
     long = edmd.simulate(scene, one, t_end=2000.0, log=False)
     assert long.stats["engine"] == "compiled"
     assert long.energy()[-1] == pytest.approx(long.energy()[0], rel=1e-13)
+
+
+def test_auto_knows_which_machine_code_is_loaded(monkeypatch) -> None:
+    """That of rings and thermal walls is another one than that of plain scenes."""
+    monkeypatch.setattr(runs, "LONG", 500)
+    for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0)):
+        edmd.simulate(of, ConstantRestitution(1.0), engine="compiled", max_events=10)
+        assert edmd.simulate(of, ConstantRestitution(1.0), max_events=2000).stats["engine"] == "compiled"
 
 
 def test_what_does_not_compile_says_so() -> None:

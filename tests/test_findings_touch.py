@@ -9,7 +9,7 @@ from test_findings import by_scipy
 
 import granular as gr
 
-pi, rebound, touching, cooling, clumps = map(script, ("pi", "rebound", "touching", "cooling", "clumps"))
+pi, rebound, touching, cooling = map(script, ("pi", "rebound", "touching", "cooling"))
 SOAK = pytest.mark.soak
 
 
@@ -126,26 +126,3 @@ def test_sticking_points_lose_energy_with_the_published_exponent():
     error = found.std(ddof=1) / math.sqrt(len(found))
     assert (found.mean(), error) == (printed(-0.669, 3), printed(0.004, 3))
     assert abs(found.mean() + 2.0 / 3.0) < 3.0 * error
-
-
-def test_a_clump_beside_a_hot_wall_needs_contacts_shorter_than_10_ms():
-    """Hard balls crowd, soft ones do not: by more than five standard errors of six draws."""
-    found = clumps.ensemble(1e-2, draws=6, collapse="merge", merge_below=1e-3).worst
-    assert found.answer is gr.Answer.no
-    assert found.means[0] < 0.04 < 0.12 < found.means[1]
-    assert -found.difference > 5.0 * found.error
-
-
-@SOAK
-def test_the_spread_of_a_clump_is_that_of_the_page():
-    """Each mean within three standard errors, which are the page's too: where rounding grows, draws differ."""
-    soft, tc = (0.144, 0.086, 0.037, 0.023, 0.023), (0.129, 0.072, 0.033, 0.023, 0.022)
-    hard = ({"collapse": "merge", "merge_below": 1e-3}, 0.021), ({"elastic_below": 1e-3}, 0.021)
-    for duration, of_newton, of_tc in zip(clumps.TIMES, soft, tc, strict=True):
-        for options, told in (({"tc": duration}, of_tc), *hard):
-            found = clumps.ensemble(duration, **options).worst
-            assert abs(found.means - (told, of_newton)) == pytest.approx([0.0, 0.0], abs=3.0 * found.errors.max())
-            if "tc" not in options:
-                assert found.answer is (gr.Answer.yes if duration <= 1e-5 else gr.Answer.no)
-            else:
-                assert found.answer is (gr.Answer.yes if duration <= 1e-4 else gr.Answer.undecided)

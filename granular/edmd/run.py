@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._contact_log import Rows
-from granular._kernels import worth
+from granular._kernels import fitted, worth
 from granular._records import column, packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import wall_state
@@ -86,7 +86,8 @@ class Run:
         self.may_compile = engine == "auto"
         n = len(self.scene.gap)  # to set up a ball takes as long as a collision, to show it a sixteenth of that
         shown = 0 if request.samples is None else n * np.size(request.samples) // 16
-        fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events) + shown))
+        work = n + min(LIKELY * n, request.max_events) + shown
+        fast = engine == "compiled" or (self.may_compile and pays(work, physics.has))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.most = 1 if request.singly else request.max_events
         self.tail = state.clock.last_event - request.max_events // TAIL
@@ -188,7 +189,7 @@ class Run:
     def _advance(self, limit: float) -> int:
         """Go on towards tau = `limit` for a while, with the faster queue if that pays now; return why it pauses."""
         state = self.state
-        if self.may_compile and pays(self._expected()):
+        if self.may_compile and pays(self._expected(), self.physics.has):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
         budget, begun, before = min(self.queue.chunk, self.most, goal - self.events), process_time(), self.events
@@ -281,13 +282,16 @@ class Run:
         return End(row, status, message, stats, state)
 
 
-def pays(work: float) -> bool:
-    """Return whether so much work, in collisions, is worth machine code; what would make it is loaded only then."""
+def pays(work: float, has: tuple[str, ...]) -> bool:
+    """Return whether so much work, in collisions, is worth the machine code of scenes that have this.
+
+    What would make it is loaded only then.
+    """
     if work < LONG:
         return False
     from granular.edmd.compiled_queue import loop
 
-    return worth(loop, work, LONG, VERY_LONG, inline=True)
+    return worth(fitted(loop, **dict.fromkeys(has, True)), work, LONG, VERY_LONG, inline=True)
 
 
 def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
