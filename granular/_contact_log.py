@@ -5,7 +5,7 @@ May be skipped: where records go.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +69,29 @@ def contacts(settled: list[Rows]) -> Rows:
                 target = part[column] if side is None else part[column][:, side]
                 target[:] = rows[name]
     return log
+
+
+class PublicWhenRead:
+    """What has an attribute `contacts`, the public log; made of the rows that an engine has settled once it is read."""
+
+    def _kept(self) -> Rows | None:
+        """Return the public log, if there is one; rows that are given in its place are kept as they are."""
+        held = vars(self)
+        if isinstance(held.get("contacts"), tuple):
+            held["settled"] = held.pop("contacts")
+        return held.get("contacts")
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Rows:
+            held = vars(self)
+            if name != "contacts" or "settled" not in held:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            log = contacts(list(held["settled"]))
+            log.flags.writeable = False
+            log = held.setdefault("contacts", log)  # another thread may have been first
+            held["settled"] = ()
+            return log
 
 
 def in_order(log: Rows) -> Rows:

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from granular import _check
 from granular._check import Array
-from granular._contact_log import CONTACT as CONTACT, contacts, given_by_walls
+from granular._contact_log import CONTACT as CONTACT, PublicWhenRead, given_by_walls
 from granular.laws.kinds import resolved
 from granular.scene import Scene
 from granular.scene.places import points as scene_points
@@ -36,7 +36,7 @@ class Status(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(PublicWhenRead):
     """What happened: samples, contact log, and how it ended.
 
     Attributes
@@ -83,25 +83,9 @@ class Trajectory:
     ledger: Array | None = None
 
     def __post_init__(self) -> None:
-        held = vars(self)
-        if isinstance(self.contacts, tuple):
-            held["settled"] = held.pop("contacts")
-        for array in (self.time, self.position, self.velocity, self.gap, self.force, held.get("contacts"), self.ledger):
+        for array in (self.time, self.position, self.velocity, self.gap, self.force, self._kept(), self.ledger):
             if array is not None:
                 array.flags.writeable = False
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Make the public log of the rows that an engine has settled, once somebody asks for it."""
-            held = vars(self)
-            if name != "contacts" or "settled" not in held:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            log = contacts(list(held["settled"]))
-            log.flags.writeable = False
-            log = held.setdefault("contacts", log)  # another thread may have been first
-            held["settled"] = ()
-            return log
 
     @cached_property
     def by_pair(self) -> tuple[Any, Any]:
