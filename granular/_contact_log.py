@@ -72,14 +72,7 @@ def contacts(settled: list[Rows]) -> Rows:
 
 
 class PublicWhenRead:
-    """What has an attribute `contacts`, the public log; made of the rows that an engine has settled once it is read."""
-
-    def _kept(self) -> Rows | None:
-        """Return the public log, if there is one; rows that are given in its place are kept as they are."""
-        held = vars(self)
-        if isinstance(held.get("contacts"), tuple):
-            held["settled"] = held.pop("contacts")
-        return held.get("contacts")
+    """What has an attribute `contacts`, the public log; made of rows that an engine has `settled` once it is read."""
 
     if not TYPE_CHECKING:
 

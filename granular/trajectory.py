@@ -83,7 +83,10 @@ class Trajectory(PublicWhenRead):
     ledger: Array | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.time, self.position, self.velocity, self.gap, self.force, self._kept(), self.ledger):
+        held = vars(self)
+        if isinstance(self.contacts, tuple):  # see `PublicWhenRead`
+            held["settled"] = held.pop("contacts")
+        for array in (self.time, self.position, self.velocity, self.gap, self.force, held.get("contacts"), self.ledger):
             if array is not None:
                 array.flags.writeable = False
 
@@ -338,10 +341,8 @@ class Trajectory(PublicWhenRead):
 
     def __repr__(self) -> str:
         engine = "edmd" if self.rule is not None else "md" if self.law is not None else "from elsewhere"
-        return (
-            f"Trajectory({engine}, {self.scene}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
-            f"{len(self.contacts)} contacts, {self.status.name}: {self.message})"
-        )
+        return (f"Trajectory({engine}, {self.scene}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
+                f"{len(self.contacts)} contacts, {self.status.name}: {self.message})")
 
 
 EARLY = (Status.collapse, Status.bounded, Status.max_events, Status.unstable, Status.broken)
