@@ -12,7 +12,9 @@ from scenes_at_random import HARD, gas, scenes
 
 import granular as gr
 from granular import edmd
+from granular._kernels import fitted, flags
 from granular.edmd import run as runs
+from granular.edmd.compiled_queue import loop
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
@@ -85,12 +87,15 @@ def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
     assert long.energy()[-1] == pytest.approx(long.energy()[0], rel=1e-13)
 
 
-def test_auto_knows_which_machine_code_is_loaded(monkeypatch) -> None:
+def test_auto_asks_for_the_machine_code_of_its_kind_of_scene(monkeypatch) -> None:
     """That of rings and thermal walls is another one than that of plain scenes."""
+    asked = []
     monkeypatch.setattr(runs, "LONG", 500)
-    for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0)):
-        edmd.simulate(of, ConstantRestitution(1.0), engine="compiled", max_events=10)
-        assert edmd.simulate(of, ConstantRestitution(1.0), max_events=2000).stats["engine"] == "compiled"
+    monkeypatch.setattr(runs, "worth", lambda function, *_, **__: asked.append(function) or False)
+    for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0), gas(1, 20)):
+        edmd.simulate(of, ConstantRestitution(1.0), max_events=600)
+        assert asked.pop() is fitted(loop, **flags(of))
+    assert fitted(loop, RING=True) is not loop
 
 
 def test_what_does_not_compile_says_so() -> None:

@@ -49,6 +49,7 @@ def test_what_one_hit_leaves_in_a_row():
     assert apart == pytest.approx([apart[1]] * 3, rel=1e-2)  # the last contacts, of balls that stay, are no more alike
 
 
+@SOAK
 def test_soft_balls_make_no_clump():
     """Of four draws, at a contact of 0.3 ms; both engines beside the page, and far from each other."""
     spread, first = drawn(3e-4, {}, 4)
