@@ -54,7 +54,7 @@ class Trajectory(PublicWhenRead):
     force : (T, n-1) array or None
         Contact forces in N, ≥ 0 for repulsion (md only).
     contacts : structured array
-        The contact log, see `granular.trajectory.CONTACT`; empty if ``log=False`` or a file.
+        The contact log, see `CONTACT`; empty if ``log=False`` or a file. Of hard spheres it is made when first read.
     status, message : Status, str
         Why the run ended, and the sentence with its numbers.
     stats : dict

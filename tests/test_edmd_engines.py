@@ -1,5 +1,6 @@
 """The compiled queue gives the bits of the reference queue, and engines are chosen as said."""
 
+import dataclasses
 import math
 import os
 import subprocess
@@ -88,11 +89,13 @@ def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
 
 
 def test_auto_asks_for_the_machine_code_of_its_kind_of_scene(monkeypatch) -> None:
-    """That of rings and thermal walls is another one than that of plain scenes."""
+    """That of rings, pendula, moving and thermal walls is another one than that of plain scenes."""
     asked = []
     monkeypatch.setattr(runs, "LONG", 500)
     monkeypatch.setattr(runs, "worth", lambda function, *_, **__: asked.append(function) or False)
-    for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0), gas(1, 20)):
+    shaken = dataclasses.replace(gas(1, 20), floor=gr.walls.Sine(1e-3, 50.0))
+    hung = gr.scenes.pendulum_cradle(20)
+    for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0), hung, shaken, gas(1, 20)):
         edmd.simulate(of, ConstantRestitution(1.0), max_events=600)
         assert asked.pop() is fitted(loop, **flags(of))
     assert fitted(loop, RING=True) is not loop

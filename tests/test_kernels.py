@@ -1,6 +1,7 @@
 """Kernels made to fit: twins with other constants and other kernels, interpreted and compiled."""
 
 import inspect
+import math
 import random
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import types
 
 import pytest
 
-from granular import _kernels
+from granular import _kernels, _records
 from granular._kernels import compiled, entry, have_numba, kernel, specialised
 from granular.edmd import motion
 
@@ -178,3 +179,22 @@ def test_code_stays_as_it_was_loaded_where_its_source_is_no_longer_that(source, 
 
     monkeypatch.setattr(_kernels, "getsourcelines", read)
     assert _kernels._without_dead_branches(forced) is forced.__code__
+
+
+def test_a_tournament_knows_who_is_due_first_and_of_ties_the_lowest_key():
+    """Against the least of all, after every change: times that tie, that never come, keys in any order."""
+    rng, ways_to_replay = random.Random(4), ways(_records.replay)
+    for n in (1, 2, 3, 5, 8, 13, 33):
+        trees = [_records.plain(_records.tournament(n)), _records.tournament(n)][: len(ways_to_replay)]
+        size, owners = len(trees[0]) // 2, [(math.inf, key) for key in range(n)]
+        for turn in range(60):
+            first = rng.randrange(n) if turn else 0  # at first all: inner nodes know of no owner before
+            last = min(n - 1, first + rng.choice((0, 0, 1, 2, n))) if turn else n - 1
+            for owner in range(first, last + 1):
+                key = rng.choice((owner, owner + n * rng.randrange(1, 9), owner - 8 * n))
+                owners[owner] = (rng.choice((0.0, 0.5, 1.0, rng.random(), math.inf)), key)
+                for tree in trees:
+                    tree[size + owner]["due"], tree[size + owner]["key"] = owners[owner]
+            for tree, run in zip(trees, ways_to_replay, strict=True):
+                run(tree, first, last)
+                assert (tree[1]["due"], tree[1]["key"]) == min(owners), (n, first, last)

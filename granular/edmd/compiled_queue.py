@@ -35,8 +35,9 @@ LARGE = 100_000
 BLOCK = 4096
 """Pairs kept of a block."""
 ROOM = 64
-"""Rows of the log that there is room for at first; each next room is so many times as large, up to `chunk` rows."""
+"""Rows of the log that there is room for at first."""
 GROWTH = 4
+"""Each next room is so many times as large, up to `chunk` rows."""
 MARGIN = 1.25
 """Speed allowed for, in units of the largest at the start of the window."""
 
@@ -60,7 +61,7 @@ def refresh(
         if run.order != LEFT:  # else its number, as the tree has it
             leaf(queue, c).key = rank(c, run.order, run.seed, pair.contacts)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
-        if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):
+        if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):  # `rest` is a call, asked if it may be
             low, high = rest(run, pairs, bodies, c, walls)
             first, last = min(first, low), max(last, high)
             c = low
