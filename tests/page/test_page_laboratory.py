@@ -1,0 +1,45 @@
+"""The laboratory fits two windows, and a lesson is printed from it."""
+
+import re
+from base64 import b64decode
+
+import pytest
+from driving import click, fresh, go, text
+
+from granular.page import assemble
+
+
+def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) -> None:
+    """1600 px at 1280 by 800, every scene as it opens; what is folded is there once it is opened, and drawn as wide."""
+    blank.size(1280, 800)
+    fresh(blank, f"{live}#screen=7&lang=en")
+    for scene in range(blank.run("document.querySelectorAll('.scenes button').length")):
+        blank.run(f"document.querySelectorAll('.scenes button')[{scene}].click()")
+        blank.run("new Promise((done) => setTimeout(done, 300))")
+        assert blank.run("document.documentElement.scrollHeight") <= 1600
+        assert blank.run("document.documentElement.scrollWidth") == 1280
+        shown = "[...document.querySelectorAll('.graphs > *')].filter((box) => box.offsetHeight)"
+        widths = blank.run(f"{shown}.map((box) => [box.clientWidth, box.querySelector('.chart').clientWidth])")
+        assert all(chart == box for box, chart in widths), widths
+        assert sum(box for box, _ in widths) > 1080
+    blank.run("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    blank.run("new Promise((done) => setTimeout(done, 300))")
+    told = "[...document.querySelectorAll('.times .chart, .sliders input, .finals, .csv')]"
+    assert min(blank.run(f"{told}.map((one) => one.clientWidth)")) > 80
+
+
+@pytest.mark.parametrize("language", assemble.LANGUAGES)
+def test_a_lesson_is_printed_on_two_pages_in_the_words_of_the_page(blank, story, language, tmp_path) -> None:
+    """A sheet with seven tasks for six screens, and the teacher's page; afterwards the page is as it was."""
+    pypdf = pytest.importorskip("pypdf")
+    go(blank, f"{story}#screen=6&lang={language}")
+    blank.run("window.print = () => {}")
+    click(blank, ".pack-button")
+    (tmp_path / "pack.pdf").write_bytes(b64decode(blank.call("Page.printToPDF")["data"]))
+    assert len(pypdf.PdfReader(tmp_path / "pack.pdf").pages) == 2
+    words, said = assemble.words(language), text(blank, ".pack")
+    assert [words[f"s{n}-title"].replace("\u00a0", " ") in said for n in range(1, 7)] == [True] * 6
+    assert blank.run("document.querySelectorAll('.pack li').length") == 7
+    assert not re.search(r"pack-|undefined|[{}\[\]_]", said)
+    assert blank.run("document.body.className.includes('packed')") is False
+    blank.is_worn = True
