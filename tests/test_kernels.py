@@ -1,4 +1,4 @@
-"""Kernels made to fit: twins with other constants and other kernels, interpreted and compiled."""
+"""Kernels made to fit, interpreted and compiled: twins with other constants and kernels; the tournament they share."""
 
 import inspect
 import math

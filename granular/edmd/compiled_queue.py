@@ -61,7 +61,7 @@ def refresh(
         if run.order != LEFT:  # else its number, as the tree has it
             leaf(queue, c).key = rank(c, run.order, run.seed, pair.contacts)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
-        if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):  # `rest` is a call, asked if it may be
+        if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):  # asked here, as `rest` is a call
             low, high = rest(run, pairs, bodies, c, walls)
             first, last = min(first, low), max(last, high)
             c = low

@@ -104,7 +104,7 @@ def refresh(
             if time < math.inf:
                 order.add(new)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
-        if pressed and time == math.inf and (not FORCED or pair.gap == 0.0):  # `rest` is a call, asked if it may be
+        if pressed and time == math.inf and (not FORCED or pair.gap == 0.0):  # asked here, as `rest` is a call
             low, high = rest(run, pairs, bodies, c, walls)
             last = max(last, high)
             c = low
