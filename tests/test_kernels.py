@@ -1,4 +1,4 @@
-"""Kernels made to fit, interpreted and compiled: twins with other constants and kernels; the tournament they share."""
+"""Kernels made to fit, interpreted and compiled: twins with other constants and kernels; the tournament of all."""
 
 import inspect
 import math

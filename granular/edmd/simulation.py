@@ -90,7 +90,7 @@ def simulate(
     engine : str
         "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
         ties only), or "auto": begins with the reference and goes over to compiled as soon as the collisions made,
-        or those to expect until `t_end` or of a large scene, pay for it; a sample counts as a sixteenth of one for each ball.
+        or those to expect until `t_end` or of a large scene, pay for it; a sample counts as a sixteenth of one a ball.
     ties : str
         What simultaneous collisions do. One after the other: "left" (the lowest pair first), "right", or "random"
         (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution for
