@@ -27,6 +27,7 @@ from typing import Any, TypeVar
 from zlib import crc32
 
 from granular._about import install
+from granular._held import version
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -45,8 +46,7 @@ RING: bool = False
 on_making: list[Callable[[], object]] = []
 """Who wants to know, once, that machine code is about to be made, which takes a while."""
 MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "nogil": True}
-"""How numba compiles: 1/0 is inf, references to arrays are not counted (which would take half of the time), and nobody
-calls from C."""
+"""How numba compiles: 1/0 is inf, references to arrays are not counted (half of the time), and nobody calls from C."""
 
 
 def kernel(function: F) -> F:
@@ -163,9 +163,9 @@ def load_numba() -> Any:
     why = no_compiler()
     if why:
         raise ImportError(f"engine is 'compiled': {why}.")
-    import numba
+    import granular._reference  # noqa: F401  imports numba, and tells it of what is held
 
-    return numba
+    return sys.modules["numba"]
 
 
 def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
@@ -357,4 +357,4 @@ def _checksum(function: Callable[..., Any]) -> int:
     values = [scope.get(name) for name in _globals_read(code)]
     read = [value for value in values if isinstance(value, (int, float, str, tuple))]
     below = [_checksum(callee) for callee in _callees(function).values()]
-    return crc32(repr((constants, code.co_names, read, below, MANNER)).encode(), crc32(code.co_code))
+    return crc32(repr((constants, code.co_names, read, below, MANNER, version())).encode(), crc32(code.co_code))

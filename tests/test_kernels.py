@@ -9,7 +9,7 @@ import types
 
 import pytest
 
-from granular import _kernels, _records
+from granular import _held, _kernels, _records
 from granular._kernels import compiled, entry, have_numba, kernel, specialised
 from granular.edmd import motion
 
@@ -198,3 +198,10 @@ def test_a_tournament_knows_who_is_due_first_and_of_ties_the_lowest_key():
             for tree, run in zip(trees, ways_to_replay, strict=True):
                 run(tree, first, last)
                 assert (tree[1]["due"], tree[1]["key"]) == min(owners), (n, first, last)
+
+
+def test_machine_code_that_takes_records_otherwise_is_not_ours(monkeypatch):
+    """What is kept on the disk has a name that changes with how tuples are held."""
+    ours = _kernels._checksum.__wrapped__(outer)
+    monkeypatch.setattr(_kernels, "version", lambda: _held.version() + 1)
+    assert _kernels._checksum.__wrapped__(outer) != ours

@@ -31,6 +31,7 @@ from granular.md.located.records import (
     DONE,
     EDGE,
     EXTEND,
+    GOES_ON,
     LIES,
     MORE,
     MOVES,
@@ -95,16 +96,18 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Let what is due up to time `limit` happen, at most `chunk` events and pieces; return why it ended."""
     run = s.run[0]
     for _ in range(chunk):
+        why = EXTEND
         if run.waits == 0:
             why = reason_to_return(s, limit)
             if why == DONE:
                 why = take_next(s, limit, laws)
             if why == DONE:
                 continue
-            if why != EXTEND:
+            if why != EXTEND and why != GOES_ON:
                 return why
         run.waits = 0
-        why = regroup(s, laws)
+        if why == EXTEND:
+            why = regroup(s, laws)
         while why == EXTEND:
             if not extend_event(s, run.wanted, laws):
                 run.waits = 1
@@ -112,7 +115,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
             why = regroup(s, laws)
         if not plan_all_due(s, laws):
             return STOPPED
-        if why != MORE:
+        if why != MORE and why != GOES_ON:
             return why
     return MORE
 
@@ -184,7 +187,7 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
         return WANTS_LOOK
     pairs[lo].due = TO_PLAN
     play(s.queue, lo, pairs[lo].due)
-    return DONE if plan_all_due(s, laws) else STOPPED
+    return GOES_ON
 
 
 @kernel

@@ -59,7 +59,8 @@ class Untouched:
         rows = int(s.run[0]["rows"])
         if not SMALL < len(s.pairs) < len(s.bodies):
             run, pairs, bodies, pool, log = map(_kept, (s.run, s.pairs, s.bodies, s.pool, s.log[:rows]))
-            self.before = s._replace(run=run, pairs=pairs, bodies=bodies, pool=pool, log=log, ledger=_kept(s.ledger))
+            ledger = None if s.ledger is None else _kept(s.ledger)
+            self.before = s._replace(run=run, pairs=pairs, bodies=bodies, pool=pool, log=log, ledger=ledger)
             return
         near, bodies = _concerned(s, t)
         changed = [(s.run, slice(None)), (s.pairs, near), (s.bodies, bodies), (s.pool, slot[slot >= 0]),
@@ -79,10 +80,10 @@ class Untouched:
 
 
 def _kept(records: Any) -> Any:
-    """Return a copy of records that nobody is to change; None stays."""
+    """Return a copy of records that nobody is to change."""
     if isinstance(records, np.ndarray) and records.size:
         return np.frombuffer(records.tobytes(), records.dtype)
-    return None if records is None else copied(records)
+    return copied(records)
 
 
 def _concerned(s: System, t: float) -> tuple[Any, Any]:

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 
 from granular import until as stop
 from granular._check import Array
+from granular._held import WORDS, held
 from granular._kernels import compiled, inlined, interpreted, kernel
 from granular._records import play
-from granular.md.located.blocks import advance, expose_all, gather, launch
+from granular.md.located.blocks import advance, expose_all, gather, set_out
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look
 from granular.md.located.pace import COMPILED, WHY, looked_at, seldom
-from granular.md.located.plan import make_table, plan_all_due
+from granular.md.located.plan import make_table
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
     ACTIVE,
@@ -43,7 +44,7 @@ from granular.md.located.records import (
     WANTS_TABLE,
 )
 from granular.md.located.run import FIRST_LOOK
-from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
+from granular.md.located.system import Fields, System, new_system, to_plain, with_room_for_a_table
 from granular.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
@@ -160,19 +161,19 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
-    seen, many, i = np.zeros((3, last.shape[-1])), s, 0
+    seen, many, i, room = np.zeros((3, last.shape[-1])), s, 0, np.zeros(WORDS, np.int64)
     given: Any = end, COMPILED, result, last, seen
     kernels: Any = compiled  # for types of a single run: less to compile
     if engine == "plain":
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
         given, kernels = (end.tolist(), COMPILED, *rows, seen.tolist()), interpreted
-    while (i := kernels(solve_rows)(many, *given, i)) < len(result):
+    while (i := kernels(solve_rows)(many, room, *given, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
             rare: Any = kernels if kernels is interpreted else partial(seldom, kernels=kernels)
-            result["why"][i] = looked_at(scene_of(many, i), float(end[i]), kernels, rare)
+            result["why"][i] = looked_at(System._make(scene_of(many, i, None)), float(end[i]), kernels, rare)
             continue
         many = with_room_for_a_table(many, i)
-        make_table(scene_of(many, i), None, kernels)
+        make_table(System._make(scene_of(many, i, None)), None, kernels)
     status = np.array([CODES.get(code, -1) for code in range(WANTS_LOOK + 1)])[result["why"]]
     status[(result["why"] == QUIET) & (end < math.inf)] = CODES[REACHED]
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
@@ -196,18 +197,19 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 
 
 @kernel
-def scene_of(many: Any, i: int) -> Any:
-    """Return the records of scene i, which shares pool, queue and log with the others."""
+def scene_of(many: Any, i: int, room: Any) -> Any:
+    """Return the records of scene i, which shares pool, queue and log with the others; noted in a `room`."""
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None)
+    rest = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None
+    return held(Fields(*own, *rest), room)
 
 
 @kernel
-def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, seen: Any, first: int) -> int:
+def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: Any, seen: Any, first: int) -> int:
     """Solve scenes from `first` to the end, one after the other; return at which one a table is wanted first: then it
     is to be called again from there on."""
     for i in range(first, len(t_end)):
-        s = scene_of(many, i)
+        s = scene_of(many, i, room)
         if result[i].why == MORE:
             for c in range(len(many.pool)):
                 many.pool[c].spare = c
@@ -231,7 +233,7 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
         for c in range(n):
             if s.kinds[c].kind == GENERAL:
                 return
-        if not (launch(s, None) and plan_all_due(s, None)):
+        if not set_out(s, None):
             result.why = STOPPED
         harvest(s, last, 0.0)
     why = result.why if result.why in (STOPPED, REST, BINDING) else MORE

@@ -59,7 +59,8 @@ def mapped(kinds: Any, m_eff: Array) -> None:
         shapes[free] = np.transpose(elastic_shape(one))
         if alike.any():
             zeta = gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])
-            shapes[alike] = np.transpose(damped_shape(one, zeta))
+            zeta, which = np.unique(zeta, return_inverse=True)  # a map has few of them
+            shapes[alike] = np.transpose(damped_shape(one, zeta))[which]
     kinds["map"][shapes[..., 0] > 0.0] = SELF_SIMILAR
     for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
         kinds[name] = values

@@ -37,9 +37,9 @@ REACHED, MORE, STOPPED, QUIET, WORK_LIMIT, REST, BINDING, CRAMPED, WANTS_TABLE, 
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
 contacts, a contact alone, or a look at a block that may rest or creep is wanted first."""
-EXTEND, DONE, BY_PIECES = 11, 12, 13
+EXTEND, DONE, BY_PIECES, GOES_ON = 11, 12, 13, 14
 """What comes next, within `advance`: blocks are formed anew, of one more than is known; nothing, for what was due has
-happened; the contact that is due is followed piece by piece."""
+happened; the contact that is due is followed piece by piece; an island goes on with its next piece."""
 LARGEST_Q = 4
 STEEPEST = 16.0
 """Largest q of the clock t = (hτ)^q, and largest q·p of a power law, that a start series of order 20 can show."""

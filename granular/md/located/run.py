@@ -15,7 +15,7 @@ from granular._records import column, copied, packed, plain, play, replay
 from granular.drive import End, Pause, Request, Row
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
-from granular.md.located.checkpoint import Checkpoint, Untouched
+from granular.md.located.checkpoint import SMALL, Checkpoint, Untouched
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look_inside, look_over, seen
@@ -321,7 +321,8 @@ class Run:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
             self.pace.look_at_all()
-            self.s = self.s._replace(queue=copied(self.s.queue[:1]))  # nothing is due now: of many balls it is large
+            if len(self.s.queue) > SMALL:  # nothing is due now
+                self.s = self.s._replace(queue=copied(self.s.queue[:1]))
             self.kernels(blocks.gather)(self.s, end, self.collocation)
             if column(self.s.pool, "manner").any():
                 self.pace.seldom(blocks.gather_slowly)(self.s)

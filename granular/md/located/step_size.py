@@ -109,9 +109,9 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
         pair = pool[pairs[c].slot]
         if pair.own_speed == 0.0:
             pair.own_speed = speed
-        pair.own_length = amplitude(pair, pair.own_speed * pair.own_speed)
+        alone = pair.own_length = amplitude(pair, pair.own_speed * pair.own_speed)
         if pair.mode != OPEN:
-            length = max(length, amplitude(pair, speed * speed))
+            length = max(length, alone if pair.own_speed == speed else amplitude(pair, speed * speed))
     block = pool[pairs[lo].slot]
     block.speed, block.length = speed, length
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from granular import until as stop
 from granular._contact_log import CONTACT_ROW
+from granular._held import Held
 from granular._kernels import RING, flags, kernel
 from granular._records import NODE, packed, plain, tournament
 from granular._roots import DEEPEST, workspace
@@ -46,9 +47,14 @@ from granular.md.located.records import (
 from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.scene import Scene
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
-"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the
-`field` of flights: `Walls` that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
+Fields = namedtuple("Fields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
+
+
+class System(Held, Fields):
+    """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the
+    `field` of flights: `Walls` that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
+
+    _plain = Fields
 
 
 def to_plain(s: System) -> System:

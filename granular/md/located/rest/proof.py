@@ -85,6 +85,8 @@ def has_too_much(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
     for c in range(a, b if falls else a):
         pair = pool[pairs[c].slot]
         least = min(least, highest_hurdle(pair, 1.001 * load))
+        if not energy < least:
+            return True  # most often: what follows adds to the one, and takes from the other
         energy += stored(pair, 1.001 * load)
     return not energy < (least if falls else 0.0)
 
