@@ -26,6 +26,18 @@ def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) 
     blank.run("new Promise((done) => setTimeout(done, 300))")
     told = "[...document.querySelectorAll('.times .chart, .sliders input, .finals, .csv')]"
     assert min(blank.run(f"{told}.map((one) => one.clientWidth)")) > 80
+    blank.is_worn = True
+
+
+@pytest.mark.parametrize("language", assemble.LANGUAGES)
+def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, language) -> None:
+    """1600 px at 1280 by 800, real balls and the paper's: these are the tallest."""
+    blank.size(1280, 800)
+    for scene in ("real-balls", "three-balls"):
+        go(blank, f"{live.partition('#')[0]}#scene={scene}&lang={language}")
+        blank.run("new Promise((done) => setTimeout(done, 100))")
+        assert text(blank, ".scenes [aria-pressed=true]") == assemble.words(language)[f"scene-{scene}"]
+        assert blank.run("document.documentElement.scrollHeight") <= 1600
 
 
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
