@@ -43,7 +43,8 @@ def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, langu
 
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_a_lesson_is_printed_on_two_pages_in_the_words_of_the_page(blank, story, language, tmp_path) -> None:
-    """A sheet with seven tasks for six screens, and the teacher's page; afterwards the page is as it was."""
+    """A sheet with seven tasks for six screens, and the teacher's page with a picture for the board; afterwards the page
+    is as it was. A page that is a file of one's own has no code, for nobody else could open it."""
     pypdf = pytest.importorskip("pypdf")
     go(blank, f"{story}#screen=6&lang={language}")
     blank.run("window.print = () => {}")
@@ -53,6 +54,20 @@ def test_a_lesson_is_printed_on_two_pages_in_the_words_of_the_page(blank, story,
     words, said = assemble.words(language), text(blank, ".pack")
     assert [words[f"s{n}-title"].replace("\u00a0", " ") in said for n in range(1, 7)] == [True] * 6
     assert blank.run("document.querySelectorAll('.pack li').length") == 7
+    assert blank.run("document.querySelectorAll('.pack .board circle').length") == 6
+    assert blank.run("document.querySelectorAll('.code').length") == 0
     assert not re.search(r"pack-|undefined|[{}\[\]_]", said)
     assert blank.run("document.body.className.includes('packed')") is False
+    blank.is_worn = True
+
+
+def test_on_paper_what_is_folded_is_open(blank, live) -> None:
+    """And folded again afterwards, where it was."""
+    go(blank, f"{live.partition('#')[0]}#scene=real-balls&lang=en")
+    blank.run("document.querySelector('.sliders details').open = true")
+    unfolded = "[...document.querySelectorAll('.sliders details')].map((one) => one.open)"
+    blank.run("dispatchEvent(new Event('beforeprint'))")
+    assert blank.run(unfolded) == [True, True]
+    blank.run("dispatchEvent(new Event('afterprint'))")
+    assert blank.run(unfolded) == [True, False]
     blank.is_worn = True

@@ -53,10 +53,9 @@ class Page {
     $(".csv").addEventListener("click", () => save("contacts.csv", "text/csv", contactsCsv(this.report)));
     $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
     $(".print-button").addEventListener("click", () => print());
-    $(".pack-button").addEventListener("click", printPack);
+    $(".pack-button").addEventListener("click", () => printPack(location.href.split("#")[0] + written({ ...startOf(OPENING), screen: OPENING, at: null, lang: languageNow() })));
     whenResized(() => this.redraw());
     $(".times").addEventListener("toggle", () => this.redraw()); // charts that were not to be seen have no width
-    window.addEventListener("beforeprint", () => document.querySelectorAll(".sliders details").forEach((one) => (one.open = true)));
     window.addEventListener("hashchange", () => this.arrive());
     window.addEventListener("popstate", () => this.arrive());
     explainTerms();
