@@ -43,7 +43,7 @@ def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, langu
 
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_a_lesson_is_printed_on_two_pages_in_the_words_of_the_page(blank, story, language, tmp_path) -> None:
-    """A sheet with seven tasks for six screens, and the teacher's page with a picture for the board; afterwards the page
+    """A sheet with seven tasks for six screens, and a teacher's page with a picture for the board; afterwards the page
     is as it was. A page that is a file of one's own has no code, for nobody else could open it."""
     pypdf = pytest.importorskip("pypdf")
     go(blank, f"{story}#screen=6&lang={language}")

@@ -228,7 +228,8 @@ def test_text_is_readable(page, scheme) -> None:
 
 
 @pytest.mark.parametrize(
-    ("link", "scheme"), [("#screen=6&lang=de", "light"), ("#scene=three-balls", "dark"), ("#scene=real-balls&lang=fr", "light")]
+    ("link", "scheme"),
+    [("#screen=6&lang=de", "light"), ("#scene=three-balls", "dark"), ("#scene=real-balls&lang=fr", "light")],
 )
 def test_it_prints_to_one_sheet(page, story, link, scheme) -> None:
     page.media(prefers_color_scheme=scheme)
