@@ -250,7 +250,7 @@ class Compared:
     @cached_property
     def resting(self) -> dict[int, float]:
         """Pairs whose last contact has no end in one of the runs, and how far in m/s the runs differ there."""
-        return dict(rests_apart(*self.levelled, self.components.weight(self.levelled[1])))
+        return dict(rests_apart(*self.levelled, self.components))
 
     @cached_property
     def other_counts(self) -> Any:

@@ -242,12 +242,12 @@ def resume(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress, progress=progress,
     )
-    queue = checked_engine(engine, physics)
+    queue, states = checked_engine(engine, physics), [state]
 
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene, saved)
-        run = Run(physics, State.restored(physics, saved), queue, asked, watching)
-        return go_on(_stopping(run), trajectory)
+        fresh = states.pop() if states else State.restored(physics, saved)
+        return go_on(_stopping(Run(physics, fresh, queue, asked, watching)), trajectory)
 
     return in_time(solve, request)
 
