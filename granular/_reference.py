@@ -99,8 +99,11 @@ def _type_of(value: Any, context: Any) -> Any:
 
 @unbox(Reference)  # type: ignore[untyped-decorator]
 def _unboxed(reference: Any, value: Any, c: Any) -> Any:
-    room = c.pyapi.object_getattr_string(value, "room")
-    array = types.Array(types.int64, 1, "C")
-    data = c.context.make_array(array)(c.context, c.builder, c.unbox(array, room).value).data
-    c.pyapi.decref(room)  # the tuple keeps it
-    return NativeValue(c.builder.bitcast(data, cgutils.voidptr_t))
+    room, array = c.pyapi.object_getattr_string(value, "room"), types.Array(types.int64, 1, "C")
+    failed = cgutils.is_null(c.builder, room)
+    place = cgutils.alloca_once_value(c.builder, ir.Constant(cgutils.voidptr_t, None))
+    with c.builder.if_then(c.builder.not_(failed), likely=True):
+        data = c.context.make_array(array)(c.context, c.builder, c.unbox(array, room).value).data
+        c.builder.store(c.builder.bitcast(data, cgutils.voidptr_t), place)
+        c.pyapi.decref(room)  # the tuple keeps it
+    return NativeValue(c.builder.load(place), is_error=failed)

@@ -263,16 +263,21 @@ def _carried(hard: Trajectory, u: Array, at: Array, then: Array) -> Array:
     return np.asarray(u * np.cos(turn) - omega * y * np.sin(turn))
 
 
-def rests_apart(hard: Trajectory, soft: Trajectory, parts: Components) -> Iterator[tuple[int, float]]:
+def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
+    """Whether the last contact of each pair has no end in the soft run; and in the hard one, where spheres stick."""
+    merged = hard.stats.get("merge_below", 0.0)
+    return (np.isnan(partings(soft)) & (counts(soft) > 0),
+            (np.abs(partings(hard)) <= merged) & (counts(hard) < counts(soft)))
+
+
+def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
     """Yield pairs that come to rest in a contact without end, and how far in m/s the two runs differ there.
 
     The contacts before it part alike; it begins alike in both; what one run still has from there on, as a ball that
     bounces ever lower, begins no faster, and leaves the pair at rest too. Each is compared, the largest counts. Where
-    both rest, contacts that close at no more than weight gives in a component are those of balls that settle.
+    both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that settle.
     """
-    never, merged = np.isnan(partings(soft)) & (counts(soft) > 0), hard.stats.get("merge_below", 0.0)
-    sticks = (np.abs(partings(hard)) <= merged) & (counts(hard) < counts(soft))
-    weight = parts.weight(soft) if (never | sticks).any() else np.zeros(0)
+    (never, sticks), merged = at_rest(hard, soft), hard.stats.get("merge_below", 0.0)
     for c in np.flatnonzero(never | sticks).tolist():
         runs = [(approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel()) for run in (hard, soft)]
         (closing, parting), (others, out) = runs if sticks[c] and not never[c] else runs[::-1]

@@ -250,7 +250,10 @@ class Compared:
     @cached_property
     def resting(self) -> dict[int, float]:
         """Pairs whose last contact has no end in one of the runs, and how far in m/s the runs differ there."""
-        return dict(rests_apart(*self.levelled, self.components))
+        hard, soft = self.levelled
+        if not np.any(outcome.at_rest(hard, soft)):
+            return {}
+        return dict(rests_apart(hard, soft, self.components.weight(soft)))
 
     @cached_property
     def other_counts(self) -> Any:

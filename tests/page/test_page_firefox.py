@@ -10,7 +10,7 @@ SETTLED = """new Promise((done) => {
   see();
 })"""
 SEEN = """new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done({
-  said: ['.story-text', '.verdict-words', '.because', '.figures', '.sliders', '.finals', '.told']
+  said: ['.story-text', '.verdict-words', '.because', '.figures', '.sliders', '.told']
     .map((part) => document.querySelector(part)?.textContent),
   tops: [...document.querySelectorAll('.stage .top-value, .rises .bar-value')].map((top) => top.textContent),
   faces: [...document.querySelectorAll('.stage .face')].filter((face) => face.checkVisibility()).flatMap((face) => {

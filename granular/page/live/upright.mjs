@@ -133,7 +133,7 @@ export class Upright {
   ghostBall(low, r, words) {
     const y = this.camera.down(low + r), edge = this.camera.down(low);
     return markup("circle", { cx: this.x, cy: y.toFixed(1), r: r.toFixed(1), class: "ghost" }) + markup("line", { x1: LEFT, x2: this.w - 8, y1: edge.toFixed(1), y2: edge.toFixed(1), class: "ghost-line" })
-      + markup("text", { x: this.x, y: (y - r - 7).toFixed(1), "text-anchor": "middle", class: "guess-text" }, words).replace(/_(\w)/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">\u200b</tspan>');
+      + markup("text", { x: this.x, y: (y - r - 7).toFixed(1), "text-anchor": "middle", class: "guess-text" }, words).replace(/_(\w)(.*)<\/text>/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">$2</tspan></text>');
   }
 
   tellScale(zoom) {
