@@ -246,6 +246,8 @@ def test_a_third_count_between_two_cells_is_found():
     ({"over": "gap=1:2:1e9:log"}, "count of gap is 1000000000.0"),
     ({"over": ["gap=1e-4:1:20000", "height=0.5:1:20000"]}, "over has 4e+08 cells: at most 1e+08 fit"),
     ({"over": {}}, "over is empty"),
+    ({"over": [gr.Hertz(1e5)]}, "over has Hertz(k=100000.0): a mapping of names to values"),
+    ({"over": None}, "over has None: a mapping of names to values"),
     ({"over": {"gap": [1e-4, 1e-4]}}, "not all different"),
     ({"over": {"gap": [[1e-4]]}}, "a list of numbers or words is needed"),
     ({"over": ["gap=1,2", "gap=3,4"]}, "gap is given twice"),

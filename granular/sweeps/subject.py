@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from os import PathLike
@@ -52,6 +52,8 @@ def axis(text: str) -> tuple[str, Values]:
     >>> axis("restitution=0.5:1:3")
     ('restitution', array([0.5 , 0.75, 1.  ]))
     """
+    if not isinstance(text, str):
+        raise TypeError(f"over has {text!r}: a mapping of names to values, or name=first:last:count, is needed.")
     name, equals, values = text.partition("=")
     if not equals:
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] or name=value,value,… is needed.")
@@ -71,7 +73,7 @@ def axis(text: str) -> tuple[str, Values]:
 
 def checked(over: Any) -> dict[str, Values]:
     """Return the axes as arrays; `over` is a mapping of names to values, or texts for `axis`."""
-    texts = [over] if isinstance(over, str) else over
+    texts = over if isinstance(over, Iterable) and not isinstance(over, str) else [over]
     axes: dict[str, Values] = {}
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):
         array = _array(name, values)
