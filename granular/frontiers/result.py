@@ -144,10 +144,11 @@ class Frontier(Report):
         return min(rows, key=lambda row: row.seconds, default=None)
 
     def __str__(self) -> str:
+        orders = [["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(self)]
         return f"{self.scene}, {laws(self)}\n{_origin(self)}\n\n" + "\n\n".join([
             aligned([["method", "setting", "error of v", "error of t", "contacts", "run time", "work"],
                      *(_row(row, self.dials[row.method]) for row in self.rows)], "<>>><><"),
-            aligned([["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(self)], "<>"),
+            *([aligned(orders, "<>")] if len(orders) > 1 else []),
             aligned([["error of v below", "located", "fastest other"], *(_goal(self, goal) for goal in GOALS)], "<><"),
         ])
 
