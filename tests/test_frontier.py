@@ -1,5 +1,6 @@
 """Error against run time: what the numbers mean, that they repeat, and what is written and drawn."""
 
+import dataclasses
 import json
 import math
 from xml.etree import ElementTree
@@ -119,13 +120,15 @@ def test_nonlinear_laws_have_a_tolerance_and_laws_with_memory_no_solver_without_
     report = gr.frontier(scene, law, **end, methods=("located", "dop853"), repeats=1)
     assert report.methods == ("located",)
     assert "DOP853" in report.reference.solver
-    assert "order in" not in str(report)  # a table without rows
 
 
 def test_the_table_says_what_it_is_about(report):
     text = str(report)
     for words in ("reference: Taylor series", "its error", "WRONG", "(rounding)", "min(p, 1+s)", "fastest other"):
         assert words in text
+    hard = dataclasses.replace(report, rows=tuple(row for row in report.rows if row.method == "edmd"))
+    assert "order in" in text
+    assert "order in" not in str(hard)  # no table without rows
     assert [duration(x) for x in (2.0, 3.1e-3, 4.25e-6, 5e-9)] == ["2 s", "3.1 ms", "4.25 µs", "5 ns"]
 
 
