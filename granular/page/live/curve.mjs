@@ -12,7 +12,7 @@ const LOWEST = Math.log10(LEAST), SAFE = Math.log10(SAME);
 
 export class Curve {
   constructor(pick) {
-    this.chart = new Chart($(".curve"), { height: 195, label: "", left: 66, top: 26 });
+    this.chart = new Chart($(".curve"), { height: 185, label: "", left: 66, top: 26 });
     this.chart.svg.addEventListener("click", (event) => {
       const box = this.chart.svg.getBoundingClientRect();
       pick(10 ** this.chart.back(((event.clientX - box.left) * this.chart.width) / box.width));

@@ -7,7 +7,7 @@ import { plain, told } from "./words.mjs";
 
 export class Distance {
   constructor() {
-    this.chart = new Chart($(".distance"), { height: 195, label: "", top: 18 });
+    this.chart = new Chart($(".distance"), { height: 185, label: "", top: 18 });
   }
 
   load(report, watched, { clock, end, unitName }) {
