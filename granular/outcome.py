@@ -264,7 +264,8 @@ def _carried(hard: Trajectory, u: Array, at: Array, then: Array) -> Array:
 
 
 def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
-    """Whether the last contact of each pair has no end in the soft run; and in the hard one, where spheres stick."""
+    """Whether the last contact of each pair has no end in the soft run; and in the hard one, where spheres stick.
+    Both have the shape of the gaps."""
     merged = hard.stats.get("merge_below", 0.0)
     return (np.isnan(partings(soft)) & (counts(soft) > 0),
             (np.abs(partings(hard)) <= merged) & (counts(hard) < counts(soft)))

@@ -2,11 +2,15 @@
 
 import re
 from base64 import b64decode
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
 
 import pytest
+from browser import Browser, found
 from driving import click, fresh, go, text
 
-from granular.page import assemble
+from granular.page import assemble, live_page
 
 
 def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) -> None:
@@ -71,3 +75,31 @@ def test_on_paper_what_is_folded_is_open(blank, live) -> None:
     blank.run("dispatchEvent(new Event('afterprint'))")
     assert blank.run(unfolded) == [True, False]
     blank.is_worn = True
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves files and says nothing."""
+
+    def log_message(self, *what) -> None:
+        pass
+
+
+def test_paper_has_the_code_of_a_page_that_has_an_address(tmp_path) -> None:
+    """Of the state that is printed; lesson sheets have that of the opening. Afterwards there is none."""
+    if found() is None:
+        pytest.skip("no Chromium or Chrome is installed: the pages are not driven here")
+    live_page(tmp_path / "page.html")
+    coded = "[...document.querySelectorAll('.code')].map((one) => one.getAttribute('aria-label'))"
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=tmp_path)) as server, Browser() as browser:
+        Thread(target=server.serve_forever, daemon=True).start()
+        here = f"http://127.0.0.1:{server.server_port}/page.html"
+        browser.open(f"{here}#scene=real-balls&lang=de")
+        browser.wait("performance.getEntriesByName('settled').length > 0")
+        browser.run("dispatchEvent(new Event('beforeprint'))")
+        assert browser.run(coded) == [browser.run("location.href")] == [f"{here}#scene=real-balls&lang=de"]
+        browser.run("dispatchEvent(new Event('afterprint'))")
+        assert browser.run(coded) == []
+        browser.run("window.print = () => {}")
+        click(browser, ".pack-button")
+        assert browser.run(coded) == [f"{here}#screen=0&lang=de"]
+        server.shutdown()
