@@ -7,6 +7,7 @@ import { filmOf } from "../../granular/page/physics/film.mjs";
 import { endsWrong } from "./golden.mjs";
 import { compareEngines } from "../../granular/page/physics/outcome.mjs";
 import { reasonOf } from "../../granular/page/physics/reason.mjs";
+import { pushesOf } from "../../granular/page/physics/pushes.mjs";
 import { ballValues, contactsIn, sceneOf } from "../../granular/page/physics/setups.mjs";
 
 const third = (all) => all.filter((_, k) => k % 3 === Number(process.env.THIRD ?? k % 3));
@@ -55,4 +56,12 @@ test("the guesses of a class are read from numbers or from links", () => {
   assert.deepEqual(guessesIn("3, 4.5 and 2,5; 99"), [3, 4.5, 2.5]);
   assert.deepEqual(guessesIn("page.html#screen=1&guess=3.5 http://x/#screen=1&gap=0.001&guess=9"), [3.5, 9]);
   assert.deepEqual(dots([3.1, 9, 2.9]), [[3, 0], [3, 1], [9, 0]]);
+});
+
+test("a cradle is heard as four clicks against one, balls that are apart as often on both sides", () => {
+  const heard = (name, values) => ["hard", "soft"].map((engine) => pushesOf(engine, reportOf(name, values)[engine].contacts).length);
+  const cradle = { n: 5, moving: 1, speed: 1, eps: 1, gap: 0, k: 1e7 };
+  assert.deepEqual(heard("newtons-cradle", cradle), [4, 1]);
+  assert.deepEqual(heard("newtons-cradle", { ...cradle, gap: 0.01 }), [4, 4]);
+  assert.deepEqual(heard("three-balls", { eps: 0.7, gap: 0.1, ratio: 10, k: 5e7, height: 0.6 }), [2, 2]);
 });

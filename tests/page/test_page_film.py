@@ -191,3 +191,28 @@ def test_a_pair_of_balls_offers_the_gap_that_is_enough(page) -> None:
         page.mouse(*page.middle(".apart"))
         settle(page)
         assert text(page, ".verdict").startswith(("Yes: hard spheres say", "No, but nearly"))
+
+
+HEARD = """
+window.heard = [];
+const start = OscillatorNode.prototype.start;
+OscillatorNode.prototype.start = function (when) { window.heard.push(this.frequency.value); return start.call(this, when); };
+"""
+
+
+def test_four_clicks_are_heard_against_one(own, story) -> None:
+    go(own, f"{story}#scene=newtons-cradle&eps=1&gap=0&n=5&k=1e7&lang=en")
+    own.run(HEARD)
+    own.run(FASTER)
+    click(own, ".play")
+    own.wait("document.querySelector('.time-bar').value === '2000'")
+    assert own.run("window.heard") == []  # silent until it is asked for
+    own.mouse(*own.middle(".sound-button"))
+    assert text(own, ".notice").startswith("Hard left, soft right")
+    click(own, ".restart")
+    click(own, ".play")
+    own.wait("document.querySelector('.time-bar').value === '2000'")
+    assert own.run("window.heard.filter((pitch) => pitch > 1000).length") == 4
+    assert own.run("window.heard.length") == 5
+    own.mouse(*own.middle(".sound-button"))
+    assert text(own, ".notice") == ""

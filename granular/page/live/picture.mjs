@@ -14,6 +14,7 @@ import { Later } from "./later.mjs";
 import { Panels } from "./panels.mjs";
 import { printsWell } from "./print.mjs";
 import { Spread } from "./real.mjs";
+import { Sound } from "./sound.mjs";
 import { Stage } from "./stage.mjs";
 import { GUESS, LAB, OPENING, screenOf } from "./story.mjs";
 import { watchedPair } from "./watched.mjs";
@@ -30,6 +31,7 @@ export class Picture {
     this.because = new Because();
     this.panels = new Panels();
     this.spread = new Spread(balls);
+    this.sound = new Sound();
     this.charts = new TimeCharts();
     this.distance = new Distance();
     this.curve = new Curve(picked);
@@ -55,6 +57,7 @@ export class Picture {
 
   loadStage() {
     this.stage.load(this.report, this.film, this.look());
+    this.sound.load(this.report, this.film, screenOf(this.state.screen).engine);
   }
 
   // What the screen wants to be seen on the stage.
@@ -81,6 +84,7 @@ export class Picture {
   show(now) {
     if (!this.film) return;
     this.stage.show(this.film.at(now));
+    this.sound.hear(now, this.clock?.playing);
     this.showHeads(now);
     if (!this.clock?.playing) this.stopped();
   }
