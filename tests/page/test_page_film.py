@@ -196,7 +196,10 @@ def test_a_pair_of_balls_offers_the_gap_that_is_enough(page) -> None:
 HEARD = """
 window.heard = [];
 const start = OscillatorNode.prototype.start;
-OscillatorNode.prototype.start = function (when) { window.heard.push(this.frequency.value); return start.call(this, when); };
+OscillatorNode.prototype.start = function (when) {
+  window.heard.push(this.frequency.value);
+  return start.call(this, when);
+};
 """
 
 
