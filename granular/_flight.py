@@ -71,9 +71,14 @@ def hung(gap: float, rate: float, omega: float, d: float) -> float:
 
 @kernel
 def hung_after(gap: float, rate: float, omega: float, d: float, dt: float) -> tuple[float, float]:
-    """Return gap and rate after a flight of `dt` between pendula; a closing gap may round below 0, so clamp it."""
-    cosine, sine, half = math.cos(omega * dt), math.sin(omega * dt), math.sin(0.5 * omega * dt)
-    return gap * cosine + rate / omega * sine + 2.0 * d * half * half, rate * cosine - omega * (gap - d) * sine
+    """Return gap and rate after a flight of `dt` between pendula; a closing gap may round below 0, so clamp it.
+
+    In the τ, u and a of `hung` the gap becomes (gap + 2uτ + aτ²) / (1 + τ²): one tangent, not two sines and a cosine.
+    """
+    t = math.tan(0.5 * omega * dt)
+    share = 1.0 / (1.0 + t * t)
+    after = gap + t * (2.0 * rate / omega + (2.0 * d - gap) * t)
+    return after * share, (rate * (1.0 - t * t) + 2.0 * omega * (d - gap) * t) * share
 
 
 @kernel

@@ -38,15 +38,16 @@ def swing_off(pairs: Records, bodies: Records, c: int, now: float, w: float, e: 
     if c + 1 < len(pairs):
         pairs[c + 1].rate += down
     pair.gap, pair.at, pair.rate = 0.0, now, -e * w
-    kick(bodies[c], up, now)
-    kick(bodies[c + 1], -down, now)
+    cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)
+    kick(bodies[c], up, cosine, sine)
+    kick(bodies[c + 1], -down, cosine, sine)
 
 
 @kernel
-def kick(body: Record, change: float, now: float) -> None:
-    """Change the velocity of a body (m/s) at time `now`."""
-    body.fall_velocity += change * math.cos(body.omega * now)
-    body.sway -= change * math.sin(body.omega * now)
+def kick(body: Record, change: float, cosine: float, sine: float) -> None:
+    """Change the velocity of a body (m/s) at a time with such cos Ωt and sin Ωt."""
+    body.fall_velocity += change * cosine
+    body.sway -= change * sine
 
 
 @rare
@@ -71,9 +72,10 @@ def swing_together(
         pairs[b - 1].rate += up
     if e < n:
         pairs[e].rate += down
-    for i in range(b, e + 1):
-        kick(bodies[i], (up if i <= c else -down) if bodies[i].mass < math.inf else 0.0, now)
     pair = pairs[c]
+    cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)
+    for i in range(b, e + 1):
+        kick(bodies[i], (up if i <= c else -down) if bodies[i].mass < math.inf else 0.0, cosine, sine)
     pair.gap, pair.at, pair.rate = 0.0, now, 0.0
     return max(b - 1, 0), min(e, n - 1), -upper * down if lower == math.inf else -lower * up
 
@@ -97,10 +99,10 @@ def row(pairs: Any, tau: float) -> tuple[Array, Array]:
     """Return rates in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
     names = "gap", "rate", "rest", "omega", "at"
     gap, rate, rest, omega, at = (column(pairs, name) for name in names)
-    turn = omega * (tau - at)
-    cosine, sine, half = np.cos(turn), np.sin(turn), np.sin(0.5 * turn)
-    now: Array = gap * cosine + rate / omega * sine + 2.0 * rest * half * half
-    return rate * cosine - omega * (gap - rest) * sine, now.clip(0.0)
+    t = np.tan(0.5 * omega * (tau - at))
+    share = 1.0 / (1.0 + t * t)
+    now: Array = (gap + t * (2.0 * rate / omega + (2.0 * rest - gap) * t)) * share
+    return (rate * (1.0 - t * t) + 2.0 * omega * (rest - gap) * t) * share, now.clip(0.0)
 
 
 def strike(s: Any, first: int, rates: list[float], changes: list[float]) -> None:
@@ -112,8 +114,9 @@ def strike(s: Any, first: int, rates: list[float], changes: list[float]) -> None
     for pair, rate, (below, above) in zip(s.pairs[first : last + 1], rates, pairwise(changes), strict=True):
         after = rate + (above - below)
         pair.gap, pair.rate = 0.0, after if abs(after) > tiny else 0.0
+    turn = s.pairs[first].omega * s.run.now
     for body, change in zip(s.bodies[first : last + 2], changes, strict=True):
-        kick(body, change, s.run.now)
+        kick(body, change, math.cos(turn), math.sin(turn))
     if first > 0:
         s.pairs[first - 1].rate += changes[0]
     if last + 1 < len(s.pairs):
