@@ -79,6 +79,25 @@ def checked_source(name: str, path: Any) -> str:
     return text
 
 
+def check_writable(name: str) -> None:
+    """Raise if no file can be written there, before what it is to hold is computed."""
+    if is_stream(name) and os.access(name, os.W_OK) and not os.path.isdir(name):
+        return
+    import tempfile
+
+    path, folder = os.path.realpath(name), os.path.dirname(name) or "."
+    if os.path.isdir(path):
+        raise ValueError(f"{name}: is a directory; the name of a file is needed.")
+    if not os.path.isdir(os.path.dirname(path)):
+        raise ValueError(f"{name}: there is no directory {folder!r}; make it first.")
+    if os.path.exists(path) and not os.access(path, os.W_OK):
+        raise ValueError(f"{name}: the file is there and may not be changed.")
+    try:
+        tempfile.TemporaryFile(dir=os.path.dirname(path)).close()
+    except OSError as error:
+        raise ValueError(f"{name}: no file can be made in {folder!r}: {error.strerror}.") from None
+
+
 def is_stream(path: str | PathLike[str]) -> bool:
     """Whether `path` is there and no plain file, or names an open file of a process: to be written into as it is."""
     if os.path.exists(path) and not os.path.isfile(path):

@@ -131,9 +131,21 @@ def at_once(hard: Trajectory) -> Trajectory:
     return replace(hard, contacts=log[np.sort(order[~again])])
 
 
+def energy_at_hand(run: Trajectory) -> Array:
+    """Energy in J, shape (T,), as `Trajectory.energy` but for heights: those of points above body 0 as it stood at the
+    start. Radii are taken out, as in `granular.measures.height`; balls that lie on a floor have none."""
+    scene, balls = run.scene, ~run.scene.is_wall
+    below = (run.position[0] - np.append(0.0, run.gap[0].cumsum())[: scene.n])[balls]  # a ring has a gap more
+    fixed = scene.gravity * (scene.mass[balls] @ below)
+    if scene.external_force is not None:
+        fixed -= scene.external_force[balls] @ below
+    return np.asarray(run.energy() - fixed)
+
+
 def energy_left(run: Trajectory) -> float:
-    """E/E0, the share of its energy that a run has left at its end; nan where there was none at its start."""
-    energy = run.energy()
+    """E/E0, the share of its energy that a run has left at its end, see `energy_at_hand`; nan without any at its start.
+    """
+    energy = energy_at_hand(run)
     return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
 
 

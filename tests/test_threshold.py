@@ -153,8 +153,8 @@ def test_of_whole_numbers_only_whole_ones_are_tried():
     (crossing,) = found.crossings
     assert (crossing.low.value, crossing.high.value) == (6.0, 7.0)
     assert gr.threshold("column", "n", (1, 4), points=3).undecided == ()
-    with pytest.raises(ValueError, match=r"between is \(1e-06, 0.01\): n is a whole number, and whole ends are needed"):
-        gr.threshold("column", "n")
+    with pytest.raises(ValueError, match=r"between is \(1e-06, 3.0\): n is a whole number, and whole ends are needed"):
+        gr.threshold("column", "n", (1e-6, 3))
 
 
 @pytest.mark.parametrize(("change", "sentence"), [

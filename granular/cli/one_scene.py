@@ -21,12 +21,17 @@ from granular.cases.case import ENGINES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.cli import output
 from granular.cli.parser import Command, case_of, offer_until, offered
+from granular.outcome import energy_at_hand
 from granular.trajectory import Status, Trajectory
 
 MOST = 20
 """Rows of a table at most."""
 LIGHT = 200
 """Contacts × bodies of a scene up to which the whole report tells what its outcomes answer to: some hundred runs."""
+MOST_READ = 10**6
+"""Contacts that are read back from the file of --log, for the table."""
+ROUNDING = 1e-14
+"""Part of the energy that heights, which are sums, may leave of balls that lie still."""
 MOST_CONTACTS = 16
 """Contacts of a ready-made scene that only its time would end: the slow solvers take seconds for each, interpreted."""
 
@@ -73,10 +78,12 @@ class Run(Command):
     @staticmethod
     def run(given: argparse.Namespace) -> list[Trajectory]:
         case = case_of(given)
+        if given.log and (given.save or "").endswith(".csv"):
+            raise ValueError(f"--save {given.save} is for the contacts, which --log writes: leave out one of the two.")
         options = given.run | ({"watch": case.physics("md")} if given.watch else {})
         options |= {"log": given.log} if given.log else {}
         trajectory = case.simulate(given.engine, **options, progress=True)
-        print(summary(case, trajectory))
+        print(summary(case, with_log(trajectory)))
         if given.save is not None:
             trajectory.save(given.save)
         return [trajectory]
@@ -156,6 +163,14 @@ class Stability(Command):
         output.deliver(gr.stability(given.target, **given.given, **given.run, progress=True), given)
 
 
+def with_log(run: Trajectory) -> Trajectory:
+    """Return a run with the contacts that it has written to a file as it went on, unless they are too many."""
+    if "log" not in run.stats or _count(run) > MOST_READ:
+        return run
+    log = np.concatenate([run.contacts, *run.contact_batches()])
+    return replace(run, contacts=log[np.argsort(log["t_begin"], kind="stable")])
+
+
 def shortened(case: cases.Case) -> cases.Case:
     """Return a case that ends after its first contacts, if it has more than can be measured within a minute, and
     any of them ends: where for the longest time none of the later ones begins or ends."""
@@ -182,19 +197,28 @@ def summary(case: cases.Case, run: Trajectory) -> str:
     if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"{run.status.name}: {run.message}",
-              f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts",
+              f"t = {run.time[-1]:.12g} s, {_count(run)} contacts",
               *filter(None, [isolation.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
     if run.scene.fed:
         parts = measures.balance(run)
         said = (f"{words} {parts[name]:.6g}" for name, words in measures.ACCOUNT.items() if parts[name])
         return "\n".join([*lines, "", "energy, J: " + ", ".join(said)])
-    energy = run.energy()
+    energy = energy_at_hand(run)
     if energy[0] > 0.0 and not math.isnan(energy[-1]):
-        lines += ["", f"energy left: {100.0 * energy[-1] / energy[0]:.6g} % of {energy[0]:.6g} J"]
+        left = energy[-1] / energy[0]
+        left = 0.0 if run.scene.gravity > 0.0 and abs(left) < ROUNDING else left
+        lines += ["", f"energy left: {100.0 * left:.6g} % of {energy[0]:.6g} J"]
     return "\n".join(lines)
 
 
+def _count(run: Trajectory) -> int:
+    return len(run.contacts) or sum(map(len, run.contact_batches()))
+
+
 def _contacts(run: Trajectory) -> Iterator[str]:
+    if _count(run) > len(run.contacts):
+        yield f"contacts are in {run.stats['log']}"
+        return
     yield f"{'pair':>12} {'contacts':>9} {'first onset / s':>18} {'last onset / s':>18} {'max overlap / m':>16}"
     for pair, row in _some(run.scene.n_pairs):
         log = run.of(pair)

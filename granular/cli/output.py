@@ -7,9 +7,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from granular import _files
@@ -40,7 +38,7 @@ def check(given: argparse.Namespace) -> None:
     asked = [getattr(given, option, None) for option in ("plot", "film", "json", "save")]
     written = [name for name in asked if name is not None]
     for name in written:
-        _check_writable(name)
+        _files.check_writable(name)
     check_apart(written, [given.target] if given.target and is_file(given.target) else [])
     if getattr(given, "save", None) is not None:
         if given.save_as == ".npz":
@@ -82,19 +80,3 @@ def deliver(report: Any, given: argparse.Namespace) -> None:
 def stream(given: argparse.Namespace) -> Any:
     """Where words go: to stderr if stdout is to have nothing but JSON."""
     return sys.stderr if given.json == _files.STDOUT else sys.stdout
-
-
-def _check_writable(name: str) -> None:
-    if _files.is_stream(name) and os.access(name, os.W_OK) and not os.path.isdir(name):
-        return
-    path, folder = Path(os.path.realpath(name)), str(Path(name).parent)
-    if path.is_dir():
-        raise ValueError(f"{name}: is a directory; the name of a file is needed.")
-    if not path.parent.is_dir():
-        raise ValueError(f"{name}: there is no directory {folder!r}; make it first.")
-    if path.exists() and not os.access(path, os.W_OK):
-        raise ValueError(f"{name}: the file is there and may not be changed.")
-    try:
-        tempfile.TemporaryFile(dir=path.parent).close()
-    except OSError as error:
-        raise ValueError(f"{name}: no file can be made in {folder!r}: {error.strerror}.") from None

@@ -19,7 +19,7 @@ import numpy as np
 from granular import _check, edmd, md
 from granular._check import Array
 from granular._kernels import flags
-from granular.scene import Scene
+from granular.scene import Scene, speed_scale
 from granular.trajectory import EARLY, Status, Trajectory
 from granular.until import Separated
 
@@ -85,10 +85,11 @@ class Onward:
         run, start = self.before, float(self.before.time[-1])
         if self.engine == "soft":
             return md.resume(run, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
+        speed = self.report.impact_speed  # nan before the first collision
         return edmd.simulate(
             run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0), self.report.rule, t_start=start,
             t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
-            merge_below=MERGED * self.report.impact_speed)
+            merge_below=MERGED * (speed if speed > 0.0 else speed_scale(run.scene)))
 
     def heights(self, times: Array) -> Array:
         """Heights (len(times), n) in m above the lowest body, radii taken out, at times in s, which increase; nan from

@@ -10,10 +10,12 @@ What pulls is legal, and so is a force that sets in late (F = k (ξ - ξ₀)): t
 from __future__ import annotations
 
 import math
+import types
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from enum import Enum
 from functools import lru_cache
 from itertools import count
 from struct import pack, unpack
@@ -151,6 +153,10 @@ def _kinds_of(laws: tuple[Any, ...]) -> Kinds:
     return _numbered(held(law) or id(law) for law in each)[0][kind]
 
 
+VALUES = (type(None), bool, int, float, str, bytes, np.generic, Enum, type, types.BuiltinFunctionType, np.ufunc)
+"""What cannot change."""
+
+
 def held(law: Any) -> tuple[Any, ...] | None:
     """All that a frozen law holds, as one value: what is equal in it computes the same. None of a law that may change.
     """
@@ -163,7 +169,16 @@ def held(law: Any) -> tuple[Any, ...] | None:
         hash((law, key))
     except TypeError:
         return None
-    return key
+    return key if all(map(_is_value, vars(law).values())) else None
+
+
+def _is_value(held_by: Any) -> bool:
+    """Whether something cannot change: what is hashed by its identity may be another tomorrow."""
+    if isinstance(held_by, (tuple, frozenset)):
+        return all(map(_is_value, held_by))
+    if isinstance(held_by, types.FunctionType):
+        return held_by.__closure__ is None
+    return isinstance(held_by, VALUES) or held(held_by) is not None
 
 
 class _Unknown:

@@ -51,7 +51,8 @@ class Sensitivity(Report):
     parameters, uncertainty : dict
         Values of the parameters, and the standard uncertainty u of each, in their units.
     sides : dict of dicts
-        ``sides["v_rel"]["restitution"]``: the outcome at p - u and p + u, where the order of contacts changes between.
+        ``sides["v_rel"]["restitution"]``: the outcome at p - u and p + u, where the order of contacts changes between,
+        or there is no proper run at one of them (nan).
     why : dict
         Of parameters that have no derivatives, or not all, the reason.
     notes : tuple of str
@@ -125,7 +126,9 @@ class Sensitivity(Report):
             at = {name: sides[p] for name, sides in self.sides.items() if p in sides}
             low, high = (flat({name: ends[side] for name, ends in at.items()}) for side in (0, 1))
             for name in filter(low.__contains__, names):
-                yield (f"Within {p} = {self.parameters[p]:.6g} ± {u:.3g} the order of contacts changes: {name} is "
+                none = " and ".join(side for side, at in (("below", low), ("above", high)) if math.isnan(at[name]))
+                says = f"there is no value {none}" if none else "the order of contacts changes"
+                yield (f"Within {p} = {self.parameters[p]:.6g} ± {u:.3g} {says}: {name} is "
                        f"{number(low[name])} below, {number(high[name])} above.")
         for p, ends in vars(self).get("border", {}).items():
             words = [number(end, none="nowhere") for end in ends]

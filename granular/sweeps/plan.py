@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,6 +19,7 @@ from granular import _check, _files
 from granular._describe import by_words
 from granular._kernels import have_numba
 from granular.cases import Case, ready
+from granular.sweeps.identity import identity
 from granular.sweeps.results import RESULTS, STATUS, Result
 from granular.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
 
@@ -61,7 +63,7 @@ class Plan:
     @property
     def results(self) -> dict[str, Result]:
         """What is asked, by name."""
-        return {ask if isinstance(ask, str) else ask.__name__: _result(ask) for ask in self.asked}
+        return {_name(ask): _result(ask) for ask in self.asked}
 
     @cached_property
     def ways(self) -> tuple[Way, ...]:
@@ -140,11 +142,34 @@ def _late(change: tuple[Way, Any]) -> bool:
     return change[0] == RESTITUTION
 
 
+def _name(ask: Ask) -> str:
+    return ask if isinstance(ask, str) else str(getattr(ask, "__name__", ask))
+
+
+def check_names(plan: Plan, save: Any) -> None:
+    """Raise for results that no data set, or no file of one, could have by their names."""
+    taken = {*plan.names, "status", "pair", "body", "edge", "edge_contacts", "jump", "side"}
+    for ask in (one for one in plan.asked if not isinstance(one, str)):
+        if not hasattr(ask, "__name__"):
+            raise TypeError(f"result is {ask!r}: a function with a name is needed; define one with def that calls it.")
+        if _name(ask) in taken or any(other is not ask and _name(other) == _name(ask) for other in plan.asked):
+            raise ValueError(f"result is a function {_name(ask)!r}: the data set has that name already; rename it.")
+        if save is not None and not _name(ask).isidentifier():
+            raise ValueError(f"result is {_name(ask)!r}: what is saved needs a name; define a function with def.")
+
+
 def _result(ask: Ask) -> Result:
     if isinstance(ask, str):
         return RESULTS[ask]
-    about = (inspect.getdoc(ask) or ask.__name__).partition("\n")[0]
-    return Result("", "", about, lambda answer: ask(answer.case))
+    about = (inspect.getdoc(ask) or _name(ask)).partition("\n")[0]
+
+    def single(answer: Any) -> Any:
+        value = ask(answer.case)
+        if np.size(value) != 1:
+            raise TypeError(f"result {_name(ask)!r} is {value!r}: a single number is needed.")
+        return value
+
+    return Result("", "", about, single)
 
 
 def xarray_() -> Any:
@@ -176,7 +201,9 @@ def question(plan: Plan) -> str:
     """What is asked, as text: two sweeps with the same question and axes have the same answers."""
     words = {"scene": plan.subject.text, "fixed": plan.fixed, "over": plan.names, "results": list(plan.results),
              "run": plan.run}
-    return json.dumps(words, default=repr, sort_keys=True)
+    if own := [one for one in (plan.subject.source, *plan.asked) if callable(one)]:
+        words["functions"] = own
+    return json.dumps(identity(words), sort_keys=True)
 
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
@@ -203,6 +230,7 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
     """
     name = _files.checked_path("save", path)
     _files.check_ending(name, ".nc")
+    _files.check_writable(name)
     if not os.path.isfile(name):
         return {}, {}
     with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:
@@ -241,4 +269,4 @@ def _column(stored: Any, name: str, shape: tuple[int, ...], plan: Plan, path: st
     values = there.values
     if result is None and not np.isin(values, list(STATUS)).all():
         raise ValueError(f"save is {path!r}: its status is none of {', '.join(STATUS.values())}; remove it.")
-    return values.reshape(-1, *values.shape[len(shape):])
+    return values.reshape(math.prod(shape), *values.shape[len(shape):])

@@ -19,7 +19,7 @@ from granular._progress import Told, shown
 from granular._reports import cores
 from granular.cases import Case
 from granular.sweeps import schedule
-from granular.sweeps.plan import Plan, dataset, planned, resume, write, xarray_
+from granular.sweeps.plan import Plan, check_names, dataset, planned, resume, write, xarray_
 from granular.sweeps.results import MISUSE, NOT_RUN, Answers
 from granular.sweeps.subject import SceneLike, Values, checked
 
@@ -109,9 +109,12 @@ def sweep(
     varied = checked(over)
     asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)
     plan = planned(scene, varied, asked, fixed, run or {})
+    check_names(plan, save)
     if refine is not None:
         _check.choice("refine", refine, list(varied))
         _check.choice("result to refine by", "contacts", list(plan.results))
+        if varied[refine].dtype.kind not in "if":
+            raise TypeError(f"refine is {refine!r}, with values {varied[refine].tolist()}: numbers are needed.")
     grid = np.meshgrid(*varied.values(), indexing="ij")
     job = _Job(plan, varied, [values.ravel() for values in grid], save)
     where = executor, threads
@@ -134,8 +137,6 @@ class _Job:
     def solve(self, where: Where, tell: Told | None) -> None:
         """Solve what is not solved yet; keep what is done, however it ends."""
         missing = np.flatnonzero(self.answers.columns["status"] == NOT_RUN)
-        if not len(missing):
-            return
         known = done = len(self.columns[0]) - len(missing)
         saved = time.monotonic()
         try:
@@ -148,9 +149,10 @@ class _Job:
                     self.written(self.dataset())
                     saved = time.monotonic()
         finally:
-            self.written(self.dataset())
-        if self.answers.refusal is not None and (self.answers.columns["status"] == MISUSE).all():
-            raise ValueError(self.answers.refusal[1])
+            if done > known:
+                self.written(self.dataset())
+        if (self.answers.columns["status"] == MISUSE).all():
+            raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes["refusal"])
 
     def dataset(self) -> xarray.Dataset:
         """What is known so far."""
@@ -176,7 +178,8 @@ class _Job:
                 found.take(places, part)
             return np.asarray(found.columns["contacts"])
 
-        row, ends, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
+        whole = self.plan.subject.is_whole(name)
+        row, ends, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision, whole)
         data = self.dataset()
         about = data[name].attrs | {"comment": f"interval of {name} in which a count jumps"}
         data["edge"] = ("jump", "side"), ends, about
@@ -188,11 +191,13 @@ class _Job:
 
 
 def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
-          precision: float) -> tuple[Values, Values, Values]:
-    """Bisect every jump between neighbours of the grid along `axis` until it is known to a relative `precision`.
+          precision: float, whole: bool = False) -> tuple[Values, Values, Values]:
+    """Bisect every jump between neighbours of the grid along `axis` until it is known to a relative `precision`, of a
+    parameter that is a `whole` number between two that follow each other.
 
     An interval whose midpoint has a third count is cut in two. A window that lies between two points of the grid, with
-    the same count on both, is not seen. Cells without any count are left out.
+    the same count on both, is not seen. Cells without any count are left out; one at whose midpoint there is none is
+    not cut.
 
     Returns
     -------
@@ -205,20 +210,25 @@ def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, 
     known: Any = (grid >= 0).any(axis=1)
     both = both[(grid[both[:, 0]] != grid[both[:, 1]]).any(axis=1) & known[both].all(axis=1)]
     row, ends, found = both[:, 0], columns[axis].astype(np.float64)[both], grid[both]
+    stuck = np.zeros(len(row), bool)
     while True:
         middle = 0.5 * (ends[:, 0] + ends[:, 1])
-        wide = np.abs(ends[:, 1] - ends[:, 0]) > precision * np.abs(ends).max(axis=1)
+        middle = np.floor(middle) if whole else middle
+        wide = ~stuck & (np.abs(ends[:, 1] - ends[:, 0]) > precision * np.abs(ends).max(axis=1))
         wide &= (middle != ends[:, 0]) & (middle != ends[:, 1])
         if not wide.any():
             break
-        there = counts([middle[wide] if k == axis else column[row[wide]] for k, column in enumerate(columns)])
-        halves = [(row[~wide], ends[~wide], found[~wide])]
+        at = middle[wide].astype(np.int64) if whole else middle[wide]
+        there = counts([at if k == axis else column[row[wide]] for k, column in enumerate(columns)])
+        stuck[wide] = (there < 0).all(axis=1)
+        there, wide = there[~stuck[wide]], wide & ~stuck
+        halves = [(row[~wide], ends[~wide], found[~wide], stuck[~wide])]
         for side in (0, 1):  # those halves that hold a jump
             end, count = ends[wide].copy(), found[wide].copy()
             end[:, 1 - side], count[:, 1 - side] = middle[wide], there
             holds = (count[:, 0] != count[:, 1]).any(axis=1)
-            halves.append((row[wide][holds], end[holds], count[holds]))
-        row, ends, found = map(np.concatenate, zip(*halves, strict=True))
+            halves.append((row[wide][holds], end[holds], count[holds], stuck[wide][holds]))
+        row, ends, found, stuck = map(np.concatenate, zip(*halves, strict=True))
     others = [column[row] for k, column in enumerate(columns) if k != axis]
     order = np.lexsort([ends[:, 0], *others[::-1]])
     return row[order], ends[order], found[order]

@@ -130,6 +130,8 @@ class Subject:
         Names of parameters that are whole numbers.
     defaults : mapping
         Values of the parameters of a function that have one.
+    source : callable or None
+        The caller's own function, if it is one.
     """
 
     title: str
@@ -140,6 +142,7 @@ class Subject:
     ready: str = ""
     wholes: frozenset[str] = frozenset()
     defaults: Mapping[str, Any] = field(default_factory=dict)
+    source: Callable[..., Case] | None = None
 
     def way(self, name: str) -> Way:
         """Return the path of a parameter from the root.
@@ -186,7 +189,7 @@ def subject_of(given: SceneLike) -> Subject:
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
         return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title,
-                       wholes=whole(case), defaults=_defaults(options_of(case)))
+                       wholes=whole(case), defaults=_defaults(options_of(case)), source=case)
     if ready.is_file(case):
         return _of_file(Path(case))
     name = _check.choice("scene", case, cases.names())

@@ -20,6 +20,8 @@ from granular.sweeps.subject import SceneLike
 from granular.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
 
 SPACINGS: Mapping[str, Callable[[float, float, int], _check.Array]] = {"log": np.geomspace, "linear": np.linspace}
+GAPS = (1e-6, 1e-2)
+"""Gaps in m to scan if nothing is said."""
 MOST = 100_000
 """Values of a scan at most."""
 LEAST = 1e-9
@@ -29,7 +31,7 @@ LEAST = 1e-9
 def threshold(
     scene: SceneLike,
     over: str = "gap",
-    between: Sequence[float] = (1e-6, 1e-2),
+    between: Sequence[float] | None = None,
     criterion: str = "isolated",
     *,
     error: float = 0.01,
@@ -50,8 +52,8 @@ def threshold(
     over : str
         The parameter, as in `granular.sweep`: gap, stiffness, gap[1], law.k, … Of one that is annotated as ``int``
         only whole numbers are tried.
-    between : two floats
-        First and last value to scan, in SI units.
+    between : two floats, optional
+        First and last value to scan, in SI units; of a gap 1e-6 and 1e-2 if nothing is said.
     criterion : {"isolated", "error"}
         Hard spheres hold where every contact of the soft run is isolated up to the stop condition; or where the error
         of a comparison is at most `error`.
@@ -82,15 +84,18 @@ def threshold(
     Raises
     ------
     TypeError, ValueError
-        For misuse: an unknown parameter or criterion, ends that are not in order; or if every value is refused.
+        For misuse: an unknown parameter or criterion, ends that are not in order, or none of another parameter than a
+        gap; or if every value is refused.
     """
     asked = CRITERIA[_check.choice("criterion", criterion, list(CRITERIA))]
-    low, high = _ends(between, _check.choice("spacing", spacing, list(SPACINGS)))
+    if not isinstance(over, str):
+        raise TypeError(f"over is {over!r}: the name of one parameter is needed, such as 'gap'.")
+    if between is None and over.partition("[")[0] not in ("gap", "scene.gap"):
+        raise ValueError(f"between is None: first and last value of {over} are needed, such as (0.5, 2).")
+    low, high = _ends(GAPS if between is None else between, _check.choice("spacing", spacing, list(SPACINGS)))
     number = _check.whole("points", points, at_least=2, at_most=MOST)
     width = _check.number("within", within, at_least=1e-12, at_most=0.5)
     limit = _check.number("error", error, above=0.0)
-    if not isinstance(over, str):
-        raise TypeError(f"over is {over!r}: the name of one parameter is needed, such as 'gap'.")
     grid = SPACINGS[spacing](low, high, number)
     grid[[0, -1]] = low, high
     plan = planned(scene, {over: grid}, (), fixed, run or {})
