@@ -41,7 +41,6 @@ class Compared:
     t_end: float | None
     hard: Trajectory
     soft: Trajectory
-    twin: Trajectory
     hard_options: Mapping[str, Any]
     soft_options: Mapping[str, Any]
 
@@ -283,6 +282,13 @@ class Compared:
         for c, apart in self.resting.items():
             pairs[c] = apart
         return balls, pairs
+
+    @cached_property
+    def twin(self) -> Trajectory:
+        """The hard run from gaps shifted a little."""
+        most = end_time.MOST_OF_OTHERS * (self.hard.stats["events"] + self.scene.n)
+        options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], most)}
+        return edmd.simulate(end_time.nudged(self.scene), self.rule, **options)
 
     @cached_property
     def _twin(self) -> Trajectory:

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from granular import edmd, end_time, md, until as stop
+from granular import edmd, md, until as stop
 from granular._progress import shown
 from granular._reports import Report
 from granular.binary import rule_of_comparison
@@ -41,8 +39,8 @@ class Comparison(Judged, Report):
     pairs : tuple of PairOutcome
         Contacts and separation speeds, pair by pair.
     twin : Trajectory
-        EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all. It ends at ten times
-        the collisions.
+        EDMD from gaps shifted by 1e-12 of themselves, run when it is asked for: how far the scene can be predicted at
+        all. It ends at ten times the collisions.
     levelled : (2,) tuple of Trajectory
         Both runs without contacts that are rounding, those still running or to come at the end followed to theirs.
     answer : Answer
@@ -229,15 +227,5 @@ def compare(
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     with shown(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
         hard = edmd.simulate(scene, used, **event_driven, on_progress=tell)
-        most = min(max_events, end_time.MOST_OF_OTHERS * (hard.stats["events"] + scene.n))
-        twin = edmd.simulate(_nudged(scene), used, **event_driven | {"max_events": most}, on_progress=tell)
         soft = md.simulate(scene, laws, **end, **options, on_progress=tell)
-    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, event_driven, options)
-
-
-def _nudged(scene: Scene) -> Scene:
-    """Gaps shifted by 1e-12 of themselves (of touching balls by 1e-12 of the mean gap), with changing sign."""
-    typical = float(scene.gap.mean()) or 1.0
-    sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    shift = 1e-12 * np.where(end_time.touching(scene), typical, scene.gap * sign)
-    return scene.replace(gap=scene.gap + shift)
+    return Comparison(scene, laws, used, until, t_end, hard, soft, event_driven, options)
