@@ -206,8 +206,8 @@ def expansion(wall: Record, panels: Records, t: float, tail: float, series: list
     x = (((y - panel.left) - panel.half) + low) / panel.half
     for j in range(len(series)):
         series[j] = panel.series[j]
-    for i in range(panel.degree):
-        for j in range(panel.degree - 1, i - 1, -1):
+    for i in range(panel.degree - 1, -1, -1):  # Horner's scheme by columns: sums of a column wait for no other
+        for j in range(i, panel.degree):
             series[j] += x * series[j + 1]
     power = 1.0
     for j in range(panel.degree + 1):

@@ -198,8 +198,8 @@ def highest(row: Any, rate: Any, tau: float, scratch: Any) -> float:
         at += step
         if way < 0.0:
             best = max(best, value(row, at))
-        for first in range(ORDER):  # let it begin here: Horner's scheme, once for each coefficient
-            for j in range(ORDER - 1, first - 1, -1):
+        for first in range(ORDER - 1, -1, -1):  # let it begin here: Horner's scheme, its columns one after the other
+            for j in range(first, ORDER):
                 rate[j] += rate[j + 1] * step
         rate[0], way = 0.0, -way
     return best
