@@ -317,3 +317,13 @@ def test_finite_sequences_of_a_column_are_followed_to_their_end(n, collisions) -
     end = run(scene_column(n=n), 0.9, log=False)
     assert end.status is Status.quiet
     assert end.stats["events"] == collisions
+
+
+@pytest.mark.parametrize(("eps", "collisions"), [(0.21, 60), (0.215, 34), (0.22, 28), (0.225, 22)])
+@pytest.mark.parametrize("engine", ["sorted", "compiled"])
+def test_a_closer_look_ends_where_all_balls_recede(eps, collisions, engine) -> None:
+    """The run is to stop there, not to find out that the balls, which fall on the floor again, collide for ever."""
+    case = gr.cases.make("ball-stack", n=4, mass_ratio=0.347, gap=0.0, height=0.881)
+    end = edmd.simulate(case.scene, gr.ConstantRestitution(eps), until=gr.until.separated(), engine=engine)
+    assert (end.status, len(end.contacts)) == (Status.until, collisions)
+    assert (np.diff(end.velocity[-1]) > 0.0).all()

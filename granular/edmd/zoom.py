@@ -17,7 +17,7 @@ from granular._records import Record, Records
 from granular.edmd.clusters import ball_is_stuck
 from granular.edmd.motion import across, impulse, total, velocities
 from granular.edmd.physics import GROUP, Restitution, rank
-from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
+from granular.edmd.records import APART, BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
 from granular.edmd.wall_state import book, enter
 
 GOES_ON = -1
@@ -65,11 +65,22 @@ def zoom(
             return RESTS
         if own.rate == 0.0 and pair.closing_acceleration > 0.0:
             return QUIET
+        if run.stop_pair == APART and recede(near):  # a run that stops when all do is to look
+            return QUIET
         if e < 1.0 and -w < math.ldexp(run.slow, -184):
             return TINY
         run.ordinary = run.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
         if run.ordinary >= 4 * len(near):
             return QUIET
+
+
+@kernel
+def recede(near: Records) -> bool:
+    """Return whether no pair of the slice closes."""
+    for j in range(len(near)):
+        if near[j].rate < 0.0:
+            return False
+    return True
 
 
 @kernel
