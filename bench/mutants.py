@@ -23,9 +23,10 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMIT = 120
 """Seconds of processor time of the tests of one mistake."""
 HARD, TIES, LOOK = "test_edmd test_edmd_invariants", "test_edmd_ties", "test_edmd_collapse"
-SOFT, ALONE, REST = "test_located_reference", "test_isolated", "test_located_rest"
-WALL, SHAKEN = "test_walls", "test_edmd_driven test_located_driven"
-JUDGE = "test_error test_judge test_comparison"
+SOFT, ALONE, REST = "test_located_reference", "test_isolated test_isolated_scenes", "test_located_rest"
+WALL = "test_walls_hits test_walls_path test_walls_ride"
+SHAKEN = "test_edmd_driven test_edmd_ride test_edmd_driven_runs test_located_driven"
+JUDGE = "test_error test_judge test_comparison test_comparison_answer"
 MUTANTS = [
     # hard spheres
     ("edmd", "part = pair.closing_acceleration * now - e * w", "part = -e * w", HARD),
@@ -40,9 +41,8 @@ MUTANTS = [
     ("edmd", "return count + 3", "return count", LOOK),
     ("edmd", "back = [e * p for e, p in zip(eps, compression, strict=True)]",
      "back = [p for e, p in zip(eps, compression, strict=True)]", TIES),
-    ("edmd", "return c - run.pairs if RING and c >= run.pairs else c", "return c", "test_edmd_bounded"),
-    ("edmd", "body.sway -= change * math.sin(body.omega * now)",
-     "body.sway += change * math.sin(body.omega * now)", "test_edmd_bounded"),
+    ("edmd", "return c - run.pairs if RING and c >= run.pairs else c", "return c", "test_edmd_rings"),
+    ("edmd", "body.sway -= change * sine", "body.sway += change * sine", "test_edmd_pendula"),
     # the located method
     ("md/located", "push -= field.square * pair.x[n]", "push += field.square * pair.x[n]",
      "test_located_pendula"),
@@ -74,12 +74,12 @@ MUTANTS = [
     ("walls", "d3 = x * d3 + d2", "d3 = x0 * d3 + d2", WALL + " " + SHAKEN),
     ("walls", "return wall.first, turns + 1.0", "return wall.first, turns", WALL),
     ("walls", "return math.sqrt(-2.0 * (temperature / mass) * math.log(u))",
-     "return math.sqrt(-(temperature / mass) * math.log(u))", "test_heat_flow test_walls"),
+     "return math.sqrt(-(temperature / mass) * math.log(u))", "test_heat_flow test_edmd_thermal"),
     ("edmd", "upper.fall_velocity - (upper.is_free * fallen - upper.force_acceleration * now)",
      "upper.fall_velocity - upper.is_free * fallen", SHAKEN),
     ("edmd", "return min(w, 0.0)", "return w", SHAKEN),
     ("edmd", "0.5 * (s + w) * given", "0.5 * (s - w) * given",
-     "test_edmd_driven test_edmd_bounded test_heat_flow"),
+     "test_edmd_driven test_edmd_ride test_edmd_thermal test_heat_flow"),
     ("md/located", "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push",
      "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull", SHAKEN),
     # what is said of two runs

@@ -132,14 +132,18 @@ def given_by_walls(run: Any) -> Array:
     return given
 
 
+def is_logged(run: Any) -> bool:
+    """Return whether a run has kept its contacts: neither in a file, nor not at all."""
+    return "log" not in run.stats
+
+
 def _passed(run: Any, pair: int) -> Array:
     """Return the impulses (T,) in N s of the contacts of a pair since the first row; nan within one of them."""
     rows, time = run.contacts[run.contacts["pair"] == pair], run.time
     end = np.nan_to_num(rows["t_end"], nan=time[-1])  # of those still going on the impulse so far
     sums = np.concatenate([[0.0], np.cumsum(rows["impulse"][np.argsort(end, kind="stable")])])
     over, begun = np.searchsorted(np.sort(end), time, "right"), np.searchsorted(np.sort(rows["t_begin"]), time)
-    logged = len(run.contacts) > 0 or run.stats.get("contacts", run.stats.get("events", 0)) == 0
-    passed: Array = np.where((over >= begun) & logged, sums[over], np.nan)
+    passed: Array = np.where((over >= begun) & is_logged(run), sums[over], np.nan)
     sped = np.abs((run.velocity[0] - run.scene.velocity)[~run.scene.is_wall]).max()
     if sped > ROUNDING * np.abs(run.velocity).max():  # else the first row shows what was before any contact
         passed -= passed[0]

@@ -278,11 +278,14 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
         else:
             pause = _follow(run, request.end, True, log, tell)
     end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
+    later: dict[str, Any] = {"end": request.end} if end.row is None and samples and kept[-1].time < request.end else {}
     if end.row is not None:
         kept.append(end.row)
     if end.running is not None and request.log:
         log.extend([end.running])
-    stats = end.stats if isinstance(log, list) else {**end.stats, "log": log.path}
+    if not (request.log and isinstance(log, list)):
+        later["log"] = False if isinstance(log, list) else log.path
+    stats = {**end.stats, **later}
     rows = log if isinstance(log, list) else []
     table: Any = tuple(rows)  # what an engine keeps is the least that tells all
     if not run.in_order:
@@ -319,7 +322,8 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
         rates = np.array([row.rate])
         speed = velocities(run.scene, rates, np.array([row.elapsed]), run.start)[0]
     gap, velocity = before.gap[-1], before.velocity[-1]
-    acted = before.time[-1] != before.time[0]  # a row at the start shows the scene before anything acts
+    shown = "end" not in before.stats  # its last row
+    acted = shown and before.time[-1] != before.time[0]  # a row at the start shows the scene before anything acts
     if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
             _alike(row.gap, gap) and _alike(speed, velocity))):
         raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")

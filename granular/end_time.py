@@ -13,6 +13,7 @@ law, so a rule has to decide, and where two rules differ no answer is the right 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -25,6 +26,7 @@ from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach, at_once, components, counted, counts, strengths
 from granular.scene import Scene
+from granular.scene.places import Closing
 from granular.trajectory import Status, Trajectory
 from granular.walls import ends
 
@@ -123,7 +125,7 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     behind = _behind(hard, soft, alone)
     latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
     for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
-        pair = np.flatnonzero(counts(run) < most)
+        pair = np.flatnonzero((counts(run) < most) & ~(_resting(hard, soft) if k else False))
         if len(pair):
             order, edge = other.by_pair
             speed = np.abs(approach(other)[order[edge[pair + 1] - 1]])
@@ -134,6 +136,16 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
     latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
     return np.asarray(latest, float)
+
+
+def _resting(hard: Trajectory, soft: Trajectory) -> Any:
+    """Whether each pair is in a contact without end that began no faster than weight makes it close, (n-1,): a ball
+    that rests there is not late for the bounces of a hard one."""
+    resting, endless = np.zeros(soft.scene.n_pairs, np.bool_), np.isnan(soft.contacts["t_end"])
+    if endless.any():
+        pair = soft.contacts["pair"][endless]
+        resting[pair] = approach(soft)[endless] <= components(hard, soft).weight(soft)[pair]
+    return resting
 
 
 def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:
@@ -152,6 +164,8 @@ def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:
 def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
     """Return the run with the contacts until a later time `end` in s in its log."""
     end = min(end, ends(*run.scene.motions))
+    if run.scene.is_wall[[0, -1]].all():  # nor beyond where they leave no room
+        end = min(end, Closing(run.scene, float(run.time[0]), flattened=run.rule is None).look(end))
     if run.status not in CUT or not end > run.time[-1]:
         return run
     if run.rule is not None:
@@ -201,10 +215,18 @@ def touching(scene: Scene) -> Any:
 
 
 def nudged(scene: Scene) -> Scene:
-    """Gaps shifted by 1e-12 of themselves (of touching balls by 1e-12 of the mean gap), with changing sign."""
-    typical = float(scene.gap.mean()) or 1.0
+    """Gaps shifted by 1e-12 of themselves, with changing sign; of touching balls by 1e-12 of the next gap beside them,
+    at most of both radii: what is far away counts for nothing."""
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    return scene.replace(gap=scene.gap + 1e-12 * np.where(touching(scene), typical, scene.gap * sign))
+    here, size = touching(scene), np.add(*scene.sides(scene.radius))
+    room = np.where(size > 0.0, size, math.inf)
+    if here.any():
+        apart = np.flatnonzero(scene.gap > 0.0)
+        beside = np.searchsorted(apart, np.arange(scene.n_pairs))[:, None] + [-1, 0]
+        beside[(beside < 0) | (beside >= len(apart))] = len(apart)
+        room = np.minimum(room, np.append(scene.gap[apart], math.inf)[beside].min(axis=1))
+    shift = np.where(here, np.where(np.isfinite(room), room, 1.0), scene.gap * sign)
+    return scene.replace(gap=scene.gap + 1e-12 * shift)
 
 
 def ties(run: Trajectory) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from os import PathLike
 from typing import Any
 
@@ -277,6 +277,8 @@ def _laws(case: Case) -> list[Any]:
 
 def _scaled(case: Case, factors: Mapping[str, float]) -> Case:
     """Numbers of the laws times factors, by their names."""
+    if fixed := [law for law in _laws(case) if not is_dataclass(law)]:
+        raise ValueError(f"law is {fixed[0]!r}: its numbers are not known; a dataclass is needed.")
     laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in factors.items()
                             if hasattr(law, name)}) for law in _laws(case)]
     return replace(case, law=laws if len(laws) > 1 else laws[0])

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,8 +23,10 @@ import numpy as np
 
 from granular import walls
 from granular._check import Array
+from granular._contact_log import is_logged
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
+from granular.laws.statics import overlap_under
 from granular.outcome import approach
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory, points
@@ -31,7 +34,7 @@ from granular.trajectory import Status, Trajectory, points
 __all__ = [
     "Overlap", "balance", "before_the_end", "crowding", "durations", "fastest_approach", "groups", "height",
     "impact_speed", "impact_velocities", "mass_centre_restitution", "occupation", "overlapping", "section",
-    "shared_impulse", "temperature",
+    "shared_impulse", "static_overlaps", "temperature",
 ]
 __dir__ = __all__.copy
 
@@ -73,9 +76,9 @@ def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
 
 
 def shared_impulse(run: Trajectory) -> float:
-    """φ in [0, 1]; nan without contacts."""
-    total = float(run.contacts["impulse"].sum())
-    return float(run.stats["shared_impulse"]) / total if total > 0.0 else math.nan
+    """φ in [0, 1], of hard spheres 0; nan without contacts, and of a run that went on from another with contacts."""
+    total, known = float(run.contacts["impulse"].sum()), run.stats.get("contacts", 0) <= len(run.contacts)
+    return float(run.stats.get("shared_impulse", 0.0)) / total if total > 0.0 and known else math.nan
 
 
 def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
@@ -101,9 +104,10 @@ def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
 
 
 def occupation(soft: Trajectory) -> float:
-    """Λ: share of time a pair spends in contact, from the soft log; nan for an empty span."""
+    """Λ: share of time a pair spends in contact, from the soft log; nan for an empty span, and without a log."""
     span = float(soft.time[-1] - soft.time[0])
-    return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if span > 0.0 else math.nan
+    known = span > 0.0 and is_logged(soft)
+    return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if known else math.nan
 
 
 def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
@@ -135,9 +139,12 @@ def impact_speed(run: Trajectory) -> float:
 
 
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
-    """Velocities in m/s just before the first contact of `run` (the initial ones without any)."""
+    """Velocities in m/s just before the first contact of `run` (the initial ones without any); nan if its first row is
+    later."""
     fall = float(run.contacts["t_begin"][0] - run.time[0]) if len(run.contacts) else 0.0
-    return scene.free_velocity(fall)
+    if fall < 0.0:
+        return np.full(scene.n, math.nan)
+    return np.asarray(scene.free_velocity(fall) + (run.velocity[0] - scene.velocity))
 
 
 def mass_centre_restitution(run: Trajectory) -> float:
@@ -154,6 +161,37 @@ def mass_centre_restitution(run: Trajectory) -> float:
     fall = scene.fall[balls] * float(run.time[-1] - last)
     after = float(m @ (run.velocity[-1][balls] - fall - wall))
     return -after / before if before != 0.0 else math.nan
+
+
+def static_overlaps(soft: Trajectory) -> Array:
+    """Overlaps in m at which balls that rest on each other are in equilibrium, shape of the gaps; nan of all other
+    pairs, of balls between two walls, at walls that are driven, of pendula and on a ring.
+
+    The contact of pair c bears F_c = Σ (m_i a + m_i g - f_i) over the balls above it in its pile, a = 0 on a floor, the
+    acceleration of their mass centre where no wall holds them, below a ceiling the same of the balls below.
+    """
+    scene, still = soft.scene, np.full(soft.scene.n_pairs, math.nan)
+    log = soft.contacts
+    never = np.zeros(scene.n_pairs, np.bool_)
+    never[log["pair"][np.isnan(log["t_end"])]] = True
+    if scene.endless or not never.any():
+        return still
+    laws = resolved(soft.law or (), scene)
+    force = scene.external_force if scene.external_force is not None else np.zeros(scene.n)
+    m = np.where(scene.is_wall, 0.0, scene.mass)
+    down = m * scene.gravity - np.where(scene.is_wall, 0.0, force)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], never, [False]])))
+    for a, b in edges.reshape(-1, 2).tolist():  # pairs a … b - 1, bodies a … b
+        held = scene.is_wall[[a, b]].tolist()
+        if held == [True, True]:
+            continue
+        lift = 0.0 if any(held) else -down[a : b + 1].sum() / m[a : b + 1].sum()
+        above = np.cumsum((down + m * lift)[b:a:-1])[::-1]
+        load = above if not held[1] else -np.cumsum(down[a:b])
+        for c, bears in zip(range(a, b), load.tolist(), strict=True):
+            with suppress(ValueError):
+                still[c] = overlap_under(laws[c], bears) if bears > 0.0 else math.nan
+    return still
 
 
 def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float]:
@@ -254,15 +292,15 @@ def _balls(run: Trajectory) -> Array:
 
 
 def balance(run: Trajectory) -> dict[str, float]:
-    """The account of the energy over a whole run, in J; see `Trajectory.account`.
+    """The account of the energy from the first row of a run to its last, in J; see `Trajectory.account`.
 
     Energy at the *start*, work of *floor* and *ceiling*, *heat* of both, what was *dissipated*, energy at the *end*,
     and the *remainder* end - start - floor - ceiling - heat + dissipated, which is rounding. nan where nobody counted.
     """
     account = run.account()
-    (floor, ceiling), heat = account["work"][-1].tolist(), float(account["heat"][-1].sum())
+    work, heats, losses = (account[name][-1] - account[name][0] for name in ("work", "heat", "dissipated"))
+    (floor, ceiling), heat, lost = work.tolist(), float(heats.sum()), float(losses)
     start, end = account["energy"][[0, -1]].tolist()
-    lost = float(account["dissipated"][-1])
     return {"start": start, "floor": floor, "ceiling": ceiling, "heat": heat, "dissipated": lost, "end": end,
             "remainder": end - start - (floor + ceiling + heat - lost)}
 

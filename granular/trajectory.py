@@ -122,7 +122,7 @@ class Trajectory(PublicWhenRead):
         from granular._log_file import batches, mapped
 
         count = _check.whole("size", size, at_least=1)
-        path = self.stats.get("log")
+        path = self.stats.get("log") or None
         rows = self.contacts if path is None else mapped(path)
         return batches(rows, count)
 

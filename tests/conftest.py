@@ -21,7 +21,8 @@ with suppress(ImportError):  # files marked `core` do without
     settings.load_profile("same")
 MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines"
 """Files that have machine code made for nearly all that others need."""
-TAKERS = "test_costs", "test_costs_hard", "test_levels", "test_sweeps"
+TAKERS = ("test_costs", "test_costs_hard", "test_levels", "test_sweeps", "test_sweeps_cases", "test_sweeps_saved",
+          "test_sweeps_ways")
 """Files that need much of it: the other worker must not come to them while it is being made."""
 PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"MAKING_LOOK": math.inf},
             "md.fixed.run": {"MAKING": math.inf}, "edmd.run": {"VERY_LONG": math.inf},
@@ -71,10 +72,28 @@ def no_code_for_its_own_sake():
 
 
 @pytest.fixture
+def forty_digits():
+    """The numbers of mpmath have 40 digits."""
+    import mpmath as mp
+
+    with mp.workdps(40):
+        yield
+
+
+@pytest.fixture
 def interpreted(monkeypatch):
     """Engine "auto" stays interpreted: piles that rest are looked at interpreted, which is slow on records of machine
     code."""
     monkeypatch.setattr("granular._kernels.Toll.due", lambda self, ahead=0.0: False)
+
+
+@pytest.fixture(scope="module")
+def cradle():
+    """Newton's cradle of four balls under both engines."""
+    import granular as gr
+
+    scene, law = gr.scenes.newtons_cradle(4), gr.LinearDashpot(1e7)
+    return gr.compare(scene, law)
 
 
 @pytest.fixture

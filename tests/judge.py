@@ -8,10 +8,11 @@ import math
 from collections import namedtuple
 from itertools import zip_longest
 
+from judged_rows import closing, count, due, parting, rows_of
+
 import granular as gr
 from granular.scene import speed_scale
 
-Contact = namedtuple("Contact", "pair begin end before after impulse deepest")
 Judgement = namedtuple("Judgement", "answer error components")
 SAME, ROUNDING, FOLLOWED = 0.01, 1e-12, 20.0
 WORST = ["no", "not_unique", "not_ball_by_ball", "undecided", "yes"]
@@ -326,34 +327,6 @@ class Judge:
             before = self.t_end * (1.0 - 1e-9)
             one, other = ([r for r in rows if r.begin < before] for rows in (one, other))
         return one, other
-
-
-def rows_of(run):
-    names = "pair", "t_begin", "t_end", "v_in", "v_out", "impulse", "xi_max"
-    return [Contact(*(r[name].tolist() for name in names)) for r in run.contacts]
-
-
-def closing(row):
-    return row.before[0] - row.before[1]
-
-
-def parting(row):
-    return row.after[1] - row.after[0]
-
-
-def count(rows, pair):
-    return sum(r.pair == pair for r in rows)
-
-
-def due(rows, latest, most):
-    """The first n contacts of every pair that begin in time."""
-    kept, seen = [], {}
-    for r in rows:
-        if r.begin <= latest[r.pair]:
-            seen[r.pair] = seen.get(r.pair, 0) + 1
-            if seen[r.pair] <= most[r.pair]:
-                kept.append(r)
-    return kept
 
 
 def judged(scene, law, t_end, **options):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scenes_at_random import scene
 
+import granular as gr
 from granular import edmd
 from granular.edmd import collapse as collapses
 from granular.rules import ConstantRestitution

@@ -1,22 +1,17 @@
-"""Chains under pressure and solitary waves: against eigenvalues, linear equations, published digits, and long runs."""
+"""Chains under pressure: at rest by the static equations, on all fronts, drawn; and what is refused."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from steel_chains import FORCE, RADIUS, laws_of, steel
 
 import granular as gr
 from granular import cases, waves
 from granular.laws.contact_law import resolve
 from granular.laws.statics import overlap_under, stiffness_at
 from granular.reference import solve
-
-RADIUS, FORCE = 0.009525, 20.0
-
-
-def steel(pair):
-    return gr.Hertz.from_material(193e9, 0.3, pair)
 
 
 @dataclass(frozen=True)
@@ -36,11 +31,8 @@ LAWS = [steel, gr.LinearDashpot(1e7, 3.0), gr.PowerLaw(1e12, 2.0), gr.TsujiHertz
         gr.WaltonBraun(1e7, 2e7)]
 
 
-def laws_of(scene, law):
-    return [law(pair) if callable(law) else law for pair in scene.pairs]
+# --- the static equations
 
-
-# the static equations
 
 @pytest.mark.parametrize("ends", ["walls", "force", "forces"])
 @pytest.mark.parametrize("law", LAWS, ids=range(len(LAWS)))
@@ -113,209 +105,8 @@ def test_two_balls_squeezed_between_walls_after_a_millisecond():
     assert float(late.message.split("decays in ")[1].split()[0]) < 0.01  # not the sum of overlaps, which cannot move
 
 
-# bands
+# --- all fronts
 
-def test_numbers_of_steel_beads():
-    scene = gr.scenes.compressed_chain(10, FORCE, law=steel)
-    law = laws_of(scene, steel)
-    k, m = waves.stiffness(scene, law)[5], scene.mass[1]
-    assert law[5].k == pytest.approx(9.75758e9, rel=1e-6)
-    assert k == pytest.approx(1.5 * law[5].k ** (2 / 3) * FORCE ** (1 / 3), rel=1e-14)
-    assert k == pytest.approx(1.859214e7, rel=4e-7)
-    cut = waves.band_edges(k, m)[0, 1]
-    assert cut / (2.0 * math.pi) == pytest.approx(8051.863, abs=1e-3)
-    assert waves.sound_speed(k, m, 2.0 * RADIUS) == pytest.approx(481.8826, abs=1e-4)
-    assert waves.decay(1.1 * cut, k, m) == pytest.approx(0.411833347, abs=5e-10)
-    assert waves.crossing_time(scene, [law[5]] * 11) == pytest.approx(0.2 / 481.8826, rel=0.2)
-
-
-def test_edges_of_the_gap_of_two_masses():
-    edges = waves.band_edges(1.0, [1.0, 2.0])
-    assert edges == pytest.approx(np.array([[0.0, 1.0], [math.sqrt(2.0), math.sqrt(3.0)]]), abs=1e-15)
-    assert edges[0, 0] == 0.0
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_dispersion_against_eigenvalues_of_a_closed_chain(seed):
-    """N cells joined to a ring have the frequencies of an endless chain at the phases 2πj/N."""
-    random = np.random.default_rng(seed)
-    p, cells = int(random.integers(1, 5)), 7
-    k, m = 10.0 ** random.uniform(-1, 1, (2, p))
-    n = p * cells
-    matrix = np.zeros((n, n))
-    for j in range(n):
-        a, b = j, (j + 1) % n
-        matrix[a, a] += k[j % p]
-        matrix[b, b] += k[j % p]
-        matrix[a, b] -= k[j % p]
-        matrix[b, a] -= k[j % p]
-    root = np.sqrt(np.tile(m, cells))
-    expected = np.sqrt(np.maximum(np.linalg.eigvalsh(matrix / np.outer(root, root)), 0.0))
-    found = np.sort(waves.dispersion(2.0 * math.pi * np.arange(cells) / cells, k, m).ravel())
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_modes_of_a_chain_between_walls_are_standing_waves_of_the_dispersion(seed):
-    random = np.random.default_rng(seed)
-    n, k = int(random.integers(2, 9)), 10.0 ** random.uniform(5, 8)
-    scene = gr.scenes.compressed_chain(n, law=gr.LinearDashpot(k))
-    expected = waves.dispersion(math.pi * np.arange(1, n + 1) / (n + 1), k, scene.mass[1])[:, 0]
-    assert waves.modes(scene, gr.LinearDashpot(k)) == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_mode_swings_with_its_frequency_in_a_run():
-    law, amplitude = steel, 1e-5
-    scene = gr.scenes.compressed_chain(6, law=law, dimer=0.3)
-    laws = laws_of(scene, law)
-    k, m = waves.stiffness(scene, laws), scene.mass[1:-1]
-    square, shape = np.linalg.eigh((np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1))
-                                   / np.sqrt(np.outer(m, m)))
-    omega = waves.modes(scene, laws)
-    assert omega == pytest.approx(np.sqrt(square), rel=1e-12)
-    start = np.array([0.0, *(amplitude * shape[:, 2] / np.sqrt(m)), 0.0]) * math.sqrt(m[0]) * 1e-3
-    run = gr.md.simulate(scene.replace(velocity=start), laws, t_end=20 * math.pi / omega[2])
-    assert run.velocity[-1] == pytest.approx(start, abs=1e-4 * np.abs(start).max())  # not quite linear
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_decay_against_the_response_of_a_long_chain(seed):
-    """Shake one end of a long chain in a gap: linear equations for the amplitudes."""
-    random = np.random.default_rng(seed)
-    p, cells = int(random.integers(1, 4)), 40
-    k, m = random.uniform(0.5, 2.0, (2, p))
-    edges = waves.band_edges(k, m)
-    gaps = [(low, high) for low, high in zip(edges[:, 1], [*edges[1:, 0], 1.5 * edges[-1, 1]], strict=True)
-            if high > 1.02 * low]
-    low, high = gaps[int(random.integers(len(gaps)))]
-    omega = random.uniform(0.8 * low + 0.2 * high, 0.2 * low + 0.8 * high)
-    n = p * cells  # balls 1 … n; ball 0 is shaken, ball n + 1 held; contact j joins j and j + 1
-    stiff = np.tile(k, cells + 1)[: n + 1]
-    heavy = np.array([m[j % p] for j in range(1, n + 1)])
-    matrix = np.diag(stiff[:-1] + stiff[1:] - omega**2 * heavy) - np.diag(stiff[1:-1], 1) - np.diag(stiff[1:-1], -1)
-    u = np.abs(np.linalg.solve(matrix, np.eye(n)[0] * stiff[0]))
-    rate = waves.decay(omega, k, m)
-    assert rate < 1.0
-    assert (u[3 * p] / u[p]) ** (1.0 / (2 * p)) == pytest.approx(rate, rel=1e-6)
-    assert waves.decay(0.5 * (edges[0, 0] + edges[0, 1]), k, m) == 1.0
-
-
-def shaken(scene, laws, omega, amplitude, periods, seen=16):
-    """Amplitudes of all bodies in the last periods of a run, complex; the floor sets in softly."""
-    turn = 2.0 * math.pi / omega
-    middle, soft = 0.4 * periods * turn, 0.062 * periods * turn
-
-    def path(t):
-        return 0.5 * amplitude * math.erfc((middle - t) / (soft * math.sqrt(2.0))) * math.sin(omega * t)
-
-    times = np.linspace((periods - seen) * turn, periods * turn, 12 * seen, endpoint=False)
-    run = gr.md.simulate(scene.replace(floor=gr.walls.Motion(path)), laws, t_end=periods * turn, samples=times)
-    assert run.status is gr.Status.time
-    moved = run.position - scene.position
-    wave = np.exp(-1j * omega * run.time)[:, None]
-    return 2.0 * ((moved - moved.mean(axis=0)) * wave).mean(axis=0)
-
-
-def test_decay_above_the_cut_off_measured_in_a_run():
-    """The recipe's digits: 0.411833347 from ball to ball at 1.1 ω_c, by the located engine."""
-    scene = gr.scenes.compressed_chain(12, FORCE, law=steel)
-    k, m = waves.stiffness(scene, laws_of(scene, steel))[5], scene.mass[1]
-    spring = gr.LinearDashpot(float(k))
-    scene = gr.scenes.compressed_chain(12, FORCE, law=spring)
-    u, rate = shaken(scene, spring, 1.1 * waves.band_edges(k, m)[0, 1], 1e-8, 160), 0.411833347
-    assert abs(u[1] / u[0]) == pytest.approx(rate, abs=2e-9)
-    back = np.array([rate**j - rate ** (26 - j) for j in range(8)])  # the wall beyond ball 12 sends it back
-    assert np.abs(u[1:8] / u[:7]) == pytest.approx(back[1:] / back[:-1], abs=1e-6)
-    assert (u[1:8] / u[:7]).real.max() < -0.4  # neighbours move against each other
-
-
-def test_a_matched_end_sends_back_little():
-    """tan(θ/4) of the amplitude, from linear equations with a resistance √(K m) at the end; a wall sends back all."""
-    n, spring = 8, gr.LinearDashpot(1e7)
-    scene = gr.scenes.compressed_chain(n, FORCE, law=spring)
-    laws, m = waves.matched_end(scene, spring), scene.mass[1]
-    assert laws[-1] == gr.MatchedEnd(FORCE, 1e7)
-    omega = 0.4 * 2.0 * math.sqrt(1e7 / m)
-    u = shaken(scene, laws, omega, 1e-9, 40, 8)
-    theta = 2.0 * math.asin(0.4)
-    away = np.exp(-1j * theta * np.arange(n + 1))
-    (there, back), *_ = np.linalg.lstsq(np.array([away, away.conj()]).T, u[:-1], rcond=None)
-    assert u[:-1] == pytest.approx(there * away + back * away.conj(), abs=2e-3 * abs(there))
-    assert abs(back / there) == pytest.approx(math.tan(0.25 * theta), abs=2e-3)
-
-
-# the solitary wave
-
-def test_the_published_digits_of_the_discrete_solitary_wave():
-    wave = waves.SolitaryWave(1.5)
-    assert wave.speed == pytest.approx(0.90551577641912, abs=1e-14)
-    assert wave.speed / wave.peak_velocity**0.2 == pytest.approx(0.90747007841219, abs=1e-14)
-    for share, width in ((0.5, 1.411928348539), (0.01, 3.558618410626), (0.001, 4.304636982818)):
-        assert wave.width(share) == pytest.approx(width, abs=6e-13)
-
-
-@pytest.mark.parametrize("p", [1.1, 1.2, 1.5, 2.0, 3.7, 8.0])
-def test_the_wave_solves_its_integrated_equation(p):
-    """c² φ = Λ * φ^p and the velocity, by Gauss quadrature instead of Fourier series."""
-    wave, (node, weight) = waves.SolitaryWave(p), np.polynomial.legendre.leggauss(60)
-    s = 0.5 * (node + 1.0)
-    for x in np.linspace(-2.0, 2.0, 17).tolist():
-        both = wave.overlap(x + s) ** p + wave.overlap(x - s) ** p
-        assert wave.speed**2 * wave.overlap(x) == pytest.approx(0.5 * weight @ ((1.0 - s) * both), abs=1e-13)
-        assert wave.speed * wave.velocity(x) == pytest.approx(0.5 * weight @ wave.overlap(x + s) ** p, abs=1e-13)
-
-
-def speeds(scene, law, v):
-    """Balls per second, and the largest overlap."""
-    wave, pair = waves.SolitaryWave(resolve(law, scene.pairs[0]).form[1]), scene.pairs[0]
-    k, p, m = law.k, wave.exponent, 2.0 * pair.m_eff
-    deepest = (v * math.sqrt(m / k) / wave.peak_velocity) ** (2.0 / (p + 1.0))
-    return wave.speed * math.sqrt(k * deepest ** (p - 1.0) / m), deepest
-
-
-@pytest.mark.parametrize(("law", "n", "over"), [
-    (gr.Hertz(9.75758e9), 113, 100), (gr.PowerLaw(1e13, 2.0), 33, 20), (gr.PowerLaw(1e20, 3.0), 33, 20),
-])
-def test_the_wave_keeps_shape_and_speed_in_a_run(law, n, over):
-    """100 balls later it is the exact wave 100 balls further on."""
-    scene = waves.solitary(n, 0.1, law=law)
-    rate, deepest = speeds(scene, law, 0.1)
-    assert scene.velocity.max() == pytest.approx(0.1, rel=1e-14)
-    assert -scene.gap.min() <= deepest
-    run = gr.md.simulate(scene, law, t_end=over / rate)
-    there = waves.solitary(n, 0.1, law=law, at=6.0 + over)
-    assert run.velocity[-1] == pytest.approx(there.velocity, abs=0.1 * 1e-14 * over)
-    assert run.gap[-1] == pytest.approx(there.gap, abs=deepest * 5e-14 * over)
-
-
-def test_sensors_see_speed_peak_and_widths_of_the_wave():
-    law = gr.Hertz(9.75758e9)
-    scene = waves.solitary(30, 0.1, law=law)
-    rate, deepest = speeds(scene, law, 0.1)
-    run = gr.md.simulate(scene, law, t_end=16.0 / rate, samples=1601)
-    seen = waves.pulse(run)
-    assert np.isnan(seen.time[0])
-    assert seen.speed(10, 18) == pytest.approx(2.0 * RADIUS * rate, rel=1e-10)
-    assert seen.peak[10:18] == pytest.approx(np.full(8, law.k * deepest**1.5), rel=1e-9)
-    widths = seen.width[10:18] * rate
-    assert widths[:, 0] == pytest.approx(np.full(8, 1.411928348539), abs=1e-7)
-    assert widths[:, 1:] == pytest.approx(np.tile([3.558618410626, 4.304636982818], (8, 1)), abs=1e-6)
-
-
-def test_a_small_pulse_in_a_pressed_chain_runs_at_the_speed_of_sound():
-    law, long = gr.Hertz(9.75758e9), 24
-    scene = gr.scenes.compressed_chain(48, FORCE, law=law)
-    sound = waves.sound_speed(waves.stiffness(scene, law)[5], scene.mass[1], 2.0 * RADIUS)
-    v, deeper = np.zeros(scene.n), np.zeros(scene.n_pairs)  # a long one, to the right only
-    v[1 : long + 1] = 1e-6 * np.sin(math.pi * np.arange(1, long + 1) / (long + 1)) ** 2
-    deeper[: long + 1] = 1e-6 * np.sin(math.pi * (np.arange(long + 1) + 0.5) / (long + 1)) ** 2 * 2.0 * RADIUS / sound
-    run = gr.md.simulate(scene.replace(velocity=v, gap=scene.gap - deeper), law, t_end=0.7 / sound, samples=200)
-    seen = waves.pulse(run, static=FORCE)
-    assert seen.speed(22, 40) == pytest.approx(sound, rel=5e-3)
-    assert seen.peak[22:40] == pytest.approx(np.full(18, 1e-6 * sound * scene.mass[1] / (2.0 * RADIUS)), rel=0.05)
-
-
-# all fronts
 
 def test_library_file_command_and_sweep_are_one(granular, tmp_path):
     pytest.importorskip("xarray")

@@ -165,7 +165,7 @@ class Stability(Command):
 
 def with_log(run: Trajectory) -> Trajectory:
     """Return a run with the contacts that it has written to a file as it went on, unless they are too many."""
-    if "log" not in run.stats or _count(run) > MOST_READ:
+    if not run.stats.get("log") or _count(run) > MOST_READ:
         return run
     log = np.concatenate([run.contacts, *run.contact_batches()])
     return replace(run, contacts=log[np.argsort(log["t_begin"], kind="stable")])

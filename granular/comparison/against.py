@@ -12,6 +12,7 @@ from granular._check import Array
 from granular.comparison.answer import Judged
 from granular.comparison.further import with_rows
 from granular.outcome import SAME
+from granular.scene.places import speed_scale
 from granular.trajectory import Trajectory
 
 MANY = 12
@@ -72,7 +73,7 @@ def against(report: Judged, run: Trajectory) -> Against:
         raise TypeError(f"run is {type(run).__name__}: a granular.Trajectory is needed; from_arrays makes one.")
     for name in ("mass", "radius"):
         ours, theirs = getattr(report.scene, name), getattr(run.scene, name)
-        if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9):
+        if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9, atol=0.0):
             raise ValueError(f"run is of another scene: its {name} is {np.array2string(theirs, threshold=6)}; "
                              f"{np.array2string(ours, threshold=6)} is needed.")
     start, first = float(report.soft.time[0]), float(run.time[0])
@@ -80,7 +81,8 @@ def against(report: Judged, run: Trajectory) -> Against:
         raise ValueError(f"time[0] of run is {first!r}: times from the start of the scene, {start:g} s, on are "
                          "needed; shift its clock.")
     of_ball = report.components.of_ball
-    unit = np.append(report.units, report.units.max(initial=0.0) or report.impact_speed)[of_ball]
+    others = report.units.max(initial=0.0) or speed_scale(report.scene) or 1.0  # of balls that touch nothing
+    unit = np.append(report.units, others)[of_ball]
     apart = [_apart(run, with_rows(report, engine, run.time, further=True), unit) for engine in ("hard", "soft")]
     return Against(run.time, unit, *apart)
 

@@ -25,6 +25,7 @@ import numpy as np
 from granular import end_time
 from granular._reports import rounded
 from granular.comparison.numbers import Compared, smaller_radius
+from granular.measures import static_overlaps
 from granular.outcome import FAINT, SAME, PairOutcome
 from granular.trajectory import EARLY, Status
 
@@ -170,15 +171,19 @@ def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | N
     """Say what is so where soft spheres at rest sink under their weight, or hard ones rest and do not collide."""
     lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.levelled[1]
     log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
-    if not len(log) or report.scene.gravity == 0.0:
+    if not len(log) or not (report.scene.pull.any() or report.scene.driven):
         return None
     settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]
     depth = np.where(settled, log["xi_max"], -report.soft.gap[-1][log["pair"]])
+    if report.soft.status is Status.resting:  # which is known before they have settled
+        still = static_overlaps(report.soft)[log["pair"]]
+        depth = np.where(np.isfinite(still), still, depth)
+    load = "their weight" if report.scene.external_force is None and not report.scene.driven else "what presses them"
     share = float(np.max(depth / smaller_radius(report.scene)[log["pair"]]))
     if share > SAME:
         what = "nothing collides, but soft spheres" if lying else "where balls come to rest, soft ones"
-        return Answer.no, f": {what} sink by {share:.2g} of a radius under their weight"
-    deepest = f"soft spheres overlap by {depth.max():.3g} m under their weight"
+        return Answer.no, f": {what} sink by {share:.2g} of a radius under {load}"
+    deepest = f"soft spheres overlap by {depth.max():.3g} m under {load}"
     return (Answer.yes, f", trivially: nothing collides; {deepest}") if lying else None
 
 

@@ -89,7 +89,7 @@ class Onward:
         return edmd.simulate(
             run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0), self.report.rule, t_start=start,
             t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
-            merge_below=MERGED * (speed if speed > 0.0 else speed_scale(run.scene)))
+            merge_below=MERGED * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
     def heights(self, times: Array) -> Array:
         """Heights (len(times), n) in m above the lowest body, radii taken out, at times in s, which increase; nan from

@@ -269,9 +269,9 @@ def resume(
         raise ValueError("trajectory is broken: nothing follows it; see its message.")
     laws = checked_laws(trajectory.law, trajectory.scene)
     request = _requested(
-        trajectory.scene, laws, float(trajectory.time[-1]), t_end, engine, disturbed, until=until, samples=samples,
-        log=log, max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
-        progress=progress,
+        trajectory.scene, laws, float(trajectory.stats.get("end", trajectory.time[-1])), t_end, engine, disturbed,
+        until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps, on_event=on_event,
+        on_progress=on_progress, progress=progress,
     )
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)

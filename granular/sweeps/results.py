@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import xor
 from typing import Any
@@ -67,14 +67,20 @@ class Answer:
     case: Case
 
     @cached_property
+    def whole(self) -> Case:
+        """The case with rows at its start and its end, whatever else it asks for: the last row is the end."""
+        rest = {name: x for name, x in self.case.run.items() if name != "samples"}
+        return self.case if len(rest) == len(self.case.run) else replace(self.case, run=rest)
+
+    @cached_property
     def soft(self) -> Trajectory:
         """The soft-sphere run."""
-        return self.case.simulate("md")
+        return self.whole.simulate("md")
 
     @cached_property
     def hard(self) -> Trajectory:
         """The event-driven run."""
-        return self.case.simulate("edmd")
+        return self.whole.simulate("edmd")
 
     @cached_property
     def report(self) -> Comparison:

@@ -140,7 +140,8 @@ def modes(scene: Scene, law: Any) -> Array:
     k, balls = stiffness(scene, law), ~scene.is_wall
     m = scene.mass[balls]
     strain = scene.across(np.eye(scene.n)[balls])  # rows: balls
-    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(strain * k @ strain.T / np.sqrt(np.outer(m, m))), 0.0)))
+    of_contacts = np.linalg.eigvalsh(strain * k @ strain.T / np.sqrt(np.outer(m, m)))
+    return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # strings pull all balls alike
 
 
 def crossing_time(scene: Scene, law: Any) -> float:

@@ -12,7 +12,7 @@ export function errorsOf(hard, soft, eps, k) {
   const resting = new Map(scene.gap.flatMap((_, c) => restApart(hard, soft, c, weight)));
   for (const [c, apart] of resting) pairs[c] = apart;
   const [n, m] = [counts(hard), counts(soft)], wrong = scene.gap.map((_, c) => c).filter((c) => n[c] !== m[c] && !resting.has(c));
-  return { unit, error: met.includes(true) ? largest([...balls, ...pairs]) / unit : 0, wrong, sunk: sunkIn(soft, weight) };
+  return { unit, error: met.includes(true) ? largest([...balls, ...pairs]) / unit : 0, wrong, sunk: sunkIn(soft, weight, pairsOf(scene, eps, k)) };
 }
 
 // The largest closing speed; of a contact that begins at rest, the speed with which it parts. At least g t_c, the speed that
@@ -39,9 +39,14 @@ function restApart(hard, soft, c, weight) {
   return [[c, largest([...apart, last ? Math.abs(known(partingOf(last))) : 0])]];
 }
 
-// By how much of the smaller radius soft balls at rest sink under their weight.
-function sunkIn({ scene, contacts, overlap }, weight) {
+// By how much of the smaller radius soft balls at rest sink under their weight. Once they are proved to rest the page does
+// not wait until they have settled: then each contact bears the balls above it, ξ = Σ m g / k.
+function sunkIn({ scene, contacts, overlap, status }, weight, pairs) {
   if (scene.gravity === 0) return 0;
   const side = (i) => scene.radius[i] || Infinity, size = ({ pair }) => Math.min(side(pair), side(pair + 1));
-  return largest(contacts.filter((c) => !isOver(c)).map((c) => (approach(c) > weight ? overlap[c.pair] : c.deepest) / size(c)));
+  const bears = ({ pair }) => (scene.gravity * scene.mass.slice(pair + 1).reduce((sum, m) => sum + m, 0)) / pairs[pair].k;
+  return largest(contacts.filter((c) => !isOver(c)).map((c) => {
+    const settles = approach(c) <= weight, isKnown = status === "resting" && !(settles && scene.tEnd < Infinity);
+    return (isKnown ? bears(c) : settles ? c.deepest : overlap[c.pair]) / size(c);
+  }));
 }

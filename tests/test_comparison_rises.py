@@ -1,0 +1,100 @@
+"""How high balls rise at each bounce, hard and soft; and the share of the impulse of a floor pressed from above."""
+
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.comparison import further
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_rise_is_given_up_where_a_pile_takes_too_many_steps_to_settle(monkeypatch):
+    """Before, the soft run was followed for minutes: steps, not contacts, are many."""
+    monkeypatch.setattr(further, "STEPS", 3000)
+    pile = gr.scenes.ball_stack(8, mass_ratio=0.122, gap=0.0216, height=0.237)
+    law = [gr.LinearDashpot.from_restitution(0.642, k=2.02e7, pair=pair) for pair in pile.pairs]
+    report = gr.compare(pile, law, until=gr.until.separated(), t_end=3.0)
+    assert len(report.soft.contacts) == 8
+    assert math.isnan(report.rises[1])
+    assert report.rises[0] > 100.0
+
+
+def basketball_and_table_tennis_ball(floor_contacts):
+    case = gr.cases.make("real-balls", lower="basketball", upper="table-tennis ball", pair_rule="lens", gap=0.0)
+    return gr.compare(case.scene, case.law, case.rule, until=gr.until.contact(0, floor_contacts))
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_the_rise_of_the_second_bounce_does_not_hang_on_where_the_run_stops():
+    """As on the last screen of the teaching page: at the second bounce it flies."""
+    short, long = basketball_and_table_tennis_ball(2), basketball_and_table_tennis_ball(3)
+    assert short.rises == pytest.approx((5.538, 0.7185), rel=1e-3)
+    assert short.rises(bounce=2) == pytest.approx((2.582, 3.630), rel=1e-3)
+    for bounce in (1, 2):
+        assert long.rises(bounce) == pytest.approx(short.rises(bounce), rel=1e-9)
+    lines = [line for line in str(long).splitlines() if line.startswith("rise of ball 2, drops")]
+    assert [line.split()[5:7] for line in lines] == [["5.53844", "0.7185"], ["2.58187", "3.63018"]]
+    assert lines[1].endswith("of 1 m, bounce 2")
+    assert str(short).count("rise of ball 2") == 1
+    assert short.rises() == short.rises == short.rises(2)(1)
+    assert short.to_dict()["rises"] == list(short.rises)
+    with pytest.raises(ValueError, match="bounce"):
+        short.rises(0)
+
+
+@pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize("bounce", [1, 2, 3])
+def test_a_ball_alone_rises_by_the_square_of_its_restitution_at_each_bounce(bounce):
+    scene = gr.scenes.bouncing_ball(height=1.0)
+    law = gr.LinearDashpot.from_restitution(0.8, 1e7, scene.pairs[0])
+    report = gr.compare(scene, law, until=gr.until.contact(0, 2))
+    assert report.rises(bounce) == pytest.approx((0.64**bounce,) * 2, rel=2e-3)
+
+
+def test_a_rise_goes_with_the_speed_of_the_touch_before_it():
+    report = basketball_and_table_tennis_ball(3)
+    for run, bounce, engine in ((report.hard, 1, 0), (report.soft, 1, 1)):
+        last = run.of(1)[run.of(1)["t_end"] < report.soft.contacts["t_end"].min() + 0.1][-1]
+        rise = report.rises(bounce)[engine]
+        assert last["v_out"][1] == pytest.approx(math.sqrt(2.0 * report.scene.gravity * rise), rel=0.01)
+
+
+def test_balls_that_stick_and_lie_on_the_floor_rise_nothing():
+    """Before, it could not be told of hard spheres."""
+    scene = gr.scenes.ball_stack(4, 0.85, gap=6.4e-5)
+    law = [gr.LinearDashpot.from_restitution(0.316, 1.5e5, pair=pair) for pair in scene.pairs]
+    hard, soft = gr.compare(scene, law, until=gr.until.contact(0, 2)).rises
+    assert (hard, soft) == (0.0, pytest.approx(0.67, rel=0.01))
+
+
+def test_the_rise_of_a_stack_is_told_as_that_of_two_balls():
+    case = gr.cases.make("ball-stack", n=3)
+    report = gr.compare(case.scene, case.law, case.rule, until=case.until)
+    assert report.drop == pytest.approx(1.0)
+    for text in (str(report), report.details()):
+        assert "rise of ball 3, drops          21.7955         1.12327  of 1 m\n" in text
+    assert math.isnan(gr.compare(gr.scenes.ball_stack(6), gr.LinearDashpot(1e7), until=gr.until.contact(0, 1)).drop)
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_the_share_of_the_floors_impulse_is_that_under_its_force():
+    """From both forces at many moments."""
+    random = np.random.default_rng(8)
+    for _ in range(3):
+        scene = gr.scenes.ball_stack(2, 10.0 ** random.uniform(-2.0, 0.0), gap=10.0 ** random.uniform(-5.0, -3.5))
+        law = [gr.LinearDashpot.from_restitution(random.uniform(0.5, 0.9), 5e7, pair=pair) for pair in scene.pairs]
+        report = gr.compare(scene, law, until=gr.until.contact(0, 2))
+        first = report.soft.of(0)[0]
+        run = gr.md.simulate(scene, law, t_end=float(first["t_end"]),
+                             samples=np.linspace(first["t_begin"], first["t_end"], 4001))
+        pressed = np.where(run.force[:, 1] > 0.0, run.force[:, 0], 0.0)
+        expected = np.trapezoid(pressed, run.time) / np.trapezoid(run.force[:, 0], run.time)
+        assert further.floor_share(report) == pytest.approx(expected, abs=5e-4)
+        assert f"floor's impulse while pressed from above  = {further.floor_share(report):.4g}" in report.details()
+    far = gr.compare(scene.replace(gap=[scene.gap[0], 0.5]), law, until=gr.until.contact(0, 2))
+    assert further.floor_share(far) == 0.0
+    row = gr.compare(gr.scenes.newtons_cradle(3), gr.LinearDashpot(1e7), until=gr.until.separated())
+    assert math.isnan(further.floor_share(row))
+    assert "floor's impulse" not in row.details()
