@@ -46,7 +46,7 @@ test("the share of the push explains and does not decide", () => {
 });
 
 test("balls that press on each other share an overlap so that both have one patch", () => {
-  const scene = { radius: [0, 0.1, 0.03] }, camera = new Camera({ scene, wide: 320, tall: 480, most: 1, reach: 0.05 }), [, lower, upper] = camera.place([0, -0.004, -0.009], 1);
+  const scene = { radius: [0, 0.1, 0.03], gap: [0.5, 0] }, camera = new Camera({ scene, wide: 320, tall: 480, most: 1, reach: 0.05 }), [, lower, upper] = camera.place([0, -0.004, -0.009], 1);
   const patch = ({ r }, cut) => Math.sqrt(2 * r * cut), [scale] = camera.scales(1);
   assert.ok(Math.abs(lower.below - 0.004 * scale) < 1e-9 && Math.abs(lower.above + upper.below - 0.005 * scale) < 1e-9);
   assert.ok(Math.abs(patch(lower, lower.above) / patch(upper, upper.below) - 1) < 1e-9);

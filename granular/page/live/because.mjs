@@ -15,7 +15,9 @@ export class Because {
   }
 
   load(report, reason) {
-    $(".because").classList.toggle("empty", !reason);
+    const isLater = report.scene.bounces > 1 && !(reason?.share > 0); // what came before makes the difference
+    $(".because").classList.toggle("empty", !reason || isLater);
+    if (isLater) return told(this.line, "because-earlier");
     if (!reason) return told(this.line, "because-none");
     const { pair, lasts, arrives, share } = reason, names = { below: pairName(report.scene, pair), next: pairName(report.scene, pair + 1) };
     told(this.line, share > 0 ? "because-share" : "because-apart", { ...names, lasts: [lasts, "s"], arrives: [arrives, "s"], share: percent(share) });

@@ -10,8 +10,8 @@ export class Camera {
   // `most`: the greatest height in m; `reach`: how far a ball falls while the longest contact lasts; `size` of specks.
   constructor({ scene, wide, tall, most, reach, size = 1 }) {
     const radii = scene.radius, largest = Math.max(...radii), smallest = Math.min(...radii.filter(Boolean)), pile = 2 * sum(radii);
-    const room = tall - FLOOR - TOP, share = (0.45 * largest) / reach, times = ROUND.findLast((n) => n <= share) ?? 1;
-    const near = Math.min(room / (pile + 2.2 * times * reach), (0.3 * wide) / largest);
+    const room = tall - FLOOR - TOP, way = Math.max(reach, 0.5 * sum(scene.gap.slice(1))), share = (0.45 * largest) / way;
+    const times = ROUND.findLast((n) => n <= share) ?? 1, near = Math.min(room / (pile + 2.2 * times * way), (0.3 * wide) / largest);
     const unit = Math.min((size * SMALL) / smallest, (size * LARGE) / largest, (0.3 * room) / pile), far = (room - unit * pile) / most, isTrue = far > unit;
     const scale = isTrue ? room / (most + pile) : far;
     Object.assign(this, { radii, wide, tall, times, larger: isTrue ? 1 : unit / scale, most });

@@ -72,5 +72,9 @@ function called(label) {
   return names.charAt(0).toLocaleUpperCase(languageNow()) + names.slice(1);
 }
 
-export const inWords = ({ symbol, label, unit, zero, min, max }, x) =>
-  ({ symbol: symbol ?? plain(`label-${label}`), range: `${zero ? "0, " : ""}${quantity(min, unit)} – ${quantity(max, unit)}`, shown: quantity(x, unit) });
+// A slider, its range and a value in words; of a choice its options.
+export function inWords({ symbol, label, unit, zero, min, max, options }, x) {
+  const name = symbol ?? plain(`label-${label}`);
+  if (options) return { symbol: name, range: options.map((one) => plain(`option-${one}`)).join(", "), shown: plain(`option-${options[x - min]}`) };
+  return { symbol: name, range: `${zero ? "0, " : ""}${quantity(min, unit)} – ${quantity(max, unit)}`, shown: quantity(x, unit) };
+}

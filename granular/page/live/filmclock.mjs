@@ -52,6 +52,12 @@ export class FilmClock extends Clock {
     super.play();
   }
 
+  // Whoever goes to the last picture by hand has seen the film too.
+  go(share) {
+    super.go(share);
+    if (this.film && !this.playing && this.share >= 1) this.ended();
+  }
+
   end() {
     if (!this.loops) this.pause();
     else setTimeout(() => this.loops && this.playing && this.again(), WAIT);

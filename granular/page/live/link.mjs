@@ -17,6 +17,9 @@ export function read(hash, start = "") {
   return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: given.guess };
 }
 
+// Told first: notes on the rest are in that language.
+export const languageIn = (hash, start = "") => parsed(hash).lang ?? parsed(start).lang;
+
 const parsed = (hash) => Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
 
 const refusal = ({ slider, asked, shown }) => {

@@ -5,7 +5,7 @@ import { cleaned, contactsIn, offer, sceneOf, SETUPS } from "../physics/setups.m
 import { Classroom } from "./classroom.mjs";
 import { Controls } from "./controls.mjs";
 import { explainTerms } from "./glossary.mjs";
-import { copyLink, follow, read, write, written } from "./link.mjs";
+import { copyLink, follow, languageIn, read, write, written } from "./link.mjs";
 import { printPack } from "./pack.mjs";
 import { contactsCsv } from "./panels.mjs";
 import { Picture } from "./picture.mjs";
@@ -22,8 +22,8 @@ const data = JSON.parse($("#data").textContent);
 class Page {
   constructor() {
     offer(data);
+    speak(languageIn(location.hash, document.body.dataset.start));
     this.state = read(location.hash, document.body.dataset.start);
-    speak(this.state.lang);
     this.makeParts();
     this.predict.set(this.isAsking);
     this.listen();
@@ -37,7 +37,7 @@ class Page {
     this.controls = new Controls({ changed: (values) => this.change(values), chosen: (name) => this.choose(name) });
     this.spoken = new Spoken();
     this.classroom = new Classroom((guesses) => this.collect(guesses));
-    this.predict = new Predict({ guessed: () => this.guess(), reveal: () => this.reveal(), switched: () => this.run() });
+    this.predict = new Predict({ guessed: () => this.guess(), reveal: () => this.reveal(), switched: () => this.run(), uncovered: () => this.redraw() });
     this.picture = new Picture({
       balls: data.balls, picked: (gap) => this.change({ gap: Number(gap.toPrecision(3)) }), guessed: (guess) => this.predict.take(guess),
       stopped: () => follow(() => this.current()), ended: () => this.predict.ended(), predict: this.predict,
@@ -112,8 +112,9 @@ class Page {
 
   arrive() {
     if (location.hash === written(this.current())) return;
+    const lang = languageIn(location.hash, document.body.dataset.start);
+    if (lang) speak(lang);
     this.state = read(location.hash, document.body.dataset.start);
-    if (this.state.lang) speak(this.state.lang);
     this.predict.set(this.isAsking);
     this.run();
     this.rest();

@@ -6,9 +6,10 @@ import { plain, told } from "./words.mjs";
 const CAUSES = ["weight", "losses", "overlap"];
 
 export class Predict {
-  // `guessed`: another guess; `reveal`: the film is to run; `switched`: predicting is chosen, or no longer.
-  constructor({ guessed, reveal, switched }) {
-    Object.assign(this, { guessed, reveal, on: false, guess: null, answered: null, isTold: false });
+  // `guessed`: another guess; `reveal`: the film is to run; `switched`: predicting is chosen, or no longer; `uncovered`: what
+  // was hidden is to be seen.
+  constructor({ guessed, reveal, switched, uncovered }) {
+    Object.assign(this, { guessed, reveal, uncovered, on: false, guess: null, answered: null, isTold: false });
     this.form = $(".predict");
     this.bar = $(".guess");
     $(".predict-button").addEventListener("click", () => {
@@ -73,12 +74,14 @@ export class Predict {
     if (!this.answered || this.isTold) return;
     this.isTold = true;
     this.cover(false);
+    this.uncovered();
   }
 
   tell() {
     $(".why").hidden = true;
     if (!this.isTold) return told($(".told"), this.answered ? "watch" : "");
-    const { hard, soft } = this.answered, agree = Math.abs(hard - soft) < 0.02 * Math.max(1, hard);
+    const { hard, soft } = this.answered, agree = this.report.answer === "yes" && Math.abs(hard - soft) < 0.02 * Math.max(1, hard);
+    if (!Number.isFinite(hard - soft)) return told($(".told"), "undecided", { engine: { say: Number.isFinite(hard) ? "soft-spheres" : "hard-spheres" } });
     told($(".told"), agree ? "told-agree" : "told", { ...this.answered, unit: plain(`unit-${this.setup.measured}`) });
     if (!agree && this.report.scene.gravity) this.ask();
   }

@@ -5,13 +5,13 @@ import { ballValues } from "../physics/setups.mjs";
 import { spreadOf } from "../physics/spread.mjs";
 import { told } from "./words.mjs";
 
-const USUAL = 1.2, ALIKE = 0.05; // factor of a contact time; heights that differ less are told to be close
+const USUAL = 1.2, ALIKE = 0.05, NEARLY = 0.05; // factor of a contact time; heights, and errors, that differ less are close
 
 // The answer in heights, for the story: it is that of the laboratory and the library, and stands beside its error.
 export function inHeights({ finals, scene, answer, verdict, error }) {
   const [hard, soft] = ["hard", "soft"].map((engine) => finals[engine].at(-1).rise / scene.drop);
   if (!["yes", "no"].includes(answer) || !(hard >= 0 && soft >= 0) || !(error >= 0)) return { answer, verdict };
-  const isClose = Math.abs(hard - soft) <= ALIKE * Math.max(hard, soft), key = answer === "yes" ? "yes" : isClose ? "nearly" : "no";
+  const isClose = Math.abs(hard - soft) <= ALIKE * Math.max(hard, soft), key = answer === "yes" ? (isClose ? "yes" : "later") : isClose && error <= NEARLY ? "nearly" : "no";
   return { answer, verdict: { say: `heights-${key}`, hard, soft, error: { say: "percent", n: [100 * error, "", 2] } } };
 }
 

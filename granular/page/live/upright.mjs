@@ -8,7 +8,7 @@ import { face } from "./drawn.mjs";
 import { Lens } from "./lens.mjs";
 import { plain } from "./words.mjs";
 
-const LEFT = 44, GAUGE = 26; // pixels
+const LEFT = 44, GAUGE = 26, NARROW = 260; // pixels: of the ruler, of the gauge, and a stage that is too small for all its words
 
 export class Upright {
   constructor(engine, host) {
@@ -57,7 +57,7 @@ export class Upright {
     this.ruler.innerHTML = ticks([0, camera.most / drop], 5).map((v) => {
       const y = camera.down(rest + v * drop * scale).toFixed(1);
       return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v === 1 ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: Number(y) + 4, "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
-    }).join("") + markup("text", { x: w - 10, y: 20, "text-anchor": "end", class: "ruler-tick" }, plain("in-drops"));
+    }).join("") + markup("text", { x: w - 10, y: w < NARROW ? 38 : 20, "text-anchor": "end", class: "ruler-tick" }, plain("in-drops"));
   }
 
   // How high the top ball will fly, beside the contact that decides it.
@@ -92,7 +92,7 @@ export class Upright {
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
     set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: Math.max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
     const isInside = r > 44;
-    set(label, { visibility: this.w < 260 && r > 14 && !isInside ? "hidden" : "visible" });
+    set(label, { visibility: this.w < NARROW && !isInside ? "hidden" : "visible" });
     set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
   }
 
@@ -139,7 +139,7 @@ export class Upright {
   tellScale(zoom) {
     const { camera, look } = this, [key, n] = zoom > 0.5 ? ["paths-larger", camera.times] : ["balls-larger", camera.larger];
     set(this.note, { x: 10, y: this.tall - 8, class: "ruler-tick" });
-    text(this.note, n > 1.05 && !look.opens ? plain(key, { times: [n, "", 2] }) : "");
+    text(this.note, n <= 1.05 || look.opens ? "" : this.w < NARROW && key === "balls-larger" ? `× ${digits(n, 2)}` : plain(key, { times: [n, "", 2] }));
   }
 
   layLens() {

@@ -94,9 +94,10 @@ export function offer({ balls, pairs }) {
 export function refused(name, given) {
   const values = cleaned(name, given);
   return SETUPS[name].sliders.flatMap((slider) => {
-    const { name: key, min, max, zero } = slider, asked = given[key], x = Number(asked ?? NaN), wide = 1e-9 * Math.abs(x);
-    if (asked === undefined || (zero && x === 0) || (asked !== "" && x >= min - wide && x <= max + wide && Math.abs(values[key] - x) <= wide)) return [];
-    return [{ slider, asked, shown: values[key] }];
+    const { name: key, min, zero } = slider, max = key === "moving" ? values.n - 1 : slider.max;
+    const asked = given[key], x = Number(asked ?? NaN), wide = 1e-9 * Math.abs(x);
+    const isIn = asked !== "" && Number.isFinite(x) && ((zero && x === 0) || (x >= min - wide && x <= max + wide && Math.abs(values[key] - x) <= wide));
+    return asked === undefined || isIn ? [] : [{ slider: { ...slider, max }, asked, shown: values[key] }];
   });
 }
 
@@ -105,7 +106,7 @@ export function cleaned(name, given) {
   const setup = SETUPS[name], values = { ...Object.values(setup.presets)[0] };
   for (const { name: key, min, max, scale, zero } of setup.sliders) {
     const x = Number(given[key] ?? NaN);
-    if (Number.isNaN(x)) continue;
+    if (!Number.isFinite(x) || given[key] === "") continue;
     values[key] = zero && x < min / 2 ? 0 : Math.min(max, Math.max(min, scale === "whole" || scale === "choice" ? Math.round(x) : x));
   }
   if ("moving" in values) values.moving = Math.min(values.moving, values.n - 1);

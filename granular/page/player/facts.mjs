@@ -21,7 +21,7 @@ export function showFacts(runs) {
 function leftOut({ name, status, whole, time, contacts, width, span }) {
   const parts = [[whole.rows - time.length, whole.rows, "row"], [whole.contacts - contacts.pair.length, whole.contacts, "contact"], [whole.bodies - width, whole.bodies, "body"]];
   const gone = parts.filter(([less]) => less > 0).map(([less, all, noun]) => `${less} of ${noun === "body" ? all + " bodies" : plural(all, noun)}`);
-  const more = ["collapse", "bounded"].includes(status) ? `with t_end = ${digits(span[1], 6)}, where it ended, and samples=2000` : "with samples=2000";
+  const more = ["collapse", "bounded"].includes(status) ? `with t_end = ${digits(span[1], 6)}, where it ended, and samples=2000` : 'with samples=2000, or samples="contacts" for the hops between contacts,';
   const few = time.length < 20 && span[1] > span[0] ? ` Only ${plural(whole.rows, "row")} of positions were recorded; run it ${more} for smooth lines.` : "";
   const between = time.length > whole.rows ? ` ${plural(whole.rows, "row")} of positions were recorded; those at and between contacts follow from them.` : "";
   const instant = span[1] > span[0] ? "" : " All of it is at one instant.";

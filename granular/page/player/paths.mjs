@@ -60,7 +60,7 @@ export function drawDistance(picture, run, runs, span, pair) {
   const met = runs.map((one) => metWithin(one, span, pair)).filter(([a, b]) => b > a), of = distance(pair);
   const within = met.length ? [Math.min(...met.map(([a]) => a)), Math.max(...met.map(([, b]) => b))] : span;
   const soft = runs.filter((one) => one.engine === "soft"), from = met.length && soft.length ? soft : runs;
-  picture.begin(span, roomy(extent(from.flatMap((one) => extent(values(one, within, of)))), 0.12));
+  picture.begin(span, roomy(extent([0, ...from.flatMap((one) => extent(values(one, within, of)))]), 0.12));
   picture.timeAxis();
   picture.leftAxis("m", "distance of the surfaces");
   picture.inside((pen) => picture.stroke("--muted", 1, () => (pen.moveTo(picture.l, picture.y(0)), pen.lineTo(picture.r, picture.y(0)))));
