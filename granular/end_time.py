@@ -106,6 +106,20 @@ def _endless(soft: Trajectory, until: Array) -> Trajectory:
     return replace(soft, contacts=log)
 
 
+def settled(soft: Trajectory) -> Trajectory:
+    """Return the run; one that ended as its balls were found to rest is gone on with until they have about settled."""
+    patience = float(_running(soft)[1].max(initial=0.0)) if soft.status is Status.resting else 0.0
+    return md.resume(soft, t_end=soft.time[-1] + patience) if patience > 0.0 and soft.state else soft
+
+
+def deepest(soft: Trajectory) -> Array:
+    """Largest overlap in m of the contact of each pair that has no end, shape of the gaps; nan without."""
+    log, found = soft.contacts, np.full(soft.scene.n_pairs, math.nan)
+    endless = np.isnan(log["t_end"])
+    found[log["pair"][endless]] = log["xi_max"][endless]
+    return found
+
+
 def first(run: Trajectory, most: Any) -> Trajectory:
     """Return the run with only the first contacts of every pair in its log, as many as `most` (n-1,) says."""
     order, edge = run.by_pair
@@ -125,7 +139,7 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     behind = _behind(hard, soft, alone)
     latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
     for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
-        pair = np.flatnonzero((counts(run) < most) & ~(_resting(hard, soft) if k else False))
+        pair = np.flatnonzero(counts(run) < most)
         if len(pair):
             order, edge = other.by_pair
             speed = np.abs(approach(other)[order[edge[pair + 1] - 1]])
@@ -136,16 +150,6 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
     latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
     return np.asarray(latest, float)
-
-
-def _resting(hard: Trajectory, soft: Trajectory) -> Any:
-    """Whether each pair is in a contact without end that began no faster than weight makes it close, (n-1,): a ball
-    that rests there is not late for the bounces of a hard one."""
-    resting, endless = np.zeros(soft.scene.n_pairs, np.bool_), np.isnan(soft.contacts["t_end"])
-    if endless.any():
-        pair = soft.contacts["pair"][endless]
-        resting[pair] = approach(soft)[endless] <= components(hard, soft).weight(soft)[pair]
-    return resting
 
 
 def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:

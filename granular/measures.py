@@ -165,7 +165,7 @@ def mass_centre_restitution(run: Trajectory) -> float:
 
 def static_overlaps(soft: Trajectory) -> Array:
     """Overlaps in m at which balls that rest on each other are in equilibrium, shape of the gaps; nan of all other
-    pairs, of balls between two walls, at walls that are driven, of pendula and on a ring.
+    pairs, under laws with memory (a dent), between two walls, at walls that are driven, of pendula and on a ring.
 
     The contact of pair c bears F_c = Σ (m_i a + m_i g - f_i) over the balls above it in its pile, a = 0 on a floor, the
     acceleration of their mass centre where no wall holds them, below a ceiling the same of the balls below.
@@ -190,7 +190,7 @@ def static_overlaps(soft: Trajectory) -> Array:
         load = above if not held[1] else -np.cumsum(down[a:b])
         for c, bears in zip(range(a, b), load.tolist(), strict=True):
             with suppress(ValueError):
-                still[c] = overlap_under(laws[c], bears) if bears > 0.0 else math.nan
+                still[c] = overlap_under(laws[c], bears) if bears > 0.0 and not laws[c].memory else math.nan
     return still
 
 

@@ -49,14 +49,32 @@ def test_a_force_presses_as_weight_does() -> None:
     assert "under what presses them" in found[1].verdict
 
 
-@pytest.mark.parametrize("gap", [5.0, 500.0])
-def test_a_ball_at_rest_is_not_late_for_bounces_of_a_hard_one(gap) -> None:
-    """What the upper ball does after the end time decides nothing."""
-    laws = [gr.LinearDashpot(1e9, 16145.0), gr.LinearDashpot(1e9, 1606.0)]
-    scene = gr.Scene([INF, 1.0, 0.01], [0.0, 0.05, 0.05], [0.2, gap], [0.0] * 3, 9.81)
-    found = gr.compare(scene, laws, t_end=0.8)
-    assert found.answer is gr.Answer.yes
-    assert found.levelled[1].contacts["t_begin"].max() < 0.8
+class Dent:
+    """It is five times as stiff on the way back."""
+
+    memory = True
+
+    def force(self, xi, xi_dot, pair, xi_max):
+        return min(1e5 * xi, max(1e5 * xi_max - 5e5 * (xi_max - xi), 0.0)) + 5.0 * xi_dot
+
+
+@pytest.mark.parametrize(("gap", "law"), [
+    (1e-5, gr.LinearDashpot.from_restitution(0.7, k=0.981 / 8e-5, pair=gr.Pair(0.1, 0.01, 0))),
+    (0.0, gr.LinearDashpot(1.01e4, 1.0)), (0.05, Dent()),
+])
+def test_the_largest_overlap_counts_with_an_end_or_without(gap, law) -> None:
+    """Statically they would sink by 0.8, 1.0 and less than 1 % of a radius."""
+    scene = gr.Scene([INF, 0.1], [0.0, 0.01 if gap < 0.01 else 5e-4], [gap], [0.0, 0.0], 9.81)
+    assert [gr.compare(scene, law, t_end=end).answer for end in (None, 20.0)] == [gr.Answer.no] * 2
+
+
+def test_a_contact_cut_in_its_middle_is_waited_for() -> None:
+    scene = gr.Scene([INF, 0.1], [0.0, 0.01], [1e-3], [0.0, 0.0], 9.81)
+    law = gr.LinearDashpot.from_restitution(0.9, k=1e8, pair=scene.pairs[0])
+    log = gr.compare(scene, law).soft.contacts
+    for row in log[-6:]:
+        end = float(row["t_begin"] + 0.5 * row["duration"])
+        assert gr.compare(scene, law, t_end=end).answer is gr.Answer.yes
 
 
 def test_a_run_is_not_followed_to_where_its_walls_meet() -> None:

@@ -174,10 +174,11 @@ def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | N
     if not len(log) or not (report.scene.pull.any() or report.scene.driven):
         return None
     settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]
-    depth = np.where(settled, log["xi_max"], -report.soft.gap[-1][log["pair"]])
-    if report.soft.status is Status.resting:  # which is known before they have settled
+    run = end_time.settled(report.soft)  # that balls rest is known before they have settled
+    depth = np.where(settled, np.fmax(log["xi_max"], end_time.deepest(run)[log["pair"]]), -run.gap[-1][log["pair"]])
+    if report.soft.status is Status.resting:
         still = static_overlaps(report.soft)[log["pair"]]
-        depth = np.where(np.isfinite(still), still, depth)
+        depth = np.fmax(still, np.where(settled | np.isnan(still), depth, 0.0))
     load = "their weight" if report.scene.external_force is None and not report.scene.driven else "what presses them"
     share = float(np.max(depth / smaller_radius(report.scene)[log["pair"]]))
     if share > SAME:

@@ -16,7 +16,7 @@ from granular.edmd.physics import Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
-from granular.edmd.zoom import write_back, zoom
+from granular.edmd.zoom import soonest, write_back, zoom
 
 REACH = 64
 """Pairs looked at on each side of a suspect."""
@@ -93,7 +93,8 @@ def look(
     slices = state.slices()
     end: int = queue.use(zoom)(run, near, *slices, physics.rule, rows, state.walls)
     state.put(*slices)
-    run.now = run.began + run.elapsed
+    wait = queue.use(soonest)(run, near, slices[0])[1] if end == UNTIL else 0.0
+    run.now = run.began + (run.elapsed + wait)
     if log is not None and rows is not None:
         log.append(queue.kept(rows[: run.events - seen]))
     if end in (LATER, UNTIL, BUDGET):

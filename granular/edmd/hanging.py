@@ -69,8 +69,10 @@ def swing_together(
     part = 1.0 if upper == math.inf else upper / (lower + upper)
     up, down = part * w, w - part * w
     if b > 0:
+        run.clamps += carry(pairs[b - 1], pairs[b - 1], pairs[b - 1], now, walls)
         pairs[b - 1].rate += up
     if e < n:
+        run.clamps += carry(pairs[e], pairs[e], pairs[e], now, walls)
         pairs[e].rate += down
     pair = pairs[c]
     cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)

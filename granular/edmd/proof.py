@@ -178,6 +178,8 @@ def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
     if not ever < 1.0:
         return math.inf
     off = of_gaps.most * zeta + bound * math.expm1(ever) * (1.0 + zeta)
+    if not math.isfinite(off):
+        return math.inf
     after = (gaps @ of_gaps.right).astype(float)
     # ζ carried through, δ, rounding
     doubt = size(gaps.astype(float)) * off + drift * (1.0 + off) + ROUNDING * np.abs(after).max(axis=1)

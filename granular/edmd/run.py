@@ -123,15 +123,12 @@ class Run:
             self.queue.chunk = AT_FIRST  # a rule may take long
 
     def to(self, time: float, last: bool) -> Pause:
-        """Advance to `time`, some thousand events towards it, or to what ends the run.
-
-        A row at the start shows the scene before anything acts.
-        """
-        state, seen = self.state, self.events
+        """Advance to `time`, some thousand events towards it, or to what ends the run; at the start nothing acts yet."""
+        state, seen, late = self.state, self.events, -math.inf
         while last or time > self.request.start:
             if self.scene.driven and self.closing is not None:
                 self.horizon = self.closing.look(min(time, float(state.time(state.clock.window))))
-            limit, before = state.tau(min(time, self.horizon)), self.events
+            limit, before, late = max(state.tau(min(time, self.horizon)), late), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
             if self.moves_on:
@@ -148,7 +145,11 @@ class Run:
                 return Pause.until
             if why == LATER:
                 due = math.inf if state.near is not None else self.queue.soonest()
-                if due > limit or due == math.inf:
+                close, later = limit < due <= limit + 2.0 * math.ulp(time) < math.inf, due >= state.clock.window
+                if close and not later and state.time(due) <= time < self.horizon:
+                    late = due  # it shows as a collision of that time
+                    continue
+                if not (close and later) and (due > limit or due == math.inf):
                     if self._meet_before(time):
                         continue
                     return self._reached(time, limit)
@@ -183,7 +184,7 @@ class Run:
         """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""
         if time == self.horizon == math.inf:
             return Pause.quiet
-        self.state.run["now"] = limit
+        self.state.run["now"] = max(limit, float(self.state.run["now"]))
         return Pause.reached if time <= self.horizon else Pause.collapse
 
     def _advance(self, limit: float) -> int:
@@ -310,7 +311,8 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
     if status is Status.collapse:
         said = f"{walls} and leave no way out: stopped at {when}, when no space was left"
     elif status is not Status.max_events:
-        over = status is Status.time and not run.scene.driven and run.queue.soonest() == math.inf
+        known = status is Status.time and not run.scene.driven and run.state.near is None
+        over = known and run.queue.soonest() == math.inf
         end = "; no collision can follow" if over else ""
         said = f"{status.value}: {when}{end}"
     elif LATEST < run.state.time(run.queue.soonest()) < math.inf:

@@ -100,11 +100,10 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
         return OUTSIDE
     if run.looked >= run.allowance:
         return SPENT
-    if run.elapsed + dt > run.edge - run.began:
+    if run.began + (run.elapsed + dt) > run.edge:
         return LATER
     if c == run.stop_pair and pairs[j].contacts >= run.stop_contacts:
-        run.elapsed += dt
-        return UNTIL
+        return UNTIL  # after `dt`: the slice stands where it does
     return GOES_ON
 
 

@@ -45,8 +45,6 @@ function sunkIn({ scene, contacts, overlap, status }, weight, pairs) {
   if (scene.gravity === 0) return 0;
   const side = (i) => scene.radius[i] || Infinity, size = ({ pair }) => Math.min(side(pair), side(pair + 1));
   const bears = ({ pair }) => (scene.gravity * scene.mass.slice(pair + 1).reduce((sum, m) => sum + m, 0)) / pairs[pair].k;
-  return largest(contacts.filter((c) => !isOver(c)).map((c) => {
-    const settles = approach(c) <= weight, isKnown = status === "resting" && !(settles && scene.tEnd < Infinity);
-    return (isKnown ? bears(c) : settles ? c.deepest : overlap[c.pair]) / size(c);
-  }));
+  const rests = status === "resting", deep = (c) => (approach(c) <= weight ? Math.max(c.deepest, rests ? bears(c) : 0) : rests ? bears(c) : overlap[c.pair]);
+  return largest(contacts.filter((c) => !isOver(c)).map((c) => deep(c) / size(c)));
 }
