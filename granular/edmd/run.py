@@ -123,7 +123,7 @@ class Run:
             self.queue.chunk = AT_FIRST  # a rule may take long
 
     def to(self, time: float, last: bool) -> Pause:
-        """Advance to `time`, some thousand events towards it, or to what ends the run; at the start nothing acts yet."""
+        """Advance to `time`, some thousand events towards it, or to what ends the run; at the start nothing acts."""
         state, seen, late = self.state, self.events, -math.inf
         while last or time > self.request.start:
             if self.scene.driven and self.closing is not None:

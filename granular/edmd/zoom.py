@@ -63,10 +63,8 @@ def zoom(
             settle(near, pairs, bodies, j, wait, walls)
             run.elapsed += wait
             return RESTS
-        if own.rate == 0.0 and pair.closing_acceleration > 0.0:
-            return QUIET
-        if run.stop_pair == APART and recede(near):  # a run that stops when all do is to look
-            return QUIET
+        if (own.rate == 0.0 and pair.closing_acceleration > 0.0) or (run.stop_pair == APART and recede(near)):
+            return QUIET  # it lies, or all recede: a run that stops then is to look
         if e < 1.0 and -w < math.ldexp(run.slow, -184):
             return TINY
         run.ordinary = run.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
