@@ -60,7 +60,7 @@ class Dent:
 
 @pytest.mark.parametrize(("gap", "law"), [
     (1e-5, gr.LinearDashpot.from_restitution(0.7, k=0.981 / 8e-5, pair=gr.Pair(0.1, 0.01, 0))),
-    (0.0, gr.LinearDashpot(1.01e4, 1.0)), (0.05, Dent()),
+    (0.0, gr.LinearDashpot(1.01e4, 1.0)), pytest.param(0.05, Dent(), marks=pytest.mark.soak),
 ])
 def test_the_largest_overlap_counts_with_an_end_or_without(gap, law) -> None:
     """Statically they would sink by 0.8, 1.0 and less than 1 % of a radius."""
