@@ -133,7 +133,7 @@ def given_by_walls(run: Any) -> Array:
 
 
 def is_logged(run: Any) -> bool:
-    """Return whether a run has kept its contacts: neither in a file, nor not at all."""
+    """Return whether a run has kept its contacts in memory: of others `stats` has the path of the file, or False."""
     return "log" not in run.stats
 
 

@@ -45,6 +45,7 @@ function sunkIn({ scene, contacts, overlap, status }, weight, pairs) {
   if (scene.gravity === 0) return 0;
   const side = (i) => scene.radius[i] || Infinity, size = ({ pair }) => Math.min(side(pair), side(pair + 1));
   const bears = ({ pair }) => (scene.gravity * scene.mass.slice(pair + 1).reduce((sum, m) => sum + m, 0)) / pairs[pair].k;
-  const rests = status === "resting", deep = (c) => (approach(c) <= weight ? Math.max(c.deepest, rests ? bears(c) : 0) : rests ? bears(c) : overlap[c.pair]);
+  const rests = status === "resting", soFar = (c) => (approach(c) <= weight ? c.deepest : rests ? 0 : overlap[c.pair]);
+  const deep = (c) => Math.max(soFar(c), rests ? bears(c) : 0);
   return largest(contacts.filter((c) => !isOver(c)).map((c) => deep(c) / size(c)));
 }
