@@ -61,19 +61,6 @@ def rare(function: F) -> F:
     return function
 
 
-def inlined(function: F) -> F:
-    """Mark a kernel to be put into the bodies of its callers: one less layer to compile of a deep one called rarely."""
-    function.__granular_inlined__ = True  # type: ignore[attr-defined]
-    return function
-
-
-def entry(function: F) -> F:
-    """Mark a kernel as called by kernels and by interpreted code: the callees of kernels are else compiled without
-    what Python needs to call them, in a sixth less of the time."""
-    function.__granular_entry__ = True  # type: ignore[attr-defined]
-    return function
-
-
 def flags(scene: Any) -> dict[str, bool]:
     """Return the flags that hold for a scene, each `True`."""
     worked = scene.driven or scene.heated
@@ -172,7 +159,7 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is loaded already, so that going over to it costs nothing."""
     if "numba" not in sys.modules or not have_numba():
         return False
-    return bool(_twin(function, inline, False, False).overloads)  # type: ignore[attr-defined]
+    return bool(_twin(function, inline, False).overloads)  # type: ignore[attr-defined]
 
 
 @cache
@@ -184,7 +171,7 @@ def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
     if not have_numba():
         return False
     try:
-        index = _twin(function, inline, False, False)._cache._cache_file  # type: ignore[attr-defined]
+        index = _twin(function, inline, False)._cache._cache_file  # type: ignore[attr-defined]
         return bool(index._load_index())
     except (AttributeError, OSError):  # another numba, or no place to keep a cache
         return False
@@ -261,23 +248,25 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
     """
     if on_making and not on_disk(function, inline):
         on_making.pop()()
-    return _twin(function, inline, False, False)
+    return _twin(function, inline, False)
 
 
 @cache
-def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) -> Callable[..., Any]:
-    """Return the compiled twin of a kernel; `within` one that is inlined, it is no machine code of its own; a `bare`
-    one is called by kernels only."""
-    code = _without_dead_branches(function)
-    called = {name: _twin(callee, inline, inline, not hasattr(callee, "__granular_entry__"))
+def _twin(function: Callable[..., Any], inline: bool, within: bool) -> Callable[..., Any]:
+    """Return the compiled twin of a kernel; one that is `within` another is no machine code of its own."""
+    code, numba = _without_dead_branches(function), load_numba()
+    from granular._machine_code import PartCompiler, WholeCompiler
+
+    called = {name: _twin(callee, inline, True)
               for name, callee in _callees(function).items() if name in _globals_read(code)}
     scope = function.__globals__ | called
     twin = types.FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
     twin.__module__ = function.__module__
-    twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}{'b' * bare}"
-    inside = (within and not getattr(function, "__granular_rare__", False)) or hasattr(function, "__granular_inlined__")
-    how = {"inline": "always"} if inside else {"cache": True, "no_cpython_wrapper": bare}
-    result: Any = load_numba().njit(**MANNER, **how)(twin)
+    twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}{'p' * within}"
+    how = {"pipeline_class": PartCompiler, "no_cpython_wrapper": True} if within else {
+        "pipeline_class": WholeCompiler, "cache": True}
+    inside = inline and within and not getattr(function, "__granular_rare__", False)
+    result: Any = numba.njit(**MANNER, **how, forceinline=inside)(twin)
     result.compile = _uncollected(result.compile)
     return result  # type: ignore[no-any-return]
 

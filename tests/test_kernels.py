@@ -10,7 +10,7 @@ import types
 import pytest
 
 from granular import _held, _kernels, _records
-from granular._kernels import compiled, entry, have_numba, kernel, specialised
+from granular._kernels import compiled, have_numba, kernel, specialised
 from granular.edmd import motion
 
 SCALE, SHIFT = 2.0, 1
@@ -133,15 +133,19 @@ def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls():
 
 
 @pytest.mark.skipif(not have_numba(), reason="numba is not installed")
-def test_what_only_kernels_call_is_not_made_for_python_and_an_entry_is_made_once():
-    called = compiled(nested).py_func.__globals__["inner"]
-    assert called.targetoptions["no_cpython_wrapper"]
-    assert called is not compiled(inner)
-    assert compiled(inner)(0.25) == inner(0.25)
-    shared = entry(kernel(types.FunctionType(inner.__code__, globals())))
-    caller = compiled(kernel(types.FunctionType(nested.__code__, globals() | {"inner": shared})))
-    assert caller.py_func.__globals__["inner"] is compiled(shared)
-    assert caller(0.25) == inner(compiled(shared)(0.25)) == nested(0.25)
+def test_machine_code_is_made_for_what_python_calls_only_and_a_part_is_typed_once(monkeypatch, tmp_path):
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    shared = kernel(types.FunctionType(inner.__code__, globals()))
+    callers = [kernel(types.FunctionType(code, globals() | {"inner": shared}))
+               for code in (nested.__code__, outer.__code__)]
+    assert [compiled(one)(0.25) for one in callers] == [nested(0.25), outer(0.25)]
+    part, same = (compiled(one).py_func.__globals__["inner"] for one in callers)
+    assert part is same
+    assert part is not compiled(shared)
+    made = {type(one.library).__name__ for one in part.overloads.values()}
+    assert (made, len(part.overloads)) == ({"Part"}, 1)
+    assert compiled(shared)(0.25) == inner(0.25)
+    assert len(list(tmp_path.rglob("*.nbi"))) == 3
 
 
 def test_who_asks_while_another_thread_loads_numba_waits_for_it(tmp_path):

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
+from granular._kernels import DRIVEN, HEATED, RING, WORKED, kernel
 
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
@@ -37,7 +37,6 @@ def remember(m: int, a: Any) -> None:
         a.top[j + 1] = 0.0 if not a.xi[j + 1] > 0.0 else a.xi[j + 1] if a.xi[j + 1] > a.top[j + 1] else a.top[j + 1]
 
 
-@entry
 @kernel
 def take_steps(
     physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, noting: bool, watched_pair: int

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, entry, inlined, kernel
+from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
 from granular._records import play
 from granular.md.located.contacts import TOUCH_ONLY, act, activate, count_isolated, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
@@ -51,7 +51,6 @@ from granular.md.located.system import count_of, join
 from granular.md.located.walls import carry_walls, foresee_walls, rate_at
 
 
-@entry
 @kernel
 def launch(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run from pairs that are open or overlap, to be planned; false if it stops at once."""
@@ -90,7 +89,6 @@ def set_out(s: Any, laws: Any) -> bool:
     return launch(s, laws) and plan_all_due(s, laws)
 
 
-@entry
 @kernel
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Let what is due up to time `limit` happen, at most `chunk` events and pieces; return why it ended."""
@@ -120,7 +118,6 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     return MORE
 
 
-@inlined
 @kernel
 def reason_to_return(s: Any, limit: float) -> int:
     """Return why the run is to return before the event that is due next; DONE if it is not."""
@@ -146,7 +143,6 @@ def reason_to_return(s: Any, limit: float) -> int:
     return DONE
 
 
-@inlined
 @kernel
 def take_next(s: Any, limit: float, laws: Any) -> int:
     """Let happen what is due next: the contact of a pair in free flight at once if that can be, else the event that
@@ -165,7 +161,6 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
     return end_piece(s, lo, limit, laws)
 
 
-@inlined
 @kernel
 def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     """Advance the island that starts with pair `lo` to the end of its piece, and let the event there happen."""
@@ -212,7 +207,6 @@ def last_end(s: Any) -> float:
     return t
 
 
-@entry
 @kernel
 def expose_all(s: Any, t: float, laws: Any) -> bool:
     """Let every contact solved at once, that goes on at time t, the end of the run, be one by pieces; false if the pool
@@ -232,7 +226,6 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
     return True
 
 
-@entry
 @kernel
 def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every island to time t, the end of the run, with its series from there on."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HEATED, RING, WORKED, inlined, kernel
+from granular._kernels import DRIVEN, HEATED, RING, WORKED, kernel
 from granular._records import play
 from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
 from granular.md.located.jumps import throw_back
@@ -89,7 +89,6 @@ def cut(run: Any, pairs: Any, pool: Any) -> None:
             return
 
 
-@inlined
 @kernel
 def extend_event(s: Any, lo: int, laws: Any) -> bool:
     """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
@@ -126,7 +125,6 @@ def extend_by(s: Any, lo: int) -> None:
         run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
 
 
-@inlined
 @kernel
 def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""

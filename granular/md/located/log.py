@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import HUNG, RING, entry, kernel
+from granular._kernels import HUNG, RING, kernel
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, PEAKS
@@ -68,7 +68,6 @@ def velocity_now(body: Any, run: Any) -> float:
     return float(body.v - body.fall * since(body, run.t, run.tail))
 
 
-@entry
 @kernel
 def keep_unsettled(s: Any, t: float) -> None:
     """Drop the rows of the log that are void or settled at time `t`; those of contacts that go on stay."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from granular import until as stop
 from granular._check import Array
 from granular._held import WORDS, held
-from granular._kernels import compiled, inlined, interpreted, kernel
+from granular._kernels import compiled, interpreted, kernel
 from granular._records import play
 from granular.md.located.blocks import advance, expose_all, gather, set_out
 from granular.md.located.log import keep_unsettled
@@ -224,7 +224,6 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
     return len(t_end)
 
 
-@inlined
 @kernel
 def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -> None:
     """Solve one scene, until a table or a look is wanted; not if a law of it is none that a power series follows."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HUNG, RING, WORKED, entry, inlined, kernel
+from granular._kernels import DRIVEN, HUNG, RING, WORKED, kernel
 from granular._records import play
 from granular.md.located.contacts import confirm, judge
 from granular.md.located.ledger import book_piece
@@ -35,7 +35,6 @@ from granular.md.located.system import is_closed, nth
 from granular.md.located.walls import beside_edge, foresee_walls, speed_at
 
 
-@entry
 @kernel
 def plan_all_due(s: Any, laws: Any) -> bool:
     """Plan all blocks formed anew; false if the run is to stop at once."""
@@ -47,7 +46,6 @@ def plan_all_due(s: Any, laws: Any) -> bool:
     return stays
 
 
-@entry
 @kernel
 def follow_contact(s: Any, laws: Any) -> None:
     """Follow the contact of one pair alone, piece after piece, as `inside.ask_to_follow` has asked."""
@@ -59,7 +57,6 @@ def follow_contact(s: Any, laws: Any) -> None:
     run.solo = -1
 
 
-@inlined
 @kernel
 def plan(s: Any, lo: int, laws: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""

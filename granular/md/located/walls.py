@@ -21,7 +21,7 @@ import numpy as np
 
 from granular._check import Array
 from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
-from granular._kernels import DRIVEN, HUNG, inlined, kernel
+from granular._kernels import DRIVEN, HUNG, kernel
 from granular._records import packed, plain
 from granular.md.located.records import ORDER
 from granular.scene import Scene
@@ -105,7 +105,6 @@ def rest_gap(field: Any, pair: Any) -> float:
     return float(-pair.pull / field.square)
 
 
-@inlined
 @kernel
 def rate_at(field: Any, pair: Any, t: float) -> float:
     """Return the rate of the overlap of a free pair at time t."""
@@ -144,7 +143,6 @@ def next_touch(field: Any, pair: Any) -> float:
     return first_hit(field.wall[pair.wall - 1], field.panels, t, tail, gap, -pair.eta, pair.pull, math.inf)
 
 
-@inlined
 @kernel
 def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
     """Return the largest acceleration at which the gap of a pair in flight opens, within `span` from `ahead` after its
@@ -168,7 +166,6 @@ def carry_walls(walls: Any, s: Any) -> None:
             s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push
 
 
-@inlined
 @kernel
 def gap_later(field: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> float:
     """Return the gap after a flight of `dt` from a gap and its rate a time `ahead` after the clock of a pair."""
@@ -179,7 +176,6 @@ def gap_later(field: Any, pair: Any, ahead: float, gap: float, rate: float, dt: 
     return gap_after(gap, rate, pair.pull, dt)
 
 
-@inlined
 @kernel
 def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> float:
     """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt` to some `gap`."""

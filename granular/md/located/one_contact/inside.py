@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from granular._flight import time_to_contact
-from granular._kernels import DRIVEN, HUNG, WORKED, entry, kernel
+from granular._kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.located.contacts import change_branch, pushes
 from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_once, read, run_off, tally, tally_island
 from granular.md.located.log import follow
@@ -226,7 +226,6 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
     flank.eta += eta
 
 
-@entry
 @kernel
 def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
     """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces, as if contacts

@@ -19,7 +19,7 @@ import math
 from typing import Any
 
 from granular._flight import hung_after
-from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, inlined, kernel
+from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
 from granular._records import leaf, replay
 from granular.md.located.contacts import DISTURBED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
@@ -100,7 +100,6 @@ def happen_at_once(s: Any, c: int) -> int:
     return DONE
 
 
-@inlined
 @kernel
 def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
     """Return whether what is due of pair `c` is the onset of a contact, and one that the run need not look at."""
@@ -110,7 +109,6 @@ def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
     return not ((run.until_pair == WATCHED or (DRIVEN and pair.wall > 0)) and run.disturbing != IGNORE)
 
 
-@inlined
 @kernel
 def flank_below(s: Any, c: int, t2: float, way: float, lower_v: float) -> tuple[float, bool, float, float]:
     """Return of the flank below pair `c`, as `clearance` does, its gap when all is over and whether it is certain; the
@@ -127,7 +125,6 @@ def flank_below(s: Any, c: int, t2: float, way: float, lower_v: float) -> tuple[
     return gap, sure, rate, busy
 
 
-@inlined
 @kernel
 def flank_above(
     s: Any, c: int, t2: float, way: float, lower_v: float, upper_v: float
@@ -146,7 +143,6 @@ def flank_above(
     return gap, sure, rate, busy
 
 
-@inlined
 @kernel
 def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
     """Let it be the time at which pair `c` touches, and write its contact into the log."""
@@ -159,7 +155,6 @@ def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
         write_row(s, c, v, t1, v1, source)
 
 
-@inlined
 @kernel
 def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, way: float, source: int) -> None:
     """Give pair `c` its asymptote, from the end of its contact on, and its bodies the displacement if they hang."""
@@ -179,7 +174,6 @@ def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, way: float, sou
         shift(s.run[0], bodies[c + 1], pair, bodies[c + 1].inverse_mass * way)
 
 
-@inlined
 @kernel
 def queue_anew(s: Any, lower: int, c: int, upper: int) -> None:
     """Let the queue know when pair `c` and its flanks are due now."""
@@ -191,7 +185,6 @@ def queue_anew(s: Any, lower: int, c: int, upper: int) -> None:
         replay(s.queue, max(0, c - 1), min(c + 1, count_of(s.pairs) - 1))
 
 
-@inlined
 @kernel
 def course(field: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
     """Return by how much the overlap of `pair`, which touches after its `wait` at speed `v`, would grow in a time `t2`
