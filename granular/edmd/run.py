@@ -33,7 +33,7 @@ LOOK = 4096
 """Events after which rows are handed over and progress is told."""
 AT_FIRST = 8
 """Events before it is known how long a collision takes."""
-LONG, VERY_LONG = 100_000, 1_000_000
+LONG, VERY_LONG = 100_000, 500_000
 """Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
 LIKELY = 25
 """Collisions of a pair that a run is taken to have before anything is known of it."""

@@ -33,7 +33,7 @@ from granular.sweeps.results import REFUSED, Answer, Answers, impact_speed, spec
 from granular.sweeps.subject import Values
 from granular.until import LEVELS
 
-LOADING, MAKING = 1.5, 20.0
+LOADING, MAKING = 0.7, 12.0
 """Seconds that it takes to load the machine code from the disk, and to make it."""
 PILOT = 16
 """Cells, spread over those to be solved, that are solved first to see how long one takes."""

@@ -34,7 +34,7 @@ from granular.trajectory import Status
 
 CHUNK = 1 << 15
 """Steps of a pair up to the first look at the clock (progress, switch to compiled code)."""
-LOADING, MAKING = 0.7, 8.0
+LOADING, MAKING = 0.4, 3.0
 """Seconds that it takes to load the machine code, and to make it."""
 MOST_STEPS = 1 << 53
 """Number of the last step: that of the next one would be no float."""

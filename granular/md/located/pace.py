@@ -51,7 +51,7 @@ LEAST = 0.01
 """Part of the time left by which it then has come on, unless it has by the time of a contact."""
 WHY = {STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting, BINDING: Pause.quiet}
 """Why a run pauses, by what `blocks.advance` returns."""
-LOADING_LOOK, MAKING_LOOK = 0.3, 20.0
+LOADING_LOOK, MAKING_LOOK = 0.1, 5.0
 """Seconds that it takes to load machine code that looks at blocks that may rest or creep, and to make it."""
 
 

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
-LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
+LOADING, MAKING, LAUNCH = 0.6, 13.0, 2e-5
 """Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another, in the order of RESOLVE, STOP, IGNORE."""
