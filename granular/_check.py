@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
 from importlib import import_module
+from types import EllipsisType
 from typing import Any
 
 import numpy as np
@@ -81,10 +82,10 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, f
 
 
 def array(
-    name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "", finite: str = ""
+    name: str, value: Any, shape: tuple[int, ...] | EllipsisType | None = None, *, fix: str = "", finite: str = ""
 ) -> Array:
-    """Return a read-only float64 copy of `value` with the given `shape` (any length if None); `finite` says what is
-    needed if all entries have to be."""
+    """Return a read-only float64 copy of `value` with the given `shape` (any length if None, any at all if ``...``);
+    `finite` says what is needed if all entries have to be."""
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
     try:
@@ -95,7 +96,7 @@ def array(
     except MemoryError:
         raise ValueError(_sentence(f"shape of {name}", np.shape(value), "an array that fits into memory is needed")
                          ) from None
-    if out.ndim != 1 if shape is None else out.shape != shape:
+    if out.ndim != 1 if shape is None else shape not in (..., out.shape):
         need = "one dimension is needed" if shape is None else f"{shape} is needed"
         raise ValueError(_sentence(f"shape of {name}", out.shape, need, fix))
     out.flags.writeable = False

@@ -229,18 +229,25 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     restitution : float
         ε in (0, 1) of all contacts.
     """
-    log_r = math.log(_check.number("total_ratio", total_ratio, above=1.0))
+    half = 0.5 * math.log(_check.number("total_ratio", total_ratio, above=1.0))
     eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
     if eps == 1.0:
         raise ValueError("restitution is 1.0: a value below 1 is needed; the velocity grows with every ball, to √R.")
+    lost = -math.log1p(-0.5 * (1.0 - eps))  # ln 2 - ln(1 + ε) of each collision, beside ln cosh x of unequal masses
 
-    def speed(collisions: int) -> float:
-        return math.exp(collisions * (math.log1p(eps) - math.log1p(math.exp(-log_r / collisions))))
+    def gain(n: int) -> float:
+        return half - n * (_log_cosh(half / n) + lost)
 
-    n = 1
-    while speed(n + 1) > speed(n):
-        n += 1
-    return n, speed(n)
+    low, high = 0.0, half
+    while (x := 0.5 * (low + high)) not in (low, high):  # of the best real number half/x: x tanh x - ln cosh x = lost
+        low, high = (x, high) if x * math.tanh(x) - _log_cosh(x) < lost else (low, x)
+    n = max(1, int(half / high))
+    n += gain(n + 1) > gain(n) if n < 1000 else (half / high) ** 2 > n * (n + 1)
+    return n, math.exp(gain(n))
+
+
+def _log_cosh(x: float) -> float:
+    return math.log1p(2.0 * math.sinh(0.5 * x) ** 2)
 
 
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
