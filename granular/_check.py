@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
-from functools import cached_property
+from functools import cached_property, wraps
 from importlib import import_module
 from types import EllipsisType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from granular._about import EXTRAS, install
 
 Array = NDArray[np.float64]
+Function = TypeVar("Function", bound=Callable[..., Any])
 LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
@@ -162,6 +163,50 @@ def truth(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def of_kind(name: str, value: Any, kind: Any, need: str, fix: str = "") -> Any:
+    """Return `value` if it is an instance of `kind`; `need` says of what."""
+    if not isinstance(value, kind):
+        raise TypeError(_sentence(name, value, f"{need} is needed", fix))
+    return value
+
+
+def several(name: str, value: Any, need: str, least: int = 0) -> list[Any]:
+    """Return words or functions, or one of them, as a list."""
+    one = isinstance(value, str) or callable(value)
+    entries = [value] if one else list(of_kind(name, value, Iterable, need))
+    for entry in entries:
+        of_kind(f"an entry of {name}", entry, (str, Callable), need)
+    if len(entries) < least:
+        raise ValueError(f"{name} is empty: {need} is needed.")
+    return entries
+
+
+def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tuple[str, ...]:
+    """Return some of `options`, or one of them, as a tuple."""
+    need = f"one or more of {', '.join(options)}"
+    return tuple(choice(name, one, options) for one in several(name, value, need, least))
+
+
+def typed(*kinds: type) -> Callable[[Function], Function]:
+    """Decorate functions whose arguments annotated by one of these kinds have to be such."""
+    by_name = {kind.__name__: kind for kind in kinds}
+
+    def decorate(function: Function) -> Function:
+        needed = {name: by_name[word] for name, word in function.__annotations__.items() if word in by_name}
+        names = function.__code__.co_varnames
+
+        @wraps(function)
+        def checked(*values: Any, **named: Any) -> Any:
+            for name, value in (*zip(names, values, strict=False), *named.items()):
+                if name in needed:
+                    of_kind(name, value, needed[name], f"a granular.{needed[name].__name__}")
+            return function(*values, **named)
+
+        return checked  # type: ignore[return-value]
+
+    return decorate
+
+
 def callback(name: str, value: Any, *given: str) -> Any:
     """Return `value` if it is None, or can be called with arguments of these names, in this order."""
     if value is not None and not callable(value):
@@ -206,7 +251,7 @@ def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str
 
 def choice(name: str, value: Any, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
-    if value not in options:
+    if not isinstance(value, str) or value not in options:
         raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", _nearest(value, options)))
     return str(value)
 

@@ -21,7 +21,7 @@ from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import held, resolved
 from granular.rules import ConstantRestitution, Rule
-from granular.scene import Pair, Pairs, Scene, checked_pair
+from granular.scene import Pair, Pairs, Scene, checked, checked_pair
 
 __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
 __dir__ = __all__.copy
@@ -188,7 +188,7 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     for one in laws:
         instance("law", one)
     if scene is not None:
-        known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], scene.n_pairs), scene)
+        known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], checked(scene).n_pairs), scene)
         if None not in map(steady, known.each):
             return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)

@@ -247,8 +247,8 @@ def stability(
     >>> report.of("located", "stiffness × 1e+08")[0].verdict
     'right'
     """
-    chosen, extreme = _named("methods", methods, METHODS), _named("axes", axes, tuple(AXES))
-    plan, limit = planned(scene, {}, (), fixed, {}), _check.number("error", error, above=0.0)
+    chosen, extreme = _check.choices("methods", methods, METHODS, 1), _check.choices("axes", axes, tuple(AXES))
+    plan, limit = planned(scene, {}, (), fixed), _check.number("error", error, above=0.0)
     case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
     with shown(progress, on_progress, "runs") as tell:
         durations = _judged(case)[1].durations
@@ -271,11 +271,6 @@ def stability(
             if tell is not None:
                 tell(done / len(todo), len(rows))
     return Stability(plan.subject.title, limit, min(durations), tuple(rows), left_out)
-
-
-def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
-    """Return the chosen names, each checked."""
-    return tuple(_check.choice(name, one, known) for one in ((given,) if isinstance(given, str) else given))
 
 
 def _laws(case: Case) -> list[Any]:

@@ -19,7 +19,7 @@ from granular import _check, until
 from granular._files import write_text
 from granular.cases import build, ready
 from granular.cases.build import LAWS, RULES, WALLS, law, name_of, place, rule_of
-from granular.cases.case import ENGINES, Case, engine_named, keyword_options
+from granular.cases.case import Case, checked_run
 from granular.rules import ConstantRestitution
 from granular.scene import Pair, Scene, in_order
 
@@ -92,9 +92,7 @@ def load(path: str | PathLike[str]) -> Case:
 
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file; see `load`."""
-    if not isinstance(text, str):
-        raise TypeError(f"text is {text!r}: the text of a TOML file is needed; for a file use load.")
-    return of_tables(_parsed(text))
+    return of_tables(_parsed(_check.of_kind("text", text, str, "the text of a TOML file", "for a file use load")))
 
 
 def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
@@ -137,10 +135,8 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
         run = dict(_table(tables.get("run", {})))
         t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
         stop = stop_condition(run.pop("until"), base.scene) if "until" in run else base.until
-        _check.known(run, {"t_end", "until"}.union(*map(keyword_options, map(engine_named, ENGINES))), "key")
-    about = tables.get("about", base.about)
-    if not isinstance(about, str):
-        raise TypeError(f"about is {about!r}: a text in quotes is needed.")
+        checked_run(run)
+    about = _check.of_kind("about", tables.get("about", base.about), str, "a text in quotes")
     return Case(base.scene, laws, rule, stop, t_end, run, about)
 
 

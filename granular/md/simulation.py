@@ -157,7 +157,7 @@ def simulate(
     _check_walls(scene, start, request.end)
     if method is None:
         method = "located" if dt is None else "verlet"
-    if method != "located" or dt is not None:
+    if not isinstance(method, str) or method != "located" or dt is not None:
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
     finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
     with _in_range(laws.given[0]):

@@ -19,6 +19,7 @@ from granular import _check, _files
 from granular._describe import by_words
 from granular._kernels import have_numba
 from granular.cases import Case, ready
+from granular.cases.case import checked_run
 from granular.sweeps.identity import identity
 from granular.sweeps.results import RESULTS, STATUS, Result
 from granular.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
@@ -121,7 +122,7 @@ class Plan:
 
 def planned(
     scene: SceneLike, over: Mapping[str, Values], asked: tuple[Ask, ...], fixed: Mapping[str, Any],
-    run: Mapping[str, Any],
+    run: Mapping[str, Any] | None = None,
 ) -> Plan:
     """Return the plan, or raise for what no cell could do."""
     for ask in asked:
@@ -129,7 +130,7 @@ def planned(
             _check.choice("result", ask, list(RESULTS))
         else:
             _check.takes("result", ask, "case")
-    plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, dict(run))
+    plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # says what is no parameter
     if twice := [name for name in over if name in fixed]:

@@ -52,9 +52,8 @@ def axis(text: str) -> tuple[str, Values]:
     >>> axis("restitution=0.5:1:3")
     ('restitution', array([0.5 , 0.75, 1.  ]))
     """
-    if not isinstance(text, str):
-        raise TypeError(f"over has {text!r}: a mapping of names to values, or name=first:last:count, is needed.")
-    name, equals, values = text.partition("=")
+    need = "a mapping of names to values, or name=first:last:count,"
+    name, equals, values = _check.of_kind("an entry of over", text, str, need).partition("=")
     if not equals:
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] or name=value,value,… is needed.")
     if ":" not in values:
@@ -152,7 +151,7 @@ class Subject:
         TypeError, ValueError
             If it is no name, or none of a ready-made case.
         """
-        if not _NAME.fullmatch(name):
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise ValueError(f"{name!r} is no name of a parameter, such as gap or radii[0].")
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
