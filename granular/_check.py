@@ -198,7 +198,7 @@ def typed(*kinds: type) -> Callable[[Function], Function]:
         @wraps(function)
         def checked(*values: Any, **named: Any) -> Any:
             for name, value in (*zip(names, values, strict=False), *named.items()):
-                if name in needed:
+                if name in needed and not isinstance(value, needed[name]):
                     of_kind(name, value, needed[name], f"a granular.{needed[name].__name__}")
             return function(*values, **named)
 
@@ -247,6 +247,15 @@ def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str
     if not good.all():
         i = int(np.flatnonzero(~good)[0])
         raise ValueError(_sentence(f"{name}[{i}]", float(values[i]), need, fix))
+
+
+def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, ...] | None = None) -> Array:
+    """Return positive, finite numbers as an array, at least one; `what` each of them is."""
+    out = array(name, value, shape, fix=fix)
+    every(name, out, np.isfinite(out) & (out > 0.0), f"a {what} must be positive and finite", fix)
+    if not out.size:
+        raise ValueError(f"{name} is empty: at least one {what} is needed.")
+    return out
 
 
 def choice(name: str, value: Any, options: Sequence[str]) -> str:

@@ -229,7 +229,7 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
 
     goal = _check.number("target", target, above=0.0, at_most=1.0)
     known, v = _resolved(law, pair), _speed(speed)
-    if field not in getattr(law, "__dataclass_fields__", ()):
+    if not isinstance(field, str) or field not in getattr(law, "__dataclass_fields__", ()):
         raise ValueError(f"field is {field!r}: {type(law).__name__} has no such field; name the damping of the law.")
 
     def miss(log_value: float) -> float:

@@ -264,7 +264,7 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     """
     scene = run.scene
     at_walls = [c for c, end in ((0, 0), (scene.n_pairs - 1, -1)) if scene.is_wall[end]]
-    if pair not in at_walls:
+    if _check.whole("pair", pair) not in at_walls:
         raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, {' or '.join(map(str, at_walls))}."
                          if at_walls else f"run is of {scene}: one with a wall is needed.")
     log, side = run.of(pair), int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
@@ -283,7 +283,7 @@ def temperature(run: Trajectory) -> Array:
     that of the wall, for any masses. (Per unit mass, as the granular temperature often is, it is T/m in m²/s².) nan of
     a single ball.
     """
-    balls = _balls(run)
+    balls = ~run.scene.is_wall
     m, v = run.scene.mass[balls], run.velocity[:, balls]
     own = v - (v @ m / m.sum())[:, None]
     return np.asarray((own * own) @ m / (len(m) - 1 or math.nan))
@@ -296,14 +296,9 @@ def height(run: Trajectory) -> Array:
     Radii are taken out: s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below,
     above body 0 as it stood at the start: the floor, if there is one. It is 0 of balls that lie on a floor.
     """
-    balls = _balls(run)
+    balls = ~run.scene.is_wall
     m = run.scene.mass[balls]
     return np.asarray(points(run)[:, balls] @ m / m.sum())
-
-
-def _balls(run: Trajectory) -> Array:
-    """Which bodies of a run are balls."""
-    return np.asarray(~run.scene.is_wall)
 
 
 @_check.typed(Scene, Trajectory)

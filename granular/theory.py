@@ -162,7 +162,7 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
     restitution : float or (N,) array
         ε in [0, 1], one for all contacts or one per contact, floor first.
     """
-    m = _masses(masses)
+    m = _check.positive("masses", masses, "mass")
     eps = _restitutions(restitution, len(m))
     w = [float(eps[0])]
     for mu, e in zip(m[1:] / m[:-1], eps[1:], strict=True):
@@ -197,7 +197,7 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     restitution : float
         ε in [0, 1] of all contacts.
     """
-    m = _masses(masses)
+    m = _check.positive("masses", masses, "mass")
     eps = _check.number("restitution", restitution, at_least=0.0, at_most=1.0)
     return float(np.prod((1.0 + eps) / (1.0 + m[1:] / m[:-1])))
 
@@ -268,7 +268,7 @@ def most_collisions(masses: Sequence[float]) -> int:
 
     ⌈π/θ⌉ with tan θ = √(m2 (m1 + m2 + m3) / (m1 m3)): a billiard in a wedge of angle θ (Galperin 1981).
     """
-    m1, m2, m3 = _masses(_check.array("masses", masses, (3,))).tolist()
+    m1, m2, m3 = _check.positive("masses", masses, "mass", shape=(3,)).tolist()
     turns = math.pi / math.atan(math.sqrt(m2 / m1 * ((m1 + m2 + m3) / m3)))
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
 
@@ -345,11 +345,3 @@ def _restitutions(restitution: float | Sequence[float], n: int) -> _check.Array:
     eps = _check.array("restitution", np.full(n, restitution) if np.ndim(restitution) == 0 else restitution, (n,))
     _check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
     return eps
-
-
-def _masses(masses: ArrayLike) -> _check.Array:
-    m = _check.array("masses", masses)
-    _check.every("masses", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite")
-    if len(m) == 0:
-        raise ValueError("masses is empty: at least one mass is needed.")
-    return m

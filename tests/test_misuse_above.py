@@ -23,6 +23,10 @@ def ask(function, **options):
     return lambda: function("three-balls", **options)
 
 
+def nothing(gap=1.0):
+    """A function that forgets to return."""
+
+
 def ensemble(vary=GAP, **options):
     return lambda: gr.ensemble("three-balls", 2, vary, **options)
 
@@ -51,6 +55,18 @@ MISUSE = {
                            "length of laws is 2: 1 (the number of pairs) is needed"),
     "ball filled with words": (lambda: gr.balls.Ball(1.0, 0.1, 1e-3, 0.7, filled="no"), "filled is 'no': True or F"),
     "law without fields": (lambda: binary.with_restitution(cases, 0.5, SCENE.pairs[0]), "law is <module"),
+    "field is a list": (lambda: binary.with_restitution(LAW, 0.5, SCENE.pairs[0], field=[]), "field is []: Linear"),
+    "run to go on from": (lambda: gr.md.resume(3, t_end=1.0), "trajectory is 3: " + A_RUN),
+    "hard run to go on from": (lambda: gr.edmd.resume(3, t_end=1.0), "trajectory is 3: " + A_RUN),
+    "section of a word": (lambda: measures.section(HARD, "x"), "pair is 'x': a single number is needed."),
+    "case to write": (lambda: cases.dumps(3), "case is 3: a granular.Case is needed."),
+    "file is a number": (lambda: cases.load(3), "path is 3: the name of a file is needed."),
+    "no balls": (lambda: gr.scenes.ball_stack(masses=[]), "masses is empty: at least one mass is needed."),
+    "walls are a word": (lambda: gr.scenes.gas(walls="no"), "walls is 'no': True or False is needed."),
+    "engine is an array": (lambda: gr.edmd.simulate(LINE, gr.ConstantRestitution(0.5), t_end=1.0, engine=np.ones(2)),
+                           "engine is array([1., 1.]): one of"),
+    "function without a case": (lambda: gr.sweep(nothing, "gap=1,2"), "what nothing returns is None: a granular.Case"),
+    "function of other names": (lambda: gr.sweep(nothing, "gaap=1,2"), "'gaap' is no parameter of nothing; did you"),
     "draws of a number": (ensemble(3), "vary is 3: a mapping of parameters to their distributions is needed."),
     "draws of no name": (ensemble({3: (1.0, 1.0)}), "3 is no name of a parameter, such as gap or radii[0]."),
     "gap is no seed": (ensemble("gap"), "gap in vary is None, and no seed, which is a whole number; give (mean, sd)"),

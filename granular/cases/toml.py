@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, until
-from granular._files import write_text
+from granular._files import checked_path, write_text
 from granular.cases import build, ready
 from granular.cases.build import LAWS, RULES, WALLS, law, name_of, place, rule_of
 from granular.cases.case import Case, checked_run
@@ -86,7 +86,7 @@ def load(path: str | PathLike[str]) -> Case:
     TypeError, ValueError
         For a wrong key, a missing one or a bad value: with the file, the table and what is needed.
     """
-    with place(Path(path).name):
+    with place(Path(checked_path("path", path)).name):
         return of_tables(tables_of(path), str(Path(path).parent))
 
 
@@ -174,8 +174,7 @@ def stop_condition(value: Any, scene: Scene) -> until.Until | None:
     """Return the condition of `granular.until` that a table says, a contact if it has no `type`, or a word."""
     if value == "separated":
         return until.separated()
-    if not isinstance(value, Mapping):
-        raise TypeError(f'until is {value!r}: "separated" or a table such as {{ pair = 0, nth = 2 }} is needed.')
+    _check.of_kind("until", value, Mapping, '"separated" or a table such as { pair = 0, nth = 2 }')
     ways = {way.__name__: way for way in (until.contact, until.force, until.speed, until.position)}
     with place("until"):
         condition: until.Until = build.of_type(ways, {"type": "contact", **value})
@@ -204,7 +203,8 @@ def save(case: Case, path: str | PathLike[str]) -> None:
 
 def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
-    tables: dict[str, Table | list[Table]] = {"scene": _scene(case.scene)}
+    scene = _check.of_kind("case", case, Case, "a granular.Case").scene
+    tables: dict[str, Table | list[Table]] = {"scene": _scene(scene)}
     tables |= _by_restitution(case) or _each("law", case.law, LAWS) | _each("rule", case.rule, RULES)
     tables["run"] = {"until": _stop(case.until), "t_end": case.t_end, **case.run}
     lines = [f"about = {_value(case.about)}", ""] if case.about else []

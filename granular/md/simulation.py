@@ -259,7 +259,7 @@ def resume(
         If `trajectory` is no run of soft spheres by method "located", stopped before it began, or is broken; or if its
         state cannot be that of its scene, laws and last row.
     """
-    state = trajectory.state
+    state = _check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
     if trajectory.law is None or "creeping" not in state:
         raise ValueError(
             "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "

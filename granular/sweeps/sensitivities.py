@@ -20,7 +20,7 @@ from granular.cases import Case
 from granular.outcome import SAME, approach, components
 from granular.sweeps import schedule
 from granular.sweeps.gradients import Sensitivity
-from granular.sweeps.plan import Ask, Plan, planned
+from granular.sweeps.plan import Ask, Plan, named, planned
 from granular.sweeps.results import Answer
 from granular.sweeps.slopes import Slope, Start, slope
 from granular.sweeps.subject import SceneLike, numbers_in, shared
@@ -110,8 +110,7 @@ def sensitivity(
 
 def _name(asked: Ask, until: str = "[") -> str:
     """The name of a result, up to which of its numbers is asked for."""
-    name = asked if isinstance(asked, str) else asked.__name__
-    return name.partition(until)[0] if until else name
+    return named(asked).partition(until)[0] if until else named(asked)
 
 
 def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -> Plan:

@@ -157,6 +157,9 @@ class Subject:
         if self.ready:
             names = [about for about in self.about if "." not in about]
             _check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
+        taken = parameters_of(self.source) if self.source is not None else ()
+        if taken and not any(one.kind is one.VAR_KEYWORD for one in taken):
+            _check.known([str(way[0])], [one.name for one in taken], f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
         of_case = isinstance(self.root, Case) and way == RESTITUTION
         if of_function or of_case or way[0] in {*PARTS, *_numbers(self.root)}:
@@ -347,4 +350,5 @@ def _defaults(options: list[Any]) -> dict[str, Any]:
 
 
 def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:
-    return function(**parameters)
+    name = f"what {getattr(function, '__name__', function)} returns"
+    return _check.of_kind(name, function(**parameters), Case, "a granular.Case")  # type: ignore[no-any-return]

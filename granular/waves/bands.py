@@ -152,8 +152,7 @@ def crossing_time(scene: Scene, law: Any) -> float:
     k = stiffness(scene, law)
     closed = k > 0.0
     pile = np.append(0, np.cumsum(~closed))  # of each body, and on a ring of the first one again
-    if scene.ring and pile[-1]:
-        pile %= pile[-1]
+    pile[scene.ring & (pile == pile[-1])] = 0
     masses = np.bincount(pile[: scene.n], np.where(scene.is_wall, 0.0, scene.mass))
     times = np.bincount(pile[:-1][closed], 1.0 / k[closed], len(masses)) * masses
     return math.sqrt(float(times.max())) or math.inf
@@ -183,11 +182,9 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
 
 
 def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[Array, Array]:
-    k, m = (np.atleast_1d(_check.array(name, value, ...)) for name, value in (("stiffness", stiffness), ("mass", mass)))
-    if k.ndim > 1 or m.ndim > 1 or 0 in (len(k), len(m)) or (len(k) != len(m) and 1 not in (len(k), len(m))):
-        raise ValueError(f"stiffness has shape {k.shape} and mass {m.shape}: one of each for every ball of a cell.")
+    given = ("stiffness", stiffness, "a chain that is not pressed bears no small waves"), ("mass", mass, "")
+    k, m = (_check.positive(name, np.atleast_1d(_check.array(name, one, ...)), name, fix) for name, one, fix in given)
+    if len(k) != len(m) and 1 not in (len(k), len(m)):
+        raise ValueError(f"stiffness has {len(k)} entries and mass {len(m)}: one of each for every ball of a cell.")
     k, m = np.broadcast_arrays(k, m)
-    _check.every("stiffness", k, np.isfinite(k) & (k > 0.0), "a stiffness must be positive and finite",
-                 "a chain that is not pressed bears no small waves")
-    _check.every("mass", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite")
     return k, m
