@@ -9,6 +9,8 @@ import pytest
 
 import granular as gr
 from granular import binary, cases, measures
+from granular.frontiers.methods import contacts_of
+from granular.reference import Reference
 
 SCENE = gr.scenes.three_balls(gap=1e-3)
 LAW = gr.LinearDashpot.from_restitution(0.7, 5e7, SCENE.pairs[0])
@@ -98,9 +100,10 @@ def test_misuse_is_one_sentence(case):
 
 def test_the_reference_of_another_scene_law_or_end_is_refused():
     def solved(scene=SCENE, law=LAW, **end):
-        return gr.reference.solve(scene, law, digits=20, **(end or END))
+        run = gr.md.simulate(scene, law, **(end or END))
+        return Reference(contacts_of(run), float(run.time[-1]), run.status.name, "itself")
 
-    for other in (solved(SCENE.replace(gap=[0.49, 1e-3])), solved(t_end=0.35)):
+    for other in (solved(SCENE.replace(gap=[0.49, 1e-3])), solved(law=replace(LAW, gamma=9.0)), solved(t_end=0.35)):
         with pytest.raises(ValueError, match="that of this scene, law and end is needed, with "):
             gr.frontier(SCENE, LAW, **END, methods="edmd", reference=other)
     assert gr.frontier(SCENE, LAW, **END, methods="edmd", repeats=1, reference=solved()).methods == ("edmd",)
