@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
-from functools import cached_property
+from functools import cached_property, wraps
 from importlib import import_module
-from typing import Any
+from types import EllipsisType
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from granular._about import EXTRAS, install
 
 Array = NDArray[np.float64]
+Function = TypeVar("Function", bound=Callable[..., Any])
 LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
@@ -81,10 +83,10 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, f
 
 
 def array(
-    name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "", finite: str = ""
+    name: str, value: Any, shape: tuple[int, ...] | EllipsisType | None = None, *, fix: str = "", finite: str = ""
 ) -> Array:
-    """Return a read-only float64 copy of `value` with the given `shape` (any length if None); `finite` says what is
-    needed if all entries have to be."""
+    """Return a read-only float64 copy of `value` with the given `shape` (any length if None, any at all if ``...``);
+    `finite` says what is needed if all entries have to be."""
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
     try:
@@ -95,7 +97,7 @@ def array(
     except MemoryError:
         raise ValueError(_sentence(f"shape of {name}", np.shape(value), "an array that fits into memory is needed")
                          ) from None
-    if out.ndim != 1 if shape is None else out.shape != shape:
+    if out.ndim != 1 if shape is None else shape not in (..., out.shape):
         need = "one dimension is needed" if shape is None else f"{shape} is needed"
         raise ValueError(_sentence(f"shape of {name}", out.shape, need, fix))
     out.flags.writeable = False
@@ -161,6 +163,50 @@ def truth(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def of_kind(name: str, value: Any, kind: Any, need: str, fix: str = "") -> Any:
+    """Return `value` if it is an instance of `kind`; `need` says of what."""
+    if not isinstance(value, kind):
+        raise TypeError(_sentence(name, value, f"{need} is needed", fix))
+    return value
+
+
+def several(name: str, value: Any, need: str, least: int = 0) -> list[Any]:
+    """Return words or functions, or one of them, as a list."""
+    one = isinstance(value, str) or callable(value)
+    entries = [value] if one else list(of_kind(name, value, Iterable, need))
+    for entry in entries:
+        of_kind(f"an entry of {name}", entry, (str, Callable), need)
+    if len(entries) < least:
+        raise ValueError(f"{name} is empty: {need} is needed.")
+    return entries
+
+
+def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tuple[str, ...]:
+    """Return some of `options`, or one of them, as a tuple."""
+    need = f"one or more of {', '.join(options)}"
+    return tuple(choice(name, one, options) for one in several(name, value, need, least))
+
+
+def typed(*kinds: type) -> Callable[[Function], Function]:
+    """Decorate functions whose arguments annotated by one of these kinds have to be such."""
+    by_name = {kind.__name__: kind for kind in kinds}
+
+    def decorate(function: Function) -> Function:
+        needed = {name: by_name[word] for name, word in function.__annotations__.items() if word in by_name}
+        names = function.__code__.co_varnames
+
+        @wraps(function)
+        def checked(*values: Any, **named: Any) -> Any:
+            for name, value in (*zip(names, values, strict=False), *named.items()):
+                if name in needed and not isinstance(value, needed[name]):
+                    of_kind(name, value, needed[name], f"a granular.{needed[name].__name__}")
+            return function(*values, **named)
+
+        return checked  # type: ignore[return-value]
+
+    return decorate
+
+
 def callback(name: str, value: Any, *given: str) -> Any:
     """Return `value` if it is None, or can be called with arguments of these names, in this order."""
     if value is not None and not callable(value):
@@ -203,9 +249,18 @@ def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str
         raise ValueError(_sentence(f"{name}[{i}]", float(values[i]), need, fix))
 
 
+def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, ...] | None = None) -> Array:
+    """Return positive, finite numbers as an array, at least one; `what` each of them is."""
+    out = array(name, value, shape, fix=fix)
+    every(name, out, np.isfinite(out) & (out > 0.0), f"a {what} must be positive and finite", fix)
+    if not out.size:
+        raise ValueError(f"{name} is empty: at least one {what} is needed.")
+    return out
+
+
 def choice(name: str, value: Any, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
-    if value not in options:
+    if not isinstance(value, str) or value not in options:
         raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", _nearest(value, options)))
     return str(value)
 

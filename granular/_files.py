@@ -193,7 +193,7 @@ def check_picture(path: str | PathLike[str]) -> None:
     """Raise `ValueError` unless the ending of `path` is a format that matplotlib writes."""
     from matplotlib.backend_bases import FigureCanvasBase
 
-    ending = os.path.splitext(path)[1][1:]
+    ending = os.path.splitext(checked_path("path", path))[1][1:]
     known = sorted(FigureCanvasBase.get_supported_filetypes())
     if ending.lower() not in known:
         raise ValueError(f"ending of {os.fspath(path)} is {ending!r}: one of {', '.join(known)} is needed.")

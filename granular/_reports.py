@@ -160,6 +160,11 @@ def number(value: float, form: str = ".6g", none: str = "–") -> str:
     return format(value, form) if math.isfinite(value) else none
 
 
+def rough(value: float) -> str:
+    """Return a number in two digits, and as many zeros as it takes."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def rounded(value: float, digits: int, *, up: bool) -> str:
     """Return a number in so many digits that is no smaller, or if not `up` no larger: a bound stays one."""
     from decimal import ROUND_CEILING, ROUND_FLOOR, Context

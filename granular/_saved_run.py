@@ -273,6 +273,7 @@ def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: A
     scene = Scene(**numbers, floor=floor, ceiling=ceiling)
     state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
     arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
+    words["stats"].update(_unlogged(words, stored, scene))
     stats = words["stats"].items()
     return arrays | {
         "scene": scene,
@@ -283,6 +284,14 @@ def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: A
         "stats": {_files.plain_text(name): tuple(value) if isinstance(value, list) else value for name, value in stats},
         "state": state if words["rule"] is not None or "creeping" in state else {},  # md was not to be gone on from
     }
+
+
+def _unlogged(words: Mapping[str, Any], stored: Mapping[str, Any], scene: Scene) -> dict[str, bool]:
+    """The mark of a run without its log, which files of earlier versions lack: contacts are counted, and there is no
+    row of any, though the run goes back to its start."""
+    begun = all(np.array_equal(stored[name][0], getattr(scene, name)) for name in ("gap", "velocity"))
+    counted = words["stats"].get("contacts" if words["rule"] is None else "events", 0)
+    return {"log": False} if begun and counted and not len(stored["contacts"]) else {}
 
 
 def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...] | None:

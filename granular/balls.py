@@ -53,6 +53,7 @@ class Ball:
             _check.number(name, getattr(self, name), above=0.0)
         _check.number("restitution", self.restitution, above=0.0, at_most=1.0)
         _check.number("spread", self.spread, at_least=1.0)
+        _check.truth("filled", self.filled)
 
     @property
     def stiffness(self) -> float:

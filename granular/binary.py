@@ -21,7 +21,7 @@ from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import held, resolved
 from granular.rules import ConstantRestitution, Rule
-from granular.scene import Pair, Pairs, Scene, checked_pair
+from granular.scene import Pair, Pairs, Scene, checked, checked_pair
 
 __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
 __dir__ = __all__.copy
@@ -188,7 +188,7 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     for one in laws:
         instance("law", one)
     if scene is not None:
-        known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], scene.n_pairs), scene)
+        known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], checked(scene).n_pairs), scene)
         if None not in map(steady, known.each):
             return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)
@@ -229,23 +229,23 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
 
     goal = _check.number("target", target, above=0.0, at_most=1.0)
     known, v = _resolved(law, pair), _speed(speed)
-    if not hasattr(law, field):
+    if not isinstance(field, str) or field not in getattr(law, "__dataclass_fields__", ()):
         raise ValueError(f"field is {field!r}: {type(law).__name__} has no such field; name the damping of the law.")
-    if goal == 1.0:
-        return replace(law, **{field: 0.0})
 
     def miss(log_value: float) -> float:
         return at_speed(resolve(replace(law, **{field: math.exp(log_value)}), pair), v) - goal
 
     stiffness = known.tangent(known.overlap_at(v))[0]
-    low = high = 0.5 * math.log(stiffness * pair.m_eff)  # a dashpot of this strength is near critical
+    near = 0.5 * math.log(stiffness * pair.m_eff)  # a dashpot of this strength is near critical
+    low = high = near if goal < 1.0 else -math.inf
     while miss(low) < 0.0 and low > -300.0:
         low, high = low - 4.0, low
     while miss(high) > 0.0 and high < 300.0:
         low, high = high, high + 4.0
-    if not miss(low) >= 0.0 >= miss(high):
+    if not (miss(low) >= -1e-9 * (goal == 1.0) and miss(high) <= 0.0):
         raise ValueError(f"target is {target!r}: no value of {field} gives this restitution at {speed} m/s.")
-    return replace(law, **{field: math.exp(float(brentq(miss, low, high, xtol=1e-14, rtol=1e-14)))})
+    found = brentq(miss, low, high, xtol=1e-14, rtol=1e-14) if low < high else low
+    return replace(law, **{field: math.exp(found)})
 
 
 def _speed(value: Any) -> float:

@@ -36,20 +36,27 @@ SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
 
 
 def _stiffer(case: Case, factor: float) -> Case:
-    """Stiffnesses times `factor`; γ so that each impact keeps its restitution, for laws that tell their powers."""
-    p, d = (resolve(_laws(case)[0], case.scene.pairs[0]).form or (0.0, 1.0, 0.0, 0.0))[1::2]
-    return _scaled(case, dict.fromkeys(("k", "k_load", "k_unload"), factor) | {"gamma": factor ** ((1 + d) / (1 + p))})
+    """Stiffnesses times `factor`; γ so that each impact keeps its restitution, for laws that tell their powers; what is
+    pressed at the start is so by the same forces."""
+    scene, laws = case.scene, _laws(case)
+    powers = [(resolve(law, scene.pairs[0]).form or (0.0, 1.0, 0.0, 0.0))[1::2] for law in laws]
+    made = _scaled(case, *(dict.fromkeys(("k", "k_load", "k_unload"), factor)
+                           | {"gamma": factor ** ((1.0 + d) / (1.0 + p))} for p, d in powers))
+    less = [1.0 if new == law else factor ** (-1.0 / p) for new, law, (p, _) in zip(_laws(made), laws, powers,
+                                                                                   strict=True)]
+    return replace(made, scene=scene.replace(gap=np.where(scene.gap < 0.0, less, 1.0) * scene.gap))
 
 
 def _closer(case: Case, factor: float) -> Case:
-    """Gaps between balls times `factor`; those at walls stay, for a fall from no height is none."""
-    between = [all(np.isfinite(case.scene.mass[list(case.scene.bodies(c))])) for c in range(case.scene.n_pairs)]
-    return replace(case, scene=case.scene.replace(gap=np.where(between, factor, 1.0) * case.scene.gap))
+    """Gaps between balls times `factor`; overlaps stay, and gaps at walls, for a fall from no height is none."""
+    scene = case.scene
+    there = ~np.logical_or(*scene.sides(scene.is_wall)) & (scene.gap > 0.0)
+    return replace(case, scene=scene.replace(gap=np.where(there, factor, 1.0) * scene.gap))
 
 
 def _damped(case: Case, factor: float) -> Case:
     """Damping coefficients times `factor`."""
-    return _scaled(case, dict.fromkeys(("gamma", "alpha"), factor))
+    return _scaled(case, *[dict.fromkeys(("gamma", "alpha"), factor)] * len(_laws(case)))
 
 
 def _unequal(case: Case, factor: float) -> Case:
@@ -196,8 +203,9 @@ def stability(
         What to ask about, as in `granular.sweep`.
     axes : str or sequence of str
         What is made extreme, one after the other: "stiffness" (k × 1e2 … 1e8, γ such that impacts keep their
-        restitution: k^½ of a dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇), "gap" (between balls,
-        × 1e-3, 1e-6, 0), "damping" (γ or α × 0, 0.1, 10, 100), "mass" (of every second ball, × 1e-3, 1e3, 1e6).
+        restitution: k^½ of a dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇; what is pressed at the start is so by
+        the same forces), "gap" (between balls that are apart, × 1e-3, 1e-6, 0),
+        "damping" (γ or α × 0, 0.1, 10, 100), "mass" (of every second ball, × 1e-3, 1e3, 1e6).
     methods : str or sequence of str
         Some of located, verlet, symplectic-euler, rk4, gear5.
     error : float
@@ -239,8 +247,8 @@ def stability(
     >>> report.of("located", "stiffness × 1e+08")[0].verdict
     'right'
     """
-    chosen, extreme = _named("methods", methods, METHODS), _named("axes", axes, tuple(AXES))
-    plan, limit = planned(scene, {}, (), fixed, {}), _check.number("error", error, above=0.0)
+    chosen, extreme = _check.choices("methods", methods, METHODS, 1), _check.choices("axes", axes, tuple(AXES))
+    plan, limit = planned(scene, {}, (), fixed), _check.number("error", error, above=0.0)
     case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
     with shown(progress, on_progress, "runs") as tell:
         durations = _judged(case)[1].durations
@@ -265,22 +273,17 @@ def stability(
     return Stability(plan.subject.title, limit, min(durations), tuple(rows), left_out)
 
 
-def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
-    """Return the chosen names, each checked."""
-    return tuple(_check.choice(name, one, known) for one in ((given,) if isinstance(given, str) else given))
-
-
 def _laws(case: Case) -> list[Any]:
     """The force laws as they were given: one, or one per pair."""
     return list(law) if isinstance(law := case.physics("md"), (list, tuple)) else [law]
 
 
-def _scaled(case: Case, factors: Mapping[str, float]) -> Case:
-    """Numbers of the laws times factors, by their names."""
+def _scaled(case: Case, *factors: Mapping[str, float]) -> Case:
+    """Numbers of the laws times factors of each, by their names."""
     if fixed := [law for law in _laws(case) if not is_dataclass(law)]:
         raise ValueError(f"law is {fixed[0]!r}: its numbers are not known; a dataclass is needed.")
-    laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in factors.items()
-                            if hasattr(law, name)}) for law in _laws(case)]
+    laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in own.items() if hasattr(law, name)})
+            for law, own in zip(_laws(case), factors, strict=True)]
     return replace(case, law=laws if len(laws) > 1 else laws[0])
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import walls
+from granular import _check, walls
 from granular._check import Array
 from granular._contact_log import is_logged
 from granular.isolation import Durations
@@ -63,6 +63,7 @@ class Overlap:
     end: float
 
 
+@_check.typed(Scene, Trajectory)
 def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
     """All overlaps in time of contacts of neighbouring pairs, in order of time."""
     begin, finish = run.contacts["t_begin"], np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
@@ -75,12 +76,14 @@ def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
     return tuple(sorted(found, key=lambda o: o.begin))
 
 
+@_check.typed(Scene, Trajectory)
 def shared_impulse(run: Trajectory) -> float:
     """φ in [0, 1], of hard spheres 0; nan without contacts, and of a run that went on from another with contacts."""
     total, known = float(run.contacts["impulse"].sum()), run.stats.get("contacts", 0) <= len(run.contacts)
     return float(run.stats.get("shared_impulse", 0.0)) / total if total > 0.0 and known else math.nan
 
 
+@_check.typed(Scene, Trajectory)
 def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
     """p in [0, 1]: share of EDMD events with an event of a neighbouring pair within t_c; nan without events."""
     begin, lasting = hard.contacts["t_begin"].copy(), durations(hard, laws)
@@ -92,6 +95,7 @@ def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
     return float(crowded.mean()) if len(begin) else math.nan
 
 
+@_check.typed(Scene, Trajectory)
 def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
     """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
     return Durations(laws, hard.scene)(hard.contacts["pair"], np.abs(approach(hard)))
@@ -103,6 +107,7 @@ def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
     return zip(map(run.rows, below.tolist()), map(run.rows, above.tolist()), strict=True)
 
 
+@_check.typed(Scene, Trajectory)
 def occupation(soft: Trajectory) -> float:
     """Λ: share of time a pair spends in contact, from the soft log; nan for an empty span, and without a log."""
     span = float(soft.time[-1] - soft.time[0])
@@ -110,6 +115,7 @@ def occupation(soft: Trajectory) -> float:
     return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if known else math.nan
 
 
+@_check.typed(Scene, Trajectory)
 def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
     """Both runs without what happens just at a common end time, where rounding decides what is still seen."""
     if not twin.status is hard.status is Status.time:
@@ -119,11 +125,13 @@ def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Traj
     return twin, hard
 
 
+@_check.typed(Scene, Trajectory)
 def fastest_approach(*runs: Trajectory) -> float:
     """Largest speed in m/s at which a contact of these runs begins; 0 without contacts."""
     return max(float(approach(run).max(initial=0.0)) for run in runs)
 
 
+@_check.typed(Scene, Trajectory)
 def impact_speed(run: Trajectory) -> float:
     """v₁ in m/s: speed of the first collision of hard spheres; nan without contacts.
 
@@ -138,6 +146,7 @@ def impact_speed(run: Trajectory) -> float:
     return float((before[:, 0] - before[:, 1]).max()) if len(log) else math.nan
 
 
+@_check.typed(Scene, Trajectory)
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     """Velocities in m/s just before the first contact of `run` (the initial ones without any); nan if its first row is
     later."""
@@ -147,6 +156,7 @@ def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     return np.asarray(scene.free_velocity(fall) + (run.velocity[0] - scene.velocity))
 
 
+@_check.typed(Scene, Trajectory)
 def mass_centre_restitution(run: Trajectory) -> float:
     """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, at constant velocity and not
     thermal, with contacts that end, and no pendula."""
@@ -163,6 +173,7 @@ def mass_centre_restitution(run: Trajectory) -> float:
     return -after / before if before != 0.0 else math.nan
 
 
+@_check.typed(Scene, Trajectory)
 def static_overlaps(soft: Trajectory) -> Array:
     """Overlaps in m at which balls that rest on each other are in equilibrium, shape of the gaps; nan of all other
     pairs, under laws with memory (a dent), between two walls, at walls that are driven, of pendula and on a ring.
@@ -194,6 +205,7 @@ def static_overlaps(soft: Trajectory) -> Array:
     return still
 
 
+@_check.typed(Scene, Trajectory)
 def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float]:
     """Dimensionless groups of a scene whose balls meet at `speed` in m/s.
 
@@ -228,6 +240,7 @@ def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
             "shaking_omega": max((motion.omega / own for motion, own in shaken), default=math.nan)}
 
 
+@_check.typed(Scene, Trajectory)
 def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     """Poincaré section at a shaken wall: what is seen at each contact of its pair.
 
@@ -249,16 +262,19 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     ValueError
         If `pair` has no wall.
     """
-    scene, log = run.scene, run.of(pair)
-    side = int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
-    if not (0 <= pair < scene.n_pairs and scene.is_wall[scene.bodies(pair)[side]]):
-        raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, 0 or {scene.n_pairs - 1}.")
+    scene = run.scene
+    at_walls = [c for c, end in ((0, 0), (scene.n_pairs - 1, -1)) if scene.is_wall[end]]
+    if _check.whole("pair", pair) not in at_walls:
+        raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, {' or '.join(map(str, at_walls))}."
+                         if at_walls else f"run is of {scene}: one with a wall is needed.")
+    log, side = run.of(pair), int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
     motion, time = scene.motions[side], log["t_begin"]
     phase = motion.phases(time) if isinstance(motion, walls.Sine) else np.full(len(log), math.nan)
     return {"time": time, "phase": phase, "wall": log["v_in"][:, side], "before": log["v_in"][:, 1 - side],
             "after": log["v_out"][:, 1 - side]}
 
 
+@_check.typed(Scene, Trajectory)
 def temperature(run: Trajectory) -> Array:
     """Temperature T = Σ m (v - V)² / (N - 1) of the N balls at every row, shape (T,).
 
@@ -267,30 +283,25 @@ def temperature(run: Trajectory) -> Array:
     that of the wall, for any masses. (Per unit mass, as the granular temperature often is, it is T/m in m²/s².) nan of
     a single ball.
     """
-    balls = _balls(run)
+    balls = ~run.scene.is_wall
     m, v = run.scene.mass[balls], run.velocity[:, balls]
     own = v - (v @ m / m.sum())[:, None]
     return np.asarray((own * own) @ m / (len(m) - 1 or math.nan))
 
 
+@_check.typed(Scene, Trajectory)
 def height(run: Trajectory) -> Array:
     """Height h = Σ m s / Σ m in m of the centre of mass of the balls as points, at every row, shape (T,).
 
     Radii are taken out: s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below,
     above body 0 as it stood at the start: the floor, if there is one. It is 0 of balls that lie on a floor.
     """
-    balls = _balls(run)
+    balls = ~run.scene.is_wall
     m = run.scene.mass[balls]
     return np.asarray(points(run)[:, balls] @ m / m.sum())
 
 
-def _balls(run: Trajectory) -> Array:
-    """Which bodies of a run are balls; raise `TypeError` unless it is one."""
-    if not isinstance(run, Trajectory):
-        raise TypeError(f"run is {type(run).__name__}: a granular.Trajectory is needed.")
-    return np.asarray(~run.scene.is_wall)
-
-
+@_check.typed(Scene, Trajectory)
 def balance(run: Trajectory) -> dict[str, float]:
     """The account of the energy from the first row of a run to its last, in J; see `Trajectory.account`.
 

@@ -185,8 +185,10 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
             raise TypeError(f"rule is {one!r}: a callable of (speed, pair) is needed; {fix}.")
         if _check.is_own(one):
             _check.takes("rule", one, "speed", "pair")
-        if isinstance(one, ConstantRestitution) and isinstance(one.restitution, tuple):
-            _check.per_pair("restitution", one.restitution, len(pairs))
+            continue
+        for name, least in (("restitution", 1), ("laws", 2)):  # one law stands for all pairs
+            if isinstance(several := getattr(one, name, None), tuple) and len(several) >= least:
+                _check.per_pair(name, several, len(pairs))
     return rules
 
 

@@ -162,7 +162,7 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
     restitution : float or (N,) array
         ε in [0, 1], one for all contacts or one per contact, floor first.
     """
-    m = _masses(masses)
+    m = _check.positive("masses", masses, "mass")
     eps = _restitutions(restitution, len(m))
     w = [float(eps[0])]
     for mu, e in zip(m[1:] / m[:-1], eps[1:], strict=True):
@@ -197,7 +197,7 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     restitution : float
         ε in [0, 1] of all contacts.
     """
-    m = _masses(masses)
+    m = _check.positive("masses", masses, "mass")
     eps = _check.number("restitution", restitution, at_least=0.0, at_most=1.0)
     return float(np.prod((1.0 + eps) / (1.0 + m[1:] / m[:-1])))
 
@@ -229,18 +229,25 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     restitution : float
         ε in (0, 1) of all contacts.
     """
-    log_r = math.log(_check.number("total_ratio", total_ratio, above=1.0))
+    half = 0.5 * math.log(_check.number("total_ratio", total_ratio, above=1.0))
     eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
     if eps == 1.0:
         raise ValueError("restitution is 1.0: a value below 1 is needed; the velocity grows with every ball, to √R.")
+    lost = -math.log1p(-0.5 * (1.0 - eps))  # ln 2 - ln(1 + ε) of each collision, beside ln cosh x of unequal masses
 
-    def speed(collisions: int) -> float:
-        return math.exp(collisions * (math.log1p(eps) - math.log1p(math.exp(-log_r / collisions))))
+    def gain(n: int) -> float:
+        return half - n * (_log_cosh(half / n) + lost)
 
-    n = 1
-    while speed(n + 1) > speed(n):
-        n += 1
-    return n, speed(n)
+    low, high = 0.0, half
+    while (x := 0.5 * (low + high)) not in (low, high):  # of the best real number half/x: x tanh x - ln cosh x = lost
+        low, high = (x, high) if x * math.tanh(x) - _log_cosh(x) < lost else (low, x)
+    n = max(1, int(half / high))
+    n += gain(n + 1) > gain(n) if n < 1000 else (half / high) ** 2 > n * (n + 1)
+    return n, math.exp(gain(n))
+
+
+def _log_cosh(x: float) -> float:
+    return math.log1p(2.0 * math.sinh(0.5 * x) ** 2)
 
 
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
@@ -261,7 +268,7 @@ def most_collisions(masses: Sequence[float]) -> int:
 
     ⌈π/θ⌉ with tan θ = √(m2 (m1 + m2 + m3) / (m1 m3)): a billiard in a wedge of angle θ (Galperin 1981).
     """
-    m1, m2, m3 = _masses(_check.array("masses", masses, (3,))).tolist()
+    m1, m2, m3 = _check.positive("masses", masses, "mass", shape=(3,)).tolist()
     turns = math.pi / math.atan(math.sqrt(m2 / m1 * ((m1 + m2 + m3) / m3)))
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
 
@@ -338,11 +345,3 @@ def _restitutions(restitution: float | Sequence[float], n: int) -> _check.Array:
     eps = _check.array("restitution", np.full(n, restitution) if np.ndim(restitution) == 0 else restitution, (n,))
     _check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
     return eps
-
-
-def _masses(masses: ArrayLike) -> _check.Array:
-    m = _check.array("masses", masses)
-    _check.every("masses", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite")
-    if len(m) == 0:
-        raise ValueError("masses is empty: at least one mass is needed.")
-    return m

@@ -113,6 +113,22 @@ def test_inverse_for_every_law_with_damping():
     )
 
 
+def test_inverse_of_restitution_1_is_tried():
+    @dataclass(frozen=True)
+    class Twice:
+        one: float
+        other: float
+
+        def force(self, xi, xi_dot, pair):
+            return 1e4 * xi + (self.one + self.other) * math.sqrt(xi) * xi_dot
+
+    for law, field in ((gr.TsujiHertz(1e7, 0.3), "alpha"), (gr.ViscoelasticHertz(1e7, 9.0), "gamma"),
+                       (Twice(9.0, 0.0), "one")):
+        assert binary.with_restitution(law, 1.0, UNIT, field=field) == replace(law, **{field: 0.0})
+    with pytest.raises(ValueError, match=r"target is 1\.0: no value of one gives this restitution"):
+        binary.with_restitution(Twice(9.0, 9.0), 1.0, UNIT, field="one")
+
+
 def test_inverse_refuses_what_cannot_be():
     with pytest.raises(ValueError, match=r"field is 'zeta'.*no such field"):
         binary.with_restitution(gr.LinearDashpot(1.0), 0.5, UNIT, field="zeta")

@@ -163,7 +163,7 @@ READY = '[scene]\nname = "three-balls"\n'
     (READY + '[rule]\ntype = "ConstantRestitution"\n', r"\[rule\]: the keys given are \(\): \(restitution\) is needed"),
     (READY + '[rule]\ntype = "ConstantRestitution"\nrestitution = 2\n', r"\[rule\]: restitution is 2: .*at most 1"),
     (READY + '[rule]\ntype = "TabulatedRestitution"\nspeed = [1, 0]\nrestitution = [1, 1]\n', r"\[rule\]: speed\["),
-    (READY + "[run]\ndtt = 1e-7\n", r"own\.toml: \[run\]: 'dtt' is no key; did you mean dt\?"),
+    (READY + "[run]\ndtt = 1e-7\n", r"own\.toml: \[run\]: 'dtt' is no option of a run; did you mean dt\?"),
     (READY + '[run]\nt_end = "soon"\n', r"own\.toml: \[run\]: t_end is 'soon': a single number is needed"),
     (READY + '[run]\nuntil = "sepparated"\n', r"\[run\]: until is 'sepparated': \"separated\" or a table such as"),
     (READY + "[run]\nuntil = { pair = 7 }\n", r"\[run\]: pair of until\.contact is 7: .*at most 1 is needed"),

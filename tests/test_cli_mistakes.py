@@ -58,6 +58,7 @@ def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch)
     ("run gas --restitution 1.2", "restitution is 1.2: "),
     ("run gas --t-end -1", "t_end is -1.0: "),
     ("run three-balls --gap nan", "gap is nan: a finite number is needed."),
+    ("threshold three-balls --over gaap", "'gaap' is no parameter of three-balls; did you mean gap?"),
     ("run none.toml", "none.toml: No such file or directory"),
     ("run gas --save none/out.npz", "none/out.npz: there is no directory 'none'; make it first."),
     ("run gas --save out.txt",

@@ -10,6 +10,7 @@ import granular as gr
 from granular import extremes
 from granular.cases import Case
 from granular.extremes import AXES
+from granular.laws.contact_law import resolve
 
 ONE = Case(gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.1], [0.0, -1.0]), gr.LinearDashpot(1e4, 20.0), t_end=1.0)
 LINE = Case(gr.Scene([1.0] * 3, [0.1] * 3, [0.1, 0.2], [1.0, 0.0, 0.0]), gr.Hertz(1e5), until=gr.until.separated())
@@ -30,6 +31,22 @@ def test_stiffer_keeps_the_restitution(law, speed):
     before, after = (gr.binary.collision(one, pair, speed) for one in (law, varied))
     assert after.restitution == pytest.approx(before.restitution, rel=1e-9)
     assert after.duration < 0.1 * before.duration
+
+
+def test_what_is_pressed_keeps_its_forces_and_unlike_laws_their_restitutions():
+    laws = [gr.LinearDashpot(1e6, 5.0), gr.Hertz(1e9), gr.WaltonBraun(1e6, 2e6), gr.ViscoelasticHertz(1e8, 50.0),
+            gr.TsujiHertz(1e9, 0.3), gr.MatchedEnd(3.0, 1e6)]
+    scene = gr.Scene([1.0] * 7, [0.1] * 7, [1e-2, *[-1e-5] * 5], [0.0] * 7)
+    stiff = AXES["stiffness"][0](Case(scene, laws), 1e4)
+    for c, (law, other, pair) in enumerate(zip(laws, stiff.law, scene.pairs, strict=True)):
+        before, after = (resolve(one, pair).force(xi, 0.0, xi) for one, xi in (
+            (law, -scene.gap[c]), (other, -stiff.scene.gap[c])))
+        assert c == 0 or after == pytest.approx(before, rel=1e-13)
+        if c < 5:
+            eps = [gr.binary.restitution(one, pair, 1.0) for one in (law, other)]
+            assert eps[1] == pytest.approx(eps[0], rel=1e-9)
+    assert stiff.scene.gap[0] == 1e-2
+    assert AXES["gap"][0](Case(scene, laws), 1e-3).scene.gap.tolist() == [1e-5, *[-1e-5] * 5]
 
 
 def test_what_is_varied():

@@ -112,7 +112,7 @@ def test_it_is_said_from_when_on_for_both_engines_and_up_to_when_for_one_that_st
 
 
 def test_runs_that_cannot_be_compared():
-    with pytest.raises(TypeError, match=r"run is list: a granular.Trajectory is needed"):
+    with pytest.raises(TypeError, match=r"run is \[1\]: a granular.Trajectory is needed"):
         REPORT.against([1])
     run = gr.edmd.simulate(FLOOR, gr.ConstantRestitution(0.9), t_end=0.1)
     with pytest.raises(ValueError, match=r"run is of another scene: its mass is \[inf  1.  2.\]; \[1.  2.  0.5\] is"):

@@ -171,7 +171,7 @@ def test_mistakes_are_one_sentence_each():
     for given, kind, sentence in [
         ({"results": "contacts"}, ValueError, "results has 'contacts', a whole number, which has no derivative but "
          "jumps: granular.sweep(..., refine=) finds where contacts do."),
-        ({"results": []}, ValueError, "results is empty: at least one outcome is needed, such as 'v_rel'."),
+        ({"results": []}, ValueError, "results is empty: an outcome, such as 'v_rel', is needed."),
         ({"results": "v_rel[7]"}, ValueError, "result is 'v_rel[7]': one of v_rel[0], v_rel[1], v_rel is needed"),
         ({"results": "speed"}, ValueError, "result is 'speed'"),
         ({"over": []}, ValueError, "over is empty: at least one parameter is needed, such as "),

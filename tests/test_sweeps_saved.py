@@ -53,6 +53,15 @@ def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_pa
         gr.sweep("three-balls", over, save=file)
 
 
+def test_a_map_without_an_answer_and_without_a_reason_is_refused(tmp_path):
+    file = tmp_path / "map.nc"
+    data = gr.sweep("three-balls", "gap=1e-5,1e-4", save=file).load()
+    data["status"][:] = CODE["misuse"]
+    data.to_netcdf(file, engine="netcdf4")
+    with pytest.raises(ValueError, match=r"map\.nc.*: all its cells were refused, it does not say why; remove it\."):
+        gr.sweep("three-balls", "gap=1e-5,1e-4", save=file)
+
+
 def test_a_map_whose_file_was_changed_is_refused_in_a_sentence(tmp_path):
     file, over = tmp_path / "map.nc", {"gap": [1e-5, 1e-4], "restitution": [0.5, 0.9]}
     data = gr.sweep("three-balls", over, save=file, results=["v_rel"]).load()

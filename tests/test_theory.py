@@ -107,6 +107,22 @@ def test_a6_best_number_of_collisions(eps, collisions, v):
     assert theory.chain_velocity(theory.best_masses(100.0, 1.0, n + 1), eps) == pytest.approx(best, rel=1e-13)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_best_number_of_collisions_near_restitution_1(seed):
+    """Up to millions of balls, against the sign of a difference in 60 digits."""
+    mp = pytest.importorskip("mpmath").MPContext()
+    mp.dps, random = 60, np.random.default_rng(seed)
+    ratio, eps = 1.0 + 10.0 ** random.uniform(-3, 30), 1.0 - 10.0 ** random.uniform(-15, -0.1)
+
+    def gain(n):
+        return n * (mp.log1p(eps) - mp.log1p(mp.mpf(ratio) ** (-mp.one / n)))
+
+    n, best = theory.best_chain(ratio, eps)
+    assert gain(n) >= gain(n + 1)
+    assert n == 1 or gain(n) >= gain(n - 1)
+    assert best == pytest.approx(float(mp.exp(gain(n))), rel=1e-13)
+
+
 @pytest.mark.parametrize(("eps", "time"), [
     (0.5, 1.3545709229571927), (0.9, 8.578949178728887), (0.99, 89.85320455616036)])
 def test_d8_bouncing_ball(eps, time):

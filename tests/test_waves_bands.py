@@ -24,6 +24,18 @@ def test_numbers_of_steel_beads():
     assert waves.crossing_time(scene, [law[5]] * 11) == pytest.approx(0.2 / 481.8826, rel=0.2)
 
 
+def test_a_wave_crosses_what_it_is_pressed_against_only():
+    """Balls that are apart carry nothing; of several piles the longest counts, wherever a ring is cut."""
+    gap = np.array([-1e-4, -1e-4, -1e-4, 0.5, -1e-4, 0.3, 0.2, -1e-4, -2e-4])
+    gaps = [gap[:4], gap, *(np.roll(gap, k) for k in range(9))]
+    law, mass = gr.LinearDashpot(1e6), np.arange(1.0, 10.0)
+    scenes = [gr.Scene(mass[:5], [0.1] * 5, gaps[0], [0.0] * 5), gr.Scene([*mass, 1.0], [0.1] * 10, gap, [0.0] * 10)]
+    scenes += [gr.Scene(np.roll(mass, k), [0.1] * 9, one, [0.0] * 9, ring=True) for k, one in enumerate(gaps[2:])]
+    times = [waves.crossing_time(scene, law) ** 2 * 1e6 for scene in scenes]
+    assert times == pytest.approx([10.0 * 3.0, 18.0 * 2.0, *[27.0 * 5.0] * 9], rel=1e-14)
+    assert waves.crossing_time(scenes[0].replace(gap=[0.1] * 4), law) == math.inf
+
+
 def test_edges_of_the_gap_of_two_masses():
     edges = waves.band_edges(1.0, [1.0, 2.0])
     assert edges == pytest.approx(np.array([[0.0, 1.0], [math.sqrt(2.0), math.sqrt(3.0)]]), abs=1e-15)
@@ -91,6 +103,7 @@ def test_decay_against_the_response_of_a_long_chain(seed):
     u = np.abs(np.linalg.solve(matrix, np.eye(n)[0] * stiff[0]))
     rate = waves.decay(omega, k, m)
     assert rate < 1.0
+    assert waves.decay(omega, np.tile(k, 300), np.tile(m, 300)) == pytest.approx(rate, rel=1e-11)
     assert (u[3 * p] / u[p]) ** (1.0 / (2 * p)) == pytest.approx(rate, rel=1e-6)
     assert waves.decay(0.5 * (edges[0, 0] + edges[0, 1]), k, m) == 1.0
 

@@ -1,6 +1,7 @@
 """Solitary waves, and pulses in a pressed chain: against published digits, their equation, and long runs."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,12 @@ def test_the_wave_solves_its_integrated_equation(p):
         both = wave.overlap(x + s) ** p + wave.overlap(x - s) ** p
         assert wave.speed**2 * wave.overlap(x) == pytest.approx(0.5 * weight @ ((1.0 - s) * both), abs=1e-13)
         assert wave.speed * wave.velocity(x) == pytest.approx(0.5 * weight @ wave.overlap(x + s) ** p, abs=1e-13)
+
+
+    for share in (1e-6, 1e-12):  # far out, too
+        x = 0.5 * wave.width(share)
+        force = (0.5 * weight @ ((1.0 - s) * (wave.force(x + s) + wave.force(x - s))) / wave.speed**2) ** p
+        assert force == pytest.approx(share, rel=1e-9 / share**0.5)
 
 
 def speeds(scene, law, v):
@@ -77,4 +84,8 @@ def test_a_small_pulse_in_a_pressed_chain_runs_at_the_speed_of_sound():
     run = gr.md.simulate(scene.replace(velocity=v, gap=scene.gap - deeper), law, t_end=0.7 / sound, samples=200)
     seen = waves.pulse(run, static=FORCE)
     assert seen.speed(22, 40) == pytest.approx(sound, rel=5e-3)
+    force = run.force.copy()
+    force[:, 44:] = FORCE
+    force[10, 44:] = np.nextafter(FORCE, math.inf)  # rounding ahead of the pulse
+    assert np.isnan(waves.pulse(replace(run, force=force), static=FORCE).time[44:]).all()
     assert seen.peak[22:40] == pytest.approx(np.full(18, 1e-6 * sound * scene.mass[1] / (2.0 * RADIUS)), rel=0.05)

@@ -108,6 +108,10 @@ class Case:
     run: Mapping[str, Any] = field(default_factory=dict)
     about: str = ""
 
+    def __post_init__(self) -> None:
+        _check.of_kind("scene", self.scene, Scene, "a granular.Scene")
+        checked_run(self.run)
+
     def __repr__(self) -> str:
         return f"Case({self.about or self.scene})"
 
@@ -146,6 +150,14 @@ class Case:
         from granular.binary import restitution_of
 
         return restitution_of(self.law)
+
+
+def checked_run(run: Any) -> Mapping[str, Any]:
+    """Return options of the engines, or raise for what none of them knows."""
+    if _check.of_kind("run", run, Mapping, "a mapping of options to values"):
+        _check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINES)),
+                     "option of a run", TypeError)
+    return run  # type: ignore[no-any-return]
 
 
 def engine_named(engine: str) -> Callable[..., Trajectory]:

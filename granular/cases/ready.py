@@ -222,7 +222,7 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     of_scene = {key: value for key, value in options.items() if key in shapes}
     case = bare(name, of_scene, t_end)
     case = touching(name, case, **{key: value for key, value in options.items() if key in touches})
-    return replace(pressed(name, case, of_scene), run=dict(run or {}))
+    return replace(pressed(name, case, of_scene), run={} if run is None else run)
 
 
 def of_table(name: str, given: Mapping[str, Any]) -> Case:

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from granular import _check, until
-from granular._files import write_text
+from granular._files import checked_path, write_text
 from granular.cases import build, ready
 from granular.cases.build import LAWS, RULES, WALLS, law, name_of, place, rule_of
-from granular.cases.case import ENGINES, Case, engine_named, keyword_options
+from granular.cases.case import Case, checked_run
 from granular.rules import ConstantRestitution
 from granular.scene import Pair, Scene, in_order
 
@@ -86,15 +86,13 @@ def load(path: str | PathLike[str]) -> Case:
     TypeError, ValueError
         For a wrong key, a missing one or a bad value: with the file, the table and what is needed.
     """
-    with place(Path(path).name):
+    with place(Path(checked_path("path", path)).name):
         return of_tables(tables_of(path), str(Path(path).parent))
 
 
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file; see `load`."""
-    if not isinstance(text, str):
-        raise TypeError(f"text is {text!r}: the text of a TOML file is needed; for a file use load.")
-    return of_tables(_parsed(text))
+    return of_tables(_parsed(_check.of_kind("text", text, str, "the text of a TOML file", "for a file use load")))
 
 
 def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
@@ -137,10 +135,8 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
         run = dict(_table(tables.get("run", {})))
         t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
         stop = stop_condition(run.pop("until"), base.scene) if "until" in run else base.until
-        _check.known(run, {"t_end", "until"}.union(*map(keyword_options, map(engine_named, ENGINES))), "key")
-    about = tables.get("about", base.about)
-    if not isinstance(about, str):
-        raise TypeError(f"about is {about!r}: a text in quotes is needed.")
+        checked_run(run)
+    about = _check.of_kind("about", tables.get("about", base.about), str, "a text in quotes")
     return Case(base.scene, laws, rule, stop, t_end, run, about)
 
 
@@ -178,8 +174,7 @@ def stop_condition(value: Any, scene: Scene) -> until.Until | None:
     """Return the condition of `granular.until` that a table says, a contact if it has no `type`, or a word."""
     if value == "separated":
         return until.separated()
-    if not isinstance(value, Mapping):
-        raise TypeError(f'until is {value!r}: "separated" or a table such as {{ pair = 0, nth = 2 }} is needed.')
+    _check.of_kind("until", value, Mapping, '"separated" or a table such as { pair = 0, nth = 2 }')
     ways = {way.__name__: way for way in (until.contact, until.force, until.speed, until.position)}
     with place("until"):
         condition: until.Until = build.of_type(ways, {"type": "contact", **value})
@@ -208,7 +203,8 @@ def save(case: Case, path: str | PathLike[str]) -> None:
 
 def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
-    tables: dict[str, Table | list[Table]] = {"scene": _scene(case.scene)}
+    scene = _check.of_kind("case", case, Case, "a granular.Case").scene
+    tables: dict[str, Table | list[Table]] = {"scene": _scene(scene)}
     tables |= _by_restitution(case) or _each("law", case.law, LAWS) | _each("rule", case.rule, RULES)
     tables["run"] = {"until": _stop(case.until), "t_end": case.t_end, **case.run}
     lines = [f"about = {_value(case.about)}", ""] if case.about else []

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from granular import _check
 from granular._check import Array
 from granular.comparison.answer import Judged
 from granular.comparison.further import with_rows
@@ -69,8 +70,7 @@ def _last(apart: Array) -> Array:
 
 def against(report: Judged, run: Trajectory) -> Against:
     """See `Comparison.against`."""
-    if not isinstance(run, Trajectory):
-        raise TypeError(f"run is {type(run).__name__}: a granular.Trajectory is needed; from_arrays makes one.")
+    _check.of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
     for name in ("mass", "radius"):
         ours, theirs = getattr(report.scene, name), getattr(run.scene, name)
         if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9, atol=0.0):

@@ -223,6 +223,7 @@ def resume(
         If `trajectory` is no hard-sphere run, ended in a collapse or at a bound (but where `max_events` ended it), or
         is broken; or if its state cannot be that of its last row.
     """
+    _check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
     if trajectory.rule is None or not trajectory.state:
         raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
     if trajectory.status is Status.collapse:
@@ -261,7 +262,7 @@ def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Wa
 
 def checked_engine(engine: str, physics: Physics) -> str:
     """Return how the queue is chosen, as asked for and as it can be: *auto* means that compiled is possible."""
-    if engine == "sorted":
+    if isinstance(engine, str) and engine == "sorted":
         return engine
     name, why, missing = _check.choice("engine", engine, ENGINES), "", no_compiler()
     if physics.rule is not None:

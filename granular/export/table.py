@@ -70,8 +70,7 @@ def _flat(name: str, values: Any, labels: Any) -> list[tuple[str, Any]]:
 
 def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -> dict[str, Any]:
     """The parts of a run that another program has computed; see `granular.Trajectory.from_arrays`."""
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, the one that the other program started from.")
+    _check.of_kind("scene", scene, Scene, "a granular.Scene", "that from which the other program started")
     if (position is None) is (gap is None):
         raise ValueError(f"position and gap are {'both' if gap is not None else 'not'} given: one of them is needed.")
     moments = _check.array("time", time)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular import _files, until as stop
-from granular._reports import Report, aligned, canvas, duration, number, problem, shortened
+from granular._reports import Report, aligned, canvas, duration, number, problem, rough, shortened
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference
 from granular.scene import Scene
@@ -221,7 +221,7 @@ def _orders(report: Frontier) -> Iterator[list[str]]:
 def _goal(report: Frontier, goal: float) -> list[str]:
     mine = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
     other = report.fastest(goal, without=("located",))
-    ratio = f" ({other.seconds / mine.seconds:.2g} × as long)" if mine and other else ""
+    ratio = f" ({rough(other.seconds / mine.seconds)} × as long)" if mine and other else ""
     shown = f"{other.method}: {duration(other.seconds)}{ratio}" if other else "none of those tried"
     return [f"{goal:.0e}", duration(mine.seconds) if mine else "none", shown]
 

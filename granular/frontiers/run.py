@@ -22,6 +22,8 @@ from granular.reference import Reference, solve
 from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Status, Trajectory
 
+ALIKE = 1e-3
+"""Error of the default method, in units of the impact speed, from which on a reference is that of another scene."""
 LONG = 0.2
 """Seconds after which a run is not repeated any more."""
 
@@ -78,11 +80,13 @@ def frontier(
     """
     laws = checked(law, a_scene(scene)).given
     stop.without_levels(stop.checked(until, scene), "frontier")
-    chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
+    chosen = METHODS if methods is None else _check.choices("methods", methods, METHODS, 1)
+    _check.of_kind("reference", reference, Reference | None, "what granular.reference.solve gives")
     count = _check.whole("repeats", repeats, at_least=1)
     with shown(progress, on_progress, "settings") as tell:
+        run = md.simulate(scene, laws, until=until, t_end=t_end)
         if reference is None:
-            _refuse_rest(md.simulate(scene, laws, until=until, t_end=t_end), t_end)
+            _refuse_rest(run, t_end)
         truth = reference or solve(scene, laws, until=until, t_end=t_end)
         if not truth.durations:
             raise ValueError(_nothing(scene))
@@ -90,6 +94,7 @@ def frontier(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
             level = rounding_level(task)
+            _check_reference(truth, run, level)
             ways = [peer(task, name) if name in PEERS else own(task, name) for name in chosen]
             tried = [method for method in ways if method is not None]
             todo = [(method, setting) for method in tried for setting in method.settings]
@@ -111,6 +116,15 @@ def _refuse_rest(run: Trajectory, t_end: float | None) -> None:
     if run.status is Status.resting and t_end is None:
         raise ValueError("t_end is None: the balls come to rest, which the reference would follow forever; "
                          "give t_end, or until.")
+
+
+def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:
+    """Raise for the reference of another scene, law or end, unless rounding alone would make it another."""
+    error, _, wrong = errors(truth, contacts_of(run), run.scene.n_pairs)
+    alike = not wrong and error <= ALIKE and math.isclose(truth.t_stop, run.time[-1], rel_tol=ALIKE)
+    if level < ALIKE and not alike:
+        raise ValueError(f"reference has {len(truth.contacts)} contacts until {float(truth.t_stop):g} s: that of this "
+                         f"scene, law and end is needed, with {len(run.contacts)} until {run.time[-1]:g} s.")
 
 
 def _nothing(scene: Scene) -> str:

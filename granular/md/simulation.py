@@ -157,7 +157,7 @@ def simulate(
     _check_walls(scene, start, request.end)
     if method is None:
         method = "located" if dt is None else "verlet"
-    if method != "located" or dt is not None:
+    if not isinstance(method, str) or method != "located" or dt is not None:
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
     finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
     with _in_range(laws.given[0]):
@@ -259,7 +259,7 @@ def resume(
         If `trajectory` is no run of soft spheres by method "located", stopped before it began, or is broken; or if its
         state cannot be that of its scene, laws and last row.
     """
-    state = trajectory.state
+    state = _check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
     if trajectory.law is None or "creeping" not in state:
         raise ValueError(
             "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "

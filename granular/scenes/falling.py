@@ -39,8 +39,7 @@ def three_balls(
     gravity : float
         g in m/s².
     """
-    r = _check.array("radii", radii, (2,), fix="give the lower and the upper radius")
-    _check.every("radii", r, np.isfinite(r) & (r > 0.0), "a radius must be positive and finite")
+    r = _check.positive("radii", radii, "radius", "give the lower and the upper radius", (2,))
     lower = float(r[0])
     z1 = _check.number("height", height, at_least=lower, fix="it is the height of the lower ball's centre")
     return above_floor(mass_of(r, density), r, z1 - lower, _check.number("gap", gap), 0.0, gravity)
@@ -76,7 +75,8 @@ def ball_stack(
     if height is not None and speed is not None:
         raise ValueError(f"height is {height!r} and speed is {speed!r}: give one of the two; a stack that starts at "
                          "the floor with a speed has no drop height.")
-    m = geometric(n, mass_ratio) if masses is None else masses_of(masses)
+    m = geometric(n, mass_ratio) if masses is None else (
+        _check.positive("masses", masses, "mass", "the floor is built in"))
     drop = 0.0 if speed is not None else _check.number("height", 1.0 if height is None else height, at_least=0.0)
     v = 0.0 if speed is None else _check.number("speed", speed, above=0.0, fix="downwards is built in")
     return above_floor(m, radius_of(m, density), drop, gap, v, gravity)
@@ -229,13 +229,6 @@ def geometric(n: int, mass_ratio: float) -> Array:
     """Masses from 1 on, each a multiple of the one before."""
     count = count_of(n)
     return np.asarray(np.power(_check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64)))
-
-
-def masses_of(masses: Sequence[float]) -> Array:
-    """Masses of balls as they are given."""
-    m = _check.array("masses", masses)
-    _check.every("masses", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite", "the floor is built in")
-    return m
 
 
 def gaps_of(gap: float | Sequence[float], n_pairs: int, name: str = "gap") -> Array:

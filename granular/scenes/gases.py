@@ -45,7 +45,7 @@ def gas(
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
-    alike = np.ones(count_of(n, 1 if walls else 2))
+    alike = np.ones(count_of(n, 1 if _check.truth("walls", walls) else 2))
     random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=1)
     thermal = math.sqrt(_check.number("temperature", temperature, at_least=0.0))
     v = thermal / np.sqrt(m) * _unit_speeds(random, speeds, len(m))

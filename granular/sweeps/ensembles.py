@@ -16,7 +16,7 @@ import numpy as np
 
 from granular import _check, _files
 from granular._check import Array
-from granular._reports import HARD, SOFT, Report, aligned, canvas, number
+from granular._reports import HARD, SOFT, Report, aligned, canvas, number, rough
 from granular.cases import Case
 from granular.comparison.answer import ORDER, Answer as Judgement
 from granular.sweeps.plan import Plan, planned
@@ -126,9 +126,10 @@ class Ensemble(Report):
         return f"{q.answer.value}: " + {
             Judgement.yes: f"the means agree within {q.margin:.2g}: {off}",
             Judgement.no: f"the means of {off}, by more than {q.margin:.2g}",
-        }.get(q.answer, f"{off}; to tell that from {q.margin:.2g} " + (
-            f"{q.lacking} draws lack a value of one engine" if q.lacking else
-            f"takes about {self.n * (q.reach / room) ** 2:.2g} draws" if room > 0.0 else "more draws are needed")) + "."
+        }.get(q.answer, f"{off}; " + (
+            f"{q.lacking} {'draw lacks' if q.lacking == 1 else 'draws lack'} a value of one engine" if q.lacking else
+            f"to tell that from {q.margin:.2g} takes " + (
+                f"about {rough(self.n * (q.reach / room) ** 2)} draws" if room > 0.0 else "more draws"))) + "."
 
     def __str__(self) -> str:
         rows = [["", "hard", "± s.e.", "sd", "soft", "± s.e.", "sd", "difference", "± 95 %", "margin", "draws", ""]]
@@ -215,36 +216,49 @@ def ensemble(
     all m intervals |d| ± q s hold the true differences with 95 % or more (Bonferroni). "yes" if |d| + q s is at most
     the margin, "no" if |d| - q s is above it. That is a statement on means; distributions may differ: `plot`.
     """
-    count, ways = _check.whole("n", n, at_least=2), {vary: None} if isinstance(vary, str) else dict(vary)
+    count, need = _check.whole("n", n, at_least=2), "a mapping of parameters to their distributions"
+    ways = {vary: None} if isinstance(vary, str) else _check.of_kind("vary", vary, Mapping, need)
     if not ways:
         raise ValueError("vary is empty: at least one parameter with its distribution is needed.")
-    plan = planned(scene, dict.fromkeys(ways, np.zeros(0)), (), fixed, {})
+    plan = planned(scene, dict.fromkeys(ways, np.zeros(0)), (), fixed)
     for name, way in ways.items():
-        if not (way is None or callable(way)):
-            _check.array(f"{name} in vary", way, (2,), fix="give (mean, sd), a function of the generator, or None")
+        _check_way(plan, name, way)
     draws = Draws(plan, tuple(ways.values()), _check.whole("seed", seed))
     asked, whole = _asked(results)
-    own = dict(margin) if isinstance(margin, Mapping) else {}
-    share = MARGIN if isinstance(margin, Mapping) else _check.number("margin", margin, at_least=0.0)
+    each = margin if isinstance(margin, Mapping) else {"": margin}
+    own = {name: _check.number("margin" + f" of {name}" * bool(name), x, at_least=0.0) for name, x in each.items()}
+    share, apart = own.pop("", MARGIN), _check.truth("independent", independent)
     data = [sweep(draws, {"draw": np.arange(first, first + count)},
                   [Of(ask, engine) if callable(ask) else NAMED[engine] + name for name, ask in whole.items()],
                   executor=executor, on_progress=on_progress, progress=progress)
-            for engine, first in (("md", 0), ("edmd", count * bool(independent)))]
+            for engine, first in (("md", 0), ("edmd", count * apart))]
     soft, hard = ({name: values for one in whole for name, values in _values(of_engine, one, prefix)}
                   for of_engine, prefix in zip(data, NAMED.values(), strict=True))
     _check.known([*asked, *own], {*soft, *whole}, "result that is compared")
     found = {name: (hard[name], values) for name, values in soft.items() if not asked.keys().isdisjoint(_names(name))}
     quantities = tuple(
         judged(name, data[0][_names(name)[1]].attrs["units"], values, share,
-               next((own[x] for x in _names(name) if x in own), None), (not independent, len(found)))
+               next((own[x] for x in _names(name) if x in own), None), (not apart, len(found)))
         for name, values in found.items())
-    return Ensemble(plan.subject.title, count, draws.seed, bool(independent), quantities,
+    return Ensemble(plan.subject.title, count, draws.seed, apart, quantities,
                     next((str(one.attrs["refusal"]) for one in data if "refusal" in one.attrs), ""))
+
+
+def _check_way(plan: Plan, name: str, way: Any) -> None:
+    """Raise unless it is a way to draw that parameter."""
+    fix = "give (mean, sd), a function of the generator, or None for a seed"
+    if way is None and not (plan.subject.is_whole(name) or str(plan.subject.way(name)[-1]) == "seed"):
+        raise ValueError(f"{name} in vary is None, and no seed, which is a whole number; {fix}.")
+    if callable(way):
+        _check.takes(f"{name} in vary", way, "generator")
+    elif way is not None:
+        _, spread = _check.array(f"{name} in vary", way, (2,), fix=fix, finite="a finite number is needed").tolist()
+        _check.number(f"sd of {name} in vary", spread, at_least=0.0)
 
 
 def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """What is asked for by name, and the results of all pairs or bodies that hold it."""
-    given = [results] if isinstance(results, str) or callable(results) else list(results)
+    given = _check.several("results", results, "a name or function of a run, or several,")
     asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
     if len(asked) < len(given) or not given:
         raise ValueError(f"results are {', '.join(asked) or 'empty'}: one or more of different names are needed.")

@@ -19,6 +19,7 @@ from granular import _check, _files
 from granular._describe import by_words
 from granular._kernels import have_numba
 from granular.cases import Case, ready
+from granular.cases.case import checked_run
 from granular.sweeps.identity import identity
 from granular.sweeps.results import RESULTS, STATUS, Result
 from granular.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
@@ -63,7 +64,7 @@ class Plan:
     @property
     def results(self) -> dict[str, Result]:
         """What is asked, by name."""
-        return {_name(ask): _result(ask) for ask in self.asked}
+        return {named(ask): _result(ask) for ask in self.asked}
 
     @cached_property
     def ways(self) -> tuple[Way, ...]:
@@ -121,7 +122,7 @@ class Plan:
 
 def planned(
     scene: SceneLike, over: Mapping[str, Values], asked: tuple[Ask, ...], fixed: Mapping[str, Any],
-    run: Mapping[str, Any],
+    run: Mapping[str, Any] | None = None,
 ) -> Plan:
     """Return the plan, or raise for what no cell could do."""
     for ask in asked:
@@ -129,7 +130,7 @@ def planned(
             _check.choice("result", ask, list(RESULTS))
         else:
             _check.takes("result", ask, "case")
-    plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, dict(run))
+    plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # says what is no parameter
     if twice := [name for name in over if name in fixed]:
@@ -142,7 +143,8 @@ def _late(change: tuple[Way, Any]) -> bool:
     return change[0] == RESTITUTION
 
 
-def _name(ask: Ask) -> str:
+def named(ask: Ask) -> str:
+    """The name of a result."""
     return ask if isinstance(ask, str) else str(getattr(ask, "__name__", ask))
 
 
@@ -152,21 +154,21 @@ def check_names(plan: Plan, save: Any) -> None:
     for ask in (one for one in plan.asked if not isinstance(one, str)):
         if not hasattr(ask, "__name__"):
             raise TypeError(f"result is {ask!r}: a function with a name is needed; define one with def that calls it.")
-        if _name(ask) in taken or any(other is not ask and _name(other) == _name(ask) for other in plan.asked):
-            raise ValueError(f"result is a function {_name(ask)!r}: the data set has that name already; rename it.")
-        if save is not None and not _name(ask).isidentifier():
-            raise ValueError(f"result is {_name(ask)!r}: what is saved needs a name; define a function with def.")
+        if named(ask) in taken or any(other is not ask and named(other) == named(ask) for other in plan.asked):
+            raise ValueError(f"result is a function {named(ask)!r}: the data set has that name already; rename it.")
+        if save is not None and not named(ask).isidentifier():
+            raise ValueError(f"result is {named(ask)!r}: what is saved needs a name; define a function with def.")
 
 
 def _result(ask: Ask) -> Result:
     if isinstance(ask, str):
         return RESULTS[ask]
-    about = (inspect.getdoc(ask) or _name(ask)).partition("\n")[0]
+    about = (inspect.getdoc(ask) or named(ask)).partition("\n")[0]
 
     def single(answer: Any) -> Any:
         value = ask(answer.case)
         if np.size(value) != 1:
-            raise TypeError(f"result {_name(ask)!r} is {value!r}: a single number is needed.")
+            raise TypeError(f"result {named(ask)!r} is {value!r}: a single number is needed.")
         return value
 
     return Result("", "", about, single)

@@ -107,8 +107,8 @@ def sweep(
     threads = cores() if workers is None else _check.whole("workers", workers, at_least=1)
     xarray_()
     varied = checked(over)
-    asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)
-    plan = planned(scene, varied, asked, fixed, run or {})
+    asked = _check.several("results", results, "a name or function, or several,")
+    plan = planned(scene, varied, tuple(asked), fixed, run)
     check_names(plan, save)
     if refine is not None:
         _check.choice("refine", refine, list(varied))
@@ -152,7 +152,8 @@ class _Job:
             if done > known:
                 self.written(self.dataset())
         if (self.answers.columns["status"] == MISUSE).all():
-            raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes["refusal"])
+            raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes.get(
+                "refusal", f"save is {self.save!r}: all its cells were refused, it does not say why; remove it."))
 
     def dataset(self) -> xarray.Dataset:
         """What is known so far."""

@@ -20,7 +20,7 @@ from granular.cases import Case
 from granular.outcome import SAME, approach, components
 from granular.sweeps import schedule
 from granular.sweeps.gradients import Sensitivity
-from granular.sweeps.plan import Ask, Plan, planned
+from granular.sweeps.plan import Ask, Plan, named, planned
 from granular.sweeps.results import Answer
 from granular.sweeps.slopes import Slope, Start, slope
 from granular.sweeps.subject import SceneLike, numbers_in, shared
@@ -93,8 +93,7 @@ def sensitivity(
     0.4716 0.0047
     """
     schedule.checked(executor)
-    asked = [results] if isinstance(results, str) or callable(results) else list(results)
-    plan = _planned(scene, asked, fixed)
+    plan = _planned(scene, asked := _check.several("results", results, "an outcome, such as 'v_rel',", 1), fixed)
     answer = Answer(plan.case(()))
     *found, order = (np.ravel(result.of(answer)).astype(float) for result in plan.results.values())
     places = _places(plan, found)
@@ -111,19 +110,16 @@ def sensitivity(
 
 def _name(asked: Ask, until: str = "[") -> str:
     """The name of a result, up to which of its numbers is asked for."""
-    name = asked if isinstance(asked, str) else asked.__name__
-    return name.partition(until)[0] if until else name
+    return named(asked).partition(until)[0] if until else named(asked)
 
 
 def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -> Plan:
     """What is asked of every scene: results, the order of events last."""
     each = {_name(one): one if callable(one) else _name(one) for one in asked}
-    plan = planned(scene, {}, tuple(each.values()), fixed, {})
+    plan = planned(scene, {}, tuple(each.values()), fixed)
     for name in [name for name, result in plan.results.items() if isinstance(result.fill, int)]:
         raise ValueError(f"results has {name!r}, a whole number, which has no derivative but jumps: "
                          "granular.sweep(..., refine=) finds where contacts do.")
-    if not each:
-        raise ValueError("results is empty: at least one outcome is needed, such as 'v_rel'.")
     return replace(plan, asked=(*plan.asked, "order"), at_once=False)
 
 
@@ -141,7 +137,7 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
     """The parameters by name, with their values; those that are uncertain are among them. A word without its number
     stands for all of a list that are alike."""
     known, ran = numbers_in(plan.subject, plan.root), vars(answer).keys()
-    names = [over] if isinstance(over, str) else list(over or ())
+    names = [] if over is None else _check.several("over", over, "a name, or several,")
     if over is None:
         idle = [] if ran & {"hard", "report"} else ["rule"]
         idle += [] if ran & {"soft", "report"} or answer.case.rule is None else ["law"]
@@ -226,7 +222,9 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
         if ends is not None:
             sides[start.name], moved[k] = ends, np.fmax.reduce(np.abs(ends - here), axis=0)
         if (missing := np.isnan(value[k]) & ~np.isnan(here)).any():
-            why[start.name] = reason or f"differences agree to {far[k][missing].max():.1g} of the outcome, no better"
+            worst = np.fmax.reduce(far[k][missing])
+            why[start.name] = reason or ("differences do not agree" if np.isnan(worst) else
+                                         f"differences agree to {worst:.1g} of the outcome, no better")
     spread = np.sqrt((moved**2).sum(axis=0)) if u.any() else np.full_like(here, math.nan)
 
     def split(of: Array) -> dict[str, Any]:

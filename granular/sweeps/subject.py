@@ -52,9 +52,8 @@ def axis(text: str) -> tuple[str, Values]:
     >>> axis("restitution=0.5:1:3")
     ('restitution', array([0.5 , 0.75, 1.  ]))
     """
-    if not isinstance(text, str):
-        raise TypeError(f"over has {text!r}: a mapping of names to values, or name=first:last:count, is needed.")
-    name, equals, values = text.partition("=")
+    need = "a mapping of names to values, or name=first:last:count,"
+    name, equals, values = _check.of_kind("an entry of over", text, str, need).partition("=")
     if not equals:
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] or name=value,value,… is needed.")
     if ":" not in values:
@@ -152,12 +151,15 @@ class Subject:
         TypeError, ValueError
             If it is no name, or none of a ready-made case.
         """
-        if not _NAME.fullmatch(name):
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise ValueError(f"{name!r} is no name of a parameter, such as gap or radii[0].")
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
             names = [about for about in self.about if "." not in about]
             _check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
+        taken = parameters_of(self.source) if self.source is not None else ()
+        if taken and not any(one.kind is one.VAR_KEYWORD for one in taken):
+            _check.known([str(way[0])], [one.name for one in taken], f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
         of_case = isinstance(self.root, Case) and way == RESTITUTION
         if of_function or of_case or way[0] in {*PARTS, *_numbers(self.root)}:
@@ -348,4 +350,5 @@ def _defaults(options: list[Any]) -> dict[str, Any]:
 
 
 def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:
-    return function(**parameters)
+    name = f"what {getattr(function, '__name__', function)} returns"
+    return _check.of_kind(name, function(**parameters), Case, "a granular.Case")  # type: ignore[no-any-return]

@@ -88,8 +88,8 @@ def threshold(
         gap; or if every value is refused.
     """
     asked = CRITERIA[_check.choice("criterion", criterion, list(CRITERIA))]
-    if not isinstance(over, str):
-        raise TypeError(f"over is {over!r}: the name of one parameter is needed, such as 'gap'.")
+    _check.of_kind("over", over, str, "the name of one parameter, such as 'gap',")
+    plan = planned(scene, {over: np.zeros(0)}, (), fixed, run)
     if between is None and over.partition("[")[0] not in ("gap", "scene.gap"):
         raise ValueError(f"between is None: first and last value of {over} are needed, such as (0.5, 2).")
     low, high = _ends(GAPS if between is None else between, _check.choice("spacing", spacing, list(SPACINGS)))
@@ -98,7 +98,6 @@ def threshold(
     limit = _check.number("error", error, above=0.0)
     grid = SPACINGS[spacing](low, high, number)
     grid[[0, -1]] = low, high
-    plan = planned(scene, {over: grid}, (), fixed, run or {})
     if plan.subject.is_whole(over):
         grid = _wholes(over, grid)
     with shown(progress, on_progress, "values", math.inf) as tell:

@@ -22,6 +22,9 @@ from granular.laws.kinds import resolved
 from granular.laws.statics import stiffness_at
 from granular.scene import Scene, checked
 
+FASTEST = 1e100
+"""Angular frequency in rad/s above which squares are beyond the range of numbers."""
+
 
 def stiffness(scene: Scene, law: Any) -> Array:
     """Return the stiffness K = dF/dξ in N/m of every contact at the overlaps of a scene, shape (n-1,); 0 where it is
@@ -60,10 +63,7 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
         One frequency for each branch.
     """
     k, m = _cell(stiffness, mass)
-    theta = np.asarray(phase, dtype=np.float64)
-    if not np.isfinite(theta).all():
-        raise ValueError(f"phase is {phase!r}: finite angles in rad are needed.")
-    p = len(m)
+    theta, p = _check.array("phase", phase, ..., finite="finite angles in rad are needed"), len(m)
     strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps of the contacts for balls that move by 1
     for j in range(p):
         strain[..., j, j] += 1.0 / math.sqrt(m[j])
@@ -99,20 +99,20 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
         Of one unit cell, see `dispersion`.
     """
     k, m = _cell(stiffness, mass)
-    w = np.asarray(omega, dtype=np.float64)
-    if not (w >= 0.0).all():
-        raise ValueError(f"omega is {omega!r}: angular frequencies of at least 0 in rad/s are needed.")
-    if len(m) == 1:
-        ratio = np.maximum(w / (2.0 * math.sqrt(k[0] / m[0])), 1.0)
-        return np.exp(-2.0 * np.arccosh(ratio))[()]
-    cell = np.broadcast_to(np.eye(2), (*w.shape, 2, 2))
+    w = _check.array("omega", omega, ...)
+    _check.every("omega", w.ravel(), ((w >= 0.0) & (w <= FASTEST)).ravel(),
+                 f"an angular frequency from 0 to {FASTEST:g} rad/s is needed")
+    cell, grown = np.broadcast_to(np.eye(2), (*w.shape, 2, 2)), np.zeros(w.shape)
     for stiff, heavy in zip(k.tolist(), m.tolist(), strict=True):  # of displacement and force, from ball to ball
         step = np.zeros((*w.shape, 2, 2))
         step[..., 0, 0], step[..., 0, 1] = 1.0 - heavy * w * w / stiff, 1.0 / stiff
         step[..., 1, 0], step[..., 1, 1] = -heavy * w * w, 1.0
         cell = step @ cell
-    turn = np.maximum(0.5 * np.abs(cell[..., 0, 0] + cell[..., 1, 1]), 1.0)
-    return ((turn + np.sqrt((turn - 1.0) * (turn + 1.0))) ** (-1.0 / len(m)))[()]
+        size = np.abs(cell).max(axis=(-2, -1))  # taken out: over hundreds of balls it is beyond all numbers
+        cell, grown = cell / size[..., None, None], grown + np.log(size)
+    one = np.exp(-grown)
+    turn = np.maximum(0.5 * np.abs(cell[..., 0, 0] + cell[..., 1, 1]), one)
+    return np.exp(-(grown + np.log(turn + np.sqrt((turn - one) * (turn + one)))) / len(m))[()]
 
 
 def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: float) -> float:
@@ -145,10 +145,17 @@ def modes(scene: Scene, law: Any) -> Array:
 
 
 def crossing_time(scene: Scene, law: Any) -> float:
-    """Return the time in s that a slow wave takes through the closed contacts of a chain at rest; inf if none is."""
-    k, m = stiffness(scene, law), scene.mass[~scene.is_wall]
+    """Return the time in s that a slow wave takes through balls at rest that press on each other; inf if none do.
+
+    It is √(Σ m Σ 1/K) over them; where there are several such piles, the longest.
+    """
+    k = stiffness(scene, law)
     closed = k > 0.0
-    return math.sqrt(float(m.sum() * (1.0 / k[closed]).sum())) if closed.any() else math.inf
+    pile = np.append(0, np.cumsum(~closed))  # of each body, and on a ring of the first one again
+    pile[scene.ring & (pile == pile[-1])] = 0
+    masses = np.bincount(pile[: scene.n], np.where(scene.is_wall, 0.0, scene.mass))
+    times = np.bincount(pile[:-1][closed], 1.0 / k[closed], len(masses)) * masses
+    return math.sqrt(float(times.max())) or math.inf
 
 
 def matched_end(scene: Scene, law: Any) -> list[Any]:
@@ -175,11 +182,9 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
 
 
 def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[Array, Array]:
-    k, m = (_check.array(name, np.atleast_1d(value)) for name, value in (("stiffness", stiffness), ("mass", mass)))
+    given = ("stiffness", stiffness, "a chain that is not pressed bears no small waves"), ("mass", mass, "")
+    k, m = (_check.positive(name, np.atleast_1d(_check.array(name, one, ...)), name, fix) for name, one, fix in given)
     if len(k) != len(m) and 1 not in (len(k), len(m)):
         raise ValueError(f"stiffness has {len(k)} entries and mass {len(m)}: one of each for every ball of a cell.")
     k, m = np.broadcast_arrays(k, m)
-    _check.every("stiffness", k, np.isfinite(k) & (k > 0.0), "a stiffness must be positive and finite",
-                 "a chain that is not pressed bears no small waves")
-    _check.every("mass", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite")
     return k, m

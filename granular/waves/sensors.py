@@ -18,6 +18,8 @@ from granular.trajectory import Trajectory
 
 SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
 """What is shown: what counts upwards, and what the bar says."""
+ROUNDING = 1e-13
+"""Share of the largest force of a run up to which one may be rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,8 @@ class Pulse:
     Attributes
     ----------
     time : (n-1,) array
-        Of the largest force, in s; nan where that is at the first or last row of the run, or nothing passes.
+        Of the largest force, in s; nan where that is at the first or last row of the run, or nothing passes but
+        rounding: 1e-13 of the largest force of the run.
     peak : (n-1,) array
         Largest force in N above the static one.
     width : (n-1, w) array
@@ -43,11 +46,12 @@ class Pulse:
 
     def speed(self, first: int = 0, last: int | None = None) -> float:
         """Return the speed in m/s: slope of place over time (least squares) of the contacts from `first` to `last`."""
-        part = slice(first, last)
+        part = slice(*(one if one is None else _check.whole(name, one, at_least=-len(self.time))
+                       for name, one in (("first", first), ("last", last))))
         seen = np.isfinite(self.time[part])
-        if np.count_nonzero(seen) < 2:
-            raise ValueError(f"first is {first!r} and last is {last!r}: contacts that the pulse passes, at least 2, "
-                             "are needed.")
+        if len(np.unique(self.time[part][seen])) < 2:
+            raise ValueError(f"first is {first!r} and last is {last!r}: at least 2 contacts that the pulse "
+                             "passes, one after the other, are needed.")
         t, x = self.time[part][seen], self.place[part][seen]
         t = t - t.mean()
         return float(t @ (x - x.mean()) / (t @ t))
@@ -71,19 +75,20 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     parts = _check.array("shares", shares)
     _check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a part between 0 and 1 is needed")
     base = _check.number("static", static, at_least=0.0)
-    seen = [_of_one(run.time, force - base, parts) for force in forces.T]
+    faint = ROUNDING * float(np.abs(forces).max())
+    seen = [_of_one(run.time, force - base, parts, faint) for force in forces.T]
     left, _ = run.scene.sides(run.scene.position)
     place = left + run.scene.sides(run.scene.radius)[0]
     return Pulse(np.array([one[0] for one in seen]), np.array([one[1] for one in seen]),
                  np.array([one[2] for one in seen]).reshape(len(seen), len(parts)), place)
 
 
-def _of_one(time: Array, force: Array, shares: Array) -> tuple[float, float, list[float]]:
-    """Time, peak and widths of the largest force of one contact."""
+def _of_one(time: Array, force: Array, shares: Array, faint: float) -> tuple[float, float, list[float]]:
+    """Time, peak and widths of the largest force of one contact; a `faint` one is none."""
     from scipy.interpolate import CubicSpline
 
     i = int(force.argmax())
-    if not 0 < i < len(time) - 1 or not force[i] > 0.0:
+    if not 0 < i < len(time) - 1 or not force[i] > faint:
         return np.nan, float(force[i]), [np.nan] * len(shares)
     spline: Any = CubicSpline(time - time[i], force)
     near = spline.derivative().roots(extrapolate=False)

@@ -82,9 +82,9 @@ class SolitaryWave:
         return _cosines(_series(self.exponent)[0] * np.sinc(k / (2.0 * math.pi)) / self.speed, _inside(x) + 0.5)
 
     def width(self, share: float) -> float:
-        """Return over how many diameters the force is more than `share`, in (0, 1), of its peak."""
-        part = _check.number("share", share, above=0.0, at_most=1.0)
-        low, high = 0.0, 0.25 * BOX
+        """Return over how many diameters the force is more than `share`, from 1e-12 to 1, of its peak."""
+        part = _check.number("share", share, at_least=1e-12, at_most=1.0, fix="smaller forces are rounding")
+        low, high = 0.0, 0.5 * BOX
         while (middle := 0.5 * (low + high)) not in (low, high):
             low, high = (middle, high) if self.force(middle) > part else (low, middle)
         return low + high
@@ -175,4 +175,5 @@ def _cosines(series: Array, x: Array) -> Array:
 
 def _inside(x: Any) -> Array:
     """Distances from the peak; beyond half a box there is nothing."""
-    return np.clip(np.asarray(x, dtype=np.float64), -0.5 * BOX, 0.5 * BOX)
+    far = _check.array("x", x, ..., finite="distances in balls are needed")
+    return np.clip(far, -0.5 * BOX, 0.5 * BOX)
