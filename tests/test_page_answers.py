@@ -4,7 +4,7 @@ import json
 import os
 import shutil
 import subprocess
-from dataclasses import asdict
+from dataclasses import astuple
 from itertools import product
 from pathlib import Path
 
@@ -67,7 +67,7 @@ def test_real_balls_rise_as_the_library_says_at_either_bounce(count) -> None:
     if node is None:
         pytest.skip("node is not installed: the rises of the page are not compared here")
     pairs = list(product(gr.balls.BALLS.values(), repeat=2))[:: 121 // count][:count]
-    told = os.environ | {"PAIRS": json.dumps([[asdict(ball) for ball in pair] for pair in pairs])}
+    told = os.environ | {"PAIRS": json.dumps([[astuple(ball) for ball in pair] for pair in pairs])}
     script = RISES.replace("PHYSICS", (Path(granular.page.__file__).parent / "physics").as_uri())
     command = [node, "--input-type=module", "-e", script]
     run = subprocess.run(command, capture_output=True, text=True, check=True, env=told)

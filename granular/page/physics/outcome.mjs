@@ -18,12 +18,12 @@ export function bothRuns(scene, eps, k, { ties = "left", record = false, maxStep
   const whole = isEarly(cut) ? first : settled(first, eps, { ties, maxEvents }), isWhole = !isEarly(cut) && !isEarly(whole);
   const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : inBoth(whole, cut);
   const early = isEarly(hard) || isEarly(soft), off = errorsOf(hard, soft, eps, k), error = early ? NaN : off.error;
-  const n = isEarly(soft) || whole.status === "collapse" ? 0 : forever(first, cut, soft);
+  const n = isEarly(soft) || whole.status === "collapse" ? 0 : foreverAfter(first, cut, soft);
   return { first, whole, cut, hard, soft, early, ...off, error, forever: n };
 }
 
 // Hard spheres that collide forever where soft ones part: after how many contacts; else 0. So much can be told before they stick.
-function forever({ status, group }, cut, soft) {
+function foreverAfter({ status, group }, cut, soft) {
   const parts = status === "collapse" && group.some((c) => ofPair(soft, c).slice(-1).some(isOver));
   return parts ? cut.contacts.filter(({ pair }) => group.includes(pair)).length : 0;
 }
