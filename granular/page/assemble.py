@@ -32,13 +32,14 @@ KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
 """Texts and patterns of a script, in which spaces count; templates are not nested."""
 SIGNS = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
-AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/]) (?![-+])|\bconst\b")
-"""Spaces at the signs of a script, and its longest word that a shorter one can stand for."""
+AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/]) (?![-+])|(?<![\w.])0(?=\.\d)|\bconst\b")
+"""Spaces at the signs of a script, zeros before decimals, and its longest word that a shorter one can stand for."""
 LONE = re.compile(r"(?<![\w$])\((\w+)\)=>")
 """A single name for which a function needs no brackets."""
 JOINED = re.compile(r"(?<![^;{}\n])(let (?:[^;{}]|\{[^;{}]*\})*);let ")
 """Declarations one after another, which can be one."""
-SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,])[ \t]+(?=[^\n])|[ \t]+(?=[{}])|;?[ \t]*(?=\})", re.MULTILINE)
+SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)",
+                   re.MULTILINE)
 """The same of a style, and spaces at its signs."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
@@ -112,7 +113,9 @@ def _plain(source: str) -> str:
 
 def _tight(found: re.Match[str]) -> str:
     kept, signs, sign = found.groups()
-    return kept or sign or (re.sub(r";(?=\})", "", "".join(signs.split())) if signs else "let")
+    if signs:
+        return re.sub(r";(?=\})", "", "".join(signs.split()))
+    return kept or sign or {"const": "let"}.get(found[0], "")
 
 
 def embedded(data: Mapping[str, Any]) -> str:

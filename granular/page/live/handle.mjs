@@ -21,7 +21,7 @@ export class Handle {
     set(this.grip, { onkeydown: (event) => this.key(event) });
   }
 
-  // `kind`: "gap", "guess" or nothing; `value` of it, `most`, and the gap that is surely enough.
+  // `kind`: "gap", "guess" or nothing; `value` of it, `most`, and the gap from which on contacts do not overlap.
   load({ kind, value, most, safe, isFirst }) {
     Object.assign(this, { kind, value, most, safe });
     const shown = kind === "gap" ? (value ? quantity(value, "m") : plain("touching")) : plain("your-guess", { guess: value ?? "–" });

@@ -47,7 +47,7 @@ const endNotes = ({ soft, hard }) => [isEarly(hard) ? say("early-hard") : "", is
 
 function figures({ scene, hard, soft, pairs, finals }, setup) {
   const top = pairs[pairs.length - 1], last = scene.mass.length - 1;
-  const number = (run) => (isEarly(run) ? "–" : digits(setup.measure(run), 3));
+  const number = (run) => digits(setup.measure(run), 3);
   const count = (run) => (isEarly(run) ? `${run.contacts.length}+` : String(run.contacts.length));
   const shared = soft.impulse > 0 ? round((100 * soft.shared) / soft.impulse) : 0;
   const parts = [

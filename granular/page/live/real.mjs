@@ -9,9 +9,9 @@ import { abs, max } from "../physics/numbers.mjs";
 const USUAL = 1.2, ALIKE = 0.05, NEARLY = 0.05; // factor of a contact time; heights, and errors, that differ less are close
 
 // The answer in heights, for the story: it is that of the laboratory and the library, and stands beside its error.
-export function inHeights({ finals, scene, answer, verdict, error }) {
+export function inHeights({ finals, scene, answer, verdict, error, kind }) {
   const [hard, soft] = ["hard", "soft"].map((engine) => finals[engine].at(-1).rise / scene.drop);
-  if (!["yes", "no"].includes(answer) || !(hard >= 0 && soft >= 0) || !(error >= 0)) return { answer, verdict };
+  if (!["yes", "no"].includes(answer) || kind === "forever" || !(hard >= 0 && soft >= 0) || !(error >= 0)) return { answer, verdict };
   const isClose = abs(hard - soft) <= ALIKE * max(hard, soft), key = answer === "yes" ? (isClose ? "yes" : "later") : isClose && error <= NEARLY ? "nearly" : "no";
   return { answer, verdict: { say: `heights-${key}`, hard, soft, error: { say: "percent", n: [100 * error, "", 2] } } };
 }

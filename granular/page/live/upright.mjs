@@ -97,16 +97,18 @@ export class Upright {
     set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
   }
 
-  // From where a ball stands to its highest point, with the number.
+  // From where a ball stands to its highest point, with the number: between the ruler and the balls, or where there is no room
+  // beyond them.
   drawTops(balls, { time, zoom }) {
-    const { film, engine, camera, scene, look } = this, step = min(30, (this.x - LEFT - 24) / this.top);
+    const { film, engine, camera, scene, look } = this, widest = max(...balls.map((one) => one.r)), side = this.w < NARROW ? 1 : -1;
+    const step = min(30, (side > 0 ? this.w - this.x - widest - 34 : this.x - LEFT - 24) / this.top);
     const up = balls.map((_, i) => i > 0 && zoom < 0.3 && !look.asks && film.isUp(engine, i, time)), key = up.join();
     if (key === this.upNow && zoom > 0 === this.wasNear) return;
     Object.assign(this, { upNow: key, wasNear: zoom > 0 });
     this.tops.innerHTML = balls.map(({ low, zero }, i) => {
       if (!up[i]) return "";
-      const x = (this.x - max(...balls.map((one) => one.r)) - 10 - step * (this.top - i)).toFixed(1), [y1, y2] = [zero, max(zero, low)].map((z) => camera.down(z).toFixed(1));
-      const line = markup("path", { d: `M${x} ${y1}V${y2}m-5 0h${i === this.top ? 40 : 10}M${x - 5} ${y1}h10`, class: "top-line" });
+      const x = (this.x + side * (widest + 10 + step * (this.top - i))).toFixed(1), [y1, y2] = [zero, max(zero, low)].map((z) => camera.down(z).toFixed(1));
+      const line = markup("path", { d: `M${x} ${y1}V${y2}m${5 * side} 0h${-side * (i === this.top ? 40 : 10)}M${x - 5} ${y1}h10`, class: "top-line" });
       const rise = max(0, film.lanes[engine].held[i]) / scene.drop;
       return line + (look.opens ? "" : markup("text", { x, y: y2 - 6, "text-anchor": "middle", class: `top-value ${engine}` }, digits(rise, 3)));
     }).join("");

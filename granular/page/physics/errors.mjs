@@ -1,6 +1,8 @@
 // How far two runs are apart that are levelled: the unit U, the error, and what rests (granular/outcome.py). In the scenes
 // of the page all balls that collide are one component.
-import { approach, counts, differences, isOver, largest, ofPair, pairOutcome, partingOf, lasted } from "./measures.mjs";
+import { approach, counts, differences, isOver, largest, ofPair, pairOutcome, partingOf, lasted, SAME } from "./measures.mjs";
+import { AFTERWARDS } from "./level.mjs";
+import { settledDepths } from "./soft.mjs";
 import { pairsOf } from "./scenes.mjs";
 import { abs, max, min } from "./numbers.mjs";
 
@@ -40,13 +42,16 @@ function restApart(hard, soft, c, weight) {
   return [[c, largest([...apart, last ? abs(orZero(partingOf(last))) : 0])]];
 }
 
-// By how much of the smaller radius soft balls at rest sink under their weight. Once they are proved to rest the page does
-// not wait until they have settled: then each contact bears the balls above it, ξ = Σ m g / k.
-function sunkIn({ scene, contacts, overlap, status }, weight, pairs) {
+// By how much of the smaller radius soft balls at rest sink under their weight: to where a contact bears the balls above it,
+// ξ = Σ m g / k, or as deep as one that began slowly has been. Balls that are proved to rest have yet to settle, and no deeper
+// than twice that: where it can be too much, they are followed.
+function sunkIn(soft, weight, pairs) {
+  const { scene, contacts, overlap, status } = soft;
   if (scene.gravity === 0) return 0;
   const side = (i) => scene.radius[i] || Infinity, size = ({ pair }) => min(side(pair), side(pair + 1));
   const bears = ({ pair }) => (scene.gravity * scene.mass.slice(pair + 1).reduce((sum, m) => sum + m, 0)) / pairs[pair].k;
-  const rests = status === "resting", soFar = (c) => (approach(c) <= weight ? c.deepest : rests ? 0 : overlap[c.pair]);
-  const deep = (c) => max(soFar(c), rests ? bears(c) : 0);
-  return largest(contacts.filter((c) => !isOver(c)).map((c) => deep(c) / size(c)));
+  const rests = status === "resting", open = contacts.filter((c) => !isOver(c)), isNear = rests && open.some((c) => 2 * bears(c) > SAME * size(c));
+  const sunk = isNear ? settledDepths(soft, soft.time + AFTERWARDS * largest(open.map((c) => pairs[c.pair].duration))) : [];
+  const soFar = (c) => (approach(c) <= weight ? max(c.deepest, sunk[c.pair] ?? 0) : rests ? 0 : overlap[c.pair]);
+  return largest(open.map((c) => max(soFar(c), rests ? bears(c) : 0) / size(c)));
 }

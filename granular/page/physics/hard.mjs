@@ -54,7 +54,7 @@ export const settledRun = (scene, eps, rule) => settled(simulateHard(scene, eps,
 // Past the stop, until every ball has had its apex or lies on the floor, at most `most` events. Weak collisions are plastic
 // here: what has all but collapsed moves on with its momentum, or lies on the floor, until it is hit.
 export function findTops({ run, status }, most) {
-  if (run.scene.gravity === 0 || ["collapse", "endless"].includes(status)) return;
+  if (run.scene.gravity === 0 || status === "endless") return;
   Object.assign(run, { until: null, tEnd: Infinity, status: "", contacts: [], maxEvents: run.events + most, follows: true });
   while (!run.status && run.apex.some(Number.isNaN)) nextCollision(run);
 }

@@ -5,7 +5,7 @@ import { pairsOf } from "./scenes.mjs";
 import { goOnSoft } from "./soft.mjs";
 import { abs, max, min } from "./numbers.mjs";
 
-const AFTERWARDS = 20; // isolated durations
+export const AFTERWARDS = 20; // isolated durations
 
 export function levelled(hard, soft, eps, k) {
   const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), [own, some] = inBoth(hard, soft), n = counts(some);

@@ -8,6 +8,7 @@ const SHIFT = 1e-12, INSTANT = 1e-12, PERSISTENCE = 10; // of the gaps; of the t
 const OTHERS = ["left", "right", "poisson"]; // rules that take any restitutions
 
 export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(run.status);
+export const riseIn = (run, i) => (isEarly(run) && run.status !== "collapse" ? NaN : run.apex[i]);
 export const approach = ({ vIn: [lower, upper] }) => lower - upper;
 export const isOver = (contact) => !Number.isNaN(contact.end);
 export const partingOf = ({ vOut: [lower, upper] }) => upper - lower;

@@ -2,7 +2,7 @@
 import { errorsOf } from "./errors.mjs";
 import { findTops, settled, settledRun, simulateHard } from "./hard.mjs";
 import { levelled } from "./level.mjs";
-import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, shifted } from "./measures.mjs";
+import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, riseIn, shifted } from "./measures.mjs";
 import { findApexes, simulateSoft } from "./soft.mjs";
 import { verdict } from "./verdict.mjs";
 
@@ -45,7 +45,8 @@ export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEI
 const isOpen = ({ scene, early, soft, hard }) => early || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));
 
 // Per body: the velocity with which it leaves its last contact, and how high it rises; NaN where the run did not get there.
+// What has collapsed has no last contact, but moves on as one.
 function finals(run) {
-  const none = isEarly(run), u = leavingVelocities(run);
-  return u.map((velocity, i) => ({ velocity: none ? NaN : velocity, rise: none ? NaN : run.apex[i] }));
+  const u = leavingVelocities(run);
+  return u.map((velocity, i) => ({ velocity: isEarly(run) ? NaN : velocity, rise: riseIn(run, i) }));
 }

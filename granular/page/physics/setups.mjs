@@ -1,6 +1,6 @@
 // What the page can run: five scenes with their sliders and presets, their contacts, and what is asked of a guess.
 import { aloneOf, contactsOf } from "./balls.mjs";
-import { isEarly } from "./measures.mjs";
+import { isEarly, riseIn } from "./measures.mjs";
 import { ballStack, bouncingBall, newtonsCradle, realBalls, threeBalls } from "./scenes.mjs";
 import { abs, round } from "./numbers.mjs";
 
@@ -27,7 +27,7 @@ const exit = (run) => {
   return last ? last.vOut[1] : run.scene.velocity[lastOf(run)];
 };
 const uniform = ({ eps, k }) => ({ eps, k });
-const inDrops = (run) => (isEarly(run) ? NaN : run.apex[lastOf(run)] / run.scene.drop);
+const inDrops = (run) => riseIn(run, lastOf(run)) / run.scene.drop;
 const inArrivals = (run) => (isEarly(run) ? NaN : exit(run) / run.scene.impact);
 const FALL = { measure: inDrops, measured: "in-drops", most: 10 };
 

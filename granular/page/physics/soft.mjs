@@ -8,6 +8,8 @@ import { holdPile, provedToRest } from "./rest.mjs";
 import { isElastic } from "./scenes.mjs";
 import { Series } from "./series.mjs";
 
+const SETTLING = 3000; // steps
+
 export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000, follow = 0 } = {}) {
   const run = beginSoft(scene, eps, k, record, maxSteps);
   launch(run);
@@ -28,6 +30,15 @@ export function goOnSoft(soft, end) {
   goOn(run, end, run.steps + run.maxSteps);
   while (!run.status) nextStep(run);
   return { ...soft, contacts: logOf(run), status: run.status === "unfinished" ? "unfinished" : status };
+}
+
+// How deep each pair of balls that were found to rest has sunk by a later time.
+export function settledDepths({ run }, end) {
+  const most = run.steps + SETTLING;
+  goOn(run, end, Infinity);
+  for (; run.status !== "time" && run.steps < most; nextStep(run)) run.status = "";
+  run.status = "resting";
+  return run.pairs.map(({ open }) => open?.deepest);
 }
 
 // Past the stop, until every ball has had its apex or rests, at most `budget` steps.

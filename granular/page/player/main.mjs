@@ -12,6 +12,8 @@ import { Picture, timeUnit } from "./picture.mjs";
 
 const FEW_LINES = { balls: 60, pairs: 8 };
 
+const LABELS = { time: "time", restart: "restart", "step-back": "step back", play: "play", "step-forward": "step forward", pace: "seconds for the whole span" };
+
 // The clock of the player: time goes slower in the episodes of `slow`.
 class SlowClock extends Clock {
   setSpan(span) {
@@ -63,6 +65,8 @@ class Player {
     this.views = this.runs.map((run) => this.view(run));
     showFacts(this.runs);
     this.draw();
+    for (const element of document.querySelectorAll("[data-label]")) set(element, { "aria-label": LABELS[element.dataset.label] });
+    for (const option of document.querySelectorAll("[data-n]")) text(option, `in ${option.value} s`);
     this.clock = new SlowClock(document, { show: (t) => this.show(t), stops: () => this.stops() });
     this.clock.setSpan(this.span);
     this.setSlow();
