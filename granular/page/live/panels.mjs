@@ -21,7 +21,7 @@ export class Panels {
     this.report = report;
     figures(report, setup);
     told($(".rises-title"), report.scene.gravity ? "rises-title" : "speeds-title");
-    text($(".rises-key"), report.scene.gravity ? `┄ ${plain("drop-height")}` : "");
+    text($(".rises-key"), report.scene.gravity ? `┄ ${plain("label-drop")}` : "");
     const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
     $(".ties-box").hidden = !touching;
     if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
@@ -83,7 +83,7 @@ function showFigures(host, parts) {
 
 // What is not known is a question mark.
 function bars(chart, rows, n, names) {
-  const pitch = chart.x(1) - chart.x(0), isWide = pitch >= 88;
+  const pitch = chart.x(1) - chart.x(0), longest = max(...finite(rows).map((x) => digits(x, 3).length)), isWide = pitch >= 15 * longest;
   rows.forEach(([engine, values], e) => values.forEach((value, i) => {
     const side = [`bar-value ${engine}`, e ? "start" : "end"], at = chart.x(i) + (e ? 2 : -2);
     if (Number.isNaN(value)) return chart.note("?", at, chart.y(0) - 5, ...side);

@@ -63,6 +63,6 @@ export class Story {
     keys.forEach((key, i) => told(paragraphs[i], key));
     $(".story-back").hidden = screen <= GUESS;
     $(".story-next").hidden = screen === LAB;
-    told($(".story-next"), { [OPENING]: "your-turn", [LAB - 1]: "to-lab" }[screen] ?? "next");
+    told($(".story-next"), { [OPENING]: "s1-title", [LAB - 1]: "to-lab" }[screen] ?? "next");
   }
 }
