@@ -32,7 +32,7 @@ KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
 """Texts and patterns of a script, in which spaces count; templates are not nested."""
 SIGNS = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
-AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/]) (?![-+])|(?<![\w.])0(?=\.\d)|\bconst\b")
+AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|\bconst\b")
 """Spaces at the signs of a script, zeros before decimals, and its longest word that a shorter one can stand for."""
 LONE = re.compile(r"(?<![\w$])\((\w+)\)=>")
 """A single name for which a function needs no brackets."""
