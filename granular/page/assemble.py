@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import astuple
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -31,9 +31,15 @@ MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTIL
 KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
 """Texts and patterns of a script, in which spaces count; templates are not nested."""
-AIR = re.compile(rf"({'|'.join(KEPT)})|\s*([=,;:?{{}}()\[\]<>*&|!]+)\s*|(?<=[\w)\]]) ([-+/]) (?=[\w(\[])")
-"""Spaces at the signs of a script."""
-SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,])[ \t]+(?=[^\n])|[ \t]+(?=[{}])|;?[ \t]*(?=\})", re.MULTILINE)
+SIGNS = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
+AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|\bconst\b")
+"""Spaces at the signs of a script, zeros before decimals, and its longest word that a shorter one can stand for."""
+LONE = re.compile(r"(?<![\w$])\((\w+)\)=>")
+"""A single name for which a function needs no brackets."""
+JOINED = re.compile(r"(?<![^;{}\n])(let (?:[^;{}]|\{[^;{}]*\})*);let ")
+"""Declarations one after another, which can be one."""
+SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)",
+                   re.MULTILINE)
 """The same of a style, and spaces at its signs."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
@@ -83,11 +89,11 @@ def words(language: str) -> dict[str, str]:
 
 @cache
 def bundle(*mains: str) -> str:
-    """Return one script: the modules `mains` after all they import, each once and in a scope of its own.
+    """Return one script in one scope: the modules `mains` after all they import, each once.
 
-    A module becomes ``const {its,exports}=(()=>{…})();``, so only exported names must differ.
+    So no two of them may have a name in common; a browser refuses a script that declares one twice.
     """
-    return "\n".join(_scoped(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
+    return "\n".join(_plain(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
 
 
 def _needed(name: str) -> Iterator[str]:
@@ -97,11 +103,19 @@ def _needed(name: str) -> Iterator[str]:
     yield name
 
 
-def _scoped(source: str) -> str:
-    names = ",".join(EXPORT.findall(source))
-    plain = MARGIN.sub("", EXPORT.sub("", IMPORT.sub("", source)))
-    body = AIR.sub(lambda found: found[1] or found[2] or found[3], plain).replace("</script", "<\\/script")
-    return f"const {{{names}}}=(()=>{{{body}return{{{names}}}}})();" if names else body
+def _plain(source: str) -> str:
+    bare = MARGIN.sub("", EXPORT.sub("", IMPORT.sub("", source)))
+    tight, before = LONE.sub(r"\1=>", AIR.sub(_tight, bare)), ""
+    while tight != before:
+        tight, before = JOINED.sub(r"\1,", tight), tight
+    return tight.replace("</script", "<\\/script")
+
+
+def _tight(found: re.Match[str]) -> str:
+    kept, signs, sign = found.groups()
+    if signs:
+        return re.sub(r";(?=\})", "", "".join(signs.split()))
+    return kept or sign or {"const": "let"}.get(found[0], "")
 
 
 def embedded(data: Mapping[str, Any]) -> str:
@@ -130,8 +144,8 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     start = opening.link(scene, values or {})
     keys = [key for key in words(LANGUAGES[0]) if key != BLOCKED]
     data = {
-        "keys": keys, "sentences": {language: [words(language).get(key) for key in keys] for language in LANGUAGES},
-        "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
+        "keys": " ".join(keys), "sentences": {one: "\n".join(words(one)[key] for key in keys) for one in LANGUAGES},
+        "balls": {name: astuple(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
     }
     _files.write_text(path, page(LIVE, "granular: hard or soft?", start, data))
 

@@ -15,7 +15,7 @@ from granular import _check, balls
 from granular.cases.case import Option
 
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
-"""Of the pages; the first is complete; what another lacks is said in it."""
+"""Of the pages; all have the same sentences."""
 SHORT = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
 ARRIVING = 5
 """Balls of the cradle, where nothing is said of their number."""

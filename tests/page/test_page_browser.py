@@ -30,9 +30,9 @@ def test_golden_data_in_the_browser(tab, tmp_path) -> None:
     check = assemble.EXPORT.sub("", assemble.IMPORT.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8")))
     cases = (HERE / "golden.json").read_text(encoding="utf-8")
     needed = "physics/outcome.mjs", "physics/setups.mjs", "physics/film.mjs", "live/camera.mjs", "physics/reason.mjs"
-    script = assemble.bundle(*needed) + check + f"const cases = {cases};\n"
+    script = assemble.bundle(*needed) + f"{{{check}const cases = {cases};\n"
     script += "const some = cases.filter((_, i) => i % 5 === 0); window.tried = some.length;"  # all of them: by node
-    script += "window.faults = some.flatMap((c) => check(c, 100));"
+    script += "window.faults = some.flatMap((c) => check(c, 100)); }"
     (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
     tab.open((tmp_path / "golden.html").as_uri())
     tab.wait("window.faults !== undefined")

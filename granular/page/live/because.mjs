@@ -3,6 +3,7 @@ import { $, h, markup, set, svg, text } from "../shell/dom.mjs";
 import { quantity } from "../shell/format.mjs";
 import { pairName } from "../physics/verdict.mjs";
 import { plain, told } from "./words.mjs";
+import { max, round } from "../physics/numbers.mjs";
 
 const WIDE = 300, LOW = 60; // of the drawing
 
@@ -26,7 +27,7 @@ export class Because {
   }
 
   draw({ curve, parts, lasts, arrives, share }) {
-    const most = Math.max(lasts, arrives), peak = Math.max(...curve.map(([, f]) => f)) || 1;
+    const most = max(lasts, arrives), peak = max(...curve.map(([, f]) => f)) || 1;
     const x = (t) => ((t / most) * WIDE).toFixed(1), y = (f) => (LOW - (f / peak) * (LOW - 4)).toFixed(1);
     const line = (points) => points.map(([t, f]) => `L${x(t)} ${y(f)}`).join(""), area = (points, from, to) => `M${x(from)} ${LOW}${line(points)}L${x(to)} ${LOW}z`;
     const shaded = parts.map(([a, b]) => markup("path", { class: "push-both", d: area(curve.filter(([t]) => t >= a && t <= b), a, b) }));
@@ -38,4 +39,4 @@ export class Because {
 }
 
 // With the digits that matter: 8.4 %, 77 %, 0 %.
-const percent = (share) => ({ say: "percent", n: 100 * share < 10 ? Number((100 * share).toPrecision(2)) : Math.round(100 * share) });
+const percent = (share) => ({ say: "percent", n: 100 * share < 10 ? Number((100 * share).toPrecision(2)) : round(100 * share) });

@@ -4,14 +4,15 @@ import { quantity, unitFor } from "../shell/format.mjs";
 import { softForce } from "../physics/traces.mjs";
 import { $ } from "../shell/dom.mjs";
 import { plain } from "./words.mjs";
+import { max, min, round } from "../physics/numbers.mjs";
 
 const SAMPLES = 24; // of the force in one contact, fewer where there are many
 
 export class TimeCharts {
   constructor() {
-    this.timeline = new Chart($(".timeline"), { height: 60, label: "" });
-    this.forces = new Chart($(".forces"), { height: 120, label: "", top: 4 });
-    this.paths = new Chart($(".paths"), { height: 190, label: "" });
+    this.timeline = new Chart($(".timeline"), { height: 60 });
+    this.forces = new Chart($(".forces"), { height: 120, top: 4 });
+    this.paths = new Chart($(".paths"), { height: 190 });
     this.all = [this.timeline, this.forces, this.paths];
   }
 
@@ -39,14 +40,13 @@ export class TimeCharts {
     chart.yTicks(pairs.map((p) => p.pair), (c) => shortName(scene, c));
     const bars = soft.contacts.map(({ pair, begin, end }) => {
       const x = chart.x(this.clock(begin)), width = chart.x(this.clock(Number.isNaN(end) ? this.span[1] : end)) - x;
-      return `M${x.toFixed(1)} ${chart.y(pair) + 1}h${Math.max(1.5, width).toFixed(1)}v8H${x.toFixed(1)}z`;
+      return `M${x.toFixed(1)} ${chart.y(pair) + 1}h${max(1.5, width).toFixed(1)}v8H${x.toFixed(1)}z`;
     });
     const marks = hard.contacts.slice(0, 1500).map(({ begin, pair }) => `M${chart.x(this.clock(begin)).toFixed(1)} ${chart.y(pair) - 9}v8`);
     chart.add("path", { class: "soft-bar", d: bars.join("") });
     chart.add("path", { class: "hard-mark", d: marks.join("") });
-    chart.finish();
     const said = pairs.map((p) => `${shortName(scene, p.pair)}: ${plain("hard")} ${p.hard.contacts}, ${plain("soft")} ${p.soft.contacts}`).join("; ");
-    chart.svg.setAttribute("aria-label", plain("timeline-said", { said }));
+    chart.finish(plain("timeline-said", { said }));
   }
 
   // One lane a pair, each to its own scale: the forces of neighbours may differ by a thousand.
@@ -58,19 +58,18 @@ export class TimeCharts {
     chart.yTicks(scene.gap.map((_, c) => c), (c) => shortName(scene, c));
     const curves = soft.contacts.map((contact) => [contact.pair, this.forceCurve(contact)]), peaks = [];
     for (let c = 0; c < n; c++) {
-      const own = curves.filter(([pair]) => pair === c).map(([, curve]) => curve), peak = Math.max(0, ...own.flat().map(([, f]) => f));
+      const own = curves.filter(([pair]) => pair === c).map(([, curve]) => curve), peak = max(0, ...own.flat().map(([, f]) => f));
       const lines = own.map((curve) => curve.map(([t, f]) => [this.clock(t), c + (0.86 * f) / peak]));
       chart.lines(lines, { class: "soft-line force", fill: "var(--soft)" });
       if (peak > 0) peaks.push(`${shortName(scene, c)}: ${quantity(peak, "N", 2)}`);
-      if (peak > 0) chart.note(quantity(peak, "N", 2), { x: chart.width - 16, y: (chart.y(c + 1) + 13).toFixed(1), "text-anchor": "end", class: "axis-name" });
+      if (peak > 0) chart.note(quantity(peak, "N", 2), chart.width - 16, chart.y(c + 1) + 13, "axis-name", "end");
     }
-    chart.finish();
-    chart.svg.setAttribute("aria-label", plain("forces-said", { said: peaks.join("; ") }));
+    chart.finish(plain("forces-said", { said: peaks.join("; ") }));
   }
 
   forceCurve({ pair, begin, end }) {
-    const stop = Number.isNaN(end) ? Math.min(this.span[1], this.report.soft.time) : end, points = [[begin, 0]];
-    const n = Math.min(SAMPLES, Math.max(6, Math.round(400 / this.report.soft.contacts.length)));
+    const stop = Number.isNaN(end) ? min(this.span[1], this.report.soft.time) : end, points = [[begin, 0]];
+    const n = min(SAMPLES, max(6, round(400 / this.report.soft.contacts.length)));
     for (let i = 0; i <= n; i++) {
       const t = begin + ((i + (i === 0 ? 1e-6 : 0) - (i === n ? 1e-6 : 0)) / n) * (stop - begin);
       points.push([t, softForce(this.report.soft, pair, t)]);
@@ -89,8 +88,7 @@ export class TimeCharts {
       const lines = this.report.scene.mass.map((_, i) => this.samples[engine].map((row, j) => [clock[j], row[i] / unit]));
       chart.lines(lines, { class: `${engine}-line` });
     }
-    chart.finish();
-    chart.svg.setAttribute("aria-label", plain("paths-said", { n: this.report.scene.mass.length, height: [high, "m"] }));
+    chart.finish(plain("paths-said", { n: this.report.scene.mass.length, height: [high, "m"] }));
   }
 
   show(t) {

@@ -1,17 +1,19 @@
 // The guesses of a class: typed or pasted on the teacher's screen, one dot each beside the ruler; a pupil's own in its link.
-const MOST = 10, AS_LINK = /guess=([\d.]+)/g, AS_NUMBER = /\d+(?:[.,]\d+)?/g; // drop heights
+import { round } from "../physics/numbers.mjs";
+
+const HIGHEST = 10, AS_LINK = /guess=([\d.]+)/g, AS_NUMBER = /\d+(?:[.,]\d+)?/g; // drop heights
 
 // In a text with links only what they say counts; else every number in it.
 export function guessesIn(written) {
   const links = [...written.matchAll(AS_LINK)].map((found) => found[1]), all = links.length ? links : (written.match(AS_NUMBER) ?? []);
-  return all.map((one) => Number(one.replace(",", "."))).filter((x) => x >= 0 && x <= MOST);
+  return all.map((one) => Number(one.replace(",", "."))).filter((x) => x >= 0 && x <= HIGHEST);
 }
 
 // A dot each, in rows of half a drop height: [height, place in its row].
 export function dots(guesses) {
   const rows = new Map();
   return [...guesses].sort((a, b) => a - b).map((guess) => {
-    const row = Math.round(2 * guess) / 2, place = rows.get(row) ?? 0;
+    const row = round(2 * guess) / 2, place = rows.get(row) ?? 0;
     rows.set(row, place + 1);
     return [row, place];
   });

@@ -4,11 +4,12 @@ import { cleaned, enoughFor, SETUPS } from "../physics/setups.mjs";
 import { quantity } from "../shell/format.mjs";
 import { choice, slider } from "./sliders.mjs";
 import { has, languageNow, plain, say } from "./words.mjs";
+import { abs } from "../physics/numbers.mjs";
 
 export class Controls {
   constructor({ changed, chosen }) {
     Object.assign(this, { changed, rows: [] });
-    this.tabs = Object.keys(SETUPS).map((name) => h("button", { type: "button", "data-scene": name, onclick: () => chosen(name) }));
+    this.tabs = Object.keys(SETUPS).map((name) => h("button", { "data-scene": name, onclick: () => chosen(name) }));
     $(".scenes").append(...this.tabs);
   }
 
@@ -38,9 +39,9 @@ export class Controls {
     const base = Object.values(SETUPS[name].presets)[0];
     this.presets = Object.entries(presets).map(([label, given]) => {
       const whole = cleaned(name, { ...base, ...given });
-      return { whole, button: h("button", { type: "button", "data-preset": label, onclick: () => this.changed(whole) }, called(label)) };
+      return { whole, button: h("button", { "data-preset": label, onclick: () => this.changed(whole) }, called(label)) };
     });
-    this.apart = h("button", { type: "button", class: "apart", onclick: () => this.changed({ gap: enoughFor(this.values) }) });
+    this.apart = h("button", { class: "apart", onclick: () => this.changed({ gap: enoughFor(this.values) }) });
     $(".presets").replaceChildren(...this.presets.map((p) => p.button), this.apart);
   }
 
@@ -53,7 +54,7 @@ export class Controls {
 
   markPresets() {
     for (const { whole, button } of this.presets) {
-      const same = Object.keys(whole).every((key) => Math.abs(whole[key] - this.values[key]) <= 1e-9 * Math.abs(whole[key]));
+      const same = Object.keys(whole).every((key) => abs(whole[key] - this.values[key]) <= 1e-9 * abs(whole[key]));
       set(button, { "aria-pressed": String(same) });
     }
   }

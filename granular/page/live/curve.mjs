@@ -6,13 +6,14 @@ import { breakdown, LEAST, SKETCH } from "../physics/breakdown.mjs";
 import { SAME } from "../physics/measures.mjs";
 import { contactsIn, sceneOf, SETUPS } from "../physics/setups.mjs";
 import { plain, say, told } from "./words.mjs";
+import { abs, log10, max } from "../physics/numbers.mjs";
 
-const AT_ONCE = 2, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 0.1]; // ms: in the picture of a move, in idle time, quiet before that
-const LOWEST = Math.log10(LEAST), SAFE = Math.log10(SAME);
+const GLIMPSE = 2, SLICE = 6, CALM = 120, ALL_GAPS = [1e-7, 0.1]; // ms: in the picture of a move, in idle time, quiet before that
+const LOWEST = log10(LEAST), SAFE = log10(SAME);
 
 export class Curve {
   constructor(pick) {
-    this.chart = new Chart($(".curve"), { height: 185, label: "", left: 66, top: 26 });
+    this.chart = new Chart($(".curve"), { height: 185, left: 66, top: 26 });
     this.chart.svg.addEventListener("click", (event) => {
       const box = this.chart.svg.getBoundingClientRect();
       pick(10 ** this.chart.back(((event.clientX - box.left) * this.chart.width) / box.width));
@@ -32,11 +33,11 @@ export class Curve {
 
   begin(name, values, key) {
     const points = [], { eps, k } = contactsIn(name, values);
-    const work = breakdown({ make: (gap) => sceneOf(name, { ...values, gap }), eps, k, gaps: GAPS, points });
+    const work = breakdown({ make: (gap) => sceneOf(name, { ...values, gap }), eps, k, gaps: ALL_GAPS, points });
     Object.assign(this, { key, points, work });
-    this.advance(AT_ONCE, SKETCH);
+    this.advance(GLIMPSE, SKETCH);
     clearTimeout(this.job);
-    this.job = setTimeout(() => this.refine(work), PATIENCE);
+    this.job = setTimeout(() => this.refine(work), CALM);
   }
 
   // True when the curve is finished.
@@ -57,8 +58,8 @@ export class Curve {
   }
 
   draw() {
-    const { chart, points, gap } = this, xs = GAPS.map(Math.log10), highest = Math.max(0, ...points.map((p) => p.y || 0));
-    const x = gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0];
+    const { chart, points, gap } = this, xs = ALL_GAPS.map(log10), highest = max(0, ...points.map((p) => p.y || 0));
+    const x = gap > 0 ? max(xs[0], log10(gap)) : xs[0];
     told($(".curve-key"), "curve-key");
     chart.scales(xs, [LOWEST, highest + 0.5]);
     this.shade(xs);
@@ -68,24 +69,23 @@ export class Curve {
     chart.line(points.map((p) => [p.x, p.y]), { class: "soft-line strong" });
     this.drawCounts(x);
     for (const engine of ["hard", "soft"]) this.sayWhereItEnds(engine);
-    chart.finish();
+    chart.finish(plain("curve-said", { n: points.filter((p) => p.y < SAFE).length, of: points.length }));
     chart.playhead(x);
-    chart.svg.setAttribute("aria-label", plain("curve-said", { n: points.filter((p) => p.y < SAFE).length, of: points.length }));
     this.drawn = points.length;
   }
 
   // Where the verdict is yes.
   shade(xs) {
     const { chart } = this, y = chart.y(SAFE), left = chart.x(xs[0]);
-    chart.add("rect", { class: "safe", x: left, y: y.toFixed(1), width: chart.x(xs[1]) - left, height: (chart.y(LOWEST) - y).toFixed(1) });
-    chart.note(plain("safe-zone"), { x: left + 8, y: (y + 16).toFixed(1), class: "axis-name" });
+    chart.add("rect", { class: "safe", x: left, y, width: chart.x(xs[1]) - left, height: chart.y(LOWEST) - y });
+    chart.note(plain("safe-zone"), left + 8, y + 16);
   }
 
   markSafe(xs) {
-    const { chart, safe } = this, x = Math.log10(safe);
+    const { chart, safe } = this, x = log10(safe);
     if (!(x > xs[0] && x < xs[1])) return;
     chart.line([[x, chart.ys[0]], [x, chart.ys[1]]], { class: "drop-line" });
-    chart.note(plain("curve-mark"), { x: (chart.x(x) - 5).toFixed(1), y: (chart.y(LOWEST) - 8).toFixed(1), "text-anchor": "end", class: "axis-name" });
+    chart.note(plain("curve-mark"), chart.x(x) - 5, chart.y(LOWEST) - 8, "axis-name", "end");
   }
 
   // Along the line, where there is room for the words.
@@ -95,23 +95,23 @@ export class Curve {
     if (!widest) return;
     const middle = (widest[0] + widest[1]) / 2, [from, to] = [chart.x(chart.xs[0]), chart.x(chart.xs[1])], third = (to - from) / 3;
     const [x, anchor] = middle < from + third ? [from + 4, "start"] : middle > to - third ? [to - 4, "end"] : [middle, "middle"], share = engine === "hard" ? 0.8 : 0.68;
-    chart.add("rect", { class: "hole", x: widest[0].toFixed(1), y: chart.top, width: Math.max(2, widest[1] - widest[0]).toFixed(1), height: chart.y(LOWEST) - chart.top });
+    chart.add("rect", { class: "hole", x: widest[0], y: chart.top, width: max(2, widest[1] - widest[0]), height: chart.y(LOWEST) - chart.top });
     const y = chart.y(chart.ys[0] + share * (chart.ys[1] - chart.ys[0]));
-    chart.note(plain(`hole-${engine}`), { x: x.toFixed(1), y: y.toFixed(1), "text-anchor": anchor, class: `bar-value ${engine}` });
+    chart.note(plain(`hole-${engine}`), x, y, `bar-value ${engine}`, anchor);
   }
 
   // Numbers of contacts along the top: that at the marker first, the others where there is room.
   drawCounts(marker) {
     const { chart, points } = this, runs = grouped(points, (p) => p.contacts).filter(([p]) => !Number.isNaN(p.contacts)), placed = [];
     const place = (run, x) => {
-      if (placed.some((other) => Math.abs(other - x) < 6 + 8 * String(run[0].contacts).length)) return;
+      if (placed.some((other) => abs(other - x) < 6 + 8 * String(run[0].contacts).length)) return;
       placed.push(x);
-      chart.note(String(run[0].contacts), { x: x.toFixed(1), y: 16, "text-anchor": "middle", class: "count" });
+      chart.note(run[0].contacts, x, 16, "count", "middle");
     };
     const here = runs.find((run) => run[0].x <= marker + 1e-9 && marker <= run[run.length - 1].x + 1e-9);
-    if (here) place(here, Math.max(chart.left + 8, chart.x(marker)));
+    if (here) place(here, max(chart.left + 8, chart.x(marker)));
     for (const run of [...runs].sort((a, b) => b.length - a.length)) if (run !== here) place(run, (chart.x(run[0].x) + chart.x(run[run.length - 1].x)) / 2);
-    chart.note(plain("contacts-short"), { x: 0, y: 16, class: "count-name" });
+    chart.note(plain("contacts-short"), 0, 16);
   }
 }
 

@@ -4,17 +4,18 @@ import { $ } from "../shell/dom.mjs";
 import { quantity, unitFor } from "../shell/format.mjs";
 import { pairName } from "../physics/verdict.mjs";
 import { plain, told } from "./words.mjs";
+import { min } from "../physics/numbers.mjs";
 
 export class Distance {
   constructor() {
-    this.chart = new Chart($(".distance"), { height: 185, label: "", top: 18 });
+    this.chart = new Chart($(".distance"), { height: 185, top: 18 });
   }
 
   load(report, watched, { clock, end, unitName }) {
     $(".distance-box").hidden = !watched;
     this.clock = watched ? clock : null;
     if (!watched) return;
-    const { chart } = this, { range, depth, hops, touches } = watched, top = 1.3 * range, bottom = -Math.min(1.15 * depth, 2 * range);
+    const { chart } = this, { range, depth, hops, touches } = watched, top = 1.3 * range, bottom = -min(1.15 * depth, 2 * range);
     const [unit, name] = unitFor(top, "m"), path = (points) => cut(points, bottom, top).map(([t, y]) => [clock(t), y / unit]);
     chart.scales([0, end], [bottom / unit, top / unit]);
     chart.xTicks(ticks([0, end], 6), tickName, plain("time-in", { unit: unitName }));
@@ -24,10 +25,9 @@ export class Distance {
     chart.line(path(watched.soft), { class: "soft-line strong" });
     this.number(touches);
     this.measure(hops, unit);
-    chart.finish();
     told($(".distance-key"), "distance-key", { pair: pairName(report.scene, watched.pair) });
     const heights = hops.slice(0, 12).map((hop) => quantity(hop.height, "m", 2)).join(", ");
-    chart.svg.setAttribute("aria-label", plain("distance-said", { n: touches.length, hops: heights || "–" }));
+    chart.finish(plain("distance-said", { n: touches.length, hops: heights || "–" }));
   }
 
   show(t) {
@@ -39,7 +39,7 @@ export class Distance {
     touches.forEach((t, i) => {
       const x = this.chart.x(this.clock(t));
       if (x - last < 13) return;
-      this.chart.note(String(i + 1), { x: (x + 5).toFixed(1), y: 13, "text-anchor": "middle", class: "count" });
+      this.chart.note(i + 1, x + 5, 13, "count", "middle");
       last = x;
     });
   }
@@ -49,7 +49,7 @@ export class Distance {
     for (const { time, height } of hops) {
       const x = this.chart.x(this.clock(time));
       if (x - last < 46) continue;
-      this.chart.note(quantity(height, "m", 2), { x: x.toFixed(1), y: (this.chart.y(height / unit) - 5).toFixed(1), "text-anchor": "middle", class: "bar-value soft" });
+      this.chart.note(quantity(height, "m", 2), x, this.chart.y(height / unit) - 5, "bar-value soft", "middle");
       last = x;
     }
   }

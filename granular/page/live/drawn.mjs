@@ -10,7 +10,7 @@ const FACES = {
   "steel-ball": ["#aab2ba", `<path fill="#eef3f7" d="M-.92-.36Q0-.72 .92-.36Q.6-.1 0-.14T-.92-.36z" opacity=".9"/><path fill="#3d464f" d="M-.98 .12Q0 .34 .98 .12Q.8 .56 0 .5T-.98 .12z" opacity=".75"/>`],
   "glass-marble": ["#9fd6cf", `<path fill="#1f6f8b" d="M-.6-.5Q.2-.5 0 .1T.6 .6Q-.1 .7-.2 .1T-.6-.5z" opacity=".8"/><path fill="#d8672c" d="M-.2-.7Q.5-.3 .25 .15T.3 .85Q-.1 .4 .05 .05T-.2-.7z" opacity=".7"/>`],
 };
-const ALIKE = { "small-superball": "superball", "small-steel-ball": "steel-ball" };
+const SAME_LOOK = { "small-superball": "superball", "small-steel-ball": "steel-ball" };
 const PLAIN = ["#8fa3b5", `<path fill="#6f8598" d="M-1-.22H1V.22H-1z"/>`];
 
 // Colours that all pictures share; light and shadow are two veils over any ball.
@@ -25,6 +25,6 @@ export function shareColours() {
 
 // The inside of a group: a ball of radius 1.
 export function face(kind) {
-  const [colour, marks] = FACES[ALIKE[kind] ?? kind] ?? PLAIN;
+  const [colour, marks] = FACES[SAME_LOOK[kind] ?? kind] ?? PLAIN;
   return `<circle r="1" fill="${colour}"/><g clip-path="url(#disc)">${marks}</g><circle r="1" fill="url(#shade)"/><circle r="1" fill="url(#shine)"/><circle r="1" class="rim"/>`;
 }

@@ -1,7 +1,8 @@
 // The clock of a film: its time bar has three coloured parts, life, slow, life; beside it, how slow time goes.
 import { $, set, text } from "../shell/dom.mjs";
 import { Clock } from "../shell/clock.mjs";
-import { digits, quantity } from "../shell/format.mjs";
+import { digits, inThousands, quantity } from "../shell/format.mjs";
+import { abs } from "../physics/numbers.mjs";
 
 const WAIT = 1400; // ms before a film that loops begins anew
 const isStill = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -15,9 +16,10 @@ export class FilmClock extends Clock {
 
   // Who waits at the touch goes on waiting there.
   load(film) {
-    if (this.film && Math.abs(this.share - this.film.poise) < 1e-6) this.share = film.poise;
+    if (this.film && abs(this.share - this.film.poise) < 1e-6) this.share = film.poise;
     this.film = film;
-    this.setSpan([0, film.length]);
+    Object.assign(this, { span: [0, film.length], duration: film.length });
+    this.go(this.share);
     const [from, to] = [film.fall, film.isFilm ? film.fly : film.length].map((t) => `${((100 * t) / film.length).toFixed(1)}%`);
     this.bar.style.setProperty("--from", from);
     this.bar.style.setProperty("--to", to);
@@ -28,18 +30,11 @@ export class FilmClock extends Clock {
     this.paced(seconds);
   }
 
-  setSpan(span) {
-    this.span = span;
-    this.duration = span[1];
-    this.go(this.share);
-  }
-
   tell() {
     if (!this.film) return;
     const { slower, time, act } = this.film.at(this.time), now = quantity(time, "s", act === "slow" ? 4 : 2);
     text(this.readout, now);
-    const n = (x) => String(Math.round(x)).replace(/\B(?=(\d{3})+$)/g, "\u00a0");
-    const pace = slower === Infinity ? this.say("film-freeze") : slower > 1.5 ? this.say("slowed", { n: n(slower) }) : slower < 0.67 ? this.say("faster", { n: digits(1 / slower, 2) }) : this.say("film-life");
+    const pace = slower === Infinity ? this.say("film-freeze") : slower > 1.5 ? this.say("slowed", { n: inThousands(slower) }) : slower < 0.67 ? this.say("faster", { n: digits(1 / slower, 2) }) : this.say("film-life");
     text($(".slowdown", this.root), pace);
     set(this.bar, { "aria-valuetext": `${now}, ${pace}` });
   }
@@ -48,7 +43,7 @@ export class FilmClock extends Clock {
   play() {
     if (this.locked() || this.playing) return;
     if (isStill() && this.film.isFilm) return this.go(1) || this.ended();
-    if (this.share >= 1 || Math.abs(this.share - this.film.poise) < 1e-6) this.go(0);
+    if (this.share >= 1 || abs(this.share - this.film.poise) < 1e-6) this.go(0);
     super.play();
   }
 
@@ -78,11 +73,5 @@ export class FilmClock extends Clock {
   poise() {
     this.pause();
     this.go(this.film.poise);
-  }
-
-  leap(way) {
-    this.pause();
-    const shares = this.stops().map((time) => this.shareOf(time)).filter((s) => (way > 0 ? s > this.share + 1e-9 : s < this.share - 1e-9));
-    if (shares.length) this.go(way > 0 ? Math.min(...shares) : Math.max(...shares));
   }
 }

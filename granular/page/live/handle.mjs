@@ -2,6 +2,7 @@
 import { set, svg } from "../shell/dom.mjs";
 import { quantity } from "../shell/format.mjs";
 import { plain } from "./words.mjs";
+import { max, min, round } from "../physics/numbers.mjs";
 
 const STEP = 0.1, FINE = 0.02, ROOM = 14; // drop heights and shares of the safe gap per key; pixels around the ball
 
@@ -14,14 +15,13 @@ export class Handle {
     this.grip = view.grip;
     this.grip.append(this.disc, this.arrows);
     const { svg: host } = view;
-    host.addEventListener("pointerdown", (event) => this.begin(event));
-    host.addEventListener("pointermove", (event) => this.held && event.buttons & 1 && this.move(event));
-    for (const end of ["pointerup", "pointercancel"]) host.addEventListener(end, () => (this.held = null));
+    const begin = (event) => this.begin(event), move = (event) => this.held && event.buttons & 1 && this.move(event), end = () => (this.held = null);
+    set(host, { onpointerdown: begin, onpointermove: move, onpointerup: end, onpointercancel: end });
     this.grip.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false }); // parts of an SVG have no touch-action
-    this.grip.addEventListener("keydown", (event) => this.key(event));
+    set(this.grip, { onkeydown: (event) => this.key(event) });
   }
 
-  // `kind`: "gap", "guess" or nothing; `value` of it, `most`, and the gap that is surely enough.
+  // `kind`: "gap", "guess" or nothing; `value` of it, `most`, and the gap from which on contacts do not overlap.
   load({ kind, value, most, safe, isFirst }) {
     Object.assign(this, { kind, value, most, safe });
     const shown = kind === "gap" ? (value ? quantity(value, "m") : plain("touching")) : plain("your-guess", { guess: value ?? "–" });
@@ -35,8 +35,8 @@ export class Handle {
   show({ zoom }) {
     const { view, kind } = this;
     if (!kind) return;
-    const isGap = kind === "gap", ball = view.placed[view.top], y = isGap ? view.camera.down(ball.low + ball.r) : this.guessed(ball), { x } = view, far = x - Math.max(ball.r, 12) - 20;
-    set(this.disc, { cx: x, cy: y.toFixed(1), r: Math.max(ball.r, 12) + ROOM });
+    const isGap = kind === "gap", ball = view.placed[view.top], y = isGap ? view.camera.down(ball.low + ball.r) : this.guessed(ball), { x } = view, far = x - max(ball.r, 12) - 20;
+    set(this.disc, { cx: x, cy: y.toFixed(1), r: max(ball.r, 12) + ROOM });
     set(this.arrows, { d: `M${far} ${y - 18}l8 11h-16zM${far} ${y + 18}l8-11h-16z`, opacity: isGap && zoom < 0.9 ? 0 : 1 });
   }
 
@@ -68,7 +68,7 @@ export class Handle {
 
   key(event) {
     const ways = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 }, isGap = this.kind === "gap";
-    const ends = { Home: 0, End: isGap ? Math.min(this.most, 1.1 * this.safe) : this.most }, step = isGap ? FINE * this.safe : STEP;
+    const ends = { Home: 0, End: isGap ? min(this.most, 1.1 * this.safe) : this.most }, step = isGap ? FINE * this.safe : STEP;
     if (!this.kind || !(event.key in ways || event.key in ends)) return;
     event.preventDefault();
     event.stopPropagation();
@@ -77,7 +77,7 @@ export class Handle {
   }
 
   take(asked) {
-    const value = Math.min(this.most, Math.max(0, asked)), isGap = this.kind === "gap";
-    this.taken(this.kind, isGap ? (value < 1e-6 ? 0 : Number(value.toPrecision(3))) : Math.round(20 * value) / 20);
+    const value = min(this.most, max(0, asked)), isGap = this.kind === "gap";
+    this.taken(this.kind, isGap ? (value < 1e-6 ? 0 : Number(value.toPrecision(3))) : round(20 * value) / 20);
   }
 }

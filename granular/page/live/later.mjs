@@ -1,8 +1,8 @@
 // What a move of a slider draws a moment later, one piece at a time when nothing else is to be done: what is judged and
 // dragged is painted first. Pieces take turns, so none waits forever while a slider moves.
-const PATIENCE = 100; // ms
+import { whenIdle } from "../shell/dom.mjs";
 
-const idle = window.requestIdleCallback ? (work) => requestIdleCallback(work, { timeout: PATIENCE }) : (work) => setTimeout(work, 30);
+const LATEST = 100; // ms
 
 export class Later {
   constructor() {
@@ -18,12 +18,12 @@ export class Later {
   wait() {
     if (this.isWaiting || !this.jobs.size) return;
     this.isWaiting = true;
-    idle(() => {
+    whenIdle(() => {
       this.isWaiting = false;
       this.next();
       this.wait();
       if (!this.jobs.size) performance.mark("settled");
-    });
+    }, { timeout: LATEST });
   }
 
   next() {

@@ -1,6 +1,7 @@
 // A lens on the place where two balls touch: their distance on its own scale, and its number.
 import { set, svg, text } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
+import { max, min } from "../physics/numbers.mjs";
 
 export class Lens {
   constructor(engine) {
@@ -27,7 +28,7 @@ export class Lens {
 
   show(distance, touch) {
     const { cx, cy, r, upright, scale } = this, big = 3 * r;
-    const half = Math.min(2 * r, Math.max(-r, distance * scale)) / 2 + big;
+    const half = min(2 * r, max(-r, distance * scale)) / 2 + big;
     for (const [circle, side] of [[this.lower, upright ? 1 : -1], [this.upper, upright ? -1 : 1]]) {
       set(circle, upright ? { cx, cy: (cy + side * half).toFixed(2), r: big } : { cx: (cx + side * half).toFixed(2), cy, r: big });
     }

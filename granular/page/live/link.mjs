@@ -4,17 +4,18 @@ import { guessesIn } from "./classroom.mjs";
 import { GUESS, LAB, OPENING, startOf } from "./story.mjs";
 import { inWords } from "./controls.mjs";
 import { told } from "./words.mjs";
+import { floor, max, min } from "../physics/numbers.mjs";
 
 const QUIET = 250; // ms without a change before the link follows: browsers limit how often it may change
 
 // A link with nothing but a language opens what the file was made for, `start`.
 export function read(hash, start = "") {
   const own = parsed(hash), given = { ...(Object.keys(own).every((key) => key === "lang") ? parsed(start) : {}), ...own }, asked = Number(given.screen);
-  const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? OPENING : given.screen && asked >= OPENING && asked < LAB ? Math.floor(asked) : LAB;
+  const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? OPENING : given.screen && asked >= OPENING && asked < LAB ? floor(asked) : LAB;
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
   const { name } = begin, all = { ...begin.values, ...given }, isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
   const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
-  return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: given.guess };
+  return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : min(1, max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: given.guess };
 }
 
 // Told first: notes on the rest are in that language.

@@ -1,5 +1,5 @@
 // The teaching page: one state (screen, scene and values), one report, everything else drawn from it.
-import { $, save, text } from "../shell/dom.mjs";
+import { $, save, set, text } from "../shell/dom.mjs";
 import { AT_LEISURE, AT_ONCE, compareEngines } from "../physics/outcome.mjs";
 import { cleaned, contactsIn, offer, sceneOf, SETUPS } from "../physics/setups.mjs";
 import { Classroom } from "./classroom.mjs";
@@ -14,10 +14,10 @@ import { whenResized } from "./resize.mjs";
 import { Spoken } from "./spoken.mjs";
 import { GUESS, LAB, OPENING, screenOf, startOf, Story } from "./story.mjs";
 import { Tongue } from "./tongue.mjs";
-import { languageNow, say, speak } from "./words.mjs";
+import { data, languageNow, say, speak } from "./words.mjs";
+import { abs } from "../physics/numbers.mjs";
 
 const REST = 350; // ms without a change before what takes long is computed
-const data = JSON.parse($("#data").textContent);
 
 class Page {
   constructor() {
@@ -50,14 +50,13 @@ class Page {
   }
 
   listen() {
-    $(".csv").addEventListener("click", () => save("contacts.csv", "text/csv", contactsCsv(this.report)));
-    $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
-    $(".print-button").addEventListener("click", () => print());
-    $(".pack-button").addEventListener("click", () => printPack(location.href.split("#")[0] + written({ ...startOf(OPENING), screen: OPENING, at: null, lang: languageNow() })));
+    set($(".csv"), { onclick: () => save("contacts.csv", "text/csv", contactsCsv(this.report)) });
+    set($(".link-button"), { onclick: () => copyLink($(".link-button"), this.current()) });
+    set($(".print-button"), { onclick: () => print() });
+    set($(".pack-button"), { onclick: () => printPack(location.href.split("#")[0] + written({ ...startOf(OPENING), screen: OPENING, at: null, lang: languageNow() })) });
     whenResized(() => this.redraw());
-    $(".times").addEventListener("toggle", () => this.redraw()); // charts that were not to be seen have no width
-    window.addEventListener("hashchange", () => this.arrive());
-    window.addEventListener("popstate", () => this.arrive());
+    set($(".times"), { ontoggle: () => this.redraw() }); // charts that were not to be seen have no width
+    set(window, { onhashchange: () => this.arrive(), onpopstate: () => this.arrive() });
     explainTerms();
   }
 
@@ -176,7 +175,7 @@ class Page {
   }
 
   current() {
-    const { share, film } = this.clock, isResting = Math.abs(share - film.poise) < 1e-6 || this.state.screen <= GUESS;
+    const { share, film } = this.clock, isResting = abs(share - film.poise) < 1e-6 || this.state.screen <= GUESS;
     return { ...this.state, guess: this.predict.guess ?? NaN, at: isResting ? null : share, predict: this.state.screen === LAB && this.predict.on };
   }
 }

@@ -1,18 +1,19 @@
 // Results in numbers: big figures, rise heights (or velocities), tie rules, tables, CSV.
 import { Chart, tickName, ticks } from "../shell/axes.mjs";
-import { $, csv, fillTable, h, text, whenIdle } from "../shell/dom.mjs";
+import { $, csv, fillTable, h, set, text, whenIdle } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
 import { simulateHard, TIES } from "../physics/hard.mjs";
 import { isEarly, SAME } from "../physics/measures.mjs";
 import { shortName } from "./charts.mjs";
 import { plain, say, told } from "./words.mjs";
+import { abs, max, min, round, sqrt } from "../physics/numbers.mjs";
 
 const LISTED = 400, ENGINES = ["hard", "soft"];
 
 export class Panels {
   constructor() {
-    $(".contacts-box").addEventListener("toggle", () => this.listContacts());
-    this.rises = new Chart($(".rises"), { height: 225, label: "" });
+    set($(".contacts-box"), { ontoggle: () => this.listContacts() });
+    this.rises = new Chart($(".rises"), { height: 225 });
   }
 
   // Returns what is to be drawn later, by name.
@@ -20,7 +21,7 @@ export class Panels {
     this.report = report;
     figures(report, setup);
     told($(".rises-title"), report.scene.gravity ? "rises-title" : "speeds-title");
-    text($(".rises-key"), report.scene.gravity ? `┄ ${plain("drop-height")}` : "");
+    text($(".rises-key"), report.scene.gravity ? `┄ ${plain("label-drop")}` : "");
     const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
     $(".ties-box").hidden = !touching;
     if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
@@ -46,9 +47,9 @@ const endNotes = ({ soft, hard }) => [isEarly(hard) ? say("early-hard") : "", is
 
 function figures({ scene, hard, soft, pairs, finals }, setup) {
   const top = pairs[pairs.length - 1], last = scene.mass.length - 1;
-  const number = (run) => (isEarly(run) ? "–" : digits(setup.measure(run), 3));
+  const number = (run) => digits(setup.measure(run), 3);
   const count = (run) => (isEarly(run) ? `${run.contacts.length}+` : String(run.contacts.length));
-  const shared = soft.impulse > 0 ? Math.round((100 * soft.shared) / soft.impulse) : 0;
+  const shared = soft.impulse > 0 ? round((100 * soft.shared) / soft.impulse) : 0;
   const parts = [
     ["figure-contacts", count(hard), count(soft), say("figure-contacts-of", { hard: top.hard.contacts, soft: top.soft.contacts })],
     [`figure-${setup.measured}`, number(hard), number(soft), undecided(finals, last, scene) || (scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] }))],
@@ -63,7 +64,7 @@ function figures({ scene, hard, soft, pairs, finals }, setup) {
 }
 
 // The speed that takes a ball as high as it rises: that of another moment would contradict it.
-const thrown = ({ rise }, { gravity }) => Math.sqrt(2 * gravity * rise);
+const thrown = ({ rise }, { gravity }) => sqrt(2 * gravity * rise);
 
 // Which engines do not tell where ball i gets to.
 const undecided = (finals, i, { gravity }) =>
@@ -82,45 +83,43 @@ function showFigures(host, parts) {
 
 // What is not known is a question mark.
 function bars(chart, rows, n, names) {
-  const pitch = chart.x(1) - chart.x(0), isWide = pitch >= 88;
+  const pitch = chart.x(1) - chart.x(0), longest = max(...finite(rows).map((x) => digits(x, 3).length)), isWide = pitch >= 15 * longest;
   rows.forEach(([engine, values], e) => values.forEach((value, i) => {
-    const side = { x: (chart.x(i) + (e ? 2 : -2)).toFixed(1), "text-anchor": e ? "start" : "end", class: `bar-value ${engine}` };
-    if (Number.isNaN(value)) return chart.note("?", { ...side, y: (chart.y(0) - 5).toFixed(1) });
-    const width = Math.min(26, 0.34 * pitch), x = chart.x(i) + (e ? 1 : -width - 1), y0 = chart.y(0), y = chart.y(value);
-    chart.add("rect", { class: `${engine}-bar`, x: x.toFixed(1), width: width.toFixed(1), y: Math.min(y, y0).toFixed(1), height: Math.max(0.8, Math.abs(y - y0)).toFixed(1) });
-    if (isWide) chart.note(digits(value, 3), { ...side, y: (value < 0 ? y + 13 : y - 5).toFixed(1) });
+    const side = [`bar-value ${engine}`, e ? "start" : "end"], at = chart.x(i) + (e ? 2 : -2);
+    if (Number.isNaN(value)) return chart.note("?", at, chart.y(0) - 5, ...side);
+    const width = min(26, 0.34 * pitch), x = chart.x(i) + (e ? 1 : -width - 1), y0 = chart.y(0), y = chart.y(value);
+    chart.add("rect", { class: `${engine}-bar`, x, width, y: min(y, y0), height: max(0.8, abs(y - y0)) });
+    if (isWide) chart.note(digits(value, 3), at, value < 0 ? y + 13 : y - 5, ...side);
   }));
   chart.xTicks([...Array(n).keys()], names);
   const without = rows.filter(([, values]) => values.every(Number.isNaN)).map(([engine]) => plain("undecided", { engine: { say: `${engine}-spheres` } }));
-  if (without.length) chart.note(without.join("; "), { x: chart.left + 6, y: chart.top + 48, class: "axis-name" });
+  if (without.length) chart.note(without.join("; "), chart.left + 6, chart.top + 48);
 }
 
-const known = (rows) => rows.flatMap(([, values]) => values).filter(Number.isFinite);
+const finite = (rows) => rows.flatMap(([, values]) => values).filter(Number.isFinite);
 
 function drawRises(chart, { scene, finals }) {
   const n = scene.mass.length - 1, rows = ENGINES.map((e) => [e, finals[e].slice(1).map((f) => f.rise)]);
-  const top = Math.max(scene.drop, ...known(rows));
+  const top = max(scene.drop, ...finite(rows));
   chart.scales([-0.6, n - 0.4], [0, 1.14 * top]);
   chart.yTicks(ticks([0, top], 4), tickName, "m");
   bars(chart, rows, n, (i) => (n > 4 ? String(i + 1) : plain("ball", { n: i + 1 })));
   chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
-  chart.finish();
   describe(chart, "rises-said", rows, "m");
 }
 
 function drawSpeeds(chart, { scene, finals }) {
   const n = scene.mass.length, rows = ENGINES.map((e) => [e, finals[e].map((f) => f.velocity / scene.impact)]);
-  const all = known(rows), [low, high] = [Math.min(0, ...all), Math.max(1, ...all)];
+  const all = finite(rows), [low, high] = [min(0, ...all), max(1, ...all)];
   chart.scales([-0.6, n - 0.4], [low - 0.1 * (high - low), 1.12 * high]);
   chart.yTicks(ticks([low, high], 4), tickName, plain("in-arrivals"));
   bars(chart, rows, n, (i) => String(i + 1));
-  chart.finish();
   describe(chart, "speeds-said", rows, "");
 }
 
 function describe(chart, key, rows, unit) {
   const [hard, soft] = rows.map(([, values]) => values.map((x) => quantity(x, unit)).join(", "));
-  chart.svg.setAttribute("aria-label", plain(key, { hard, soft }));
+  chart.finish(plain(key, { hard, soft }));
 }
 
 function tieRules({ scene, eps, hard, finals, tieErrors }) {

@@ -19,6 +19,7 @@ import { Stage } from "./stage.mjs";
 import { GUESS, LAB, OPENING, screenOf } from "./story.mjs";
 import { watchedPair } from "./watched.mjs";
 import { plain, say } from "./words.mjs";
+import { max } from "../physics/numbers.mjs";
 
 const FARTHEST = 0.1, LEISURE = 9; // m that a ball can be held above another by hand; s for the contacts in the laboratory
 
@@ -65,7 +66,7 @@ export class Picture {
     const { report, predict, state, safe } = this, { scene, finals } = report, { screen, name, values } = state, inLab = screen === LAB, opens = screen === OPENING;
     const { kinds } = scene, names = kinds.map((kind, i) => (kind ? plain(`ball-${kind}`) : String(i))), asks = predict.covered;
     const rises = ["hard", "soft"].filter((engine) => !screenOf(screen).engine || screenOf(screen).engine === engine).flatMap((engine) => finals[engine].map((f) => f.rise)).filter(Number.isFinite);
-    const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches, most = Math.max(scene.drop, 1.05 * Math.max(predict.guess ?? 0, ...(screen === GUESS ? state.guesses : [])) * scene.drop, 1.08 * Math.max(0, ...rises));
+    const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches, most = max(scene.drop, 1.05 * max(predict.guess ?? 0, ...(screen === GUESS ? state.guesses : [])) * scene.drop, 1.08 * max(0, ...rises));
     const grips = (screenOf(screen).grip || (inLab && SETUPS[name].sliders.some((slider) => slider.name === "gap"))) && !asks && scene.gap.length > 1;
     const handle = asks ? { kind: "guess", value: predict.guess, most: SETUPS[name].most } : grips ? { kind: "gap", value: values.gap, most: FARTHEST, safe } : { kind: "" };
     return {

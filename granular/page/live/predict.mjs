@@ -1,7 +1,8 @@
 // Predict first: results stay covered until a guess is made; then the film runs, its end tells the answer, and asks why.
-import { $, h, set, text } from "../shell/dom.mjs";
+import { $, classes, h, set, text } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
 import { plain, told } from "./words.mjs";
+import { abs, max } from "../physics/numbers.mjs";
 
 const CAUSES = ["weight", "losses", "overlap"];
 
@@ -16,7 +17,7 @@ export class Predict {
       this.set(!this.on);
       switched();
     });
-    this.bar.addEventListener("input", () => this.take(this.bar.value / 100));
+    set(this.bar, { oninput: () => this.take(this.bar.value / 100) });
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.answer();
@@ -42,8 +43,7 @@ export class Predict {
   cover(covered) {
     this.covered = covered;
     this.form.hidden = !covered;
-    document.body.classList.toggle("asked", covered);
-    document.body.classList.toggle("covered", this.on && !this.isTold);
+    classes(document.body, { asked: covered, covered: this.on && !this.isTold });
     this.showGuess();
     this.tell();
   }
@@ -64,7 +64,7 @@ export class Predict {
 
   answer() {
     const [hard, soft] = [this.report.hard, this.report.soft].map(this.setup.measure), { guess } = this;
-    this.answered = { guess, hard, soft, nearer: { say: Math.abs(guess - hard) < Math.abs(guess - soft) ? "hard-spheres" : "soft-spheres" } };
+    this.answered = { guess, hard, soft, nearer: { say: abs(guess - hard) < abs(guess - soft) ? "hard-spheres" : "soft-spheres" } };
     this.cover(false);
     this.reveal();
   }
@@ -80,7 +80,7 @@ export class Predict {
   tell() {
     $(".why").hidden = true;
     if (!this.isTold) return told($(".told"), this.answered ? "watch" : "");
-    const { hard, soft } = this.answered, agree = this.report.answer === "yes" && Math.abs(hard - soft) < 0.02 * Math.max(1, hard);
+    const { hard, soft } = this.answered, agree = this.report.answer === "yes" && abs(hard - soft) < 0.02 * max(1, hard);
     if (!Number.isFinite(hard - soft)) return told($(".told"), "undecided", { engine: { say: Number.isFinite(hard) ? "soft-spheres" : "hard-spheres" } });
     told($(".told"), agree ? "told-agree" : "told", { ...this.answered, unit: plain(`unit-${this.setup.measured}`) });
     if (!agree && this.report.scene.gravity) this.ask();
@@ -89,7 +89,7 @@ export class Predict {
   // Why do they differ? Three causes to choose from, each with its answer.
   ask() {
     const answer = h("p", { class: "why-answer", role: "status" });
-    const buttons = CAUSES.map((cause) => h("button", { type: "button", "data-cause": cause, "aria-pressed": String(this.why === cause), onclick: () => choose(cause) }, plain(`why-${cause}`)));
+    const buttons = CAUSES.map((cause) => h("button", { "data-cause": cause, "aria-pressed": String(this.why === cause), onclick: () => choose(cause) }, plain(`why-${cause}`)));
     const choose = (cause) => {
       this.why = cause;
       buttons.forEach((button, i) => set(button, { "aria-pressed": String(CAUSES[i] === cause) }));

@@ -1,9 +1,11 @@
 // A QR code of a short text (ISO/IEC 18004): bytes, level M, versions 1 to 10, that is up to 213 bytes.
+import { abs, floor, max, min } from "../physics/numbers.mjs";
+
 const CHECKED = [10, 16, 26, 18, 24, 16, 18, 22, 22, 26]; // error-correction bytes of a block, by version
 const BLOCKS = [1, 1, 1, 2, 2, 4, 4, 4, 5, 5];
 const WHOLE = [26, 44, 70, 100, 134, 172, 196, 242, 292, 346]; // bytes in all
 const MIDDLE = [0, 0, 0, 0, 0, 0, 22, 24, 26, 28]; // of the alignment patterns, where there are three in a row
-const MASKS = [(r, c) => (r + c) % 2, (r) => r % 2, (r, c) => c % 3, (r, c) => (r + c) % 3, (r, c) => ((r >> 1) + Math.floor(c / 3)) % 2,
+const MASKS = [(r, c) => (r + c) % 2, (r) => r % 2, (r, c) => c % 3, (r, c) => (r + c) % 3, (r, c) => ((r >> 1) + floor(c / 3)) % 2,
   (r, c) => ((r * c) % 2) + ((r * c) % 3), (r, c) => (((r * c) % 2) + ((r * c) % 3)) % 2, (r, c) => (((r + c) % 2) + ((r * c) % 3)) % 2];
 
 // Rows of 0 and 1, or null if the text is too long.
@@ -13,7 +15,7 @@ export function codeOf(text) {
   if (v < 0) return null;
   const bits = interleaved(padded(bytes, v), v).flatMap((byte) => binary(byte, 8)), tries = MASKS.map((_, mask) => drawn(v, bits, mask));
   const faults = tries.map(fault);
-  return tries[faults.indexOf(Math.min(...faults))];
+  return tries[faults.indexOf(min(...faults))];
 }
 
 export const binary = (x, n) => Array.from({ length: n }, (_, i) => (x >> (n - 1 - i)) & 1);
@@ -26,7 +28,7 @@ function padded(bytes, v) {
 
 // Blocks with their error correction, first bytes of all blocks first; the last blocks may be one byte longer.
 function interleaved(bytes, v) {
-  const n = BLOCKS[v], least = Math.floor(bytes.length / n), long = bytes.length % n;
+  const n = BLOCKS[v], least = floor(bytes.length / n), long = bytes.length % n;
   let at = 0;
   const blocks = Array.from({ length: n }, (_, i) => bytes.slice(at, at += least + (i >= n - long ? 1 : 0)));
   const checks = blocks.map((block) => remainder(block, CHECKED[v])), rows = (parts, length) => Array.from({ length }, (_, i) => parts.map((part) => part[i])).flat();
@@ -65,7 +67,7 @@ function drawn(v, bits, mask) {
   const size = 21 + 4 * v, rows = Array.from({ length: size }, () => Array(size).fill(null));
   const put = (r, c, dark) => { if (rows[r]?.[c] !== undefined) rows[r][c] = Number(dark); };
   const ring = (r, c, half, light) => {
-    for (let i = -half; i <= half; i++) for (let j = -half; j <= half; j++) put(r + i, c + j, !light.includes(Math.max(Math.abs(i), Math.abs(j))));
+    for (let i = -half; i <= half; i++) for (let j = -half; j <= half; j++) put(r + i, c + j, !light.includes(max(abs(i), abs(j))));
   };
   for (let i = 0; i < size; i++) for (const [r, c] of [[6, i], [i, 6]]) put(r, c, i % 2 === 0);
   const places = v === 0 ? [] : [6, ...(MIDDLE[v] ? [MIDDLE[v]] : []), size - 7];
@@ -78,7 +80,7 @@ function drawn(v, bits, mask) {
   });
   put(size - 8, 8, 1);
   if (v >= 6) binary(guarded(v + 1, 12, 0x1f25), 18).forEach((bit, i) => {
-    const a = 5 - Math.floor(i / 3), b = size - 9 - (i % 3);
+    const a = 5 - floor(i / 3), b = size - 9 - (i % 3);
     put(a, b, bit);
     put(b, a, bit);
   });
@@ -96,7 +98,7 @@ function drawn(v, bits, mask) {
 // The less, the easier it is to read: long runs, squares of one colour, what looks like a corner, too much dark or light.
 function fault(rows) {
   const lines = [...rows, ...rows.map((_, i) => rows.map((row) => row[i]))].map((line) => line.join("")), dark = rows.flat().reduce((sum, bit) => sum + bit, 0) / rows.length ** 2;
-  let sum = 10 * Math.floor(Math.abs(20 * dark - 10));
+  let sum = 10 * floor(abs(20 * dark - 10));
   for (const line of lines) {
     for (const run of line.match(/0{5,}|1{5,}/g) ?? []) sum += run.length - 2;
     sum += 40 * (line.match(/(?=10111010000|00001011101)/g) ?? []).length;

@@ -4,14 +4,15 @@ import { digits } from "../shell/format.mjs";
 import { ballValues } from "../physics/setups.mjs";
 import { spreadOf } from "../physics/spread.mjs";
 import { told } from "./words.mjs";
+import { abs, max } from "../physics/numbers.mjs";
 
 const USUAL = 1.2, ALIKE = 0.05, NEARLY = 0.05; // factor of a contact time; heights, and errors, that differ less are close
 
 // The answer in heights, for the story: it is that of the laboratory and the library, and stands beside its error.
-export function inHeights({ finals, scene, answer, verdict, error }) {
+export function inHeights({ finals, scene, answer, verdict, error, kind }) {
   const [hard, soft] = ["hard", "soft"].map((engine) => finals[engine].at(-1).rise / scene.drop);
-  if (!["yes", "no"].includes(answer) || !(hard >= 0 && soft >= 0) || !(error >= 0)) return { answer, verdict };
-  const isClose = Math.abs(hard - soft) <= ALIKE * Math.max(hard, soft), key = answer === "yes" ? (isClose ? "yes" : "later") : isClose && error <= NEARLY ? "nearly" : "no";
+  if (!["yes", "no"].includes(answer) || kind === "forever" || !(hard >= 0 && soft >= 0) || !(error >= 0)) return { answer, verdict };
+  const isClose = abs(hard - soft) <= ALIKE * max(hard, soft), key = answer === "yes" ? (isClose ? "yes" : "later") : isClose && error <= NEARLY ? "nearly" : "no";
   return { answer, verdict: { say: `heights-${key}`, hard, soft, error: { say: "percent", n: [100 * error, "", 2] } } };
 }
 
@@ -32,13 +33,13 @@ export class Spread {
   show(values) {
     const factors = [1, 2].map((i) => this.factorOf(values, i)), found = spreadOf(values, factors);
     if (!found) return told($(".spread"), "");
-    const uncertain = Math.max(...factors) > 1.5 ? { say: "factor-two" } : { say: "twenty-percent" };
+    const uncertain = max(...factors) > 1.5 ? { say: "factor-two" } : { say: "twenty-percent" };
     const n = digits(found[0], 2) === digits(found[1], 2) ? 3 : 2, [low, high] = found.map((rise) => digits(rise, n));
     told($(".spread"), "spread", { low, high, uncertain });
   }
 
   factorOf(values, i) {
-    const same = (ball) => Object.entries(ballValues(ball, i)).every(([key, x]) => Math.abs(values[key] - x) <= 1e-9 * x);
-    return this.balls.find(same)?.spread ?? USUAL;
+    const same = (ball) => Object.entries(ballValues(ball, i)).every(([key, x]) => abs(values[key] - x) <= 1e-9 * x);
+    return this.balls.find(same)?.at(-1) ?? USUAL;
   }
 }

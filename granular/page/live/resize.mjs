@@ -1,5 +1,5 @@
 // When the window has another width, and has kept it for a moment.
-const QUIET = 80; // ms
+const STEADY = 80; // ms
 
 export function whenResized(work) {
   let width = 0, waiting = 0;
@@ -10,6 +10,6 @@ export function whenResized(work) {
       if (innerWidth === width) return;
       width = innerWidth;
       work();
-    }, QUIET);
+    }, STEADY);
   });
 }

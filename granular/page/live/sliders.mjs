@@ -2,6 +2,7 @@
 import { h, marked, set, text } from "../shell/dom.mjs";
 import { quantity } from "../shell/format.mjs";
 import { plain } from "./words.mjs";
+import { round } from "../physics/numbers.mjs";
 
 const STEPS = 1000;
 
@@ -18,7 +19,7 @@ export function slider(spec, changed) {
   const element = h("div", { class: "slider" }, h("label", { for: id }, h("i", {}, ...marked(symbol)), " ", plain(`label-${label}`)), value, track);
   const show = (values) => {
     const x = values[name], shown = spec.zero && x === 0 ? plain("touching") : quantity(x, unit);
-    if (document.activeElement !== input || fromShare(spec, input.value / STEPS) !== x) input.value = whole ? x : Math.round(toShare(spec, x) * STEPS);
+    if (document.activeElement !== input || fromShare(spec, input.value / STEPS) !== x) input.value = whole ? x : round(toShare(spec, x) * STEPS);
     if (name === "moving") input.max = values.n - 1;
     set(input, { "aria-valuetext": shown });
     text(value, shown);
@@ -42,7 +43,7 @@ function forgetsSwipes(input) {
     input.value = before;
     input.dispatchEvent(new Event("input", { bubbles: true }));
   });
-  input.addEventListener("pointerup", () => setTimeout(() => input.blur()));
+  set(input, { onpointerup: () => setTimeout(() => input.blur()) });
 }
 
 export function choice({ name, label, options, min }, changed) {

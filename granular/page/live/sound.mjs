@@ -6,14 +6,15 @@ import { $, set, text } from "../shell/dom.mjs";
 import { largest } from "../physics/measures.mjs";
 import { pushesOf } from "../physics/pushes.mjs";
 import { say } from "./words.mjs";
+import { max } from "../physics/numbers.mjs";
 
-const APART = 0.07, LEAST = 0.1, LEAP = 0.5; // s between clicks of one instant, of the loudest, s of a film that is no step of its clock
-const ENGINES = { hard: [1900, 0.03, -0.8], soft: [620, 0.09, 0.8] }; // Hz, s until a click has died away, ear
+const APART = 0.07, FAINTEST = 0.1, LEAP = 0.5; // s between clicks of one instant, of the loudest, s of a film that is no step of its clock
+const CLICKS = { hard: [1900, 0.03, -0.8], soft: [620, 0.09, 0.8] }; // Hz, s until a click has died away, ear
 
 export class Sound {
   constructor() {
     Object.assign(this, { button: $(".sound-button"), clicks: [], last: 0 });
-    this.button.addEventListener("click", () => this.turn());
+    set(this.button, { onclick: () => this.turn() });
   }
 
   // A browser lets a page make sounds when it has been asked to by hand.
@@ -25,9 +26,9 @@ export class Sound {
 
   // `only`: the one engine that is shown, if it is one.
   load(report, film, only) {
-    this.clicks = Object.keys(ENGINES).filter((engine) => !only || engine === only).flatMap((engine) => {
+    this.clicks = Object.keys(CLICKS).filter((engine) => !only || engine === only).flatMap((engine) => {
       const pushes = pushesOf(engine, report[engine].contacts), most = largest(pushes.map(({ speed }) => speed));
-      return pushes.map(({ begin, speed }) => ({ engine, now: film.when(begin - film.clock(engine, 0)), loud: Math.max(LEAST, speed / most || 0) }));
+      return pushes.map(({ begin, speed }) => ({ engine, now: film.when(begin - film.clock(engine, 0)), loud: max(FAINTEST, speed / most || 0) }));
     });
   }
 
@@ -36,14 +37,14 @@ export class Sound {
     const { last, context } = this;
     this.last = now;
     if (!context || !isPlaying || now <= last || now - last > LEAP) return;
-    for (const engine of Object.keys(ENGINES)) {
+    for (const engine of Object.keys(CLICKS)) {
       let after = 0;
       for (const click of this.clicks) if (click.engine === engine && click.now >= last && click.now < now) this.click(click, APART * after++);
     }
   }
 
   click({ engine, loud }, wait) {
-    const { context } = this, [pitch, lasts, ear] = ENGINES[engine], begin = context.currentTime + wait;
+    const { context } = this, [pitch, lasts, ear] = CLICKS[engine], begin = context.currentTime + wait;
     const tone = new OscillatorNode(context, { frequency: pitch }), gain = new GainNode(context, { gain: 0 });
     gain.gain.setValueAtTime(0.4 * loud, begin);
     gain.gain.exponentialRampToValueAtTime(1e-4, begin + lasts);

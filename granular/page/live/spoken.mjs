@@ -4,7 +4,7 @@ import { $, text } from "../shell/dom.mjs";
 import { inHeights } from "./real.mjs";
 import { plain, told } from "./words.mjs";
 
-const REST = 350; // ms without a change
+const PAUSE = 350; // ms without a change
 
 export class Spoken {
   load(report, isStory, covered) {
@@ -12,6 +12,6 @@ export class Spoken {
     told($(".verdict-words"), verdict.say, verdict);
     $(".verdict").classList.toggle("yes", answer === "yes");
     clearTimeout(this.waiting);
-    this.waiting = setTimeout(() => text($(".announced"), covered ? "" : plain(verdict.say, verdict)), REST);
+    this.waiting = setTimeout(() => text($(".announced"), covered ? "" : plain(verdict.say, verdict)), PAUSE);
   }
 }

@@ -1,11 +1,12 @@
 // The two engines side by side: upright where balls fall, in a row where they do not.
-import { $, svg } from "../shell/dom.mjs";
+import { $, classes, svg } from "../shell/dom.mjs";
 import { largestForce, softForces } from "../physics/traces.mjs";
 import { Handle } from "./handle.mjs";
 import { Lying } from "./lying.mjs";
 import { Upright } from "./upright.mjs";
 import { shareColours } from "./drawn.mjs";
 import { told } from "./words.mjs";
+import { max, sqrt } from "../physics/numbers.mjs";
 
 const FLASH = 0.02; // share of the contacts' time for which a hard collision stays visible
 
@@ -23,7 +24,7 @@ export class Stage {
   load(report, film, look) {
     const falls = report.scene.gravity > 0, depth = depthIn(look.samples.soft, report.scene);
     Object.assign(this, { report, film, views: falls ? this.upright : this.lying, falls });
-    for (const [name, on] of Object.entries({ upright: falls, lying: !falls, asks: look.asks, opens: look.opens })) this.host.classList.toggle(name, Boolean(on));
+    classes(this.host, { upright: falls, lying: !falls, asks: look.asks, opens: look.opens });
     const kind = `${falls} ${look.asks} ${look.opens}`;
     if (kind !== this.kind || !this.sizes) this.measure();
     this.kind = kind;
@@ -45,10 +46,10 @@ export class Stage {
 
   show(frame) {
     const { report, film } = this, fade = FLASH * film.span, hardly = film.clock("hard", frame.time);
-    const press = softForces(film.isFilm ? report.cut : report.soft, film.clock("soft", frame.time)).map((f) => Math.sqrt(f / this.forceMax));
+    const press = softForces(film.isFilm ? report.cut : report.soft, film.clock("soft", frame.time)).map((f) => sqrt(f / this.forceMax));
     const flash = press.map((_, c) => {
-      const last = report.hard.contacts.reduce((s, one) => (one.pair === c && one.begin <= hardly ? Math.max(s, one.begin) : s), -Infinity);
-      return Math.max(0, 1 - (hardly - last) / fade);
+      const last = report.hard.contacts.reduce((s, one) => (one.pair === c && one.begin <= hardly ? max(s, one.begin) : s), -Infinity);
+      return max(0, 1 - (hardly - last) / fade);
     });
     this.views[0].show(frame, flash);
     this.views[1].show(frame, press);
@@ -57,4 +58,4 @@ export class Stage {
 }
 
 // How deep each pair sinks in.
-const depthIn = (rows, scene) => scene.gap.map((_, c) => rows.reduce((most, y) => Math.max(most, y[c] - y[c + 1]), 0));
+const depthIn = (rows, scene) => scene.gap.map((_, c) => rows.reduce((most, y) => max(most, y[c] - y[c + 1]), 0));

@@ -1,5 +1,5 @@
 // The drop, six screens over the same engines from a guess to the real demonstration, and the laboratory.
-import { $, h, set, text } from "../shell/dom.mjs";
+import { $, classes, h, set, text } from "../shell/dom.mjs";
 import { SETUPS } from "../physics/setups.mjs";
 import { has, plain, told } from "./words.mjs";
 
@@ -13,14 +13,14 @@ const TEXTBOOK = { m1: 2, m2: 1e-3, e1: 1, e2: 1, gap: 1e-3 };
 
 // What each screen begins with; `only`: its sliders, `presets`: its buttons, `grip`: whether the upper ball sets the gap.
 const SCREENS = [
-  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}), engine: "soft" },
-  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}), predict: true },
-  { scene: "bouncing-ball", only: [], presets: () => pick("bouncing-ball", SINGLE) },
-  { scene: "real-balls", values: TEXTBOOK, only: [], presets: () => ({ textbook: TEXTBOOK, masses: { e1: 1, e2: 1, gap: 1e-3 }, losses: NEAR }), engine: "hard" },
-  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}) },
-  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}), grip: true },
-  { scene: "real-balls", from: PINGPONG, values: { gap: CLOSE }, only: ["rule", "bounces"], presets: () => close(SETUPS["real-balls"].presets), grip: true },
-];
+  { engine: "soft" },
+  { predict: true },
+  { scene: "bouncing-ball", values: {}, presets: () => pick("bouncing-ball", SINGLE) },
+  { values: TEXTBOOK, presets: () => ({ textbook: TEXTBOOK, masses: { e1: 1, e2: 1, gap: 1e-3 }, losses: NEAR }), engine: "hard" },
+  {},
+  { grip: true },
+  { from: PINGPONG, values: { gap: CLOSE }, only: ["rule", "bounces"], presets: () => close(SETUPS["real-balls"].presets), grip: true },
+].map((own) => ({ scene: "real-balls", values: NEAR, only: [], presets: () => ({}), ...own }));
 
 const close = (presets) => Object.fromEntries(Object.entries(presets).map(([name, values]) => [name, { ...values, gap: CLOSE }]));
 const pick = (scene, names) => Object.fromEntries(names.map((name) => [name, SETUPS[scene].presets[name]]));
@@ -34,10 +34,10 @@ export const startOf = (number) => {
 export class Story {
   constructor(go) {
     this.go = go;
-    this.steps = Array.from({ length: LAB }, (_, i) => h("button", { type: "button", "data-screen": i + 1, onclick: () => go(i + 1) }));
+    this.steps = Array.from({ length: LAB }, (_, i) => h("button", { "data-screen": i + 1, onclick: () => go(i + 1) }));
     $(".steps").append(...this.steps.map((button) => h("li", {}, button)));
-    $(".story-back").addEventListener("click", () => this.turn(-1));
-    $(".story-next").addEventListener("click", () => this.turn(1));
+    set($(".story-back"), { onclick: () => this.turn(-1) });
+    set($(".story-next"), { onclick: () => this.turn(1) });
   }
 
   turn(way) {
@@ -48,10 +48,9 @@ export class Story {
   load(screen) {
     this.screen = screen;
     document.body.dataset.screen = screen;
-    document.body.classList.toggle("tale", screen < LAB);
-    document.body.classList.toggle("drop", screen === OPENING);
-    for (const engine of ["hard", "soft"]) document.body.classList.toggle(`${engine}-only`, screenOf(screen).engine === engine);
-    for (const section of document.querySelectorAll("[data-on]")) section.classList.toggle("off", !section.dataset.on.split(" ").includes(String(screen)));
+    const { engine } = screenOf(screen);
+    classes(document.body, { tale: screen < LAB, lab: screen === LAB, drop: screen === OPENING, "hard-only": engine === "hard", "soft-only": engine === "soft" });
+    for (const section of document.querySelectorAll("[data-on]")) classes(section, { off: !section.dataset.on.includes(screen) });
     this.steps.forEach((button, i) => {
       const isLab = i + 1 === LAB, name = plain(`s${i + 1}-title`);
       text(button, isLab ? plain("lab-short") : String(i + 1));
@@ -64,6 +63,6 @@ export class Story {
     keys.forEach((key, i) => told(paragraphs[i], key));
     $(".story-back").hidden = screen <= GUESS;
     $(".story-next").hidden = screen === LAB;
-    told($(".story-next"), { [OPENING]: "your-turn", [LAB - 1]: "to-lab" }[screen] ?? "next");
+    told($(".story-next"), { [OPENING]: "s1-title", [LAB - 1]: "to-lab" }[screen] ?? "next");
   }
 }

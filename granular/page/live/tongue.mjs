@@ -8,7 +8,7 @@ export class Tongue {
   constructor(chosen) {
     this.select = $(".language");
     this.select.append(...LANGUAGES.map((one) => h("option", { value: one }, nameOf(one))));
-    this.select.addEventListener("change", () => chosen(this.select.value));
+    set(this.select, { onchange: () => chosen(this.select.value) });
   }
 
   load() {

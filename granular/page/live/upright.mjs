@@ -7,6 +7,7 @@ import { dots } from "./classroom.mjs";
 import { face } from "./drawn.mjs";
 import { Lens } from "./lens.mjs";
 import { plain } from "./words.mjs";
+import { abs, max, min } from "../physics/numbers.mjs";
 
 const LEFT = 44, GAUGE = 26, NARROW = 260; // pixels: of the ruler, of the gauge, and a stage that is too small for all its words
 
@@ -55,8 +56,8 @@ export class Upright {
   drawRuler() {
     const { camera, scene, w, top } = this, { drop } = scene, rest = camera.place(scene.radius.map(() => 0))[top].zero, [scale] = camera.scales(0);
     this.ruler.innerHTML = ticks([0, camera.most / drop], 5).map((v) => {
-      const y = camera.down(rest + v * drop * scale).toFixed(1);
-      return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v === 1 ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: Number(y) + 4, "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
+      const y = camera.down(rest + v * drop * scale);
+      return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v === 1 ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: y + 4, "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
     }).join("") + markup("text", { x: w - 10, y: w < NARROW ? 38 : 20, "text-anchor": "end", class: "ruler-tick" }, plain("in-drops"));
   }
 
@@ -64,8 +65,8 @@ export class Upright {
   drawGauge(finals) {
     const { camera, scene, w, tall, look } = this, rise = finals[this.top].rise / scene.drop, most = look.most / scene.drop;
     if (!look.gauge || !(rise >= 0)) return void (this.gauge.innerHTML = "");
-    const y = (v) => camera.down((v / most) * (tall - 90)).toFixed(1), x = w - GAUGE - 6, floor = y(0);
-    const bar = markup("rect", { x, width: GAUGE - 8, y: y(rise), height: Math.max(1, floor - y(rise)), class: `gauge-bar ${this.engine}-bar` });
+    const y = (v) => camera.down((v / most) * (tall - 90)), x = w - GAUGE - 6, floor = y(0);
+    const bar = markup("rect", { x, width: GAUGE - 8, y: y(rise), height: max(1, floor - y(rise)), class: `gauge-bar ${this.engine}-bar` });
     const one = markup("line", { x1: x - 4, x2: x + GAUGE - 4, y1: y(1), y2: y(1), class: "drop-line" });
     this.gauge.innerHTML = bar + one + markup("text", { x: w - 8, y: y(rise) - 6, "text-anchor": "end", class: `gauge-value ${this.engine}` }, digits(rise, 3));
   }
@@ -74,9 +75,9 @@ export class Upright {
     const { camera, film, engine } = this, heights = film.heights(engine, frame.time), balls = camera.place(heights, frame.zoom);
     balls.forEach((ball, i) => i && this.put(this.each[i], ball));
     this.placed = balls;
-    const [first] = balls.slice(1), height = Math.max(0, first.low), fade = Math.max(0, 1 - height / (0.8 * this.tall));
-    set(this.shadow, { cx: this.x, cy: camera.down(-3), rx: (first.r * (0.75 + 0.5 * fade)).toFixed(1), ry: Math.max(2, 0.09 * first.r).toFixed(1), opacity: fade.toFixed(2), fill: "url(#ground)" });
-    const far = Math.max(0, 1 - 3 * frame.zoom), near = Math.max(0, 3 * frame.zoom - 2);
+    const [first] = balls.slice(1), height = max(0, first.low), fade = max(0, 1 - height / (0.8 * this.tall));
+    set(this.shadow, { cx: this.x, cy: camera.down(-3), rx: (first.r * (0.75 + 0.5 * fade)).toFixed(1), ry: max(2, 0.09 * first.r).toFixed(1), opacity: fade.toFixed(2), fill: "url(#ground)" });
+    const far = max(0, 1 - 3 * frame.zoom), near = max(0, 3 * frame.zoom - 2);
     for (const part of [this.ruler, this.tops]) set(part, { opacity: far.toFixed(2) });
     set(this.gauge, { opacity: near.toFixed(2) });
     this.drawTops(balls, frame);
@@ -90,30 +91,32 @@ export class Upright {
     const { r, low, below, above } = ball, wide = r * bulge(ball);
     set(element, { transform: `translate(${this.x.toFixed(1)} ${this.camera.down(low + r).toFixed(2)})` });
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
-    set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: Math.max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
+    set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
     const isInside = r > 44;
     set(label, { visibility: this.w < NARROW && !isInside ? "hidden" : "visible" });
     set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
   }
 
-  // From where a ball stands to its highest point, with the number.
+  // From where a ball stands to its highest point, with the number: between the ruler and the balls, or where there is no room
+  // beyond them.
   drawTops(balls, { time, zoom }) {
-    const { film, engine, camera, scene, look } = this, step = Math.min(30, (this.x - LEFT - 24) / this.top);
+    const { film, engine, camera, scene, look } = this, widest = max(...balls.map((one) => one.r)), side = this.w < NARROW ? 1 : -1;
+    const step = min(30, (side > 0 ? this.w - this.x - widest - 34 : this.x - LEFT - 24) / this.top);
     const up = balls.map((_, i) => i > 0 && zoom < 0.3 && !look.asks && film.isUp(engine, i, time)), key = up.join();
     if (key === this.upNow && zoom > 0 === this.wasNear) return;
     Object.assign(this, { upNow: key, wasNear: zoom > 0 });
     this.tops.innerHTML = balls.map(({ low, zero }, i) => {
       if (!up[i]) return "";
-      const x = (this.x - Math.max(...balls.map((one) => one.r)) - 10 - step * (this.top - i)).toFixed(1), [y1, y2] = [zero, Math.max(zero, low)].map((z) => camera.down(z).toFixed(1));
-      const line = markup("path", { d: `M${x} ${y1}V${y2}m-5 0h${i === this.top ? 40 : 10}M${x - 5} ${y1}h10`, class: "top-line" });
-      const rise = Math.max(0, film.lanes[engine].held[i]) / scene.drop;
+      const x = (this.x + side * (widest + 10 + step * (this.top - i))).toFixed(1), [y1, y2] = [zero, max(zero, low)].map((z) => camera.down(z).toFixed(1));
+      const line = markup("path", { d: `M${x} ${y1}V${y2}m${5 * side} 0h${-side * (i === this.top ? 40 : 10)}M${x - 5} ${y1}h10`, class: "top-line" });
+      const rise = max(0, film.lanes[engine].held[i]) / scene.drop;
       return line + (look.opens ? "" : markup("text", { x, y: y2 - 6, "text-anchor": "middle", class: `top-value ${engine}` }, digits(rise, 3)));
     }).join("");
   }
 
   drawMarks(balls, press, near) {
     this.lines.forEach((line, c) => {
-      const half = Math.min(6 + 20 * press[c], 1.2 * Math.max(balls[c].r, balls[c + 1].r)), y = this.camera.down(balls[c + 1].low + balls[c + 1].below).toFixed(2);
+      const half = min(6 + 20 * press[c], 1.2 * max(balls[c].r, balls[c + 1].r)), y = this.camera.down(balls[c + 1].low + balls[c + 1].below).toFixed(2);
       set(line, { x1: this.x - half, x2: this.x + half, y1: y, y2: y, opacity: (near * press[c]).toFixed(2) });
     });
   }
@@ -121,19 +124,19 @@ export class Upright {
   // Where the ball would have to be held, and where it is guessed to fly.
   drawGhosts(balls, { zoom, time }) {
     const { look, camera, top } = this, { ghost, guess, asks } = look, { r, zero } = balls[top], parts = [];
-    const poised = Math.abs(time) < 1e-9 && zoom > 0.99;
+    const poised = abs(time) < 1e-9 && zoom > 0.99;
     if (ghost > 0 && poised) parts.push(this.ghostBall(zero + ghost * camera.scales(1)[0], r, plain("gap-mark", { gap: [ghost, "m", 2] })));
     const at = guess ?? (asks ? 1 : null);
-    if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? Math.max(12, r) : r, guess === null ? plain("drag-me") : plain("your-guess", { guess })));
-    if (zoom < 0.3) parts.push(...dots(look.guesses).map(([height, place]) => markup("circle", { cx: this.w - 16 - 13 * place, cy: (camera.down(zero + height * this.scene.drop * camera.scales(0)[0])).toFixed(1), r: 5, class: "dot" })));
+    if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? max(12, r) : r, guess === null ? plain("drag-me") : plain("your-guess", { guess })));
+    if (zoom < 0.3) parts.push(...dots(look.guesses).map(([height, place]) => markup("circle", { cx: this.w - 16 - 13 * place, cy: camera.down(zero + height * this.scene.drop * camera.scales(0)[0]), r: 5, class: "dot" })));
     const written = parts.join("");
     if (this.ghosts.written !== written) this.ghosts.innerHTML = this.ghosts.written = written;
   }
 
   ghostBall(low, r, words) {
     const y = this.camera.down(low + r), edge = this.camera.down(low);
-    return markup("circle", { cx: this.x, cy: y.toFixed(1), r: r.toFixed(1), class: "ghost" }) + markup("line", { x1: LEFT, x2: this.w - 8, y1: edge.toFixed(1), y2: edge.toFixed(1), class: "ghost-line" })
-      + markup("text", { x: this.x, y: (y - r - 7).toFixed(1), "text-anchor": "middle", class: "guess-text" }, words).replace(/_(\w)(.*)<\/text>/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">$2</tspan></text>');
+    return markup("circle", { cx: this.x, cy: y, r, class: "ghost" }) + markup("line", { x1: LEFT, x2: this.w - 8, y1: edge, y2: edge, class: "ghost-line" })
+      + markup("text", { x: this.x, y: y - r - 7, "text-anchor": "middle", class: "guess-text" }, words).replace(/_(\w)(.*)<\/text>/, '<tspan dy="3" font-size="0.75em">$1</tspan><tspan dy="-3">$2</tspan></text>');
   }
 
   tellScale(zoom) {
@@ -143,8 +146,8 @@ export class Upright {
   }
 
   layLens() {
-    const r = Math.min(46, 0.16 * this.w);
-    this.lens.layout({ cx: this.w - r - 12, cy: Math.max(r + 46, 0.24 * this.tall), r, upright: true, range: this.look.watched.range, natural: this.camera.scales(1)[1] });
+    const r = min(46, 0.16 * this.w);
+    this.lens.layout({ cx: this.w - r - 12, cy: max(r + 46, 0.24 * this.tall), r, upright: true, range: this.look.watched.range, natural: this.camera.scales(1)[1] });
   }
 
   showLens(heights, balls, near) {

@@ -5,8 +5,10 @@
 import { $, h, marked, set, text } from "../shell/dom.mjs";
 import { digits, quantity, writeDecimalsWith } from "../shell/format.mjs";
 
-const { keys, sentences } = JSON.parse($("#data").textContent);
-const words = Object.fromEntries(Object.entries(sentences).map(([one, said]) => [one, Object.fromEntries(keys.map((key, i) => [key, said[i]]).filter(([, sentence]) => sentence !== null))]));
+export const data = JSON.parse($("#data").textContent);
+const keys = data.keys.split(" ");
+const wordsIn = (sentences) => Object.fromEntries(sentences.split("\n").map((sentence, i) => [keys[i], sentence]));
+const words = Object.fromEntries(Object.entries(data.sentences).map(([one, sentences]) => [one, wordsIn(sentences)]));
 export const LANGUAGES = Object.keys(words);
 let language = "", plural = null;
 
@@ -26,7 +28,7 @@ export const nameOf = (one) => words[one].language;
 export const has = (key) => Object.hasOwn(words[language], key);
 
 export function say(key, values = {}) {
-  const sentence = words[language][key] ?? words.en[key] ?? key;
+  const sentence = words[language][key] ?? key;
   return sentence.replace(/\{(\w+)(?:#([^}]*))?\}/g, (_, name, forms) => (forms ? chosen(forms.split("|"), values[name]) : shown(values[name])));
 }
 
@@ -54,6 +56,6 @@ export function told(element, key, values) {
   const parts = sentence.split(/(\[\[[\w-]+\|[^\]]*\]\])/).filter(Boolean);
   element.replaceChildren(...parts.flatMap((part) => {
     const [, term, label] = TERM.exec(part) ?? [];
-    return term ? [h("button", { type: "button", class: "term", "data-term": term, "aria-expanded": "false" }, ...marked(label))] : marked(part);
+    return term ? [h("button", { class: "term", "data-term": term, "aria-expanded": "false" }, ...marked(label))] : marked(part);
   }));
 }

@@ -4,6 +4,7 @@
 // outcome: the ball below may be about to hit it again. A ball that comes to rest instead rises 0; one for which it cannot
 // be told within the patience of the engine has NaN. Heights have the radii taken out, and overlaps count as 0. `apexAt` is
 // when it is there.
+import { max } from "./numbers.mjs";
 
 export const startApexes = (scene) => ({
   apex: scene.mass.map((m) => (m === Infinity ? 0 : NaN)), apexAt: scene.mass.map(() => NaN), touched: scene.mass.map(() => false),
@@ -21,7 +22,7 @@ export function noteApexes(run, dt, velocityOf, heightsNow, isFree = () => true)
     if (!run.touched[i] || !Number.isNaN(run.apex[i]) || !isFree(i)) continue;
     const v = velocityOf(i);
     if (!(v > 0 && v <= gravity * dt)) continue;
-    run.apex[i] = Math.max(0, heightsNow()[i] + (v * v) / (2 * gravity));
+    run.apex[i] = max(0, heightsNow()[i] + (v * v) / (2 * gravity));
     run.apexAt[i] = run.t + v / gravity;
   }
 }

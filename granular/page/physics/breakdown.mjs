@@ -3,13 +3,14 @@
 // generator, so that a page can do it in slices of time, one point each.
 import { isEarly, pairOutcome } from "./measures.mjs";
 import { bothRuns } from "./outcome.mjs";
+import { abs, log10, max } from "./numbers.mjs";
 
 export const SKETCH = 5; // points at once
 export const LEAST = 1e-4; // of the fastest impact: smaller errors are drawn as this
 const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 100, LONG = 2000, EVENTS = 3000; // steps of soft, events of hard spheres
 
 export function* breakdown({ make, eps, k, gaps: [low, high], points }) {
-  const a = Math.log10(low), width = Math.log10(high) - a, point = (x, maxSteps) => pointAt(x, make(10 ** x), eps, k, maxSteps);
+  const a = log10(low), width = log10(high) - a, point = (x, maxSteps) => pointAt(x, make(10 ** x), eps, k, maxSteps);
   const late = [];
   for (const share of evenly(COARSE)) {
     const x = a + share * width, made = point(x, SHORT);
@@ -33,7 +34,7 @@ function pointAt(x, scene, eps, k, maxSteps) {
   if (isEarly(soft) && maxSteps < LONG) return null;
   const missing = isEarly(soft) ? "soft" : isEarly(hard) || forever ? "hard" : "", known = missing ? NaN : error;
   const contacts = isEarly(cut) ? NaN : pairOutcome(soft, scene.gap.length - 1).contacts;
-  return { x, error: known, y: Math.log10(Math.max(LEAST, known)), missing, contacts };
+  return { x, error: known, y: log10(max(LEAST, known)), missing, contacts };
 }
 
 function insert(points, point) {
@@ -54,7 +55,7 @@ function worstInterval(points) {
   for (let i = 1; i < points.length; i++) {
     const p = points[i - 1], q = points[i], width = q.x - p.x;
     if (width < FINEST || Number.isNaN(p.y + q.y)) continue;
-    const jumps = p.contacts !== q.contacts ? width : 0, bends = Math.abs(q.y - p.y) > 0.05 ? 0.3 * width : 0;
+    const jumps = p.contacts !== q.contacts ? width : 0, bends = abs(q.y - p.y) > 0.05 ? 0.3 * width : 0;
     if (jumps + bends > worst) [worst, best] = [jumps + bends, 0.5 * (p.x + q.x)];
   }
   return best;

@@ -1,17 +1,18 @@
 // The clipped linear dashpot F = kξ + γξ̇ ≥ 0: its restitution, duration, and the inverse, exact for every damping.
 //
 //   f(ζ) = acos ζ / √(1-ζ²)  (ζ < 1),  acosh ζ / √(ζ²-1)  (ζ > 1);   ω₀ t_c = 2 f,   ε = exp(-2 ζ f)
+import { abs, sqrt } from "./numbers.mjs";
 
 export function dampingRatio(eps) {
-  const length = 0.5 * Math.abs(Math.log(eps));
+  const length = 0.5 * abs(Math.log(eps));
   if (length === 1) return 1;
   if (length > 1) return Math.cosh(newton(coth, length, length));
-  if (length > 0.5) return Math.cos(newton(cot, Math.sqrt(3 * (1 - length)), length));
+  if (length > 0.5) return Math.cos(newton(cot, sqrt(3 * (1 - length)), length));
   return Math.sin(newton(cotComplement, (2 * length) / Math.PI, length));
 }
 
 export function duration(zeta) {
-  const root = Math.sqrt(Math.abs(1 - zeta)) * Math.sqrt(1 + zeta);
+  const root = sqrt(abs(1 - zeta)) * sqrt(1 + zeta);
   if (root === 0) return 2;
   return (2 * (zeta < 1 ? Math.atan2(root, zeta) : Math.asinh(root))) / root;
 }
@@ -21,7 +22,7 @@ function newton(curve, y, target) {
     const [value, slope] = curve(y);
     const step = value !== target ? (value - target) / slope : 0;
     y -= step;
-    if (Math.abs(step) <= 1e-16 * Math.abs(y)) break;
+    if (abs(step) <= 1e-16 * abs(y)) break;
   }
   return y;
 }

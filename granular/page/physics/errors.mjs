@@ -1,13 +1,16 @@
 // How far two runs are apart that are levelled: the unit U, the error, and what rests (granular/outcome.py). In the scenes
 // of the page all balls that collide are one component.
-import { approach, counts, differences, isOver, largest, ofPair, pairOutcome, partingOf, lasted } from "./measures.mjs";
+import { approach, counts, differences, isOver, largest, ofPair, pairOutcome, partingOf, lasted, SAME } from "./measures.mjs";
+import { AFTERWARDS } from "./level.mjs";
+import { settledDepths } from "./soft.mjs";
 import { pairsOf } from "./scenes.mjs";
+import { abs, max, min } from "./numbers.mjs";
 
-const known = (x) => (Number.isNaN(x) ? 0 : x);
+const orZero = (x) => (Number.isNaN(x) ? 0 : x);
 
 export function errorsOf(hard, soft, eps, k) {
   const { scene } = hard, met = counts(hard).map((n, c) => n + counts(soft)[c] > 0);
-  const span = lasted(soft), weight = largest(pairsOf(scene, eps, k).filter((_, c) => met[c]).map((p) => scene.gravity * Math.min(p.duration, span)));
+  const span = lasted(soft), weight = largest(pairsOf(scene, eps, k).filter((_, c) => met[c]).map((p) => scene.gravity * min(p.duration, span)));
   const unit = unitOf([...hard.contacts, ...soft.contacts], weight), { balls, pairs } = differences(hard, soft);
   const resting = new Map(scene.gap.flatMap((_, c) => restApart(hard, soft, c, weight)));
   for (const [c, apart] of resting) pairs[c] = apart;
@@ -18,8 +21,8 @@ export function errorsOf(hard, soft, eps, k) {
 // The largest closing speed; of a contact that begins at rest, the speed with which it parts. At least g t_c, the speed that
 // weight gives, and more than rounding.
 function unitOf(contacts, weight) {
-  const speeds = contacts.map((c) => (approach(c) > 0 ? approach(c) : known(partingOf(c))));
-  return Math.max(weight, largest(speeds), 1e-13 * largest(contacts.flatMap((c) => c.vIn.map(Math.abs))));
+  const speeds = contacts.map((c) => (approach(c) > 0 ? approach(c) : orZero(partingOf(c))));
+  return max(weight, largest(speeds), 1e-13 * largest(contacts.flatMap((c) => c.vIn.map(abs))));
 }
 
 // A pair at rest, in a soft contact without end or as hard spheres that stick: how far all its contacts are apart. Those
@@ -27,25 +30,28 @@ function unitOf(contacts, weight) {
 // at rest too. Where both rest, contacts that close at no more than `weight` in both are those of balls that settle.
 function restApart(hard, soft, c, weight) {
   const [h, s] = [hard, soft].map((run) => pairOutcome(run, c)), never = s.contacts > 0 && !isOver(s.last);
-  if (!never && !(Math.abs(h.speed) <= hard.sticks && h.contacts < s.contacts)) return [];
+  if (!never && !(abs(h.speed) <= hard.sticks && h.contacts < s.contacts)) return [];
   const [one, other] = (never ? [soft, hard] : [hard, soft]).map((run) => ofPair(run, c)), k = one.length - 1, last = other.at(-1);
-  const still = last ? !(Math.abs(partingOf(last)) > hard.sticks) : hard.gap[c] === 0, rest = approach(one[k]);
-  const apart = [...Array(Math.max(k + 1, other.length))].map((_, i) => {
+  const still = last ? !(abs(partingOf(last)) > hard.sticks) : hard.gap[c] === 0, rest = approach(one[k]);
+  const apart = [...Array(max(k + 1, other.length))].map((_, i) => {
     const [a, b] = [one[i], other[i]], by = i < k ? partingOf : approach;
     if (still && largest([a, b].filter(Boolean).map(approach)) <= weight) return 0;
-    if (a && b) return Math.abs(by(a) - by(b));
-    return b ? approach(b) - rest : Math.max(Math.abs(by(a)), approach(a));
+    if (a && b) return abs(by(a) - by(b));
+    return b ? approach(b) - rest : max(abs(by(a)), approach(a));
   });
-  return [[c, largest([...apart, last ? Math.abs(known(partingOf(last))) : 0])]];
+  return [[c, largest([...apart, last ? abs(orZero(partingOf(last))) : 0])]];
 }
 
-// By how much of the smaller radius soft balls at rest sink under their weight. Once they are proved to rest the page does
-// not wait until they have settled: then each contact bears the balls above it, ξ = Σ m g / k.
-function sunkIn({ scene, contacts, overlap, status }, weight, pairs) {
+// By how much of the smaller radius soft balls at rest sink under their weight: to where a contact bears the balls above it,
+// ξ = Σ m g / k, or as deep as one that began slowly has been. Balls that are proved to rest have yet to settle, and no deeper
+// than twice that: where it can be too much, they are followed.
+function sunkIn(soft, weight, pairs) {
+  const { scene, contacts, overlap, status } = soft;
   if (scene.gravity === 0) return 0;
-  const side = (i) => scene.radius[i] || Infinity, size = ({ pair }) => Math.min(side(pair), side(pair + 1));
+  const side = (i) => scene.radius[i] || Infinity, size = ({ pair }) => min(side(pair), side(pair + 1));
   const bears = ({ pair }) => (scene.gravity * scene.mass.slice(pair + 1).reduce((sum, m) => sum + m, 0)) / pairs[pair].k;
-  const rests = status === "resting", soFar = (c) => (approach(c) <= weight ? c.deepest : rests ? 0 : overlap[c.pair]);
-  const deep = (c) => Math.max(soFar(c), rests ? bears(c) : 0);
-  return largest(contacts.filter((c) => !isOver(c)).map((c) => deep(c) / size(c)));
+  const rests = status === "resting", open = contacts.filter((c) => !isOver(c)), isNear = rests && open.some((c) => 2 * bears(c) > SAME * size(c));
+  const sunk = isNear ? settledDepths(soft, soft.time + AFTERWARDS * largest(open.map((c) => pairs[c.pair].duration))) : [];
+  const soFar = (c) => (approach(c) <= weight ? max(c.deepest, sunk[c.pair] ?? 0) : rests ? 0 : overlap[c.pair]);
+  return largest(open.map((c) => max(soFar(c), rests ? bears(c) : 0) / size(c)));
 }

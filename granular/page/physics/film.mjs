@@ -5,8 +5,9 @@
 // are shown from the bounce that is asked for: the one that comes to it earlier waits at the start.
 import { isEarly } from "./measures.mjs";
 import { hardHeights, softHeights, spanOf } from "./traces.mjs";
+import { max, min } from "./numbers.mjs";
 
-const FREEZE = 0.8, LONGEST = 6, MARGIN = 0.04; // s, s after which the flight is quicker than life, share of the contacts shown beyond their end
+const FREEZE = 0.8, LONGEST = 6, BEYOND = 0.04; // s, s after which the flight is quicker than life, share of the contacts shown beyond their end
 export const SLOW = 6; // s that the contacts take
 const HEIGHTS = { hard: hardHeights, soft: softHeights };
 
@@ -18,18 +19,18 @@ export function filmOf({ scene, first, cut, soft, hard }, slow = SLOW) {
 // A run with the time of the bounce asked for, the end of its contacts, and where and when each ball is highest.
 function laneOf({ bounces }, { contacts, run }, heights) {
   const onset = contacts.filter((c) => c.pair === 0)[bounces - 1]?.begin ?? contacts[0]?.begin ?? 0;
-  const tops = run.apexAt.map((t) => (t >= onset ? t : Infinity)), firstTop = Math.min(...tops);
+  const tops = run.apexAt.map((t) => (t >= onset ? t : Infinity)), firstTop = min(...tops);
   const ends = contacts.filter((c) => c.begin >= onset && c.begin < firstTop).map((c) => c.end).filter(Number.isFinite);
   const held = tops.map((t, i) => (t < Infinity ? heights(run, t)[i] : NaN)), known = tops.filter(Number.isFinite);
-  const last = known.length === tops.length - 1 ? 0 : Math.min(run.t, onset + LONGEST); // the floor has none
-  return { run, onset, tops, held, touches: Math.max(...ends, onset) - onset, flies: Math.max(...known, last) - onset };
+  const last = known.length === tops.length - 1 ? 0 : min(run.t, onset + LONGEST); // the floor has none
+  return { run, onset, tops, held, touches: max(...ends, onset) - onset, flies: max(...known, last) - onset };
 }
 
 class Film {
   constructor(scene, lanes, slow) {
-    const both = Object.values(lanes), touches = Math.max(...both.map((lane) => lane.touches)) || 1e-4;
-    const fall = Math.max(...both.map((lane) => lane.onset)), span = (1 + MARGIN) * touches;
-    const flies = Math.max(0, Math.max(...both.map((lane) => lane.flies)) - span), quicker = Math.max(1, flies / LONGEST);
+    const both = Object.values(lanes), touches = max(...both.map((lane) => lane.touches)) || 1e-4;
+    const fall = max(...both.map((lane) => lane.onset)), span = (1 + BEYOND) * touches;
+    const flies = max(0, max(...both.map((lane) => lane.flies)) - span), quicker = max(1, flies / LONGEST);
     Object.assign(this, { quicker, scene, lanes, fall, span, slow, near: fall + FREEZE, far: fall + FREEZE + slow, isFilm: true });
     this.fly = this.far + FREEZE;
     this.length = this.fly + flies / quicker + 0.2;
@@ -53,7 +54,7 @@ class Film {
 
   // Of the run of an engine, what is its time.
   clock(engine, time) {
-    return Math.max(0, this.lanes[engine].onset + time);
+    return max(0, this.lanes[engine].onset + time);
   }
 
   heights(engine, time) {

@@ -2,13 +2,14 @@
 //
 // From inverse masses of the bodies and rates of the touching pairs (< 0 approaching) to the impulses p ≥ 0. The Delassus
 // matrix is tridiagonal and an M-matrix, so the set of active pairs only grows. Twin of granular/edmd/ties.py.
+import { abs, max, min } from "./numbers.mjs";
 
-const noise = (rate) => Math.max(...rate.map(Math.abs)) * 2 ** -46;
+const noise = (rate) => max(...rate.map(abs)) * 2 ** -46;
 const plus = (a, b) => a.map((x, i) => x + b[i]);
 
 export function newtonRule(w, rate, eps) {
   let total = rate.map(() => 0), now = rate;
-  for (let pass = 0; pass < 10000 && Math.min(...now) < -noise(rate); pass++) {
+  for (let pass = 0; pass < 10000 && min(...now) < -noise(rate); pass++) {
     const p = complementary(w, now.map((r, c) => (1 + eps[c]) * r));
     now = after(w, now, p);
     total = plus(total, p);

@@ -6,22 +6,23 @@ import { comesToRest, noteApexes, noteTouch, startApexes } from "./apex.mjs";
 import { gapAfter, rateAtContact, timeToContact } from "./flight.mjs";
 import { newtonRule, poissonRule, velocityChanges, reflectRule } from "./groups.mjs";
 import { heights, isElastic, isNoise, pairsOf } from "./scenes.mjs";
+import { abs, max, min } from "./numbers.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
-const TINY = 2 ** -200, FAINT = 2 ** -20, FAINTER = 2 ** -30, SLOW = 1e-6, MERGED = 1e-4, STUCK = 1e-9; // of the impact speed
+const TINY = 2 ** -200, FAINT = 2 ** -20, FAINTER = 2 ** -30, SLUGGISH = 1e-6, MERGED = 1e-4, STUCK = 1e-9; // of the impact speed
 const DRAWN = 20000, LATELY = 1000; // flights between events; contacts
 const LONGER = 10; // what has collapsed takes more events until it sticks
 export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
 
 // `sticks`: those that collide at less than so many m/s stick, so that there is no collapse.
 export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 20000, record = false, sticks = 0 } = {}) {
-  const run = start(scene, eps, ties, seed, record, maxEvents, sticks);
-  while (!run.status) advance(run);
+  const run = beginHard(scene, eps, ties, seed, record, maxEvents, sticks);
+  while (!run.status) nextCollision(run);
   const { contacts, flights, t: time, status, group } = run, velocity = run.u.map((_, i) => velocityOf(run, i));
   return { scene, contacts, flights, time, velocity, gap: run.pairs.map((p) => p.gap), status, group, sticks, apex: run.apex, run };
 }
 
-function start(scene, eps, ties, seed, record, maxEvents, sticks) {
+function beginHard(scene, eps, ties, seed, record, maxEvents, sticks) {
   const pairs = pairsOf(scene, eps, 1).map((p) => ({ ...p, hits: 0 }));
   const falls = scene.mass.map((m) => (m === Infinity ? 0 : 1)), { until, tEnd } = scene;
   const run = {
@@ -37,14 +38,14 @@ export function goOnHard(hard, end) {
   const { run, status, contacts } = hard;
   if (!["until", "time"].includes(status) || !(end > run.t)) return hard;
   Object.assign(run, { until: null, tEnd: end, status: "", contacts: [], maxEvents: run.events + run.maxEvents });
-  while (!run.status) advance(run);
+  while (!run.status) nextCollision(run);
   return { ...hard, contacts: [...contacts, ...run.contacts] };
 }
 
 // Hard spheres that end in a collapse are carried on from the start, those that collide ever more slowly sticking.
 export function settled(hard, eps, { ties, maxEvents = 20000 }) {
   if (hard.status !== "collapse" || ties in GROUPS) return hard;
-  const fastest = hard.contacts.reduce((most, { vIn: [lower, upper] }) => Math.max(most, lower - upper), 0);
+  const fastest = hard.contacts.reduce((most, { vIn: [lower, upper] }) => max(most, lower - upper), 0);
   return simulateHard(hard.scene, eps, { ties, maxEvents: LONGER * maxEvents, sticks: STUCK * fastest });
 }
 
@@ -53,14 +54,14 @@ export const settledRun = (scene, eps, rule) => settled(simulateHard(scene, eps,
 // Past the stop, until every ball has had its apex or lies on the floor, at most `most` events. Weak collisions are plastic
 // here: what has all but collapsed moves on with its momentum, or lies on the floor, until it is hit.
 export function findTops({ run, status }, most) {
-  if (run.scene.gravity === 0 || ["collapse", "endless"].includes(status)) return;
+  if (run.scene.gravity === 0 || status === "endless") return;
   Object.assign(run, { until: null, tEnd: Infinity, status: "", contacts: [], maxEvents: run.events + most, follows: true });
-  while (!run.status && run.apex.some(Number.isNaN)) advance(run);
+  while (!run.status && run.apex.some(Number.isNaN)) nextCollision(run);
 }
 
 const waitOf = (p) => timeToContact(p.gap, p.rate, p.pull);
 
-function advance(run) {
+function nextCollision(run) {
   const { pairs } = run, waits = pairs.map(waitOf), c = soonest(run, waits), room = run.tEnd - run.t;
   if (run.events >= run.maxEvents) return exhausted(run, c);
   if (waits[c] === Infinity || waits[c] > room) {
@@ -102,7 +103,7 @@ function move(run, dt) {
   if (run.scene.gravity) noteApexes(run, dt, (i) => velocityOf(run, i), () => heights(run.scene, run.pairs.map((p) => p.gap), run.t));
   if (dt === Infinity) return;
   for (const p of run.pairs) {
-    p.gap = Math.max(0, gapAfter(p.gap, p.rate, p.pull, dt));
+    p.gap = max(0, gapAfter(p.gap, p.rate, p.pull, dt));
     p.rate -= p.pull * dt;
   }
   run.t += dt;
@@ -134,7 +135,7 @@ function keepContact(run, c, vIn, impulse) {
 }
 
 function touchingGroup(run, c, w, fastest) {
-  const touches = (i) => run.pairs[i]?.gap === 0 && Math.abs(run.pairs[i].rate) <= fastest;
+  const touches = (i) => run.pairs[i]?.gap === 0 && abs(run.pairs[i].rate) <= fastest;
   run.pairs[c].rate = w;
   let [first, last] = [c, c];
   while (touches(first - 1)) first--;
@@ -154,8 +155,8 @@ function collideGroup(run, first, last, isPlastic) {
   group.forEach((one, i) => Object.assign(one, { gap: 0, rate: one.rate + (change[i + 1] - change[i]) }));
   if (first > 0) pairs[first - 1].rate += change[0];
   if (last + 1 < pairs.length) pairs[last + 1].rate -= change[group.length];
-  const noise = Math.max(...u.slice(first, last + 2).map(Math.abs)) * 2 ** -40;
-  for (const one of group) if (Math.abs(one.rate) <= noise) one.rate = 0; // only rounding, or it collides again
+  const noise = max(...u.slice(first, last + 2).map(abs)) * 2 ** -40;
+  for (const one of group) if (abs(one.rate) <= noise) one.rate = 0; // only rounding, or it collides again
   hit.forEach((c, i) => (run.follows || !isPlastic || rates[c - first] < 0) && keepContact(run, c, before[i], p[c - first]));
   return true;
 }
@@ -165,7 +166,7 @@ function collideGroup(run, first, last, isPlastic) {
 function watch(run, c, speed) {
   if (run.follows || run.sticks > 0) lieDown(run);
   else if (speed < TINY * run.scene.impact) collapse(run, slowAbout(run, c));
-  else if (c === 0 && speed < SLOW * run.scene.impact && run.t + restTime(run) < run.tEnd) collapse(run, [0]);
+  else if (c === 0 && speed < SLUGGISH * run.scene.impact && run.t + restTime(run) < run.tEnd) collapse(run, [0]);
 }
 
 // As many events as there may be, and ever slower ones.
@@ -176,7 +177,7 @@ function exhausted(run, c) {
 
 const collapse = (run, group) => Object.assign(run, { status: "collapse", group });
 
-const isSlow = ({ pairs, scene: { impact } }, c, share = FAINT) => Math.abs(pairs[c]?.rate) < share * impact;
+const isSlow = ({ pairs, scene: { impact } }, c, share = FAINT) => abs(pairs[c]?.rate) < share * impact;
 
 // The pairs about pair c that have all but stopped, and collided of late.
 function slowAbout(run, c) {
@@ -193,7 +194,7 @@ function restTime({ pairs }) {
   if (!(pull > 0)) return Infinity;
   const end = (2 * rate) / (pull * (1 - eps)), arc = (rate * rate) / (2 * pull);
   if (pairs.some((p, c) => c > 1 && waitOf(p) <= end)) return Infinity;
-  if (next && Math.min(next.gap, gapAfter(next.gap, next.rate + rate, next.pull + pull, end)) <= arc) return Infinity;
+  if (next && min(next.gap, gapAfter(next.gap, next.rate + rate, next.pull + pull, end)) <= arc) return Infinity;
   return end;
 }
 

@@ -3,12 +3,13 @@ import { goOnHard } from "./hard.mjs";
 import { approach, counts, first, inBoth, isOver, largest, ofPair, lasted } from "./measures.mjs";
 import { pairsOf } from "./scenes.mjs";
 import { goOnSoft } from "./soft.mjs";
+import { abs, max, min } from "./numbers.mjs";
 
-const PATIENCE = 20; // isolated durations
+export const AFTERWARDS = 20; // isolated durations
 
 export function levelled(hard, soft, eps, k) {
   const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), [own, some] = inBoth(hard, soft), n = counts(some);
-  const most = counts(own).map((m, c) => Math.max(m, n[c])), late = [lateness(own, some, alone, most), lateness(some, own, alone, most)];
+  const most = counts(own).map((m, c) => max(m, n[c])), late = [lateness(own, some, alone, most), lateness(some, own, alone, most)];
   const onward = goOnHard(own, hard.time + largest(late[0])), later = goOnSoft(some, soft.time + largest(late[1]));
   const until = patience(due(later, soft.time, late[1], most), soft.time, alone), runs = inBoth(onward, goOnSoft(later, largest(until)));
   return [due(runs[0], hard.time, late[0], most), endless(due(runs[1], soft.time, late[1], most), until)];
@@ -22,8 +23,8 @@ function lateness(run, other, alone, most) {
   const span = lasted(soft), n = counts(run);
   return most.map((m, c) => {
     if (n[c] >= m) return 0;
-    const speed = Math.abs(approach(ofPair(other, c).at(-1)));
-    return alone[c] + (speed > 0 ? Math.min(way / speed, span) : span);
+    const speed = abs(approach(ofPair(other, c).at(-1)));
+    return alone[c] + (speed > 0 ? min(way / speed, span) : span);
   });
 }
 
@@ -33,7 +34,7 @@ const due = (run, end, late, most) => first({ ...run, contacts: run.contacts.fil
 // Until when contacts without end are followed, by pairs.
 function patience({ contacts }, cut, alone) {
   const until = alone.map(() => -Infinity);
-  for (const c of contacts) if (!isOver(c)) until[c.pair] = Math.max(c.begin, cut) + PATIENCE * alone[c.pair];
+  for (const c of contacts) if (!isOver(c)) until[c.pair] = max(c.begin, cut) + AFTERWARDS * alone[c.pair];
   return until;
 }
 

@@ -1,12 +1,14 @@
 // What a run comes to, read from its contacts, and how far two runs differ (granular/outcome.py).
 import { settledRun } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
+import { abs, max, min, sqrt } from "./numbers.mjs";
 
 export const SAME = 0.01; // of the fastest impact
-const SHIFT = 1e-12, INSTANT = 1e-12, PATIENCE = 10; // of the gaps; of the time; another tie rule, in collisions of the first
+const SHIFT = 1e-12, INSTANT = 1e-12, PERSISTENCE = 10; // of the gaps; of the time; another tie rule, in collisions of the first
 const OTHERS = ["left", "right", "poisson"]; // rules that take any restitutions
 
 export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(run.status);
+export const riseIn = (run, i) => (isEarly(run) && run.status !== "collapse" ? NaN : run.apex[i]);
 export const approach = ({ vIn: [lower, upper] }) => lower - upper;
 export const isOver = (contact) => !Number.isNaN(contact.end);
 export const partingOf = ({ vOut: [lower, upper] }) => upper - lower;
@@ -20,7 +22,7 @@ export const lasted = ({ status, time, scene: { tEnd } }) => (status === "restin
 // The run without contacts that are rounding beside the fastest of either run.
 export function counted(run, other) {
   const fastest = largest([...run.contacts, ...other.contacts].map(approach));
-  const mEff = pairsOf(run.scene, 1, 1).map((p) => p.mEff), strength = (c) => Math.max(approach(c), c.impulse / mEff[c.pair]);
+  const mEff = pairsOf(run.scene, 1, 1).map((p) => p.mEff), strength = (c) => max(approach(c), c.impulse / mEff[c.pair]);
   const contacts = run.contacts.filter((c) => strength(c) > ROUNDING * fastest);
   return contacts.length === run.contacts.length ? run : { ...run, contacts };
 }
@@ -30,7 +32,7 @@ function atOnce(run) {
   const log = run.contacts, contacts = [];
   for (let i = 0, j = 0; i < log.length; i = j) {
     const after = [], seen = new Set();
-    for (; j < log.length && log[j].begin - log[Math.max(i, j - 1)].begin <= INSTANT * log[j].begin; j++) [after[log[j].pair], after[log[j].pair + 1]] = log[j].vOut;
+    for (; j < log.length && log[j].begin - log[max(i, j - 1)].begin <= INSTANT * log[j].begin; j++) [after[log[j].pair], after[log[j].pair + 1]] = log[j].vOut;
     for (const one of log.slice(i, j)) {
       if (!seen.has(one.pair)) contacts.push({ ...one, vOut: [after[one.pair], after[one.pair + 1]] });
       seen.add(one.pair);
@@ -76,11 +78,11 @@ export function differences(one, other) {
   const { mass, gap, gravity } = one.scene, a = leaving(one), b = leaving(other);
   const balls = mass.map((m, i) => {
     const d = a.u[i] - b.u[i];
-    return m === Infinity ? NaN : Math.min(Math.abs(d), Math.abs(d + gravity * (a.at[i] - b.at[i])));
+    return m === Infinity ? NaN : min(abs(d), abs(d + gravity * (a.at[i] - b.at[i])));
   });
   const pairs = gap.map((_, c) => {
     const [p, q] = [pairOutcome(one, c).speed, pairOutcome(other, c).speed];
-    return Math.abs(Number.isNaN(p) ? q : Number.isNaN(q) ? p : p - q);
+    return abs(Number.isNaN(p) ? q : Number.isNaN(q) ? p : p - q);
   });
   return { balls, pairs };
 }
@@ -102,13 +104,13 @@ export function ownDifference(hard, twin, unit) {
     scale += m * unit * unit;
     if (!Number.isNaN(balls[i])) off += m * balls[i] ** 2;
   });
-  return { predictable: Math.sqrt(off / scale), shift: largest(balls) / unit };
+  return { predictable: sqrt(off / scale), shift: largest(balls) / unit };
 }
 
 // Hard runs under the other tie rules that come to an end, by rule, where balls touch or collide at once.
 export function otherAnswers(hard, eps, ties) {
-  const { scene, contacts } = hard, maxEvents = PATIENCE * (contacts.length + scene.mass.length);
-  const met = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && Math.abs(c.pair - contacts[i - 1].pair) === 1);
+  const { scene, contacts } = hard, maxEvents = PERSISTENCE * (contacts.length + scene.mass.length);
+  const met = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && abs(c.pair - contacts[i - 1].pair) === 1);
   if (scene.mass.length < 3 || !(met || scene.gap.includes(0))) return [];
   const names = OTHERS.filter((name) => name !== ties);
   return names.map((name) => [name, settledRun(scene, eps, { ties: name, maxEvents })]).filter(([, run]) => !isEarly(run));

@@ -6,6 +6,7 @@ import { activate, ACTIVE, BEGIN, direction, DORMANT, END, handOver, judge, OPEN
 import { firstUpCrossing, workspace } from "./roots.mjs";
 import { heights } from "./scenes.mjs";
 import { ORDER, WIDTH } from "./series.mjs";
+import { max, min } from "./numbers.mjs";
 
 const work = workspace(ORDER), clipped = new Float64Array(ORDER + 1);
 
@@ -25,7 +26,7 @@ export function fly(run) {
   let dt = Infinity;
   run.pairs.forEach((p, c) => {
     if (p.mode === RESTING) return;
-    const wait = p.mode === OPEN ? timeToContact(Math.max(0, -p.xi), -p.eta, p.pull) : residualWait(p);
+    const wait = p.mode === OPEN ? timeToContact(max(0, -p.xi), -p.eta, p.pull) : residualWait(p);
     if (wait >= dt) return;
     dt = wait;
     run.fired = c;
@@ -33,7 +34,7 @@ export function fly(run) {
   });
   if (dt === Infinity && room === Infinity) return stop(run, "quiet");
   const first = dt <= room ? run.fired : -1;
-  dt = Math.min(dt, room);
+  dt = min(dt, room);
   handOver(run.pairs, run.series);
   if (run.pieces) keep(run, 1, dt);
   if (run.scene.gravity) passApexes(run, dt);
@@ -72,11 +73,11 @@ const timeToPart = (p) => timeToContact(p.xi, p.eta, -p.pull);
 // A clipped pair parts, or its φ = kξ + γη rises to zero again: -φ falls like a gap.
 function residualWait(p) {
   const phi = p.exact ? 0 : p.k * p.xi + p.gamma * p.eta, rise = p.k * p.eta + p.gamma * p.pull;
-  return Math.min(timeToPart(p), timeToContact(Math.max(0, -phi), -rise, p.k * p.pull));
+  return min(timeToPart(p), timeToContact(max(0, -phi), -rise, p.k * p.pull));
 }
 
 function arrive(p) {
-  p.eta = -rateAtContact(Math.max(0, -p.xi), -p.eta, p.pull);
+  p.eta = -rateAtContact(max(0, -p.xi), -p.eta, p.pull);
   p.xi = 0;
 }
 
@@ -142,7 +143,7 @@ function settle(run, h, tau) {
     if (p.mode === ACTIVE) exchange(run, c, series.impulse(c, h, tau));
     if (p.mode === RESTING) continue;
     const rate = series.at("e", c, tau), turn = p.eta > 0 && rate < 0 ? firstUpCrossing(series.e, c * WIDTH, tau, work, -1) : tau;
-    if (p.open) p.open.deepest = Math.max(p.open.deepest, series.at("x", c, turn));
+    if (p.open) p.open.deepest = max(p.open.deepest, series.at("x", c, turn));
     p.xi = series.at("x", c, tau);
     p.eta = rate;
     p.exact = false;

@@ -2,7 +2,7 @@
 import { errorsOf } from "./errors.mjs";
 import { findTops, settled, settledRun, simulateHard } from "./hard.mjs";
 import { levelled } from "./level.mjs";
-import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, shifted } from "./measures.mjs";
+import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, riseIn, shifted } from "./measures.mjs";
 import { findApexes, simulateSoft } from "./soft.mjs";
 import { verdict } from "./verdict.mjs";
 
@@ -18,12 +18,12 @@ export function bothRuns(scene, eps, k, { ties = "left", record = false, maxStep
   const whole = isEarly(cut) ? first : settled(first, eps, { ties, maxEvents }), isWhole = !isEarly(cut) && !isEarly(whole);
   const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : inBoth(whole, cut);
   const early = isEarly(hard) || isEarly(soft), off = errorsOf(hard, soft, eps, k), error = early ? NaN : off.error;
-  const n = isEarly(soft) || whole.status === "collapse" ? 0 : forever(first, cut, soft);
+  const n = isEarly(soft) || whole.status === "collapse" ? 0 : foreverAfter(first, cut, soft);
   return { first, whole, cut, hard, soft, early, ...off, error, forever: n };
 }
 
 // Hard spheres that collide forever where soft ones part: after how many contacts; else 0. So much can be told before they stick.
-function forever({ status, group }, cut, soft) {
+function foreverAfter({ status, group }, cut, soft) {
   const parts = status === "collapse" && group.some((c) => ofPair(soft, c).slice(-1).some(isOver));
   return parts ? cut.contacts.filter(({ pair }) => group.includes(pair)).length : 0;
 }
@@ -45,7 +45,8 @@ export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEI
 const isOpen = ({ scene, early, soft, hard }) => early || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));
 
 // Per body: the velocity with which it leaves its last contact, and how high it rises; NaN where the run did not get there.
+// What has collapsed has no last contact, but moves on as one.
 function finals(run) {
-  const none = isEarly(run), u = leavingVelocities(run);
-  return u.map((velocity, i) => ({ velocity: none ? NaN : velocity, rise: none ? NaN : run.apex[i] }));
+  const u = leavingVelocities(run);
+  return u.map((velocity, i) => ({ velocity: isEarly(run) ? NaN : velocity, rise: riseIn(run, i) }));
 }

@@ -65,7 +65,7 @@ export function activate(run, c) {
   const p = run.pairs[c], { until } = run;
   if (until && until.pair === c && p.count + 1 === until.nth) return false;
   noteTouch(run, c, run.pairs[0].count + (c === 0));
-  p.open = { pair: c, begin: run.t, end: NaN, vIn: pairVelocities(run, c), vOut: [NaN, NaN], impulse: 0, deepest: 0 };
+  p.open = { pair: c, begin: run.t, end: NaN, vIn: pairVelocities(run, c), vOut: [NaN, NaN], impulse: 0, deepest: p.xi };
   run.contacts.push(p.open);
   p.exact = p.mode === RESIDUAL;
   p.mode = ACTIVE;

@@ -4,8 +4,9 @@
 // the pair above it. A gap of v t_c makes sure that none do; a smaller one is often enough.
 import { pairsOf } from "./scenes.mjs";
 import { softForce } from "./traces.mjs";
+import { max, min } from "./numbers.mjs";
 
-const SAMPLES = 80;
+const POINTS = 80;
 
 // Contacts from the bounce on that is asked for.
 export function reasonOf({ scene, soft }) {
@@ -21,15 +22,15 @@ const endOf = (soft, { end }) => (Number.isNaN(end) ? soft.time : end);
 
 // The push in time, [[s since its onset, N]], and the share of its impulse while one of `next` lasts.
 function sharedPush(soft, push, next) {
-  const end = endOf(soft, push), step = (end - push.begin) / SAMPLES, curve = [];
+  const end = endOf(soft, push), step = (end - push.begin) / POINTS, curve = [];
   let all = 0, both = 0;
-  for (let i = 0; i < SAMPLES; i++) {
+  for (let i = 0; i < POINTS; i++) {
     const t = push.begin + (i + 0.5) * step, force = softForce(soft, push.pair, t);
     curve.push([t - push.begin, force]);
     all += force;
     if (next.some((c) => c.begin <= t && t <= endOf(soft, c))) both += force;
   }
-  const parts = next.map((c) => [Math.max(0, c.begin - push.begin), Math.min(end, endOf(soft, c)) - push.begin]).filter(([a, b]) => b > a);
+  const parts = next.map((c) => [max(0, c.begin - push.begin), min(end, endOf(soft, c)) - push.begin]).filter(([a, b]) => b > a);
   return { lasts: end - push.begin, curve, parts, share: all > 0 ? both / all : 0 };
 }
 
@@ -39,5 +40,5 @@ export const safeGap = ({ scene, eps, k }) => (scene.gap.length > 1 ? reachOf({ 
 // How far a ball falls while that lasts.
 export function reachOf({ scene, eps, k }) {
   const durations = pairsOf(scene, eps, k).map((p) => p.duration);
-  return scene.impact * Math.max(...durations.slice(0, Math.max(1, durations.length - 1)));
+  return scene.impact * max(...durations.slice(0, max(1, durations.length - 1)));
 }

@@ -5,6 +5,7 @@
 // needs no steps, and wakes up when it is hit.
 import { comesToRest } from "./apex.mjs";
 import { ACTIVE, RESTING } from "./pairs.mjs";
+import { abs, min, sqrt } from "./numbers.mjs";
 
 const STILL = 1e-13; // of the impact speed
 
@@ -30,16 +31,16 @@ export function provedToRest(run) {
     const p = pairs[c];
     v -= p.eta;
     energy += 0.5 * scene.mass[c + 1] * v * v + 0.5 * p.k * (p.xi - load / p.k) ** 2;
-    hurdle = Math.min(hurdle, (load * load) / (2 * (p.k + p.gamma * p.gamma * p.inverse)));
+    hurdle = min(hurdle, (load * load) / (2 * (p.k + p.gamma * p.gamma * p.inverse)));
   });
   return energy < (1 - 1e-9) * hurdle;
 }
 
 export function holdPile(run) {
   const { scene, pairs } = run, first = pairs[0], still = STILL * scene.impact;
-  if (scene.gravity === 0 || first.mode !== ACTIVE || Math.abs(first.eta) > still) return;
+  if (scene.gravity === 0 || first.mode !== ACTIVE || abs(first.eta) > still) return;
   const n = pileOf(run), load = loads(run, n), isStill = (p, c) =>
-    Math.abs(p.eta) <= still && Math.abs(p.xi - load[c] / p.k) * Math.sqrt(p.k * p.inverse) <= still;
+    abs(p.eta) <= still && abs(p.xi - load[c] / p.k) * sqrt(p.k * p.inverse) <= still;
   if (n === pairs.length || !(pairs[n].xi < 0) || !pairs.slice(0, n).every(isStill)) return;
   pairs.slice(0, n).forEach((p, c) => {
     Object.assign(p, { mode: RESTING, xi: load[c] / p.k, eta: 0, pull: 0, exact: false });

@@ -3,6 +3,7 @@
 // Descartes' rule of signs in the Bernstein basis decides on every interval whether a crossing can be there; Newton's
 // method only polishes a root known to be the only one. A hump no higher than the rounding noise of the polynomial
 // itself is no event. The same algorithm, line for line, as granular/_roots.py.
+import { abs, max } from "./numbers.mjs";
 
 const DEEPEST = 60;
 
@@ -26,7 +27,7 @@ export function firstUpCrossing(table, offset, theta, work, sign = 1) {
 
 function isolate(work, n) {
   const s = work[0];
-  const noise = 4 * (n + 1) * 2 ** -53 * largest(s, n);
+  const noise = 4 * (n + 1) * 2 ** -53 * magnitude(s, n);
   let top = 1, left = 0;
   bernstein(s, work[1], n);
   while (top > 0) {
@@ -44,9 +45,9 @@ function isolate(work, n) {
   return Infinity;
 }
 
-function largest(s, n) {
+function magnitude(s, n) {
   let m = 0;
-  for (let j = 0; j <= n; j++) m = Math.max(m, Math.abs(s[j]));
+  for (let j = 0; j <= n; j++) m = max(m, abs(s[j]));
   return m;
 }
 
@@ -106,7 +107,7 @@ function polish(s, n, low, high, x) {
     else high = x;
     const newton = slope > 0 ? x - value / slope : -1;
     if (low <= newton && newton <= high) {
-      if (Math.abs(newton - x) <= 1e-9 * x) return newton;
+      if (abs(newton - x) <= 1e-9 * x) return newton;
       x = newton;
     } else if (high - low <= 1e-15 * high) return x;
     else x = 0.5 * (low + high);

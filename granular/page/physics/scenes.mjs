@@ -1,5 +1,6 @@
 // Ready-made scenes, as in granular/scenes.py: bodies bottom to top (left to right), a floor is a body of infinite mass.
 import { dampingRatio, duration } from "./dashpot.mjs";
+import { abs, max, min, sqrt } from "./numbers.mjs";
 
 const DENSITY = 900, STEEL = 7800, GRAVITY = 9.81;
 const radiusOf = (mass, density) => Math.cbrt((mass * 0.75) / (Math.PI * density));
@@ -38,7 +39,7 @@ export function newtonsCradle({ n = 5, moving = 1, gap = 0, speed = 1 }) {
 }
 
 function aboveFloor(mass, radius, drop, gap, until) {
-  const n = mass.length, impact = Math.sqrt(2 * GRAVITY * drop);
+  const n = mass.length, impact = sqrt(2 * GRAVITY * drop);
   return {
     mass: [Infinity, ...mass], radius: [0, ...radius], gap: [drop, ...Array(n - 1).fill(gap)],
     velocity: Array(n + 1).fill(0), gravity: GRAVITY, until, tEnd: (10 * impact) / GRAVITY, impact, drop, bounces: 1,
@@ -52,12 +53,12 @@ const each = (value, c) => (Array.isArray(value) ? value[c] : value);
 export function pairsOf(scene, restitution, stiffness) {
   return scene.gap.map((gap, c) => {
     const [eps, k] = [each(restitution, c), each(stiffness, c)], zeta = dampingRatio(eps);
-    const [m1, m2] = [scene.mass[c], scene.mass[c + 1]], light = Math.min(m1, m2), heavy = Math.max(m1, m2);
+    const [m1, m2] = [scene.mass[c], scene.mass[c + 1]], light = min(m1, m2), heavy = max(m1, m2);
     const mEff = light / (1 + light / heavy), small = light / heavy / (1 + light / heavy);
     const [low, high] = m1 >= m2 ? [small, 1 - small] : [1 - small, small];
     return {
       gap, rate: scene.velocity[c + 1] - scene.velocity[c], lower: 1 / m1, upper: 1 / m2, mEff, low, high, k, eps,
-      gamma: 2 * zeta * Math.sqrt(k * mEff), duration: duration(zeta) * Math.sqrt(mEff / k),
+      gamma: 2 * zeta * sqrt(k * mEff), duration: duration(zeta) * sqrt(mEff / k),
       pull: scene.gravity * ((m2 === Infinity ? 0 : 1) - (m1 === Infinity ? 0 : 1)),
     };
   });
@@ -66,7 +67,7 @@ export function pairsOf(scene, restitution, stiffness) {
 // Elastic balls are left with relative speeds of 1e-16 of theirs, and meet again after 1e12 s: that is rounding.
 export const ROUNDING = 1e-12;
 export const isElastic = (pairs) => pairs.every((p) => p.eps === 1);
-export const isNoise = ({ scene, elastic }, rate) => elastic && Math.abs(rate) <= ROUNDING * scene.impact;
+export const isNoise = ({ scene, elastic }, rate) => elastic && abs(rate) <= ROUNDING * scene.impact;
 
 // Velocities of the bodies from the rates of the gaps: counted from the floor, or from the centre of mass.
 export function velocities(scene, rates) {

@@ -5,6 +5,8 @@
 // Rows: x of the overlap ξ, e of its rate η, f of the force. The state a step starts from is kept apart: per pair ξ, η
 // and the sum of PUSHES, EXACT (its φ = kξ + γη is exactly 0) and HELD (part of a pile at rest: ξ stays, and the ball
 // above falls towards it as towards a floor). From it any step can be expanded again.
+import { max, sqrt } from "./numbers.mjs";
+
 export const ORDER = 20;
 export const WIDTH = ORDER + 1;
 const REACH = (51090942171709440000 * 1e-17) ** (1 / 21); // 21!
@@ -48,10 +50,10 @@ export class Series {
       let stiff = inverse[c] * k[c], damp = inverse[c] * gamma[c];
       if (this.pushes(c - 1)) [stiff, damp] = [stiff + lower[c] * k[c - 1], damp + lower[c] * gamma[c - 1]];
       if (this.pushes(c + 1)) [stiff, damp] = [stiff + upper[c] * k[c + 1], damp + upper[c] * gamma[c + 1]];
-      a = Math.max(a, stiff);
-      b = Math.max(b, damp);
+      a = max(a, stiff);
+      b = max(b, damp);
     }
-    return REACH / (0.5 * (b + Math.sqrt(b * b + 4 * a)));
+    return REACH / (0.5 * (b + sqrt(b * b + 4 * a)));
   }
 
   expand(h) {

@@ -1,20 +1,21 @@
 // What the page can run: five scenes with their sliders and presets, their contacts, and what is asked of a guess.
 import { aloneOf, contactsOf } from "./balls.mjs";
-import { isEarly } from "./measures.mjs";
+import { isEarly, riseIn } from "./measures.mjs";
 import { ballStack, bouncingBall, newtonsCradle, realBalls, threeBalls } from "./scenes.mjs";
+import { abs, round } from "./numbers.mjs";
 
-const EPS = { name: "eps", symbol: "ε", label: "restitution", unit: "", min: 0.1, max: 1, scale: "linear" };
+const EPS = { name: "eps", symbol: "ε", label: "restitution", min: 0.1, max: 1 };
 const GAP = { name: "gap", symbol: "Δh", label: "gap", unit: "m", min: 1e-7, max: 0.1, scale: "log", zero: true };
 const K = { name: "k", symbol: "k", label: "stiffness", unit: "N/m", min: 4e3, max: 1e9, scale: "log" };
-const HEIGHT = { name: "height", symbol: "h", label: "drop", unit: "m", min: 0.15, max: 2, scale: "linear" };
-const COUNT = { name: "n", symbol: "N", label: "count", unit: "", min: 2, max: 8, scale: "whole" };
+const HEIGHT = { name: "height", symbol: "h", label: "drop", unit: "m", min: 0.15, max: 2 };
+const COUNT = { name: "n", symbol: "N", label: "count", min: 2, max: 8, scale: "whole" };
 
 // Mass, radius, contact time on the floor, restitution, and whether it is filled with air, of ball i.
 const ballSliders = (i, group) => [
   { name: `m${i}`, symbol: "m", label: "mass", unit: "kg", min: 1e-3, max: 2, scale: "log", group },
   { name: `r${i}`, symbol: "R", label: "radius", unit: "m", min: 2e-3, max: 0.15, scale: "log", group },
   { name: `t${i}`, symbol: "t_c", label: "time", unit: "s", min: 1e-5, max: 0.03, scale: "log", group },
-  { name: `e${i}`, symbol: "ε", label: "restitution", unit: "", min: 0.1, max: 1, scale: "linear", group },
+  { name: `e${i}`, symbol: "ε", label: "restitution", min: 0.1, max: 1, group },
 ];
 const air = (i, group) => ({ name: `air${i}`, label: "air", min: 0, max: 1, scale: "choice", options: ["no", "yes"], group });
 const RULE = { name: "rule", label: "rule", min: 0, max: 1, scale: "choice", options: ["rule-lens", "rule-series"] };
@@ -26,9 +27,11 @@ const exit = (run) => {
   return last ? last.vOut[1] : run.scene.velocity[lastOf(run)];
 };
 const uniform = ({ eps, k }) => ({ eps, k });
-const inDrops = (run) => (isEarly(run) ? NaN : run.apex[lastOf(run)] / run.scene.drop);
+const inDrops = (run) => riseIn(run, lastOf(run)) / run.scene.drop;
 const inArrivals = (run) => (isEarly(run) ? NaN : exit(run) / run.scene.impact);
 const FALL = { measure: inDrops, measured: "in-drops", most: 10 };
+
+const CHANGES = { elastic: { eps: 1 }, soft: { k: 5e5 }, apart: { gap: 1e-2 }, touching: { gap: 0 } }; // of a scene's first preset
 
 // Presets of real balls are `offer`ed from the data of granular/balls.py.
 export const SETUPS = {
@@ -38,29 +41,27 @@ export const SETUPS = {
   },
   "three-balls": {
     make: threeBalls, contacts: uniform,
-    sliders: [GAP, EPS, { name: "ratio", symbol: "R₁/R₂", label: "ratio", unit: "", min: 0.5, max: 50, scale: "log" }, K, { ...HEIGHT, label: "centre", symbol: "z₁" }],
+    sliders: [GAP, EPS, { name: "ratio", symbol: "R₁/R₂", label: "ratio", min: 0.5, max: 50, scale: "log" }, K, { ...HEIGHT, label: "centre", symbol: "z₁" }],
     presets: {
-      paper: { eps: 0.7, gap: 1e-4, ratio: 10, k: 5e7, height: 0.6 }, elastic: { eps: 1 }, soft: { k: 5e5 },
-      apart: { gap: 1e-2 }, touching: { gap: 0 },
+      paper: { eps: 0.7, gap: 1e-4, ratio: 10, k: 5e7, height: 0.6 }, ...CHANGES,
     },
     ...FALL,
   },
   "ball-stack": {
     make: ballStack, contacts: uniform,
-    sliders: [GAP, EPS, COUNT, { name: "massRatio", symbol: "μ", label: "mass-ratio", unit: "", min: 0.1, max: 1, scale: "log" }, K, HEIGHT],
+    sliders: [GAP, EPS, COUNT, { name: "massRatio", symbol: "μ", label: "mass-ratio", min: 0.1, max: 1, scale: "log" }, K, HEIGHT],
     presets: {
-      light: { eps: 0.9, gap: 1e-4, n: 3, massRatio: 0.1, k: 5e7, height: 1 }, elastic: { eps: 1 }, soft: { k: 5e5 },
-      apart: { gap: 1e-2 }, touching: { gap: 0 },
+      light: { eps: 0.9, gap: 1e-4, n: 3, massRatio: 0.1, k: 5e7, height: 1 }, ...CHANGES,
     },
     ...FALL, most: 60,
   },
   "newtons-cradle": {
     make: newtonsCradle, contacts: uniform,
-    sliders: [GAP, EPS, { ...COUNT, max: 9 }, { name: "moving", symbol: "M", label: "arriving", unit: "", min: 1, max: 8, scale: "whole" },
-      K, { name: "speed", symbol: "v", label: "arrival-speed", unit: "m/s", min: 0.1, max: 3, scale: "linear" }],
+    sliders: [GAP, EPS, { ...COUNT, max: 9 }, { name: "moving", symbol: "M", label: "arriving", min: 1, max: 8, scale: "whole" },
+      K, { name: "speed", symbol: "v", label: "arrival-speed", unit: "m/s", min: 0.1, max: 3 }],
     presets: {
-      almost: { eps: 0.95, gap: 1e-6, n: 5, moving: 1, k: 5e7, speed: 1 }, elastic: { eps: 1 }, soft: { k: 5e5 },
-      apart: { gap: 1e-2 }, touching: { gap: 0, eps: 1 },
+      almost: { eps: 0.95, gap: 1e-6, n: 5, moving: 1, k: 5e7, speed: 1 }, ...CHANGES,
+      touching: { gap: 0, eps: 1 },
     },
     measure: inArrivals, measured: "in-arrivals", most: 2,
   },
@@ -71,7 +72,7 @@ export const SETUPS = {
 };
 export const FIRST = "three-balls"; // what a link without a scene means
 
-export const ballValues = ({ mass, radius, duration, restitution, filled }, i) =>
+export const ballValues = ([mass, radius, duration, restitution, filled], i) =>
   ({ [`m${i}`]: mass, [`r${i}`]: radius, [`t${i}`]: duration, [`e${i}`]: restitution, [`air${i}`]: Number(filled) });
 
 const GAPS = [], KINDS = []; // from which gap on hard spheres are right, by balls; radii, by names
@@ -86,7 +87,7 @@ export function offer({ balls, pairs }) {
     SETUPS["real-balls"].presets[`${lower}+${upper}`] = { ...both, gap: 0, height: 1, rule: 0, bounces: 1 };
     GAPS.push([both, gap]);
   }
-  for (const name in balls) KINDS.push([balls[name].radius, name]);
+  for (const name in balls) KINDS.push([balls[name][1], name]);
   for (const name in balls) SETUPS["bouncing-ball"].presets[name] = { ...ballValues(balls[name], 1), height: 1 };
 }
 
@@ -95,8 +96,8 @@ export function refused(name, given) {
   const values = cleaned(name, given);
   return SETUPS[name].sliders.flatMap((slider) => {
     const { name: key, min, zero } = slider, max = key === "moving" ? values.n - 1 : slider.max;
-    const asked = given[key], x = Number(asked ?? NaN), wide = 1e-9 * Math.abs(x);
-    const isIn = asked !== "" && Number.isFinite(x) && ((zero && x === 0) || (x >= min - wide && x <= max + wide && Math.abs(values[key] - x) <= wide));
+    const asked = given[key], x = Number(asked ?? NaN), wide = 1e-9 * abs(x);
+    const isIn = asked !== "" && Number.isFinite(x) && ((zero && x === 0) || (x >= min - wide && x <= max + wide && abs(values[key] - x) <= wide));
     return asked === undefined || isIn ? [] : [{ slider: { ...slider, max }, asked, shown: values[key] }];
   });
 }
@@ -107,7 +108,7 @@ export function cleaned(name, given) {
   for (const { name: key, min, max, scale, zero } of setup.sliders) {
     const x = Number(given[key] ?? NaN);
     if (!Number.isFinite(x) || given[key] === "") continue;
-    values[key] = zero && x < min / 2 ? 0 : Math.min(max, Math.max(min, scale === "whole" || scale === "choice" ? Math.round(x) : x));
+    values[key] = zero && x < min / 2 ? 0 : Math.min(max, Math.max(min, scale === "whole" || scale === "choice" ? round(x) : x));
   }
   if ("moving" in values) values.moving = Math.min(values.moving, values.n - 1);
   return values;
@@ -116,6 +117,6 @@ export function cleaned(name, given) {
 // With what its balls are, where they are real ones: told by their radii.
 export function sceneOf(name, values) {
   const scene = SETUPS[name].make(values);
-  return { ...scene, kinds: scene.radius.map((r) => KINDS.find(([radius]) => Math.abs(r - radius) < 1e-6 * radius)?.[1].replaceAll(" ", "-")) };
+  return { ...scene, kinds: scene.radius.map((r) => KINDS.find(([radius]) => abs(r - radius) < 1e-6 * radius)?.[1].replaceAll(" ", "-")) };
 }
 export const contactsIn = (name, values) => SETUPS[name].contacts(values);

@@ -8,10 +8,12 @@ import { holdPile, provedToRest } from "./rest.mjs";
 import { isElastic } from "./scenes.mjs";
 import { Series } from "./series.mjs";
 
+const SETTLING = 3000; // steps
+
 export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000, follow = 0 } = {}) {
-  const run = start(scene, eps, k, record, maxSteps);
+  const run = beginSoft(scene, eps, k, record, maxSteps);
   launch(run);
-  while (!run.status) advance(run);
+  while (!run.status) nextStep(run);
   const { status, t: time, steps, shared, impulse, series, pieces } = run, velocity = softVelocities(run), overlap = run.pairs.map((p) => p.xi);
   const found = { scene, overlap, contacts: logOf(run), series, pieces, steps, shared, impulse, time, velocity, status, apex: run.apex, run };
   if (follow > 0) findApexes(found, follow);
@@ -26,8 +28,17 @@ export function goOnSoft(soft, end) {
   const { run, status } = soft;
   if (!["until", "time"].includes(status) || !(end > run.t)) return soft;
   goOn(run, end, run.steps + run.maxSteps);
-  while (!run.status) advance(run);
+  while (!run.status) nextStep(run);
   return { ...soft, contacts: logOf(run), status: run.status === "unfinished" ? "unfinished" : status };
+}
+
+// How deep each pair of balls that were found to rest has sunk by a later time.
+export function settledDepths({ run }, end) {
+  const most = run.steps + SETTLING;
+  goOn(run, end, Infinity);
+  for (; run.status !== "time" && run.steps < most; nextStep(run)) run.status = "";
+  run.status = "resting";
+  return run.pairs.map(({ open }) => open?.deepest);
 }
 
 // Past the stop, until every ball has had its apex or rests, at most `budget` steps.
@@ -35,7 +46,7 @@ export function findApexes({ run }, budget) {
   if (run.scene.gravity === 0 || run.status === "unfinished") return;
   if (run.status !== "resting") goOn(run, Infinity, Infinity);
   const most = run.steps + budget;
-  while (!run.status && run.steps < most && run.apex.some(Number.isNaN)) advance(run);
+  while (!run.status && run.steps < most && run.apex.some(Number.isNaN)) nextStep(run);
   if (run.status === "resting") run.apex.forEach((_, i) => comesToRest(run, i));
 }
 
@@ -43,7 +54,7 @@ function goOn(run, tEnd, maxSteps) {
   Object.assign(run, { status: "", until: null, tEnd, maxSteps });
 }
 
-function start(scene, eps, k, record, maxSteps) {
+function beginSoft(scene, eps, k, record, maxSteps) {
   const pairs = softPairs(scene, eps, k), series = new Series(pairs), { until, tEnd } = scene;
   return {
     scene, elastic: isElastic(pairs), pairs, series, t: 0, until, tEnd, status: "", contacts: [], pieces: record ? [] : null,
@@ -57,7 +68,7 @@ function launch(run) {
   });
 }
 
-function advance(run) {
+function nextStep(run) {
   if (++run.steps > run.maxSteps) return stop(run, "unfinished");
   engage(run);
   run.fired = -1;

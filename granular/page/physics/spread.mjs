@@ -2,6 +2,7 @@
 import { contactsOf } from "./balls.mjs";
 import { realBalls } from "./scenes.mjs";
 import { simulateSoft } from "./soft.mjs";
+import { max, min } from "./numbers.mjs";
 
 // Least and largest height of the top ball in drop heights; `spread` are the factors by which t₁ and t₂ may be wrong.
 export function spreadOf(values, spread) {
@@ -14,5 +15,5 @@ export function spreadOf(values, spread) {
     }
   }
   const known = rises.filter(Number.isFinite);
-  return known.length ? [Math.min(...known), Math.max(...known)] : null;
+  return known.length ? [min(...known), max(...known)] : null;
 }

@@ -1,6 +1,7 @@
 // Reading runs at any time: gaps and forces of soft spheres from their pieces, gaps of hard spheres from their flights.
 import { gapAfter } from "./flight.mjs";
 import { heights } from "./scenes.mjs";
+import { max, min } from "./numbers.mjs";
 
 function lastBefore(list, t) {
   let low = 0, high = list.length - 1;
@@ -15,7 +16,7 @@ function lastBefore(list, t) {
 function recalled({ series, pieces }, t) {
   const piece = lastBefore(pieces, t);
   series.recall(piece);
-  return (Math.min(t, piece.end) - piece.t) / piece.h;
+  return (min(t, piece.end) - piece.t) / piece.h;
 }
 
 export function softGaps(run, t) {
@@ -25,14 +26,14 @@ export function softGaps(run, t) {
 
 export function softForce(run, c, t) {
   const tau = recalled(run, t);
-  return Math.max(0, run.series.at("f", c, tau));
+  return max(0, run.series.at("f", c, tau));
 }
 
 export const softForces = (run, t) => run.scene.gap.map((_, c) => softForce(run, c, t));
 
 export function hardGaps({ flights }, t) {
-  const flight = lastBefore(flights, t), dt = Math.max(0, t - flight.t);
-  return flight.gap.map((gap, c) => Math.max(0, gapAfter(gap, flight.rate[c], flight.pull[c], dt)));
+  const flight = lastBefore(flights, t), dt = max(0, t - flight.t);
+  return flight.gap.map((gap, c) => max(0, gapAfter(gap, flight.rate[c], flight.pull[c], dt)));
 }
 
 export const softHeights = (run, t) => heights(run.scene, softGaps(run, t), t);
@@ -40,7 +41,7 @@ export const hardHeights = (run, t) => heights(run.scene, hardGaps(run, t), t);
 
 export function largestForce({ series, pieces, time }) {
   let most = 1e-300;
-  for (const piece of pieces) for (let c = 0; c < series.m && piece.t <= time; c++) most = Math.max(most, series.firstForce(piece, c));
+  for (const piece of pieces) for (let c = 0; c < series.m && piece.t <= time; c++) most = max(most, series.firstForce(piece, c));
   return most;
 }
 
@@ -53,17 +54,17 @@ export function samplesOf({ soft, hard }, [begin, end]) {
   const rows = { soft: times.map((t) => softHeights(soft, t)), hard: times.map((t) => hardHeights(hard, t)) };
   let low = Infinity, high = -Infinity;
   for (const row of [...rows.soft, ...rows.hard]) {
-    for (const y of row) [low, high] = [Math.min(low, y), Math.max(high, y)];
+    for (const y of row) [low, high] = [min(low, y), max(high, y)];
   }
-  return { times, ...rows, low, high: Math.max(high, low + 1e-9) };
+  return { times, ...rows, low, high: max(high, low + 1e-9) };
 }
 
 // The span of time worth watching: from the first contact to the last end of one, with a margin.
 export function spanOf(...runs) {
   const contacts = runs.flatMap((run) => run.contacts);
-  if (!contacts.length) return [0, Math.max(...runs.map((run) => run.time), 1e-3)];
-  const begin = Math.min(...contacts.map((c) => c.begin));
+  if (!contacts.length) return [0, max(...runs.map((run) => run.time), 1e-3)];
+  const begin = min(...contacts.map((c) => c.begin));
   const ends = contacts.map((c) => (Number.isNaN(c.end) ? c.begin : c.end));
-  const end = ends.reduce((a, b) => Math.max(a, b), begin), margin = 0.06 * (end - begin) || 1e-4;
-  return [Math.max(0, begin - margin), end + 1.5 * margin];
+  const end = ends.reduce((a, b) => max(a, b), begin), margin = 0.06 * (end - begin) || 1e-4;
+  return [max(0, begin - margin), end + 1.5 * margin];
 }

@@ -2,6 +2,7 @@
 // `kind` which of its reasons it is. It names a sentence and what it speaks of; the words are elsewhere.
 import { isEarly, SAME } from "./measures.mjs";
 import { ROUNDING } from "./scenes.mjs";
+import { abs, floor, log10 } from "./numbers.mjs";
 
 const PATIENT = 10000; // steps
 const UPRIGHT = { left: "lower", right: "upper" };
@@ -53,7 +54,7 @@ function countsDiffer({ scene, pairs, wrong, unit, error }) {
   return ["counts", { say: "verdict-counts", pair: pairName(scene, p.pair), n: p.soft.contacts, hard: p.hard.contacts, many, parting, of: p.pair }];
 }
 
-const miss = (p) => (Number.isNaN(p.soft.speed - p.hard.speed) ? -1 : Math.abs(p.soft.speed - p.hard.speed));
+const miss = (p) => (Number.isNaN(p.soft.speed - p.hard.speed) ? -1 : abs(p.soft.speed - p.hard.speed));
 
 // Yes takes an error that is known, and small, and no ball that sinks where it rests.
 function outcomes({ error, sunk, cut }) {
@@ -64,5 +65,5 @@ function outcomes({ error, sunk, cut }) {
 }
 
 // Up to one digit: the error is never larger than is said.
-const within = (error, unit = 10 ** Math.floor(Math.log10(error))) =>
+const within = (error, unit = 10 ** floor(log10(error))) =>
   (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [Math.ceil(error / unit) * unit, "", 1] });

@@ -1,6 +1,6 @@
 // What a recorded run was made of and came to, in numbers; what was left out; its contacts as CSV.
 import { $, csv, h, save } from "../shell/dom.mjs";
-import { digits, plural, quantity } from "../shell/format.mjs";
+import { digits, quantity } from "../shell/format.mjs";
 
 export function showFacts(runs) {
   const row = (name, value) => h("tr", {}, h("th", { scope: "row" }, name), ...runs.map((run) => h("td", { class: run.engine }, value(run))));
@@ -32,3 +32,5 @@ function saveContacts({ name, contacts: c }) {
   const rows = [...c.pair].map((pair, i) => [pair, c.begin[i], c.end[i], c.before[i], c.after[i], c.impulse[i]]);
   save(`${name}-contacts.csv`, "text/csv", csv([["pair", "begin, s", "end, s", "rate before, m/s", "rate after, m/s", "impulse, N s"], ...rows]));
 }
+
+const plural = (n, noun) => `${n} ${noun}${n === 1 ? "" : "s"}`;

@@ -1,7 +1,7 @@
 // The player: recorded runs of any scene and engine, no physics.
 import { Clock } from "../shell/clock.mjs";
-import { $, h, text } from "../shell/dom.mjs";
-import { quantity } from "../shell/format.mjs";
+import { $, h, set, text } from "../shell/dom.mjs";
+import { digits, inThousands, quantity } from "../shell/format.mjs";
 import { beginBalls, drawBalls, reach } from "./balls.mjs";
 import { decoded } from "./decode.mjs";
 import { episodes, later, nextEpisode, slowable } from "./episodes.mjs";
@@ -10,10 +10,38 @@ import { drawContacts, drawDisplacement, drawVelocity, pairName } from "./maps.m
 import { drawDistance, drawEnergy, drawPositions } from "./paths.mjs";
 import { Picture, timeUnit } from "./picture.mjs";
 
-const FEW = { balls: 60, pairs: 8 };
+const FEW_LINES = { balls: 60, pairs: 8 };
+
+const LABELS = { time: "time", restart: "restart", "step-back": "step back", play: "play", "step-forward": "step forward", pace: "seconds for the whole span" };
 
 // The clock of the player: time goes slower in the episodes of `slow`.
 class SlowClock extends Clock {
+  setSpan(span) {
+    this.span = span;
+    this.setDuration(this.duration);
+    this.go(this.share);
+  }
+
+  setDuration(seconds) {
+    this.duration = seconds;
+    const slower = seconds / (this.span[1] - this.span[0]);
+    text($(".slowdown"), slower >= 1 ? `slowed ${inThousands(slower)} ×` : `${digits(1 / slower, 2)} × faster than life`);
+  }
+
+  tell() {
+    const [now, whole] = [this.time, this.span[1]].map((t, i) => quantity(t - this.span[0], "s", 4 - i));
+    set(this.bar, { "aria-valuetext": `${now} of ${whole}` });
+    text(this.readout, now);
+  }
+
+  shareOf(time) {
+    return (time - this.span[0]) / (this.span[1] - this.span[0]);
+  }
+
+  end() {
+    this.pause();
+  }
+
   frame(now) {
     const [t0, t1] = this.span, rate = (t1 - t0) / this.duration, seconds = Math.max(0, now - this.last) / 1000;
     const there = later(this.slow ?? [], this.time, seconds, rate);
@@ -37,6 +65,8 @@ class Player {
     this.views = this.runs.map((run) => this.view(run));
     showFacts(this.runs);
     this.draw();
+    for (const element of document.querySelectorAll("[data-label]")) set(element, { "aria-label": LABELS[element.dataset.label] });
+    for (const option of document.querySelectorAll("[data-n]")) text(option, `in ${option.value} s`);
     this.clock = new SlowClock(document, { show: (t) => this.show(t), stops: () => this.stops() });
     this.clock.setSpan(this.span);
     this.setSlow();
@@ -49,10 +79,10 @@ class Player {
 
   // What may be shown over time, and the tools.
   offer() {
-    const [run] = this.runs, balls = run.n - run.walls.length, few = run.n - 1 <= FEW.pairs && run.width === run.n;
+    const [run] = this.runs, balls = run.n - run.walls.length, few = run.n - 1 <= FEW_LINES.pairs && run.width === run.n;
     const pairs = few ? Array.from({ length: run.n - 1 }, (_, pair) => [`distance of ${pairName(run, pair)}`, (...a) => drawDistance(...a, pair)]) : [];
     this.kinds = [["positions", drawPositions], ...pairs, ["velocity as colour", drawVelocity], ["displacement as colour", drawDisplacement]];
-    const chosen = balls > FEW.balls ? this.kinds.length - 2 : 0;
+    const chosen = balls > FEW_LINES.balls ? this.kinds.length - 2 : 0;
     $(".shown").replaceChildren(...this.kinds.map(([name], i) => h("option", { value: i, selected: i === chosen }, name)));
     $(".shown").addEventListener("change", () => this.draw());
     const actions = { ".last": () => this.meet(-1), ".next": () => this.meet(1), ".nearer": () => this.zoom(0.5), ".farther": () => this.zoom(2), ".whole": () => this.look(this.whole) };

@@ -1,7 +1,7 @@
 // Curves over time: positions, the distance of one pair, energy.
 import { extent, roomy } from "./picture.mjs";
 
-const LOOKS = { hard: [6, 4], soft: [] }, FEW = 12;
+const LOOKS = { hard: [6, 4], soft: [] }, FEW_ROWS = 12;
 
 // Rows of a run within a span of time, and the next ones outside.
 function rows({ time }, [t0, t1]) {
@@ -14,7 +14,7 @@ function rows({ time }, [t0, t1]) {
 // Between rows nothing is known of soft spheres, so those few that are seen are marked and told.
 function few(run, span) {
   const [first, last] = rows(run, span);
-  return run.engine === "soft" && last - first < FEW ? "; only the dots were recorded" : "";
+  return run.engine === "soft" && last - first < FEW_ROWS ? "; only the dots were recorded" : "";
 }
 
 function* values(run, span, of) {
@@ -35,7 +35,7 @@ function draw(picture, run, of, strong = true) {
         for (let r = first; r <= last; r++) pen.lineTo(picture.x(run.time[r]), picture.y(of(run, r)[i]));
       }, LOOKS[run.engine]);
     }
-    if (last - first < FEW) for (let i = 0; i < n; i += stride) for (let r = first; r <= last; r++) dot(pen, picture.x(run.time[r]), picture.y(of(run, r)[i]));
+    if (last - first < FEW_ROWS) for (let i = 0; i < n; i += stride) for (let r = first; r <= last; r++) dot(pen, picture.x(run.time[r]), picture.y(of(run, r)[i]));
   });
   return stride;
 }

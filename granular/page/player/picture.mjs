@@ -4,14 +4,14 @@ import { h } from "../shell/dom.mjs";
 import { digits, unitFor } from "../shell/format.mjs";
 
 // The same in all pictures over time: their playheads stand below each other.
-const MARGIN = { left: 62, right: 14, top: 18, bottom: 36 };
+const AROUND = { left: 62, right: 14, top: 18, bottom: 36 };
 
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export class Picture {
   constructor(host, height, label, margin = {}) {
     this.canvas = h("canvas", { role: "img", "aria-label": label });
-    Object.assign(this, { height, margin: { ...MARGIN, ...margin } });
+    Object.assign(this, { height, margin: { ...AROUND, ...margin } });
     host.append(this.canvas);
   }
 

@@ -1,17 +1,17 @@
 // A chart: an SVG in its own pixels, redrawn when its width changes, with ticks, grid lines and a plot area. What is drawn
 // is written down first; `finish` hands the browser only what has changed.
-import { markup, set, svg } from "./dom.mjs";
+import { markup, set, svg, tenths } from "./dom.mjs";
 import { digits, superscript } from "./format.mjs";
 
 const MARGIN = { left: 56, right: 18, top: 8, bottom: 38 };
 
 export class Chart {
-  constructor(host, { height, label, left = MARGIN.left, top = MARGIN.top }) {
+  constructor(host, { height, left = MARGIN.left, top = MARGIN.top }) {
     Object.assign(this, { host, height, top, left });
     this.grid = svg("g", { class: "grid" });
     this.body = svg("g", { class: "body" });
     this.head = svg("line", { class: "playhead", y1: 2, y2: height - MARGIN.bottom, visibility: "hidden" });
-    this.svg = svg("svg", { role: "img", "aria-label": label, height, class: "chart" }, this.grid, this.body, this.head);
+    this.svg = svg("svg", { role: "img", height, class: "chart" }, this.grid, this.body, this.head);
     host.append(this.svg);
     this.width = 600;
     this.resize(height);
@@ -42,7 +42,9 @@ export class Chart {
     [this.frame, this.marks, this.nameY] = ["", "", ""];
   }
 
-  finish() {
+  // `said`: what there is to be seen, for who does not see it.
+  finish(said) {
+    set(this.svg, { "aria-label": said });
     for (const [group, written] of [[this.grid, this.frame], [this.body, this.marks + this.nameY]]) {
       if (group.written !== written) group.innerHTML = group.written = written;
     }
@@ -51,7 +53,7 @@ export class Chart {
   xTicks(values, format, name) {
     const b = this.height - MARGIN.bottom;
     for (const v of values) {
-      const x = this.x(v).toFixed(1);
+      const x = this.x(v);
       this.frame += markup("line", { x1: x, x2: x, y1: this.top, y2: b });
       if (format) this.frame += markup("text", { x, y: b + 14, "text-anchor": "middle" }, format(v));
     }
@@ -60,9 +62,9 @@ export class Chart {
 
   yTicks(values, format, name) {
     for (const v of values) {
-      const y = this.y(v).toFixed(1);
+      const y = this.y(v);
       this.frame += markup("line", { x1: this.left, x2: this.width - MARGIN.right, y1: y, y2: y });
-      this.frame += markup("text", { x: this.left - 6, y: Number(y) + 4, "text-anchor": "end" }, format(v));
+      this.frame += markup("text", { x: this.left - 6, y: y + 4, "text-anchor": "end" }, format(v));
     }
     this.nameY = name ? markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name over" }, name) : "";
   }
@@ -71,8 +73,8 @@ export class Chart {
     this.marks += markup(tag, attributes);
   }
 
-  note(content, attributes) {
-    this.marks += markup("text", attributes, content);
+  note(content, x, y, name = "axis-name", anchor = "start") {
+    this.marks += markup("text", { x, y, "text-anchor": anchor, class: name }, content);
   }
 
   // Lines through [x, y] data, all in one element; a break where y is not a number.
@@ -101,9 +103,6 @@ export class Chart {
     set(this.head, { x1: x, x2: x, visibility: hidden ? "hidden" : "visible" });
   }
 }
-
-// Pixels to a tenth: far quicker than toFixed, and there are thousands.
-const tenths = (x) => Math.round(10 * x) / 10;
 
 // Round tick values, about `count` of them.
 export function ticks([low, high], count = 5) {

@@ -1,40 +1,22 @@
-// Transport: play, pause, step, restart, scrub; by buttons, by the time bar, by keys. It owns the time shown.
-import { $, set, text } from "./dom.mjs";
-import { digits, quantity } from "./format.mjs";
+// Transport: play, pause, step, restart, scrub; by buttons, by the time bar, by keys. It owns the time shown. Each page has
+// its own, which says what `tell`s the time, `setDuration`, `shareOf` a time and the `end` are.
+import { $, set } from "./dom.mjs";
 
 const SKIP = 0.01;
-const ENGLISH = {
-  slowed: ({ n }) => `slowed ${n} ×`, faster: ({ n }) => `${n} × faster than life`, "time-of": ({ now, whole }) => `${now} of ${whole}`,
-  play: () => "play", pause: () => "pause",
-};
 
 export class Clock {
-  constructor(root, { show, stops = () => [], locked = () => false, duration = 9, say = (key, values) => ENGLISH[key](values) }) {
+  constructor(root, { show, stops = () => [], locked = () => false, duration = 9, say = (key) => key }) {
     Object.assign(this, { root, show, stops, locked, duration, say, playing: false, share: 0, span: [0, 1], last: 0 });
     this.bar = $(".time-bar", root);
     this.button = $(".play", root);
     this.readout = $(".time-now", root);
-    this.bar.addEventListener("input", () => this.pause() || this.go(this.bar.value / this.bar.max));
-    this.button.addEventListener("click", () => this.toggle());
-    $(".restart", root).addEventListener("click", () => this.restart());
-    $(".back", root).addEventListener("click", () => this.step(-1));
-    $(".forward", root).addEventListener("click", () => this.step(1));
-    const pace = $(".pace", root);
-    pace.addEventListener("change", () => this.setDuration(Number(pace.value)));
-    document.addEventListener("keydown", (event) => this.key(event));
-  }
-
-  setSpan(span) {
-    this.span = span;
-    this.setDuration(this.duration);
-    this.go(this.share);
-  }
-
-  setDuration(seconds) {
-    this.duration = seconds;
-    const slower = seconds / (this.span[1] - this.span[0]);
-    const pace = slower >= 1 ? this.say("slowed", { n: String(Math.round(slower)).replace(/\B(?=(\d{3})+$)/g, "\u00a0") }) : this.say("faster", { n: digits(1 / slower, 2) });
-    text($(".slowdown", this.root), pace);
+    set(this.bar, { oninput: () => this.pause() || this.go(this.bar.value / this.bar.max) });
+    set(this.button, { onclick: () => this.toggle() });
+    set($(".restart", root), { onclick: () => this.restart() });
+    set($(".back", root), { onclick: () => this.step(-1) });
+    set($(".forward", root), { onclick: () => this.step(1) });
+    set($(".pace", root), { onchange: (event) => this.setDuration(Number(event.target.value)) });
+    set(document, { onkeydown: (event) => this.key(event) });
   }
 
   get time() {
@@ -46,12 +28,6 @@ export class Clock {
     this.bar.value = Math.round(this.share * this.bar.max);
     this.tell();
     this.show(this.time);
-  }
-
-  tell() {
-    const now = quantity(this.time - this.span[0], "s", 4), whole = quantity(this.span[1] - this.span[0], "s", 3);
-    set(this.bar, { "aria-valuetext": this.say("time-of", { now, whole }) });
-    text(this.readout, now);
   }
 
   play() {
@@ -69,10 +45,6 @@ export class Clock {
     this.last = now;
     if (this.share >= 1) this.end();
     else requestAnimationFrame((next) => this.frame(next));
-  }
-
-  end() {
-    this.pause();
   }
 
   pause() {
@@ -102,8 +74,7 @@ export class Clock {
   // To the next or the last onset or end of a contact.
   leap(way) {
     this.pause();
-    const shares = this.stops().map((t) => (t - this.span[0]) / (this.span[1] - this.span[0]));
-    const ahead = shares.filter((s) => (way > 0 ? s > this.share + 1e-9 : s < this.share - 1e-9));
+    const ahead = this.stops().map((time) => this.shareOf(time)).filter((s) => way * (s - this.share) > 1e-9);
     if (ahead.length) this.go(way > 0 ? Math.min(...ahead) : Math.max(...ahead));
   }
 

@@ -26,16 +26,25 @@ export function set(element, attributes) {
   }
 }
 
+// Which of its classes an element has, by name.
+export function classes(element, states) {
+  for (const name in states) element.classList.toggle(name, Boolean(states[name]));
+}
+
 export function text(element, content) {
   if (element.textContent !== content) element.textContent = content;
 }
 
-// An SVG element in writing: to hand the browser a whole drawing at once is several times faster than element by element.
+// An SVG element in writing, numbers to a tenth of a pixel: to hand the browser a whole drawing at once is several times
+// faster than element by element.
 export function markup(tag, attributes, content = "") {
   let written = `<${tag}`;
-  for (const name in attributes) written += ` ${name}="${escaped(attributes[name])}"`;
+  for (const name in attributes) written += ` ${name}="${escaped(tenths(attributes[name]))}"`;
   return `${written}>${escaped(content)}</${tag}>`;
 }
+
+// Far quicker than toFixed, and there are thousands.
+export const tenths = (x) => (typeof x === "number" ? Math.round(10 * x) / 10 : x);
 
 const escaped = (value) => String(value).replace(/[&<"]/g, (sign) => ({ "&": "&amp;", "<": "&lt;", '"': "&quot;" })[sign]);
 

@@ -42,4 +42,5 @@ export function unitFor(span, unit) {
   return [factor, prefix + unit];
 }
 
-export const plural = (n, noun) => `${n} ${noun}${n === 1 ? "" : "s"}`;
+// A whole number, its thousands apart.
+export const inThousands = (x) => String(Math.round(x)).replace(/\B(?=(\d{3})+$)/g, "\u00a0");
