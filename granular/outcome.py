@@ -306,6 +306,23 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
         yield c, max(left, float(np.max(apart, where=fastest > weight[c] * still, initial=0.0)))
 
 
+def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
+    """How far in m/s two hard runs differ in pairs that end up stuck in both, shape of the gaps.
+
+    Contacts are compared as they part; what one run has alone counts in full, but for those of balls that settle.
+    """
+    apart, stuck = np.zeros(one.scene.n_pairs), np.ones(one.scene.n_pairs, np.bool_)
+    for run in (one, other):
+        stuck &= np.abs(partings(run)) <= run.stats.get("merge_below", 0.0)
+    for c in np.flatnonzero(stuck).tolist():
+        (v, out), (u, off) = sorted(((approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel())
+                                     for run in (one, other)), key=lambda log: -len(log[0]))
+        v[: len(u)], out[: len(u)] = np.maximum(v[: len(u)], u), np.abs(out[: len(u)] - off)
+        alone = np.arange(len(v)) >= len(u)
+        apart[c] = np.max(np.where(alone, np.maximum(v, out), out), where=v > weight[c], initial=0.0)
+    return apart
+
+
 def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
     """Both runs without contacts that are rounding beside the fastest of either in their component."""
     parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)
