@@ -309,17 +309,17 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
 def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
     """How far in m/s two hard runs differ in pairs that end up stuck in both, shape of the gaps.
 
-    Contacts are compared as they part; what one run has alone counts in full, but for those of balls that settle.
+    Each contact is compared as it closes and as it parts; what one run has alone counts in full, but for contacts of
+    balls that settle.
     """
-    apart, stuck = np.zeros(one.scene.n_pairs), np.ones(one.scene.n_pairs, np.bool_)
-    for run in (one, other):
-        stuck &= np.abs(partings(run)) <= run.stats.get("merge_below", 0.0)
-    for c in np.flatnonzero(stuck).tolist():
-        (v, out), (u, off) = sorted(((approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel())
-                                     for run in (one, other)), key=lambda log: -len(log[0]))
-        v[: len(u)], out[: len(u)] = np.maximum(v[: len(u)], u), np.abs(out[: len(u)] - off)
-        alone = np.arange(len(v)) >= len(u)
-        apart[c] = np.max(np.where(alone, np.maximum(v, out), out), where=v > weight[c], initial=0.0)
+    apart, runs = np.zeros(one.scene.n_pairs), (one, other)
+    stuck = [(partings(run) == 0.0) & (run.stats.get("merge_below", 0.0) > 0.0) for run in runs]
+    for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
+        speeds = np.zeros((2, max(run.count(c) for run in runs), 2))
+        for run, of in zip(runs, speeds, strict=True):
+            of[: run.count(c)] = np.column_stack([approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"])])
+        fast = speeds[:, :, :1].max(axis=0) > weight[c]
+        apart[c] = np.max(np.abs(np.subtract(*speeds)), where=fast, initial=0.0)
     return apart
 
 

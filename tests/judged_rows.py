@@ -35,11 +35,11 @@ def due(rows, latest, most):
 
 
 def stuck_apart(one, other, pair, weight, together):
-    """Difference of a pair that is stuck at the end of two hard runs: as its contacts part, those of one alone."""
+    """Difference of a pair that is stuck at the end of two hard runs: as contacts close and part, or are missing."""
     mine, far = [[r for r in rows if r.pair == pair] for rows in (one, other)], [0.0]
-    if not all(rows and abs(parting(rows[-1])) <= together for rows in mine):
+    if not all(rows and parting(rows[-1]) == 0.0 < together for rows in mine):
         return 0.0
     for r, o in zip_longest(*mine):
         if max(closing(row) for row in (r, o) if row) > weight:
-            far.append(abs(parting(r) - parting(o)) if r and o else max(closing(r or o), parting(r or o)))
+            far += [abs(sum(s * of(row) for s, row in ((1, r), (-1, o)) if row)) for of in (closing, parting)]
     return max(far)
