@@ -271,8 +271,7 @@ class Judge:
         sinks = any(self.sinks(c, soft, self.lies(pairs, hard), weight) for c in pairs)
         if self.lies(pairs, hard):
             return "no" if sinks else "yes"
-        together = self.carried.stats.get("merge_below", 0.0)
-        for other in self.others:
+        for other, together in self.others:
             stuck = [stuck_apart(*other, c, weight, together) for c in pairs]
             if max(*stuck, *(self.ball_apart(*other, b) for b in balls)) > SAME * unit:
                 return "not_unique"
@@ -326,7 +325,8 @@ class Judge:
             except (ValueError, ArithmeticError):
                 continue
             if run.status.name not in EARLY:
-                found.append(self.beside(run, self.carried))
+                together = min(one.stats.get("merge_below", 0.0) for one in (run, self.carried))
+                found.append((self.beside(run, self.carried), together))
         return found
 
     def beside(self, *runs):
