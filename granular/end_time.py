@@ -24,7 +24,7 @@ from granular import edmd, md
 from granular._check import Array
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
-from granular.outcome import approach, at_once, components, counted, counts, strengths
+from granular.outcome import approach, at_once, components, counted, counts, partings, strengths
 from granular.scene import Scene
 from granular.scene.places import Closing
 from granular.trajectory import Status, Trajectory
@@ -59,16 +59,21 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     A contact that one run has yet to make may be late by its isolated duration, and by the way that its balls lag
     behind, at most the fastest approach times all durations so far, both of its component, at the speed with which it
     closes, and not by more than the run has lasted. One that begins later is missing. Hard spheres that lie on each
-    other from the start, and have not collided by the end, are not waited for.
+    other from the start, and have not collided by the end, are not waited for; nor are pairs at rest at the end, if the
+    contacts that they lack are those of balls that bounce ever lower.
     """
-    most = np.maximum(counts(hard), counts(soft))
-    latest = _latest(hard, soft, most)
-    hard = at_once(_gone_on(hard, float(latest[0].max()), {}))
-    later = _gone_on(soft, float(latest[1].max()), options)
-    until = _patience(_due(later, latest[1], most), float(soft.time[-1]))
-    if until.max() > latest[1].max():
+    most, cut = np.maximum(counts(hard), counts(soft)), float(soft.time[-1])
+    latest, followed = _latest(hard, soft, most), _patience(soft, cut)
+    end = float(latest[1].max())
+    later = _gone_on(soft, end, options)
+    still = _ever_lower(soft, hard, [c for c in np.flatnonzero(followed > cut).tolist()
+                                     if not later.of(c)["t_end"][soft.count(c) - 1] <= followed[c]])
+    latest[1, still] = cut
+    until = _patience(_due(later, latest[1], most), cut)
+    until[still] = followed[still]
+    if until.max() > end:
         later = _gone_on(soft, float(until.max()), options)
-    hard, later = counted(hard, later)
+    hard, later = counted(at_once(_gone_on(hard, float(latest[0].max()), {})), later)
     return _due(hard, latest[0], most), _endless(_due(later, latest[1], most), until)
 
 
@@ -149,7 +154,20 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     lying = np.zeros(len(most), np.bool_)
     lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
     latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
+    stuck = (hard.gap[-1] == 0.0) & (np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0))
+    latest[0, _ever_lower(hard, soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
     return np.asarray(latest, float)
+
+
+def _ever_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[int]:
+    """Of these pairs, which rest in a run, those that in the other go on with contacts no faster than the last here, or
+    than those of balls that settle."""
+    if not resting:
+        return resting
+    here, there = approach(run), approach(other)
+    weight = components(run, other).weight(run if run.rule is None else other)
+    return [c for c in resting
+            if not (there[other.rows(c)][run.count(c) :] > max(here[run.rows(c)][-1], weight[c])).any()]
 
 
 def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:

@@ -306,6 +306,23 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
         yield c, max(left, float(np.max(apart, where=fastest > weight[c] * still, initial=0.0)))
 
 
+def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
+    """How far in m/s two hard runs differ in pairs that end up stuck in both, shape of the gaps.
+
+    Each contact is compared as it closes and as it parts; what one run has alone counts in full, but for contacts of
+    balls that settle.
+    """
+    apart, runs = np.zeros(one.scene.n_pairs), (one, other)
+    stuck = [(partings(run) == 0.0) & (run.stats.get("merge_below", 0.0) > 0.0) for run in runs]
+    for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
+        speeds = np.zeros((2, max(run.count(c) for run in runs), 2))
+        for run, of in zip(runs, speeds, strict=True):
+            of[: run.count(c)] = np.column_stack([approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"])])
+        fast = speeds[:, :, :1].max(axis=0) > weight[c]
+        apart[c] = np.max(np.abs(np.subtract(*speeds)), where=fast, initial=0.0)
+    return apart
+
+
 def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
     """Both runs without contacts that are rounding beside the fastest of either in their component."""
     parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)

@@ -8,7 +8,7 @@ import math
 from collections import namedtuple
 from itertools import zip_longest
 
-from judged_rows import closing, count, due, parting, rows_of
+from judged_rows import closing, count, due, parting, rows_of, stuck_apart
 
 import granular as gr
 from granular.scene import speed_scale
@@ -106,9 +106,11 @@ class Judge:
         latest_hard = self.latest(hard, soft, most, way, float(self.carried.time[-1]))
         end = float(self.carried.time[-1])
         latest_hard |= {r.pair: end for r in soft if r.begin == 0.0 and not count(hard, r.pair)}
+        latest_hard |= {c: end for c in of if self.sticks(hard, c) and self.lower(hard, soft, c, of)}
         latest_soft = self.latest(soft, hard, most, way, float(self.soft.time[-1]))
+        lower = {c for c in of if self.lower(soft, hard, c, of)}
         hard = self.later(hard, latest_hard, self.carried.status.name)
-        soft = self.followed(soft, latest_soft, most)
+        soft = self.followed(soft, latest_soft, most, lower)
         hard, soft = self.without_rounding(hard, soft)
         return due(hard, latest_hard, most), due(soft, latest_soft, most)
 
@@ -122,20 +124,37 @@ class Judge:
                 found[c] += self.lasting(c, speed) + (min(way[c] / speed, span) if speed > 0.0 else span)
         return found
 
+    def sticks(self, rows, c):
+        """Whether the bodies of a hard pair that have collided are at rest on each other at the end."""
+        mine = [r for r in rows if r.pair == c]
+        together = self.carried.stats.get("merge_below", 0.0)
+        return bool(mine) and self.carried.gap[-1][c] == 0.0 and abs(parting(mine[-1])) <= together
+
+    def lower(self, rows, others, c, of):
+        """Whether the contacts that a pair lacks are those of a ball that bounces ever lower, or settles."""
+        mine, theirs = ([r for r in log if r.pair == c] for log in (rows, others))
+        settles = self.weight([p for p in of if of[p] == of[c]])
+        return bool(mine) and all(closing(r) <= max(closing(mine[-1]), settles) for r in theirs[len(mine):])
+
     def later(self, rows, latest, status):
         if status in ("time", "until") and max(latest.values()) > self.t_end:
             return self.instants(rows_of(self.merging(self.hard, max(latest.values()), max_events=10 * MOST)))
         return rows
 
-    def followed(self, rows, latest, most):
+    def followed(self, rows, latest, most, lower):
+        """The soft run until all that is due is over; pairs at rest that lack only lower bounces do not count."""
         if self.soft.status.name not in ("time", "until"):
             return rows
-        end = max(latest.values())
+        end, cut, until = max(latest.values()), rows, {}
         if end > self.t_end:
             rows = rows_of(gr.md.simulate(self.scene, self.laws, t_end=end))
-        until = {}
+        for r in cut:
+            upto = self.t_end + FOLLOWED * self.lasting(r.pair, self.strength(r))
+            then = [o.end for o in rows if o.pair == r.pair][count(cut, r.pair) - 1]
+            if math.isnan(r.end) and r.pair in lower and not then <= upto:
+                latest[r.pair], until[r.pair] = self.t_end, upto
         for r in due(rows, latest, most):
-            if math.isnan(r.end):
+            if math.isnan(r.end) and r.pair not in until:
                 until[r.pair] = max(r.begin, self.t_end) + FOLLOWED * self.lasting(r.pair, self.strength(r))
         if until and max(until.values()) > end:
             rows = rows_of(gr.md.simulate(self.scene, self.laws, t_end=max(until.values())))
@@ -248,11 +267,13 @@ class Judge:
     def said(self, pairs, balls, hard, soft, unit, rests, error):
         if self.forever(pairs, soft):
             return "no"
-        sinks = any(self.sinks(c, soft, self.lies(pairs, hard), self.weight(pairs)) for c in pairs)
+        weight = self.weight(pairs)
+        sinks = any(self.sinks(c, soft, self.lies(pairs, hard), weight) for c in pairs)
         if self.lies(pairs, hard):
             return "no" if sinks else "yes"
-        for other in self.others:
-            if max(self.ball_apart(*other, b) for b in balls) > SAME * unit:
+        for other, together in self.others:
+            stuck = [stuck_apart(*other, c, weight, together) for c in pairs]
+            if max(*stuck, *(self.ball_apart(*other, b) for b in balls)) > SAME * unit:
                 return "not_unique"
         moved = [self.ball_apart(*self.twins, b) for b in balls]
         moved = [0.0 if math.isnan(x) else x for x in moved]
@@ -304,7 +325,8 @@ class Judge:
             except (ValueError, ArithmeticError):
                 continue
             if run.status.name not in EARLY:
-                found.append(self.beside(run, self.carried))
+                together = min(one.stats.get("merge_below", 0.0) for one in (run, self.carried))
+                found.append((self.beside(run, self.carried), together))
         return found
 
     def beside(self, *runs):

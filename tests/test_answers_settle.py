@@ -95,6 +95,38 @@ def test_a_ball_far_away_changes_nothing(seed) -> None:
 # --- rows
 
 
+@pytest.mark.parametrize("merged", [{}, {"collapse": "merge", "merge_below": 0.1}])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_happens_after_the_end_decides_nothing_about_balls_at_rest(seed, merged) -> None:
+    """A ball that falls on one at rest, soon after the end or a long time: either engine may have fewer bounces."""
+    rng = np.random.default_rng(seed)
+    t_end, eps, speed = float(rng.uniform(0.7, 0.9)), float(rng.uniform(0.2, 0.5)), [0.0] * 3
+
+    def found(gap):
+        scene = gr.Scene([INF, 1.0, 0.01], [0.0, 0.05, 0.05], [0.2, gap], speed, gravity=9.81)
+        law = [gr.LinearDashpot.from_restitution(eps, 1e9, pair) for pair in scene.pairs]
+        return gr.compare(scene, law, t_end=t_end, **merged)
+
+    soon, late = found(0.5 * 9.81 * (t_end + rng.uniform(0.1, 0.6)) ** 2), found(500.0)
+    assert soon.answer is late.answer
+    assert soon.error == pytest.approx(late.error, rel=1e-6)
+
+
+@pytest.mark.parametrize(("mass", "gap", "velocity", "t_end"), [
+    ([INF, 2.0, 1.0, 1.0], [0.1, 0.0, 0.0], [0.0, -1.0, -1.0, -1.0], 0.39),
+    ([INF, 1.0, 1.0, 1.0, INF], [0.1, 0.0, 0.0, 0.1], [0.0] * 5, 0.6),
+])
+def test_balls_that_come_to_rest_by_turns_have_no_unique_answer_in_a_mirror_either(mass, gap, velocity, t_end) -> None:
+    radius, found = [0.0 if math.isinf(m) else 0.05 for m in mass], []
+    for way in (1, -1):
+        force = [0.0 if math.isinf(m) else -9.81 * way * m for m in mass]
+        scene = gr.Scene(mass[::way], radius[::way], gap[::way], np.multiply(way, velocity)[::way],
+                         external_force=force[::way])
+        law = [gr.LinearDashpot.from_restitution(0.5, 1e9, pair) for pair in scene.pairs]
+        found.append(gr.compare(scene, law, t_end=t_end, collapse="merge", merge_below=0.1))
+    assert [one.answer for one in found] == [gr.Answer.not_unique] * 2
+
+
 def falling(engine, **options):
     scene = gr.Scene([INF, 0.6, 0.06], [0.0, 0.12, 0.03], [0.1, 1e-3], [0.0] * 3, 9.81)
     if engine == "hard":

@@ -129,3 +129,18 @@ def test_the_zero_of_times_moves_within_the_event_loop(n, eps, gamma):
         assert inside.stats["rebases"] == outside.stats["rebases"] > 10
         for name in ("time", "gap", "velocity", "ledger", "contacts"):
             assert getattr(inside, name).tobytes() == getattr(outside, name).tobytes(), name
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_scene_of_an_event_is_that_of_its_time(seed):
+    """A plate that shakes harder than gravity holds the balls lets them go between two of their collisions."""
+    rng = np.random.default_rng(seed)
+    n = 1 + seed % 2
+    floor = Sine(float(rng.uniform(5e-3, 2e-2)), float(rng.uniform(4.0, 8.0)))
+    scene = gr.Scene([INF] + [1.0] * n, [0.0] * (n + 1), rng.uniform(1e-3, 5e-2, n), [0.0] * (n + 1), 9.81, floor=floor)
+    shown = gr.edmd.events(scene, gr.ConstantRestitution(0.5), collapse="merge", merge_below=1e-2, t_end=1.5)
+    for row, time, then in shown:
+        balls = [body for body in then.bodies(row["pair"]) if body > 0]
+        assert time == pytest.approx(row["t_begin"], rel=1e-14)
+        assert then.gap[row["pair"]] == pytest.approx(0.0, abs=1e-12)
+        assert then.velocity[balls] == pytest.approx(row["v_out"][-len(balls) :], rel=1e-9, abs=1e-12)

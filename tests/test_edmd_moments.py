@@ -68,3 +68,29 @@ def test_nobody_says_that_no_collision_can_follow_while_some_are_looked_at() -> 
     run = gr.edmd.resume(gr.edmd.simulate(scene, rule, t_end=5.0), t_end=50.0)
     assert "no collision can follow" not in run.message
     assert len(gr.edmd.resume(run).contacts) == 1
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("seed", range(8))
+def test_infinitely_many_bounces_are_the_same_whatever_is_asked(seed, engine) -> None:
+    """A geometric series, with rows and a stop ever closer to its end; a ball that hovers above changes nothing."""
+    rng = np.random.default_rng(seed)
+    eps, height, g = float(rng.uniform(0.05, 0.9)), float(rng.uniform(0.1, 2.0)), float(rng.uniform(1.0, 20.0))
+    scene = gr.Scene([math.inf, 1.0, 1.0], [0.0] * 3, [height, 1e4], [0.0] * 3, g)
+    fall, rule = math.sqrt(2.0 * height / g), gr.ConstantRestitution(eps)
+    rests = fall * (1.0 + eps) / (1.0 - eps)
+    whole = gr.edmd.simulate(scene, rule, engine=engine)
+    log = whole.contacts
+    assert whole.status is gr.Status.collapse
+    assert whole.time[-1] == pytest.approx(rests, rel=1e-14)
+    left = 2.0 * fall * eps ** np.arange(1, len(log) + 1) / (1.0 - eps)
+    assert rests - log["t_begin"] == pytest.approx(left, rel=1e-9, abs=1e-14 * rests)
+    times = rests - (rests - fall) * np.logspace(0.0, -15.0, 40)
+    rows = gr.edmd.simulate(scene, rule, engine=engine, samples=times, t_end=rests + 1.0)
+    part = gr.edmd.simulate(scene, rule, engine=engine, t_end=float(times[seed + 5]))
+    more = gr.edmd.resume(part, engine=engine)
+    for run, found in ((rows, rows.contacts), (more, np.concatenate([part.contacts, more.contacts]))):
+        assert run.status is whole.status
+        assert found.tobytes() == log.tobytes()
+        for last in ("time", "gap", "velocity"):
+            assert getattr(run, last)[-1].tolist() == getattr(whole, last)[-1].tolist()

@@ -177,3 +177,10 @@ def test_no_proof_is_tried_where_it_does_not_hold(monkeypatch) -> None:
     assert gr.edmd.simulate(cluster(4), lambda v, pair: 0.1).status is gr.Status.bounded
     column = gr.Scene([math.inf, 1.0, 1.0, 1.0], [0.0] * 4, [0.5, 0.3, 0.4], [0.0] * 4, gravity=1.0)
     assert run(column, 0.5).status in (gr.Status.collapse, gr.Status.bounded)
+
+
+def test_no_proof_is_given_of_gaps_that_their_word_does_not_lead_to() -> None:
+    """Nothing of the leading gaps is there, and nothing is beside them: a bound of 0 times infinity."""
+    scene = gr.Scene([math.inf, 2.0, 2.0, 1.0, 2.0, math.inf], [0.0] * 6, [0.0, 0.1, 0.0, 0.0, 0.0],
+                     [0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    assert run(scene, 0.1).status is gr.Status.bounded

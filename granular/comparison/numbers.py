@@ -231,13 +231,14 @@ class Compared:
 
     @cached_property
     def tie_errors(self) -> dict[str, _check.Array]:
-        """How far balls leave, in units of their component, under each other tie rule; empty without ties."""
-        return {name: self._leaving_apart(run) for name, run in self._other_answers.items()}
+        """How far balls leave, and come to rest, in units of their component, under each other tie rule; empty without
+        ties."""
+        return {name: self._apart_by_ties(run) for name, run in self._other_answers.items()}
 
     @cached_property
     def shift_errors(self) -> _check.Array:
         """How far balls leave, in units of their component, from gaps shifted by 1e-12 of themselves."""
-        return self._leaving_apart(*self._shifted)
+        return self.components.largest(np.zeros(self.scene.n_pairs), differences(*self._shifted)[0]) / self.units
 
     @cached_property
     def shifts(self) -> _check.Array:
@@ -320,10 +321,11 @@ class Compared:
                 return edmd.simulate(run.scene, self.rule, **merging)
         return run
 
-    def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> _check.Array:
-        """Largest difference of leaving velocities of two hard runs, in units of each component."""
-        apart = differences(one, other or self._shifted[1])[0]
-        return self.components.largest(np.full(self.scene.n_pairs, 0.0), apart) / self.units
+    def _apart_by_ties(self, one: Trajectory) -> _check.Array:
+        """Largest difference of a run under another tie rule, in units of each component."""
+        hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
+        stuck = outcome.stuck_apart(one, hard, weight)
+        return self.components.largest(stuck, differences(one, hard)[0]) / self.units
 
     def _distance(self, apart: _check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""

@@ -222,8 +222,8 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     (pairs, bodies), end = state.slices(), high + 1
     pairs, bodies = pairs[low:end], bodies[low : end + 1]
     pulled = bool((column(pairs, "closing_acceleration")[[0, -1]] > 0.0).any())
-    if low == high and not pulled:
-        return None  # two free bodies collide once
+    if low == high and (not pulled or (physics.rule is None and column(pairs, "low")[0] == 0.0)):
+        return None  # two free bodies collide once; a ball that bounces alone on a wall is summed
     kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
     if physics.scene.external_force is not None:
         speed = largest_speed_under_forces(bodies, gap[low:end], rate[low:end], run.gravity)

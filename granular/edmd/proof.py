@@ -170,6 +170,8 @@ def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
     if of_gaps is None or not of_gaps.value < of_rates.value:
         return math.inf
     (slow, delta), (near, zeta) = of_rates.off(rate), of_gaps.off(gap)
+    if not max(delta, zeta) < math.inf:
+        return math.inf
     # bound of G(v+δ) - G(v)
     drift = drifted(word, turns.astype(float), rates.astype(float), gaps.astype(float), of_rates.most * delta)
     bound = float(abs(of_gaps.left).sum()) + of_gaps.most  # on all powers of G(v) / μ
@@ -178,8 +180,6 @@ def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
     if not ever < 1.0:
         return math.inf
     off = of_gaps.most * zeta + bound * math.expm1(ever) * (1.0 + zeta)
-    if not math.isfinite(off):
-        return math.inf
     after = (gaps @ of_gaps.right).astype(float)
     # ζ carried through, δ, rounding
     doubt = size(gaps.astype(float)) * off + drift * (1.0 + off) + ROUNDING * np.abs(after).max(axis=1)

@@ -45,6 +45,8 @@ def loop(
             edge = run.edge
             continue
         if FORCED and pairs[c].stuck > FREE:
+            if done >= budget:
+                return BUDGET
             run.now = now
             first, last = leave(run, pairs, bodies, c, now, walls)
             refresh(run, pairs, bodies, queue, first, last, walls)

@@ -40,8 +40,9 @@ def zoom(
         e = pair.eps if rule is None else rule(number(run, j), -w)
         advance(run, near, pairs, dt)
         run.suspect = number(run, j)
+        tau = run.began + run.elapsed
         if rows is not None:
-            row, tau = rows[done], run.began + run.elapsed
+            row = rows[done]
             row.pair, row.t_begin = run.suspect, tau
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         bounce(near, pairs, bodies, j, w, e)
@@ -55,13 +56,12 @@ def zoom(
         run.zoomed += 1
         run.looked += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
-        if run.elapsed + wait < min(run.room, run.edge - run.began):
+        if run.began + (run.elapsed + wait) == tau:  # now but for rounding: so it hangs on no edge
             if FORCED:
                 # of all bounces, its weight among them
                 left = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
                 enter(lower, upper, left, 0.5 * upper.mass * own.rate * own.rate, walls)
-            settle(near, pairs, bodies, j, wait, walls)
-            run.elapsed += wait
+            settle(near, pairs, bodies, j)
             return RESTS
         if (own.rate == 0.0 and pair.closing_acceleration > 0.0) or (run.stop_pair == APART and recede(near)):
             return QUIET  # it lies, or all recede: a run that stops then is to look
@@ -214,23 +214,18 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
 
 
 @kernel
-def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float, walls: Walls) -> None:
-    """Move the slice on by `end` to the moment when the ball above the wall of pair `j` has come to rest on it.
+def settle(near: Records, pairs: Records, bodies: Records, j: int) -> None:
+    """Let the ball above the wall of pair `j`, which has just bounced on it, be at rest there.
 
     Measured from the wall, the path of its neighbour knows nothing of the bounces.
     """
-    a, r = pairs[j].closing_acceleration, near[j].rate
+    if j + 1 < len(near):
+        near[j + 1].rate += near[j].rate
+        pairs[j + 1].closing_acceleration += pairs[j].closing_acceleration
     near[j].gap = near[j].rate = pairs[j].closing_acceleration = bodies[j + 1].is_free = 0.0
     bodies[j + 1].fall_velocity = bodies[j].fall_velocity
     if FORCED:
         bodies[j + 1].force_acceleration = 0.0
-    if j + 1 < len(near):
-        near[j + 1].rate += r
-        pairs[j + 1].closing_acceleration += a
-    for i in range(len(near)):
-        if i != j:
-            near[i].gap = gap_after(near[i].gap, near[i].rate, pairs[i].closing_acceleration, end)
-            near[i].rate -= pairs[i].closing_acceleration * end
 
 
 @kernel
