@@ -168,7 +168,7 @@ class Panels(_OnPanels, ByNumbers):
         _fill(wall, side=side, panels=len(rows), density=len(rows) / (right[-1] - left[0]),
               periodic=self.frequency > 0.0, frequency=rate, turn=self.turn[0], turn_low=self.turn[1], start=start,
               velocity=velocity, begin=begin, error=self.error, reach=high.max(), extent=max(high.max(), -low.min()),
-              speed=max(fast.max(), -slow.min()), stiff=max(most.max(), -least.min()))
+              speed=max(fast.max(), -slow.min()), stiff=max(most.max(), -least.min()), about=np.nan)
         _fill(wall, origin=path.moved(plain(wall)[0], plain(rows), begin, 0.0)[0], first=first)
         return wall, rows
 

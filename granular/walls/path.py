@@ -42,6 +42,7 @@ WALL = np.dtype(
         ("start", float), ("velocity", float), ("begin", float), ("origin", float),  # m, m/s, s; side·m at the start
         ("reach", float), ("extent", float), ("speed", float), ("stiff", float),  # bounds of side·m, |m|, |m'|, |m''|
         ("error", float),  # m, how far the panels may be from m
+        ("about", float), ("about_tail", float), ("holds", float),  # s: of when and for how long an `expansion` is
     ],
     align=True,
 )

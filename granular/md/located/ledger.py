@@ -21,12 +21,13 @@ import numpy as np
 from granular._kernels import DRIVEN, kernel
 from granular.md.located.pieces import elapsed, integral, power, two_sum, value
 from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
-from granular.md.located.walls import absolute
-from granular.walls.path import expansion
+from granular.md.located.walls import expand_path
 
-POINTS = 16
-NODES, WEIGHTS = (tuple((0.5 * (row + shift)).tolist()) for row, shift in zip(
-    np.polynomial.legendre.leggauss(POINTS), (1.0, 0.0), strict=True))
+POINTS, FEW = 16, 8
+"""Nodes of Gauss's rule in a piece; in one of linear laws only, which swings by no more than `REACH`."""
+NODES, WEIGHTS = (
+    tuple(np.concatenate([0.5 * (np.polynomial.legendre.leggauss(n)[row] + shift) for n in (POINTS, FEW)]).tolist())
+    for row, shift in ((0, 1.0), (1, 0.0)))
 FLOOR, CEILING, LOST = 0, 1, 4
 """Places in the ledger; heat is between them."""
 
@@ -153,7 +154,7 @@ def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
     if member.kind == ELASTIC or member.gamma == 0.0:
         return 0.0
     total, scale = 0.0, pace(block, tau)
-    for i in range(POINTS):
+    for i in range(POINTS * block.linear, POINTS + FEW * block.linear):
         at = tau * NODES[i]
         eta = value(member.e, at)
         rate = member.gamma * eta * eta
@@ -183,11 +184,10 @@ def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float
 @kernel
 def work_of_driven(walls: Any, member: Any, block: Any, tau: float) -> float:
     """Return the work of a driven wall in [0, τ] of the piece of the pair at it."""
+    expand_path(walls, member.wall - 1, block)
     wall, path = walls.wall[member.wall - 1], walls.path[member.wall - 1]
-    t, tail = absolute(walls, block.t, block.tail)
-    expansion(wall, walls.panels, t, tail, path)
     total, scale = 0.0, pace(block, tau)
-    for i in range(POINTS):
+    for i in range(POINTS * block.linear, POINTS + FEW * block.linear):
         at, v = elapsed(block.h * tau * NODES[i], block.clock, 1.0), 0.0
         for j in range(len(path) - 1, 0, -1):
             v = v * at + j * path[j]

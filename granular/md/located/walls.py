@@ -213,15 +213,24 @@ def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
     block.holds = math.inf
     for c in range(lo, hi):
         if pairs[c].wall > 0:
-            i = pairs[c].wall - 1
-            t, tail = absolute(walls, block.t, block.tail)
-            wall, path = walls.wall[i], walls.path[i]
-            holds = expansion(wall, walls.panels, t, tail, path)
+            holds = expand_path(walls, pairs[c].wall - 1, block)
+            wall, path = walls.wall[pairs[c].wall - 1], walls.path[pairs[c].wall - 1]
             member, bound = pool[pairs[c].slot], wall.stiff + abs(pairs[c].pull)
             member.pull, member.sway = pairs[c].pull + 2.0 * path[2], bound
             block.holds = min(block.holds, holds)
             reach = min(reach, tame(path, holds, bound))
     return reach
+
+
+@kernel
+def expand_path(walls: Any, i: int, block: Any) -> float:
+    """Expand the path of driven wall `i` about the clock of a block, unless it is; return for how long it holds."""
+    wall = walls.wall[i]
+    if not (wall.about == block.t and wall.about_tail == block.tail):
+        t, tail = absolute(walls, block.t, block.tail)
+        wall.holds = expansion(wall, walls.panels, t, tail, walls.path[i])
+        wall.about, wall.about_tail = block.t, block.tail
+    return wall.holds  # type: ignore[no-any-return]
 
 
 @kernel
