@@ -51,11 +51,16 @@ class Whole(JITCodeLibrary):  # type: ignore[misc]
 @cache
 def remembering(context: Any) -> Any:
     """Return a typing context that shares all with another, but asks only once for the type of ``pairs[c]``: numba
-    tries 14 templates each time, a fifth of the time it takes in all."""
+    tries 14 templates each time, a fifth of the time it takes in all. A kernel is made once for all constants, and
+    taken as it was made for just these types: numba would warn of records that begin alike."""
 
     class Remembering(type(context)):  # type: ignore[misc]
         def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
-            if kws or isinstance(function, types.Dispatcher):
+            if isinstance(function, types.Dispatcher):
+                plain = tuple(map(types.unliteral, args))
+                _, names, folded, _ = function.dispatcher.get_call_template(plain, kws)
+                return function.dispatcher.overloads[tuple(folded)].signature.replace(pysig=names)
+            if kws:
                 return super().resolve_function_type(function, args, kws)
             if (function, args) not in known:
                 known[function, args] = super().resolve_function_type(function, args, kws)

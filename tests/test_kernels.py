@@ -7,6 +7,7 @@ import subprocess
 import sys
 import types
 
+import numpy as np
 import pytest
 
 from granular import _held, _kernels, _records
@@ -39,6 +40,16 @@ def half(x):
 @kernel
 def nested(x):
     return inner(inner(x))
+
+
+@kernel
+def first_of(record):
+    return record.first
+
+
+@kernel
+def first_of_all(records):
+    return first_of(records[0])
 
 
 def ways(function):
@@ -146,6 +157,15 @@ def test_machine_code_is_made_for_what_python_calls_only_and_a_part_is_typed_onc
     assert (made, len(part.overloads)) == ({"Part"}, 1)
     assert compiled(shared)(0.25) == inner(0.25)
     assert len(list(tmp_path.rglob("*.nbi"))) == 3
+
+
+@pytest.mark.skipif(not have_numba(), reason="numba is not installed")
+def test_records_that_begin_alike_are_told_apart_without_a_warning(monkeypatch, tmp_path):
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    caller = kernel(types.FunctionType(first_of_all.__code__, globals()))
+    kinds = [np.dtype([("first", float)]), np.dtype([("first", float), ("second", float)])]
+    assert [compiled(caller)(np.full(1, 2.0, kind)) for kind in kinds] == [2.0, 2.0]
+    assert len(compiled(caller).py_func.__globals__["first_of"].overloads) == 2
 
 
 def test_who_asks_while_another_thread_loads_numba_waits_for_it(tmp_path):
