@@ -57,7 +57,7 @@ def remembering(context: Any) -> Any:
     class Remembering(type(context)):  # type: ignore[misc]
         def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
             if isinstance(function, types.Dispatcher):
-                plain = tuple(map(types.unliteral, args))
+                plain = tuple(map(types.unliteral, args))  # type: ignore[attr-defined]
                 _, names, folded, _ = function.dispatcher.get_call_template(plain, kws)
                 return function.dispatcher.overloads[tuple(folded)].signature.replace(pysig=names)
             if kws:
