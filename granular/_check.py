@@ -258,6 +258,13 @@ def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, 
     return out
 
 
+def refuse(wrong: Mapping[str, object]) -> None:
+    """Raise `ValueError` with the first of these sentences that is so."""
+    for sentence, so in wrong.items():
+        if so:
+            raise ValueError(sentence)
+
+
 def choice(name: str, value: Any, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
     if not isinstance(value, str) or value not in options:

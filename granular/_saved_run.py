@@ -10,7 +10,6 @@ import os
 from collections.abc import Collection, Mapping
 from hashlib import blake2b
 from io import BytesIO
-from os import PathLike
 from typing import Any
 from zlib import crc32
 
@@ -48,7 +47,7 @@ MOST_RECORDS, LARGEST = 10_000, 1 << 16
 CHANGED = "it was changed after it was saved"
 
 
-def write(path: str | PathLike[str], run: Any, compressed: bool = False) -> None:
+def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run to one ``.npz`` file, whole or not at all."""
     _files.check_ending(path, ".npz")
     words, arrays = packed(run)
@@ -66,11 +65,11 @@ def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         raise ValueError("run has neither laws nor rules: numbers of another program are saved as .csv, .extxyz, or by "
                          "to_xarray().")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
-    arrays = {name: getattr(run, name) for name in ARRAYS}
-    arrays |= {f"scene.{name}": getattr(scene, name) for name in SCENE}
+    held = {name: getattr(run, name) for name in ARRAYS} | {f"scene.{name}": getattr(scene, name) for name in SCENE}
     has = {"scene.ring": scene.ring, "scene.pendulum": scene.pendulum > 0.0}
-    arrays = {name: np.asarray(value) for name, value in arrays.items() if value is not None and has.get(name, True)}
-    arrays |= {f"state.{name}": np.asarray(value) for name, value in run.state.items()}
+    held = {name: value for name, value in held.items() if value is not None and has.get(name, True)}
+    arrays = {name: np.asarray(value) for name, value in held.items()} | {
+        f"state.{name}": np.asarray(value) for name, value in run.state.items()}
     if run.rule is not None:
         log, arrays["contacts"] = run.contacts, run.contacts[:0]
         arrays |= {name: log[name[9:]].astype(kind, order="C") for name, kind in OF_HARD.items()}
@@ -119,7 +118,7 @@ def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
 
 
 def read(
-    path: str | PathLike[str], law: Any, rule: Any, statuses: Collection[str], log: np.dtype[Any]
+    path: str | os.PathLike[str], law: Any, rule: Any, statuses: Collection[str], log: np.dtype[Any]
 ) -> dict[str, Any]:
     """Return what `write` has written by the names of `Trajectory`, the status by its name, one of `statuses`; contacts
     are records `log`. Raise as `Trajectory.load`.
@@ -235,21 +234,22 @@ def _words(text: str) -> dict[str, Any]:
 
 def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: Collection[str]) -> None:
     """Raise what is wrong with words beside those for laws, rules and walls."""
-    if words["status"] not in statuses:
-        raise ValueError(f"its status is {_files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} "
-                         "is needed.")
-    if (words["law"] is None) is (words["rule"] is None):
-        raise ValueError(f"it has both laws and rules, or neither; {CHANGED}.")
+    _check.refuse({
+        f"its status is {_files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} is needed.":
+            words["status"] not in statuses,
+        f"it has both laws and rules, or neither; {CHANGED}.": (words["law"] is None) is (words["rule"] is None),
+    })
     for name, value in words["stats"].items():
         several = value if isinstance(value, list) else [value]
         pair = name != "first_disturbed" or (len(several) == 2 and not any(isinstance(one, str) for one in several))
         if not pair or not all(isinstance(one, PLAIN) for one in several):
             raise ValueError(f"its number {_files.plain_text(repr(name), 60)} is "
                              f"{_files.plain_text(repr(value), 60)}; {CHANGED}.")
-    if len(words.get("walls", (None, None))) != 2:
-        raise ValueError(f"it has {len(words['walls'])} walls: a floor and a ceiling, or None, are needed.")
-    if (words.get("format", 1) > 2 or "digest" in words) and words.get("digest") != _digest(words, stored):
-        raise ValueError(f"its numbers do not belong together; {CHANGED}.")
+    walls, signed = len(words.get("walls", (None, None))), words.get("format", 1) > 2 or "digest" in words
+    _check.refuse({
+        f"it has {walls} walls: a floor and a ceiling, or None, are needed.": walls != 2,
+        f"its numbers do not belong together; {CHANGED}.": signed and words.get("digest") != _digest(words, stored),
+    })
 
 
 def _check_rows(stored: Mapping[str, Any], status: str) -> None:
@@ -257,8 +257,8 @@ def _check_rows(stored: Mapping[str, Any], status: str) -> None:
     time, log = stored["time"], stored["contacts"]
     if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
         raise ValueError(f"its times do not rise, or are no numbers; {CHANGED}.")
-    rows = [stored.get(name) for name in ("position", "velocity", "gap", "force")]
-    rows += [log[name] for name in ("t_begin", "duration", "v_in", "impulse")]
+    rows = [*(stored.get(name) for name in ("position", "velocity", "gap", "force")),
+            *(log[name] for name in ("t_begin", "duration", "v_in", "impulse"))]
     if status != "unstable" and not all(np.isfinite(one).all() for one in rows if one is not None):
         raise ValueError(f"its rows or contacts hold what is no number; {CHANGED}.")
     last = stored["gap"].shape[1] - 1

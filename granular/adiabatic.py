@@ -136,11 +136,13 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
 
 def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     """The linear laws of both contacts, the upper one for a ball `LIGHTER`; raise what does not fit."""
-    if checked_scene(scene).n != 3 or scene.is_wall.tolist() != [True, False, False]:
-        raise ValueError(f"scene is {scene}: a floor and two balls are needed, as in granular.scenes.three_balls().")
-    if flags(scene):
-        raise ValueError(f"scene is {scene}: a floor at constant velocity and no forces are needed; for others use "
-                         "granular.md.")
+    walls = checked_scene(scene).is_wall.tolist()
+    _check.refuse({
+        f"scene is {scene}: a floor and two balls are needed, as in granular.scenes.three_balls().":
+            walls != [True, False, False],
+        f"scene is {scene}: a floor at constant velocity and no forces are needed; for others use granular.md.":
+            flags(scene),
+    })
     laws = []
     for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):
         pair = one.pair

@@ -111,11 +111,11 @@ def frontier(
 
 def _refuse_rest(run: Trajectory, t_end: float | None) -> None:
     """Raise for a run of which nothing can be learned, or whose rest the slow solvers would follow forever."""
-    if np.isnan(run.contacts["t_end"]).all():
-        raise ValueError(_nothing(run.scene))
-    if run.status is Status.resting and t_end is None:
-        raise ValueError("t_end is None: the balls come to rest, which the reference would follow forever; "
-                         "give t_end, or until.")
+    _check.refuse({
+        _nothing(run.scene): np.isnan(run.contacts["t_end"]).all(),
+        "t_end is None: the balls come to rest, which the reference would follow forever; give t_end, or until.":
+            run.status is Status.resting and t_end is None,
+    })
 
 
 def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:

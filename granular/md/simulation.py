@@ -195,10 +195,11 @@ def _stepped(
 
     if _check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
         raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(fixed.INTEGRATORS)}.")
-    if tol != EXACT:
-        raise ValueError(f"tol is {tol!r}: method {method!r} has no tolerance; give dt, or choose 'located'.")
-    if disturbed != "resolve":
-        raise ValueError(f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.")
+    _check.refuse({
+        f"tol is {tol!r}: method {method!r} has no tolerance; give dt, or choose 'located'.": tol != EXACT,
+        f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.":
+            disturbed != "resolve",
+    })
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, at_least=SHORTEST)
     if request.start + step == request.start:
         raise ValueError(f"dt is {step!r}: at t_start = {request.start!r} a larger step is needed to advance the clock "
@@ -260,13 +261,11 @@ def resume(
         state cannot be that of its scene, laws and last row.
     """
     state = _check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
-    if trajectory.law is None or "creeping" not in state:
-        raise ValueError(
-            "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
-            "needed; for hard spheres see granular.edmd.resume."
-        )
-    if trajectory.status is Status.broken:
-        raise ValueError("trajectory is broken: nothing follows it; see its message.")
+    _check.refuse({
+        "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
+        "needed; for hard spheres see granular.edmd.resume.": trajectory.law is None or "creeping" not in state,
+        "trajectory is broken: nothing follows it; see its message.": trajectory.status is Status.broken,
+    })
     laws = checked_laws(trajectory.law, trajectory.scene)
     request = _requested(
         trajectory.scene, laws, float(trajectory.stats.get("end", trajectory.time[-1])), t_end, engine, disturbed,

@@ -148,10 +148,9 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
     wanted = {(one.run, one.quantity): one for one in answers(name)}
     given = {}
     for line, run, quantity, value in _read(path):
-        if (run, quantity) not in wanted:
-            raise ValueError(f"line {line} of {str(path)!r} is {run!r}, {quantity!r}: case {name} has no such answer.")
-        if (run, quantity) in given:
-            raise ValueError(f"line {line} of {str(path)!r} is {run!r}, {quantity!r} for the second time.")
+        row = f"line {line} of {str(path)!r} is {run!r}, {quantity!r}"
+        _check.refuse({f"{row}: case {name} has no such answer.": (run, quantity) not in wanted,
+                       f"{row} for the second time.": (run, quantity) in given})
         given[run, quantity] = value
     return [_judged(one, given.get(key), most) for key, one in wanted.items()]
 

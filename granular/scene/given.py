@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
-from granular._check import Array
 
 
 def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, ring: bool) -> dict[str, Any]:
@@ -21,7 +20,6 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
         raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
     _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
     walls = np.isinf(m)
-    _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
     if walls[1:-1].any():
         _check.every("mass", m, ~walls | (np.arange(n) % (n - 1) == 0), "only the first and the last body can be walls",
                      "a wall in the middle makes two separate scenes")
@@ -37,7 +35,7 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
     return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": closed}
 
 
-def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None) -> tuple[Array, ...]:
+def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None) -> tuple[_check.Array, ...]:
     """Return masses, radii, positions, checked, and the gaps between them, on a ring of a `length` the last one too."""
     m = _check.array("mass", mass)
     r = _check.array("radius", radius, m.shape)
@@ -51,7 +49,7 @@ def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: floa
     return m, r, x, gap
 
 
-def external_forces(value: ArrayLike | None, walls: Any) -> Array | None:
+def external_forces(value: ArrayLike | None, walls: Any) -> _check.Array | None:
     """Return forces on balls, checked; None if all are 0."""
     if value is None:
         return None
@@ -61,7 +59,7 @@ def external_forces(value: ArrayLike | None, walls: Any) -> Array | None:
     return f if f.any() else None
 
 
-def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> Array | None:
+def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> _check.Array | None:
     """Return distances of pendula at rest, checked; None without pendula."""
     if pendulum == 0.0:
         if value is None:
@@ -76,28 +74,25 @@ def refuse_together(scene: Any, walls: Any) -> None:
     """Raise for what cannot go together."""
     if not (scene.ring or scene.pendulum > 0.0 or scene.heated):
         return
-    if scene.ring and walls.any():
-        raise ValueError(f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.")
-    hung = scene.pendulum > 0.0
-    if (scene.ring or hung) and scene.gravity != 0.0:
-        why = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
-            "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")
-        raise ValueError(_check._sentence("gravity", scene.gravity, *why))
-    if hung and scene.ring:
-        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula cannot hang on a ring; give one of the two.")
-    if hung and scene.external_force is not None:
-        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula take no external_force; a constant one moves their "
-                         "rest positions, so give other gaps and rest_gap.")
-    if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
-        raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
-                         "ceiling and its velocity.")
-    if hung and scene.rest_gap is not None and walls[0] and walls[-1]:
-        room, rest = float(scene.gap.sum()), float(scene.rest_gap.sum())
-        if abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest):
-            raise ValueError(f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave "
-                             f"the same room as the gaps, {room!r}; give rest_gap so.")
-    if hung and not np.isfinite(scene.pendulum * scene.pendulum):
-        raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
+    hung, boxed = scene.pendulum > 0.0, walls[0] and walls[-1]
+    room, rest = (0.0 if gap is None else float(gap.sum()) for gap in (scene.gap, scene.rest_gap))
+    level = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
+        "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")
+    _check.refuse({
+        f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.":
+            scene.ring and walls.any(),
+        _check._sentence("gravity", scene.gravity, *level): (scene.ring or hung) and scene.gravity != 0.0,
+        f"pendulum is {scene.pendulum!r}: pendula cannot hang on a ring; give one of the two.": hung and scene.ring,
+        f"pendulum is {scene.pendulum!r}: pendula take no external_force; a constant one moves their rest positions, "
+        "so give other gaps and rest_gap.": hung and scene.external_force is not None,
+        f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, ceiling and its "
+        "velocity.": hung and (scene.driven or scene.heated or scene.velocity[walls].any()),
+        f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave the same room as the "
+        f"gaps, {room!r}; give rest_gap so.":
+            hung and boxed and abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest),
+        _check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"):
+            hung and not np.isfinite(scene.pendulum * scene.pendulum),
+    })
     for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
         if heat is not None and scene.gap[c] < 0.0:
             raise ValueError(f"gap[{c}] is {float(scene.gap[c])!r}: no ball can overlap a thermal wall, which acts at "

@@ -126,10 +126,7 @@ def planned(
 ) -> Plan:
     """Return the plan, or raise for what no cell could do."""
     for ask in asked:
-        if not callable(ask):
-            _check.choice("result", ask, list(RESULTS))
-        else:
-            _check.takes("result", ask, "case")
+        _check.takes("result", ask, "case") if callable(ask) else _check.choice("result", ask, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # says what is no parameter
@@ -154,10 +151,13 @@ def check_names(plan: Plan, save: Any) -> None:
     for ask in (one for one in plan.asked if not isinstance(one, str)):
         if not hasattr(ask, "__name__"):
             raise TypeError(f"result is {ask!r}: a function with a name is needed; define one with def that calls it.")
-        if named(ask) in taken or any(other is not ask and named(other) == named(ask) for other in plan.asked):
-            raise ValueError(f"result is a function {named(ask)!r}: the data set has that name already; rename it.")
-        if save is not None and not named(ask).isidentifier():
-            raise ValueError(f"result is {named(ask)!r}: what is saved needs a name; define a function with def.")
+        name, others = named(ask), [named(other) for other in plan.asked if other is not ask]
+        _check.refuse({
+            f"result is a function {name!r}: the data set has that name already; rename it.":
+                name in taken or name in others,
+            f"result is {name!r}: what is saved needs a name; define a function with def.":
+                save is not None and not name.isidentifier(),
+        })
 
 
 def _result(ask: Ask) -> Result:
@@ -248,8 +248,7 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
 def _format(notes: Any) -> Any:
     """Number of the format that a file says it has."""
     try:
-        provenance = json.loads(notes.get("provenance", "{}"))
-        return provenance.get("format", 1)
+        return json.loads(notes.get("provenance", "{}")).get("format", 1)
     except (TypeError, ValueError, AttributeError, RecursionError):
         return None
 

@@ -63,10 +63,10 @@ def axis(text: str) -> tuple[str, Values]:
     first, last, count, *scale = values.split(":")
     a, b = (_check.number(f"{what} of {name}", _value(word)) for what, word in (("first", first), ("last", last)))
     n = _check.whole(f"count of {name}", _value(count), at_least=1, at_most=MOST)
-    if scale not in ([], ["log"]):
-        raise ValueError(f"axis is {text!r}: after first:last:count only ':log' may follow.")
-    if scale and not (a > 0.0 and b > 0.0):
-        raise ValueError(f"axis is {text!r}: a logarithmic axis needs positive ends.")
+    _check.refuse({
+        f"axis is {text!r}: after first:last:count only ':log' may follow.": scale not in ([], ["log"]),
+        f"axis is {text!r}: a logarithmic axis needs positive ends.": scale and not (a > 0.0 and b > 0.0),
+    })
     return name, (np.geomspace if scale else np.linspace)(a, b, n)
 
 
@@ -76,16 +76,17 @@ def checked(over: Any) -> dict[str, Values]:
     axes: dict[str, Values] = {}
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):
         array = _array(name, values)
-        if name in axes:
-            raise ValueError(f"{name} is given twice: one axis per parameter is needed.")
-        if len(np.unique(array)) < len(array):
-            raise ValueError(f"values of {name} are not all different: one cell per value is needed.")
+        _check.refuse({
+            f"{name} is given twice: one axis per parameter is needed.": name in axes,
+            f"values of {name} are not all different: one cell per value is needed.":
+                len(np.unique(array)) < len(array),
+        })
         axes[name] = array
-    if not axes:
-        raise ValueError("over is empty: at least one parameter with its values is needed.")
     cells = math.prod(map(len, axes.values()))
-    if cells > MOST:
-        raise ValueError(f"over has {cells:.3g} cells: at most {MOST:.0e} fit; take fewer values, or several sweeps.")
+    _check.refuse({
+        "over is empty: at least one parameter with its values is needed.": not axes,
+        f"over has {cells:.3g} cells: at most {MOST:.0e} fit; take fewer values, or several sweeps.": cells > MOST,
+    })
     return axes
 
 

@@ -112,10 +112,11 @@ def _ends(between: Any, spacing: str) -> tuple[float, float]:
     if isinstance(between, str) or not hasattr(between, "__len__") or len(between) != 2:
         raise ValueError(f"between is {between!r}: two numbers are needed, such as (1e-6, 1e-2).")
     low, high = (_check.number(f"between[{i}]", end) for i, end in enumerate(between))
-    if not low < high:
-        raise ValueError(f"between is ({low!r}, {high!r}): the first number must be the smaller one.")
-    if spacing == "log" and not low > 0.0:
-        raise ValueError(f"between is ({low!r}, {high!r}): spacing 'log' needs positive numbers; choose 'linear'.")
+    _check.refuse({
+        f"between is ({low!r}, {high!r}): the first number must be the smaller one.": not low < high,
+        f"between is ({low!r}, {high!r}): spacing 'log' needs positive numbers; choose 'linear'.":
+            spacing == "log" and not low > 0.0,
+    })
     return low, high
 
 
