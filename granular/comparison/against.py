@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array
+from granular._check import Array, of_kind
 from granular.comparison.answer import Judged
 from granular.comparison.further import with_rows
 from granular.outcome import SAME
@@ -70,7 +69,7 @@ def _last(apart: Array) -> Array:
 
 def against(report: Judged, run: Trajectory) -> Against:
     """See `Comparison.against`."""
-    _check.of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
+    of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
     for name in ("mass", "radius"):
         ours, theirs = getattr(report.scene, name), getattr(run.scene, name)
         if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9, atol=0.0):
@@ -80,9 +79,8 @@ def against(report: Judged, run: Trajectory) -> Against:
     if first < start:
         raise ValueError(f"time[0] of run is {first!r}: times from the start of the scene, {start:g} s, on are "
                          "needed; shift its clock.")
-    of_ball = report.components.of_ball
     others = report.units.max(initial=0.0) or speed_scale(report.scene) or 1.0  # of balls that touch nothing
-    unit = np.append(report.units, others)[of_ball]
+    unit = np.append(report.units, others)[report.components.of_ball]
     apart = [_apart(run, with_rows(report, engine, run.time, further=True), unit) for engine in ("hard", "soft")]
     return Against(run.time, unit, *apart)
 

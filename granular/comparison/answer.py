@@ -124,8 +124,7 @@ def _judged(report: Compared, j: int) -> Reason:
                   ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
                   f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
     chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
-    touching = end_time.touching(report.scene)[list(pairs)].any()
-    if chaos > SAME and touching:
+    if chaos > SAME and end_time.touching(report.scene)[list(pairs)].any():
         return so(Answer.not_unique,
                   ": touching balls have no one hard-sphere answer; here it hangs on the option ties")
     if chaos > SAME:
@@ -160,10 +159,10 @@ def _yes(report: Compared, trivially: list[str]) -> Reason:
         words = f": every contact is binary (certified), and {agree}"
     elif report.measures["shared_impulse"] > FAINT:
         words = f", {within}, though contacts overlap in time"
-    elif isolated < 1.0:
-        words = f": contacts that overlap in time share no impulse that counts, and {agree}"
     else:
-        words = f": every contact is binary, and {agree}"
+        how = "every contact is binary" if not isolated < 1.0 else (
+            "contacts that overlap in time share no impulse that counts")
+        words = f": {how}, and {agree}"
     return Reason(Answer.yes, words, error=error)
 
 
@@ -196,8 +195,7 @@ def _forever(report: Compared, pairs: Sequence[int]) -> str:
     first, last = hard.stats["pairs"]
     group = [c for c in pairs if (first <= c <= last if first <= last else c >= first or c <= last)]
     soft = report.levelled[1]
-    parted = [c for c in group if soft.count(c) and not math.isnan(float(soft.of(c)["t_end"][-1]))]
-    if not parted:
+    if not any(soft.count(c) and not math.isnan(float(soft.of(c)["t_end"][-1])) for c in group):
         return ""
     n = sum(map(report.soft.count, group))
     return (f": hard spheres {'may ' * (hard.status is Status.bounded)}collide forever ({hard.stats['verdict']}), "
@@ -212,8 +210,7 @@ def _other_counts(report: Compared, wrong: tuple[int, ...], of: int) -> str:
     j = int(report.components.of_pair[p.pair])
     if _miss(p) > SAME * report.units[j]:
         return f"{many}{said}, and parts at {p.soft_v_rel:.4g} instead of {p.hard_v_rel:.4g} m/s"
-    error = float(report.errors[j])
-    return f"{many}{said}, and outcomes are off by {error:.2g} of the fastest impact"
+    return f"{many}{said}, and outcomes are off by {float(report.errors[j]):.2g} of the fastest impact"
 
 
 def _miss(p: PairOutcome) -> float:
@@ -225,5 +222,3 @@ def _overlap(report: Compared, pairs: tuple[int, ...]) -> bool:
     """Whether soft contacts of a component overlap in time."""
     of, log = set(pairs), report.counted[1].contacts["pair"]
     return any(int(log[o.lower]) in of for o in report.overlaps)
-
-

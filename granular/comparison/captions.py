@@ -29,9 +29,7 @@ def pair_name(scene: Scene, pair: int) -> str:
 
 
 def _body(scene: Scene, body: int) -> str:
-    if not scene.is_wall[body]:
-        return str(body)
-    return "wall" if not scene.gravity else "ceiling" if body else "floor"
+    return str(body) if not scene.is_wall[body] else "wall" if not scene.gravity else "ceiling" if body else "floor"
 
 
 def parameters(report: Judged) -> str:
@@ -43,29 +41,31 @@ def _scene(report: Judged) -> str:
     scene, balls = report.scene, ~report.scene.is_wall
     inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
     ratio = report.groups["mass_ratio"]
-    told = [f"{balls.sum()} balls" if balls.sum() > 1 else "1 ball"]
-    told += ["on a ring"] * scene.ring + [f"pendula of Ω = {number(scene.pendulum)} rad/s"] * (scene.pendulum > 0.0)
-    unequal = f" ({number(ratio)} : 1)" if ratio > 1.0 + SAME else ""
-    told.append(f"m = {_span(1e3 * scene.mass[balls], 'g', OF_MASS)}{unequal}")
-    told += [f"gap {_span(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner))
-    told += [f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0)
-    told += [f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0)
-    walls = [repr(wall) for wall in (scene.floor, scene.ceiling) if wall is not None]
-    return ", ".join([*told, *map(shortened, walls)])
+    return ", ".join([
+        f"{balls.sum()} balls" if balls.sum() > 1 else "1 ball",
+        *["on a ring"] * scene.ring,
+        *[f"pendula of Ω = {number(scene.pendulum)} rad/s"] * (scene.pendulum > 0.0),
+        f"m = {_span(1e3 * scene.mass[balls], 'g', OF_MASS)}" + f" ({number(ratio)} : 1)" * (ratio > 1.0 + SAME),
+        *[f"gap {_span(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner)),
+        *[f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0),
+        *[f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0),
+        *(shortened(repr(wall)) for wall in (scene.floor, scene.ceiling) if wall is not None),
+    ])
 
 
 def _laws(report: Judged) -> str:
     """The law, its constants, ε and t_c at the speed of the first impact; from which to which pair they go."""
     kinds = list(dict.fromkeys(type(law).__name__ for law in report.law))
-    told = [" and ".join(kinds)]
-    for name in _constants(report.law) if len(kinds) == 1 else ():
-        unit = _stiffness(report) if name == "k" else ""
-        told.append(f"{name} = {_span(np.array([getattr(law, name) for law in report.law]))}{unit}")
+    numbers = {name: np.array([getattr(law, name) for law in report.law])
+               for name in (_constants(report.law) if len(kinds) == 1 else ())}
     soft, hard = (np.array(eps) for eps in (report.law_restitution, report.restitution_spec))
-    told.append(f"ε = {_span(soft)}" + f" (hard spheres {_span(hard)})" * bool((np.abs(soft - hard) > 1e-6).any()))
     lasts = _durations(report)
-    told += [f"a contact alone lasts {_span(lasts, 's', digits=3)}"] * bool(np.isfinite(lasts).any())
-    return ", ".join(told)
+    return ", ".join([
+        " and ".join(kinds),
+        *(f"{name} = {_span(of)}{_stiffness(report) if name == 'k' else ''}" for name, of in numbers.items()),
+        f"ε = {_span(soft)}" + f" (hard spheres {_span(hard)})" * bool((np.abs(soft - hard) > 1e-6).any()),
+        *[f"a contact alone lasts {_span(lasts, 's', digits=3)}"] * bool(np.isfinite(lasts).any()),
+    ])
 
 
 def _stiffness(report: Judged) -> str:
@@ -111,5 +111,4 @@ def number(value: float, digits: int = 4) -> str:
     factor, _, power = f"{value:.{digits}g}".partition("e")
     if not power:
         return factor
-    times = "" if factor == "1" else f"{factor}·"
-    return f"{times}10{str(int(power)).translate(EXPONENTS)}"
+    return f"{factor}·" * (factor != "1") + f"10{str(int(power)).translate(EXPONENTS)}"

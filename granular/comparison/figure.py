@@ -78,8 +78,7 @@ def timeline(axis: Any, view: View, named: int = NAMED) -> None:
     start = view.clock(soft["t_begin"])
     width = view.clock(np.nan_to_num(soft["t_end"], nan=view.end)) - start
     for c in range(n):
-        bars = np.column_stack([start, width])[soft["pair"] == c]
-        axis.broken_barh(bars, (c - 0.31, 0.3), color=SOFT, lw=0)
+        axis.broken_barh(np.column_stack([start, width])[soft["pair"] == c], (c - 0.31, 0.3), color=SOFT, lw=0)
     axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
     axis.scatter(view.clock(hard["t_begin"]), hard["pair"] + 0.22, marker="|", s=60, color=HARD)
     _tell_of_later(axis, view)

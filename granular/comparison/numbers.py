@@ -180,12 +180,10 @@ class Compared:
             Without an observable where a wall is driven or thermal: there a speed hangs on the phase, which soft
             contacts shift, or on what was drawn.
         """
-        if observable is None and self.scene.driven:
-            raise ValueError("observable is None: at a driven wall a speed hangs on the phase, which the duration of "
-                             "soft contacts shifts; give a function of the run, such as a mean height.")
-        if observable is None and self.scene.heated:
-            raise ValueError("observable is None: at a thermal wall a speed hangs on what was drawn last; give a "
-                             "function of the run, such as a mean height.")
+        if observable is None and (self.scene.driven or self.scene.heated):
+            why = "a driven wall a speed hangs on the phase, which the duration of soft contacts shifts" if (
+                self.scene.driven) else "a thermal wall a speed hangs on what was drawn last"
+            raise ValueError(f"observable is None: at {why}; give a function of the run, such as a mean height.")
         from granular.comparison.further import roots
 
         _check.callback("observable", observable, "run")
@@ -223,11 +221,9 @@ class Compared:
     @cached_property
     def lying(self) -> Any:
         """Whether hard spheres of each component rest on each other from the start, and one more for no component."""
-        hard, of = self.levelled[0], self.components.of_pair
-        moves = np.ones(self.components.count + 1, np.bool_)
-        moves[:-1] = False
-        moves[of[(outcome.counts(hard) > 0) | (hard.gap[-1] != 0.0)]] = True
-        return ~moves
+        hard, lies = self.levelled[0], np.append(np.ones(self.components.count, np.bool_), False)
+        lies[self.components.of_pair[(outcome.counts(hard) > 0) | (hard.gap[-1] != 0.0)]] = False
+        return lies
 
     @cached_property
     def tie_errors(self) -> dict[str, _check.Array]:
@@ -251,9 +247,8 @@ class Compared:
     def resting(self) -> dict[int, float]:
         """Pairs whose last contact has no end in one of the runs, and how far in m/s the runs differ there."""
         hard, soft = self.levelled
-        if not np.any(outcome.at_rest(hard, soft)):
-            return {}
-        return dict(rests_apart(hard, soft, self.components.weight(soft)))
+        rest = np.any(outcome.at_rest(hard, soft))
+        return dict(rests_apart(hard, soft, self.components.weight(soft))) if rest else {}
 
     @cached_property
     def other_counts(self) -> Any:
@@ -300,8 +295,7 @@ class Compared:
         """The twin and the hard run, without contacts that are rounding or just at the end time."""
         hard = self.settled
         twin = hard if self._twin.status in EARLY else self._twin
-        runs = (counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard))
-        return measures.before_the_end(*runs)
+        return measures.before_the_end(*(counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard)))
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:
@@ -330,8 +324,7 @@ class Compared:
     def _distance(self, apart: _check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
         mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
-        unit = np.append(self.units, 0.0)[of]
-        scale = float(mass @ unit**2)
+        scale = float(mass @ np.append(self.units, 0.0)[of] ** 2)
         return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
 
 

@@ -80,9 +80,9 @@ class Remedies(Report):
         return f"{self._headline}\n\n{aligned(self._table(), '<>>>><')}"
 
     def _table(self) -> list[list[str]]:
-        head = ["", "s, m/s", self.what, "worst error", "contacts", "status"]
-        return [head, *([row.name, f"{row.setting:.3g}" if row.setting else "", number(row.value, ".4g"),
-                         number(row.error, ".2g"), str(row.contacts), row.status] for row in self.rows)]
+        return [["", "s, m/s", self.what, "worst error", "contacts", "status"],
+                *([row.name, f"{row.setting:.3g}" if row.setting else "", number(row.value, ".4g"),
+                   number(row.error, ".2g"), str(row.contacts), row.status] for row in self.rows)]
 
     @property
     def _headline(self) -> str:

@@ -50,22 +50,27 @@ MORE = "More (laws, overlaps, φ, p, Λ, D) with -v, in Python with report.detai
 def text(report: Judged) -> str:
     """What one needs, within 20 lines: the verdict, why it is so, and where both engines differ most."""
     first, *more = warnings(report) or [""]
-    scene = f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}"
-    lines = [report.verdict, *list(_why(report))[:2], "", scene, "", *_outcomes(report, FEW)]
-    lines += _known(MEASURES, {"error": report.error})
-    lines += [f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first)
-    return "\n".join([*lines, MORE])
+    return "\n".join([
+        report.verdict, *list(_why(report))[:2], "",
+        f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}", "",
+        *_outcomes(report, FEW), *_known(MEASURES, {"error": report.error}),
+        *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
+        MORE,
+    ])
 
 
 def details(report: Judged) -> str:
     """All that there is to read: `str` has what one needs of it."""
     from granular.comparison.further import floor_share
 
-    lines = [report.verdict, *_why(report), "", str(report.scene), *_laws(report), "", *_outcomes(report, MANY)]
-    lines += [*_account(report), "", *_known(MEASURES, {"error": report.error} | report.measures | {
-        "floor_share": floor_share(report)})]
-    lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
-    return "\n".join(lines)
+    return "\n".join([
+        report.verdict, *_why(report), "",
+        str(report.scene), *_laws(report), "",
+        *_outcomes(report, MANY), *_account(report), "",
+        *_known(MEASURES, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
+        "groups: " + ", ".join(_known(GROUPS, report.groups)),
+        *(f"warning: {w}" for w in warnings(report)),
+    ])
 
 
 def warnings(report: Judged) -> list[str]:
@@ -179,9 +184,9 @@ def _laws(report: Judged) -> list[str]:
     of_law = pairs_by_law(report.law)
     few = len(of_law) > 1 and n <= MANY
     rows = [(repr(law), [c]) for c, law in enumerate(report.law)] if few else list(of_law.items())
-    lines = [_law(named_pairs(some, n), law, eps[some]) for law, some in rows[:MANY]]
-    lines += [f"({len(rows) - MANY} more laws not shown)"] * (len(rows) > MANY)
-    return [*lines, _law("rule", repr(report.rule), np.array(report.restitution_spec))]
+    return [*(_law(named_pairs(some, n), law, eps[some]) for law, some in rows[:MANY]),
+            *[f"({len(rows) - MANY} more laws not shown)"] * (len(rows) > MANY),
+            _law("rule", repr(report.rule), np.array(report.restitution_spec))]
 
 
 def _law(of: str, text: str, eps: Any) -> str:
@@ -231,8 +236,7 @@ def _account(report: Judged) -> Iterator[str]:
     if not report.scene.fed:
         return
     hard, soft = measures.balance(report.hard), measures.balance(report.soft)
-    yield ""
-    yield "energy, J"
+    yield "\nenergy, J"
     for name, words in measures.ACCOUNT.items():
         if hard[name] or soft[name]:  # what is 0 in both is not shown; nan is
             yield _line(words, number(hard[name]), number(soft[name]))

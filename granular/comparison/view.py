@@ -122,8 +122,7 @@ def closeup(view: View) -> Closeup | None:
     (spells, pairs), count = np.unique(np.array([spell, log["pair"]])[:, looked_at], axis=1, return_counts=True)
     best = np.lexsort((-spells, pairs, count))[-1]  # most touches; of equals the upper pair, in its first spell
     pair, inside = int(pairs[best]), spell == spells[best]
-    mine = inside & (log["pair"] == pair)
-    touches = np.column_stack([onset, until])[mine]
+    touches = np.column_stack([onset, until])[inside & (log["pair"] == pair)]
     first, last = float(onset[inside].min()), float(min(until[inside].max(), end))
     if last - first > MUCH * (end - view.begin):
         return Closeup(pair, view, touches)
