@@ -65,9 +65,8 @@ def contacts(settled: list[Rows]) -> Rows:
             if "t_end" not in names:
                 part["t_end"], part["force_max"] = rows["t_begin"], np.nan
             for name in names:
-                column, side = SIDES.get(name, (name, None))
-                target = part[column] if side is None else part[column][:, side]
-                target[:] = rows[name]
+                column, side = SIDES.get(name, (name, slice(None)))
+                part[column].T[side] = rows[name].T
     return log
 
 

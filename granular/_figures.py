@@ -137,9 +137,8 @@ def paths(run: Any, times: Array) -> Array:
     scene, log, rows = run.scene, run.contacts, points(run.scene, run.gap, run.position)
     n, count = scene.n, len(run.time)
     body = np.stack([log["pair"], (log["pair"] + 1) % n], 1)
-    ends = np.stack([log["t_begin"], log["t_end"]], 1)
     body = np.concatenate([np.repeat(body, 2, axis=1).ravel(), np.tile(np.arange(n), count)])
-    time = np.concatenate([np.tile(ends, 2).ravel(), np.repeat(run.time, n)])
+    time = np.concatenate([np.tile(np.stack([log["t_begin"], log["t_end"]], 1), 2).ravel(), np.repeat(run.time, n)])
     velocity = np.concatenate([np.stack([log["v_in"], log["v_out"]], 2).ravel(), run.velocity.ravel()])
     known = np.flatnonzero(np.isfinite(time + velocity))
     order = known[np.lexsort((time[known], body[known]))]
@@ -198,8 +197,7 @@ def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Arra
 
 def name_balls(axis: Any, span: Span, scene: Scene, places: Array, height: float, colour: str = SOFT) -> None:
     """Number the balls where their paths end, those together that are close to each other."""
-    order = np.argsort(places, kind="stable")
-    balls = [int(body) for body in order if not scene.is_wall[body]]
+    balls = [body for body in np.argsort(places, kind="stable").tolist() if not scene.is_wall[body]]
     starts = [i for i in range(len(balls)) if i == 0 or places[balls[i]] - places[balls[i - 1]] > 0.05 * height]
     for begin, end in zip(starts, [*starts[1:], len(balls)], strict=True):
         some = sorted(balls[begin:end])

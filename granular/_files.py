@@ -12,7 +12,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from os import PathLike
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
@@ -40,7 +39,7 @@ def plain_text(text: str, most: int = LONGEST) -> str:
     return shown if len(text) <= most else shown[: most - 1] + "…"
 
 
-def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
+def write(path: str | os.PathLike[str], fill: Callable[[str], object]) -> None:
     """Let `fill` write a draft, then make it the file `path`; on failure nothing is left behind.
 
     The draft of a plain file stands beside it and is moved into its place, with the mode of the file that was there; a
@@ -66,7 +65,7 @@ def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
 
 def checked_path(name: str, path: Any) -> str:
     """Return a path as text if it is one: a number would be an open file of the process."""
-    if not isinstance(path, (str, bytes, PathLike)):
+    if not isinstance(path, (str, bytes, os.PathLike)):
         raise TypeError(f"{name} is {path!r}: the name of a file is needed.")
     return os.fsdecode(path)
 
@@ -86,19 +85,19 @@ def check_writable(name: str) -> None:
     import tempfile
 
     path, folder = os.path.realpath(name), os.path.dirname(name) or "."
-    if os.path.isdir(path):
-        raise ValueError(f"{name}: is a directory; the name of a file is needed.")
-    if not os.path.isdir(os.path.dirname(path)):
-        raise ValueError(f"{name}: there is no directory {folder!r}; make it first.")
-    if os.path.exists(path) and not os.access(path, os.W_OK):
-        raise ValueError(f"{name}: the file is there and may not be changed.")
+    wrong = ("is a directory; the name of a file is needed" if os.path.isdir(path) else
+             f"there is no directory {folder!r}; make it first" if not os.path.isdir(os.path.dirname(path)) else
+             "the file is there and may not be changed" if os.path.exists(path) and not os.access(path, os.W_OK)
+             else "")
+    if wrong:
+        raise ValueError(f"{name}: {wrong}.")
     try:
         tempfile.TemporaryFile(dir=os.path.dirname(path)).close()
     except OSError as error:
         raise ValueError(f"{name}: no file can be made in {folder!r}: {error.strerror}.") from None
 
 
-def is_stream(path: str | PathLike[str]) -> bool:
+def is_stream(path: str | os.PathLike[str]) -> bool:
     """Whether `path` is there and no plain file, or names an open file of a process: to be written into as it is."""
     if os.path.exists(path) and not os.path.isfile(path):
         return True
@@ -151,12 +150,12 @@ def _pour(stream: str, fill: Callable[[str], object]) -> None:
             shutil.copyfileobj(source, sink)
 
 
-def write_text(path: str | PathLike[str], text: str) -> None:
+def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write `text` in UTF-8, whole or not at all."""
     write(path, lambda draft: Path(draft).write_text(text, encoding="utf-8"))
 
 
-def write_json(path: str | PathLike[str], values: Any, indent: int | None = 1) -> None:
+def write_json(path: str | os.PathLike[str], values: Any, indent: int | None = 1) -> None:
     """Write `values` as JSON, whole or not at all."""
     import json
 
@@ -174,7 +173,7 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_figure(path: str | PathLike[str] | None, figure: Any, dpi: int) -> Any:
+def write_figure(path: str | os.PathLike[str] | None, figure: Any, dpi: int) -> Any:
     """Save a matplotlib figure in the format of the file's ending, whole or not at all; without a path, return it.
 
     Raises
@@ -189,7 +188,7 @@ def write_figure(path: str | PathLike[str] | None, figure: Any, dpi: int) -> Any
     return None
 
 
-def check_picture(path: str | PathLike[str]) -> None:
+def check_picture(path: str | os.PathLike[str]) -> None:
     """Raise `ValueError` unless the ending of `path` is a format that matplotlib writes."""
     from matplotlib.backend_bases import FigureCanvasBase
 
@@ -203,15 +202,15 @@ class Later(ValueError):
     """A file that a later version has written."""
 
 
-def check_ending(path: str | PathLike[str], needed: str) -> None:
+def check_ending(path: str | os.PathLike[str], needed: str) -> None:
     """Raise `ValueError` unless the name of a file has the ending that tells its format; a device or a pipe needs none.
     """
-    name = os.fspath(path) if isinstance(path, PathLike) else path
+    name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str) or "\0" in name or not (name.lower().endswith(needed) or is_stream(name)):
         raise ValueError(f"path is {name!r}: the name of a file that ends in {needed} is needed.")
 
 
-def check_format(path: str | PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
+def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
     """Raise `Later` for a file of a later format, or with contents that this version does not know."""
     name = os.fspath(path)
     if not isinstance(number, int) or not 1 <= number <= FORMAT:
@@ -236,8 +235,8 @@ def provenance() -> dict[str, Any]:
     """Format of the file, versions and platform, so that a number can be traced."""
     import platform
 
-    packages = {name: version_of(name) for name in ("numpy", "scipy", "numba", "sortedcontainers")}
-    versions = {"granular": VERSION, **packages}
+    packages = ("numpy", "scipy", "numba", "sortedcontainers")
+    versions = {"granular": VERSION, **{name: version_of(name) for name in packages}}
     return {"format": FORMAT, "versions": versions, "python": platform.python_version(), "machine": platform.machine()}
 
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files
-from granular._check import Array, optional
+from granular import _files
+from granular._check import Array, choice, number, optional, whole
 from granular._figures import COLOURS, INK, Span, draw_paths, engine, head, paths, spans_of, words
 from granular._reports import duration
 from granular.scene import Scene
@@ -45,8 +45,8 @@ def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> No
 def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> None:
     """Raise `ValueError` for a film that cannot be drawn or written."""
     ending = check_film(path)
-    _check.number("seconds", seconds, above=0.0)
-    _check.whole("fps", fps, at_least=1)
+    number("seconds", seconds, above=0.0)
+    whole("fps", fps, at_least=1)
     if scene.n > MOST_BALLS:
         raise ValueError(f"scene has {scene.n} bodies: at most {MOST_BALLS} can be told apart in a film; "
                          "`granular view` plays larger runs.")
@@ -56,7 +56,7 @@ def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> 
 
 def check_film(path: str | PathLike[str]) -> str:
     """Return the ending of a film; raise `ValueError` unless it is one that can be written."""
-    return _check.choice(f"ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
+    return choice(f"ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
 
 
 @dataclass(eq=False)

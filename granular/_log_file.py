@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from os import PathLike
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
@@ -38,14 +37,13 @@ class LogFile:
         If the name is none, or the file is there: nothing is written over.
     """
 
-    def __init__(self, path: str | PathLike[str], kind: np.dtype[Any]) -> None:
+    def __init__(self, path: str | os.PathLike[str], kind: np.dtype[Any]) -> None:
         self.path, self.kind, self.count = os.path.abspath(checked_path("log", path)), kind, 0
         if not self.path.lower().endswith(".npy"):
             raise ValueError(f"log is {os.fspath(path)!r}: True, False or the name of a file that ends in .npy is "
                              "needed.")
         if is_stream(self.path) or os.path.lexists(self.path):
             raise FileExistsError(f"log is {os.fspath(path)!r}: it is there already; give another name, or remove it.")
-        self.file: BinaryIO | None = None
 
     def __enter__(self) -> LogFile:
         try:
@@ -56,8 +54,7 @@ class LogFile:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
-        if self.file is not None:
-            self.file.close()
+        self.file.close()
 
     def extend(self, blocks: Iterable[Rows]) -> None:
         """Append blocks of rows, as to a list.
@@ -67,7 +64,6 @@ class LogFile:
         OSError
             If there is no more room: what the file had before stays in it.
         """
-        assert self.file is not None
         for rows in blocks:
             if self.count == 0:
                 self.kind = rows.dtype
@@ -85,7 +81,6 @@ class LogFile:
 
     def _head(self) -> int:
         """Write the head anew; return its length."""
-        assert self.file is not None
         self.file.seek(0)
         head = {"descr": npy.dtype_to_descr(self.kind), "fortran_order": False, "shape": (self.count,)}
         npy.write_array_header_1_0(self.file, head)

@@ -8,7 +8,6 @@ import io
 import math
 import os
 from collections.abc import Iterator
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -20,9 +19,9 @@ NEEDS = {".npz": (), ".nc": ("xarray", "netCDF4"), ".csv": ("pandas",), ".extxyz
 """Endings, and the packages that write them."""
 
 
-def ending_of(path: str | PathLike[str]) -> str:
+def ending_of(path: str | os.PathLike[str]) -> str:
     """Return the ending of a path, in small letters, if it is one that is written, and what writes it is installed."""
-    name = os.fspath(path) if isinstance(path, PathLike) else path
+    name = os.fspath(path) if isinstance(path, os.PathLike) else path
     ending = os.path.splitext(str(name))[1].lower()
     if isinstance(name, str) and _files.is_stream(name):
         return ".npz"
@@ -33,7 +32,7 @@ def ending_of(path: str | PathLike[str]) -> str:
     return ending
 
 
-def save(path: str | PathLike[str], run: Any, compressed: bool = False) -> None:
+def save(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run in the format of the path's ending, whole or not at all."""
     ending = ending_of(path)
     if ending == ".npz":
@@ -47,13 +46,13 @@ def save(path: str | PathLike[str], run: Any, compressed: bool = False) -> None:
         _files.write_text(path, "".join(_extxyz(run)))
 
 
-def _netcdf(path: str | PathLike[str], run: Any, compressed: bool) -> None:
+def _netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> None:
     """Tables for everybody, and in the variable `checkpoint` what a run needs besides to go on: scene, law, state."""
     words, arrays = _saved_run.packed(run)
     stream, data = io.BytesIO(), dataset(run)
     own = _saved_run.TABLES - ({"contacts"} if run.rule is not None else set())  # empty: tells hard spheres
-    rest = {name: array for name, array in arrays.items() if name not in own}
-    np.savez(stream, words=np.array(_saved_run.said(words)), **rest)
+    np.savez(stream, words=np.array(_saved_run.said(words)),
+             **{name: array for name, array in arrays.items() if name not in own})
     data["checkpoint"] = "byte", np.frombuffer(stream.getvalue(), np.uint8), {"long_name": "read by granular.load"}
     how = {name: {"_FillValue": None} | ({"zlib": True} if compressed and data[name].size else {})
            for name in data.variables if name != "side"}
@@ -71,15 +70,11 @@ def _extxyz(run: Any) -> Iterator[str]:
     size = float(scene.gap.sum() + 2.0 * scene.radius.sum())
     width = 4.0 * float(scene.radius.max()) or 1.0
     cell = f'Lattice="{size!r} 0 0 0 {width!r} 0 0 0 {width!r}" pbc="T F F"' if scene.ring else 'pbc="F F F"'
-    said = " ".join(f'{name}="{_quoted(text)}"' for name, text in about(run).items())
+    marks = str.maketrans({'"': "'", "\\": "/"})  # between quotation marks
+    said = " ".join(f'{name}="{text.translate(marks)}"' for name, text in about(run).items())
     for k, (time, x, v) in enumerate(zip(run.time.tolist(), run.position.tolist(), run.velocity.tolist(), strict=True)):
         walls = "".join(f" {name}={x[i]!r}" for name, i in (("floor", 0), ("ceiling", -1)) if math.isinf(scene.mass[i]))
         yield (f"{len(balls)}\n{cell} Properties=species:S:1:pos:R:3:velo:R:3:radius:R:1:mass:R:1 Time={time!r}{walls}"
                f"{' ' + said if k == 0 else ''}\n")
         for i in balls:
             yield f"X {x[i]!r} 0 0 {v[i]!r} 0 0 {float(scene.radius[i])!r} {float(scene.mass[i])!r}\n"
-
-
-def _quoted(text: str) -> str:
-    """A text that can stand between quotation marks."""
-    return text.replace('"', "'").replace("\\", "/")

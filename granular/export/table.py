@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -52,13 +53,11 @@ def frame(run: Any, what: str = "contacts") -> Any:
     """See `granular.Trajectory.to_frame`."""
     pandas = _check.optional("pandas", "to_frame")
     if _check.choice("what", what, ("contacts", "samples")) == "contacts":
-        table = {key: values for name in LOG for key, values in _flat(name, run.contacts[name], ("lower", "upper"))}
+        flat = [_flat(name, run.contacts[name], ("lower", "upper")) for name in LOG]
     else:
-        table = {"time": run.time}
-        for name in ROWS:
-            if (values := getattr(run, name)) is not None:
-                table |= dict(_flat(name, values, range(values.shape[1])))
-    return pandas.DataFrame(table)
+        flat = [_flat(name, values, range(values.shape[-1])) for name in ("time", *ROWS)
+                if (values := getattr(run, name)) is not None]
+    return pandas.DataFrame(dict(chain.from_iterable(flat)))
 
 
 def _flat(name: str, values: Any, labels: Any) -> list[tuple[str, Any]]:
