@@ -78,9 +78,8 @@ class Run:
 
         A time that lies behind, in the free flight just made, is read off that flight.
         """
-        k, flying = self.k, None
-        if self.take_off is not None and time < self.time():
-            k, flying = self.take_off
+        behind = self.take_off if time < self.time() else None
+        k, flying = behind or (self.k, None)
         ahead = max(0.0, time - (self.start + k * self.dt))  # k dt may be a rounding beyond
         state = self.stepper.after(k, ahead) if flying is None else self.stepper.glide(copied(flying), k, ahead)
         return self._row(time, state, state if flying is None else self.stepper.here)
@@ -98,9 +97,7 @@ class Run:
         if self.k == 0:
             self.met = self._meets()
         limit = self._steps(time - self.start)
-        pause = Pause.reached
-        if self.k < limit and self.met == math.inf:
-            pause = self._advance(limit)
+        pause = self._advance(limit) if self.k < limit and self.met == math.inf else Pause.reached
         if self.met < math.inf and self.met <= time:
             return Pause.until
         if self.scene.driven:
@@ -304,17 +301,16 @@ class Run:
             trust = dt * expected_rate(scene, laws)
         gain = self._energy_gain()
         limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
-        most = self.integrator.limit
         if self.crowded:
             return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "
                             "step: take a shorter one."), trust
-        if trust > most or status is Status.unstable or gain > 0.5:
+        if trust > (most := self.integrator.limit) or status is Status.unstable or gain > 0.5:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
-            grown = f" and the energy grew {fold}" if gain > 0.5 else ""
-            message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / (trust or 1.0):.2g} s."
-            if not 0.0 < trust < math.inf:  # the law jumps, or is flat, where it was last
-                message = f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."
-            return Status.unstable, message, trust
+            grown = f" and the energy grew {fold}" * (gain > 0.5)
+            known = 0.0 < trust < math.inf  # else the law jumps, or is flat, where it was last
+            return Status.unstable, (
+                f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s." if known else
+                f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."), trust
         if trust > WARN:
             self.doubt = f"{limit}; above {WARN} expect visible errors."
         if status is Status.max_events:
@@ -341,9 +337,8 @@ class Run:
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
         kind, each = self.stepper.laws.in_pairs
         stored = (each[kind[c]].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
-        fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
-        if scene.pendulum > 0.0:
-            fallen = 0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2)
+        fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0)) if scene.pendulum == 0.0 else (
+            0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2))
         supply = 0.5 * m @ v0**2 + sum(stored) + fallen
         with np.errstate(all="ignore"):
             return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0

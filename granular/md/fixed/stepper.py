@@ -265,8 +265,8 @@ class Stepper:
 
         What laws with memory dissipate is known while all pairs are open: not, by the overlaps `xi`, if one is not.
         """
-        sums = (np.asarray(x[row]) + np.asarray(x[row + 1]) for row in (window.WORK, window.HEAT, window.LOST))
-        work, heat, lost = sums
+        work, heat, lost = (np.asarray(x[row]) + np.asarray(x[row + 1])
+                            for row in (window.WORK, window.HEAT, window.LOST))
         lost = math.nan if self.physics.memory and (xi > 0.0).any() else math.fsum(lost)
         return np.array([work[1], work[-1], heat[1], heat[-1], lost])
 
