@@ -102,8 +102,7 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array:
 
 def at_speed(known: PairLaw, speed: float) -> float:
     """`restitution` at one speed, whatever it is: ε at rest is 1, or the limit for slow impacts."""
-    same = steady(known)
-    if same is not None:
+    if (same := steady(known)) is not None:
         return same
     if not speed > 0.0:
         return 1.0
@@ -235,8 +234,8 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     def miss(log_value: float) -> float:
         return at_speed(resolve(replace(law, **{field: math.exp(log_value)}), pair), v) - goal
 
-    stiffness = known.tangent(known.overlap_at(v))[0]
-    near = 0.5 * math.log(stiffness * pair.m_eff)  # a dashpot of this strength is near critical
+    # a dashpot of this strength is near critical
+    near = 0.5 * math.log(known.tangent(known.overlap_at(v))[0] * pair.m_eff)
     low = high = near if goal < 1.0 else -math.inf
     while miss(low) < 0.0 and low > -300.0:
         low, high = low - 4.0, low
@@ -260,13 +259,10 @@ def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
     """All of a linear contact, with phase α = acos ζ: ξ peaks at ω₀t = f, F at ωt = 3α - π or, for ζ ≥ ½, at touch."""
     omega, zeta = math.sqrt(k / pair.m_eff), 0.5 * gamma / math.sqrt(k * pair.m_eff)
     eps, t_c = dashpot.restitution(zeta), dashpot.duration(zeta)
-    peak = 2.0 * zeta
-    if zeta < 0.5:
-        root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
-        peak = math.exp(-zeta * (3.0 * math.acos(zeta) - math.pi) / root)
+    peak = 2.0 * zeta if zeta >= 0.5 else math.exp(
+        -zeta * (3.0 * math.acos(zeta) - math.pi) / math.sqrt((1.0 - zeta) * (1.0 + zeta)))
     deepest = v / omega * math.exp(-0.5 * zeta * t_c)
-    force = peak * pair.m_eff * omega * v
-    return Collision(eps, t_c / omega, deepest, force, 2.0 * zeta * eps * v / omega)
+    return Collision(eps, t_c / omega, deepest, peak * pair.m_eff * omega * v, 2.0 * zeta * eps * v / omega)
 
 
 def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:

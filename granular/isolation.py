@@ -89,8 +89,7 @@ class Durations:
     def __init__(self, laws: Sequence[Any], scene: Scene) -> None:
         self.kind, each = resolved(laws, scene).in_pairs
         shapes: dict[tuple[float, float], float] = {}
-        columns = np.array([_powers(law, shapes) for law in each])
-        self.unit, self.power, self.damping = columns.T
+        self.unit, self.power, self.damping = np.array([_powers(law, shapes) for law in each]).T
         if (self.damping > -np.inf).any():
             from granular.laws import viscoelastic_restitution
 
@@ -156,8 +155,7 @@ class Curve:
         if before or after:
             self.low -= before
             self.known = np.pad(self.known, (before, after), constant_values=np.nan)
-        met = np.flatnonzero(np.bincount(k - self.low))
-        needed = np.unique(met[:, None] + np.arange(-1, 3))
+        needed = np.unique(np.flatnonzero(np.bincount(k - self.low))[:, None] + np.arange(-1, 3))
         for i in needed[np.isnan(self.known[needed])].tolist():
             self.known[i] = math.log2(self.function(math.pow(2.0, (self.low + i) / self.fine)))
 

@@ -26,7 +26,6 @@ from granular._check import Array
 from granular._contact_log import is_logged
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
-from granular.laws.statics import overlap_under
 from granular.outcome import approach
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory, points
@@ -167,8 +166,7 @@ def mass_centre_restitution(run: Trajectory) -> float:
         return math.nan
     m, wall = scene.mass[balls], float(scene.velocity[scene.is_wall][0])
     before = float(m @ (impact_velocities(scene, run)[balls] - wall))
-    last = np.nanmax(np.append(log["t_end"], log["t_begin"]))
-    fall = scene.fall[balls] * float(run.time[-1] - last)
+    fall = scene.fall[balls] * float(run.time[-1] - np.nanmax(np.append(log["t_end"], log["t_begin"])))
     after = float(m @ (run.velocity[-1][balls] - fall - wall))
     return -after / before if before != 0.0 else math.nan
 
@@ -187,6 +185,8 @@ def static_overlaps(soft: Trajectory) -> Array:
     never[log["pair"][np.isnan(log["t_end"])]] = True
     if scene.endless or not never.any():
         return still
+    from granular.laws.statics import overlap_under
+
     laws = resolved(soft.law or (), scene)
     force = scene.external_force if scene.external_force is not None else np.zeros(scene.n)
     m = np.where(scene.is_wall, 0.0, scene.mass)
@@ -197,8 +197,7 @@ def static_overlaps(soft: Trajectory) -> Array:
         if held == [True, True]:
             continue
         lift = 0.0 if any(held) else -down[a : b + 1].sum() / m[a : b + 1].sum()
-        above = np.cumsum((down + m * lift)[b:a:-1])[::-1]
-        load = above if not held[1] else -np.cumsum(down[a:b])
+        load = -np.cumsum(down[a:b]) if held[1] else np.cumsum((down + m * lift)[b:a:-1])[::-1]
         for c, bears in zip(range(a, b), load.tolist(), strict=True):
             with suppress(ValueError):
                 still[c] = overlap_under(laws[c], bears) if bears > 0.0 and not laws[c].memory else math.nan
@@ -320,5 +319,4 @@ def _distance(times: Array, others: Array) -> Array:
     """Distance in s from each time to the nearest of `others` (sorted)."""
     at = np.searchsorted(others, times)
     left = np.abs(times - others[np.maximum(at - 1, 0)])
-    right = np.abs(others[np.minimum(at, len(others) - 1)] - times)
-    return np.minimum(left, right)
+    return np.minimum(left, np.abs(others[np.minimum(at, len(others) - 1)] - times))

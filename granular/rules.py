@@ -44,9 +44,8 @@ class ConstantRestitution:
 
     def __init__(self, restitution: float | Sequence[float]) -> None:
         name, fix = "restitution", "1 is elastic, 0 sticks"
-        value: Any = restitution
         if np.ndim(restitution) == 0:
-            value = _check.number(name, value, at_least=0.0, at_most=1.0, fix=fix)
+            value: Any = _check.number(name, restitution, at_least=0.0, at_most=1.0, fix=fix)
         else:
             values = _check.array(name, restitution)
             if len(values) == 0:

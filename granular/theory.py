@@ -210,8 +210,7 @@ def best_masses(first: float, last: float, n: int) -> _check.Array:
     a = _check.number("first", first, above=0.0)
     b = _check.number("last", last, above=0.0)
     count = _check.whole("n", n, at_least=2)
-    step = (b / a) ** (1.0 / (count - 1))
-    masses: _check.Array = a * np.power(step, np.arange(count, dtype=np.float64))
+    masses: _check.Array = a * np.power((b / a) ** (1.0 / (count - 1)), np.arange(count, dtype=np.float64))
     masses[-1] = b
     return masses
 

@@ -61,9 +61,7 @@ class PairLaw:
 
     def given(self, xi: float, xi_dot: float, xi_max: float) -> Any:
         """What the law itself returns as its force, perhaps no number."""
-        if self.memory:
-            return self.law.force(xi, xi_dot, self.pair, xi_max)
-        return self.law.force(xi, xi_dot, self.pair)
+        return self.law.force(xi, xi_dot, self.pair, xi_max) if self.memory else self.law.force(xi, xi_dot, self.pair)
 
     @property
     def is_linear(self) -> bool:
@@ -87,9 +85,7 @@ class PairLaw:
 
     def energy(self, xi: float) -> float:
         """Elastic energy U(ξ) in J; nan of a law with memory, for the overlap alone does not determine it."""
-        if xi <= 0.0:
-            return 0.0
-        return math.nan if self.memory else self.work(xi)
+        return 0.0 if xi <= 0.0 else math.nan if self.memory else self.work(xi)
 
     def work(self, xi: float) -> float:
         """∫₀^ξ F(s, 0) ds in J at first loading, by the law's own `potential` or by Gauss quadrature."""

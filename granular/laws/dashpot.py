@@ -94,24 +94,19 @@ def damping_ratio(restitution: float) -> float:
 
     With L = -ln(ε)/2 it solves y cot y = L, ζ = cos y (L < 1), or y coth y = L, ζ = cosh y (L > 1).
     """
-    eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
-    length = 0.5 * abs(math.log(eps))
+    length = 0.5 * abs(math.log(_check.number("restitution", restitution, above=0.0, at_most=1.0)))
     if length == 1.0:
         return 1.0
     if length <= 0.5:
         return math.sin(_newton(_cot_complement, 2.0 * length / math.pi, length))
-    if length > 1.0:
-        tan, sin, cos, start = math.tanh, math.sinh, math.cosh, length
-    else:
-        tan, sin, cos, start = math.tan, math.sin, math.cos, math.sqrt(3.0 * (1.0 - length))
+    tan, sin, cos, start = (math.tanh, math.sinh, math.cosh, length) if length > 1.0 else (
+        math.tan, math.sin, math.cos, math.sqrt(3.0 * (1.0 - length)))
     return cos(_newton(lambda y: (y / tan(y), 1.0 / tan(y) - y / (sin(y) * sin(y))), start, length))
 
 
 def _half_duration(zeta: float) -> float:
     root = math.sqrt(abs(1.0 - zeta)) * math.sqrt(1.0 + zeta)
-    if root == 0.0:
-        return 1.0
-    return math.atan2(root, zeta) / root if zeta < 1.0 else math.asinh(root) / root
+    return 1.0 if root == 0.0 else math.atan2(root, zeta) / root if zeta < 1.0 else math.asinh(root) / root
 
 
 def _newton(curve: Callable[[float], tuple[float, float]], y: float, target: float) -> float:

@@ -248,11 +248,9 @@ def check_deepest(laws: SceneLaws, contacts: Any) -> None:
 
 def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
     """Return the force at an overlap that is the largest so far, or raise the sentence that says what is wrong."""
-    value = law.given(xi, xi_dot, xi)
-    try:
+    value, force = law.given(xi, xi_dot, xi), math.nan
+    with suppress(TypeError, ValueError):
         force = math.nan if isinstance(value, (str, bytes)) else float(value)
-    except (TypeError, ValueError):
-        force = math.nan
     if not math.isfinite(force):
         raise no_number(law, xi, xi_dot, value)
     return force

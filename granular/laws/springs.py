@@ -75,8 +75,7 @@ class WaltonBraun:
     def from_restitution(cls, restitution: float, k_load: float) -> WaltonBraun:
         """Return the law with loading stiffness `k_load` and the given restitution in (0, 1]: k_load / ε²."""
         eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
-        stiffness = _check.number("k_load", k_load, above=0.0)
-        return cls(k_load, stiffness / (eps * eps))
+        return cls(k_load, _check.number("k_load", k_load, above=0.0) / (eps * eps))
 
     def force(self, xi: float, xi_dot: float, pair: Pair, xi_max: float) -> float:
         """Force in N at overlap `xi` in m, given the largest overlap `xi_max` ≥ `xi` since the bodies last parted."""

@@ -135,8 +135,7 @@ def restitution_series(b: float, order: int = 5) -> float:
     for order 20; 1e-6 at b = 0.012, 0.098 and 0.48. Near b = 1 more terms no longer help.
     """
     order = _check.whole("order", order, at_most=len(SERIES) - 1)
-    x = math.sqrt(_check.number("b", b, at_least=0.0))
-    return _horner(SERIES[order::-1], x)
+    return _horner(SERIES[order::-1], math.sqrt(_check.number("b", b, at_least=0.0)))
 
 
 def restitution_pade(b: float) -> float:

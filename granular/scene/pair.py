@@ -11,8 +11,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array
+from granular._check import Array, number
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +35,8 @@ class Pair:
 
     def __post_init__(self) -> None:
         if not (type(self.m_eff) is type(self.r_eff) is float and 0.0 < self.m_eff < math.inf and self.r_eff >= 0.0):
-            _check.number("m_eff", self.m_eff, above=0.0)
-            _check.number("r_eff", self.r_eff, at_least=0.0, finite=False)
+            number("m_eff", self.m_eff, above=0.0)
+            number("r_eff", self.r_eff, at_least=0.0, finite=False)
 
 
 class Pairs(Sequence[Pair]):

@@ -187,10 +187,7 @@ class Closing:
         # in s from the start, after them for sure
         self.jumps = (jumps - self.start) + 2.0**-50 * (abs(self.start) + np.abs(jumps))
         apart = self.room - 2.0 * float(sum(wall["extent"][0] for wall in walls))
-        if apart <= 0.0:
-            self.looked = 0.0
-        elif self.speed > 0.0:
-            self.looked = apart / self.speed
+        self.looked = 0.0 if apart <= 0.0 else apart / self.speed if self.speed > 0.0 else math.inf
 
     def look(self, time: float) -> float:
         """Return `horizon`, having looked as far as `time` in s: step by step, never over it."""
@@ -200,9 +197,9 @@ class Closing:
             if gap <= MARGIN * self.room and rate <= 0.0:
                 self.after, self.horizon = self.looked, self.start + self.looked
                 break
-            step = time_to_contact(max(0.0, gap - 0.5 * MARGIN * self.room), rate, self.most)
+            near = self.looked + time_to_contact(max(0.0, gap - 0.5 * MARGIN * self.room), rate, self.most)
             later = self.jumps[np.searchsorted(self.jumps, self.looked, side="right") :]  # where the rate changes
-            step = min(self.looked + step, float(later[0]) if len(later) else math.inf)
+            step = min(near, float(later[:1].min(initial=math.inf)))
             self.looked = max(step, math.nextafter(self.looked, math.inf))
         return self.horizon
 
@@ -210,9 +207,9 @@ class Closing:
         """Raise `ValueError` if the walls of a run to `end` meet by `time`, in s."""
         self.look(time)
         if self.start + self.after <= time and self.after < math.inf:
-            given = "None" if end == math.inf else repr(end)
-            raise ValueError(f"t_end is {given}: the walls meet at t = {self.start + self.after:.12g} s; give a t_end "
-                             "before that, or walls that come less far.")
+            raise ValueError(f"t_end is {None if end == math.inf else end!r}: the walls meet at t = "
+                             f"{self.start + self.after:.12g} s; give a t_end before that, or walls that come less "
+                             "far.")
 
     def _at(self, elapsed: float) -> tuple[float, float]:
         """Room in m between driven walls a time `elapsed` in s after the start, and its rate in m/s."""

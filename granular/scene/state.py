@@ -141,9 +141,7 @@ class Scene(ByNumbers):
 
     def sides(self, of_bodies: Any) -> tuple[Any, Any]:
         """What an array (…, n) says of bodies, for the lower and the upper body of every pair, shapes of the gaps."""
-        if self.ring:
-            return of_bodies, np.roll(of_bodies, -1, axis=-1)
-        return of_bodies[..., :-1], of_bodies[..., 1:]
+        return (of_bodies, np.roll(of_bodies, -1, axis=-1)) if self.ring else (of_bodies[..., :-1], of_bodies[..., 1:])
 
     def across(self, of_bodies: Array) -> Array:
         """Differences, upper minus lower body of every pair, of an array (…, n): rates from velocities."""
@@ -252,8 +250,7 @@ class Scene(ByNumbers):
         speed = self._share @ self.velocity
         if self.pendulum > 0.0:
             turn, rest = self.pendulum * elapsed, self._share @ self.at_rest
-            swing = self._share @ self.displacement * np.cos(turn) + speed / self.pendulum * np.sin(turn)
-            return rest + swing
+            return rest + (self._share @ self.displacement * np.cos(turn) + speed / self.pendulum * np.sin(turn))
         return (self._share * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
@@ -334,8 +331,8 @@ class Scene(ByNumbers):
         walls = ", floor and ceiling" if floor and ceiling else ", floor" * floor + ", ceiling" * ceiling
         balls = int((~self.is_wall).sum())
         pull = f", g = {self.gravity:g} m/s²" if self.gravity else ""
-        special = ", ring" * self.ring + ", forces" * (self.external_force is not None)
-        special += f", pendula of {self.pendulum:g} rad/s" * (self.pendulum > 0.0)
+        special = ", ring" * self.ring + ", forces" * (self.external_force is not None) + (
+            f", pendula of {self.pendulum:g} rad/s" * (self.pendulum > 0.0))
         walled = zip(("floor", "ceiling"), (self.floor, self.ceiling), strict=True)
         driven = "".join(f", {name} {wall!r}" for name, wall in walled if wall is not None)
         return f"Scene({balls} ball{'s' * (balls != 1)}{walls}{pull}{special}{driven})"

@@ -136,8 +136,7 @@ def bouncing_ball(
         How the floor moves; to the command type=Sine gamma=2 frequency=50, or amplitude= (in m) in place of gamma=.
     """
     r = np.array([_check.number("radius", radius, above=0.0)])
-    fall = (1.0 if plate is None else 0.0) if height is None else height
-    drop = _check.number("height", fall, at_least=0.0)
+    drop = _check.number("height", (1.0 if plate is None else 0.0) if height is None else height, at_least=0.0)
     v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
     return above_floor(mass_of(r, density), r, drop, (), v, gravity, plate)
 
@@ -175,10 +174,8 @@ def vibrated_column(
     """
     count = count_of(n)
     r = np.full(count, _check.number("radius", radius, above=0.0))
-    if amplitude is None:
-        plate = walls.Sine.from_acceleration(gamma, frequency, gravity, phase)
-    else:
-        plate = walls.Sine(amplitude, frequency, phase)
+    plate = walls.Sine(amplitude, frequency, phase) if amplitude is not None else (
+        walls.Sine.from_acceleration(gamma, frequency, gravity, phase))
     floor, *between = gaps_of(gap, count)
     return above_floor(mass_of(r, density), r, floor, between, 0.0, gravity, plate)
 

@@ -10,7 +10,6 @@ from collections.abc import Callable
 import numpy as np
 
 from granular import _check
-from granular._check import Array
 from granular.scene import Scene
 from granular.scenes.falling import count_of
 from granular.walls import Thermal
@@ -81,8 +80,7 @@ def ring_gas(
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
-    alike = np.ones(count_of(n, 2))
-    random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=0)
+    random, m, r, gap = _places(np.ones(count_of(n, 2)), length, packing, mass, mass_spread, seed, spaces=0)
     v = _unit_speeds(random, speeds, len(m)) / np.sqrt(m)
     v -= m @ v / m.sum()
     mean = float(m @ (v * v)) / len(m)
@@ -130,8 +128,7 @@ def heated_gas(
     pattern[1::2] = _check.number("dimer", dimer, above=0.0)
     random, m, r, gap = _places(pattern, length, packing, mass, 1.0, seed, spaces=1)
     if open_above:
-        above = np.cumsum(m[::-1])[::-1]
-        gap = hot / (g * above) * random.standard_exponential(len(m))
+        gap = hot / (g * np.cumsum(m[::-1])[::-1]) * random.standard_exponential(len(m))
         v = math.sqrt(hot) / np.sqrt(m) * random.standard_normal(len(m))
         return Scene([math.inf, *m], [0.0, *r], gap, [0.0, *v], g, floor=floor)
     v = math.sqrt(math.sqrt(hot * cold)) / np.sqrt(m) * random.standard_normal(len(m))
@@ -140,8 +137,8 @@ def heated_gas(
 
 
 def _places(
-    pattern: Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
-) -> tuple[np.random.Generator, Array, Array, Array]:
+    pattern: _check.Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
+) -> tuple[np.random.Generator, _check.Array, _check.Array, _check.Array]:
     """Random numbers for what follows, masses and radii of balls whose masses are mass · `pattern` but for the spread,
     and as many gaps and `spaces` more."""
     count = len(pattern)
@@ -158,9 +155,9 @@ def _places(
     return random, m, r, (1.0 - filled) * line * share / share.sum()
 
 
-def _unit_speeds(random: np.random.Generator, speeds: str, n: int) -> Array:
+def _unit_speeds(random: np.random.Generator, speeds: str, n: int) -> _check.Array:
     """Random velocities of mean 0 and variance 1."""
-    draw: dict[str, Callable[[], Array]] = {
+    draw: dict[str, Callable[[], _check.Array]] = {
         "maxwell": lambda: random.standard_normal(n),
         "uniform": lambda: random.uniform(-math.sqrt(3.0), math.sqrt(3.0), n),
         "two": lambda: random.choice([-1.0, 1.0], n),

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._check import Array
 from granular.laws.kinds import resolved
 from granular.scene import Scene, in_order
 from granular.scenes.falling import count_of, gaps_of, geometric, mass_of, radius_of
@@ -198,7 +197,7 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     return in_order(scene.replace(gap=gap + 0.0))
 
 
-def _in_a_row(mass: Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
+def _in_a_row(mass: _check.Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
     """Balls of which the first few arrive with `speed` at the others, which are at rest."""
     v = np.where(np.arange(len(mass)) < moving, _check.number("speed", speed, above=0.0), 0.0)
     return in_order(Scene(mass, radius_of(mass, density), gaps_of(gap, len(mass) - 1), v))

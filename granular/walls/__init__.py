@@ -63,8 +63,8 @@ def ends(*motions: Any) -> float:
     """Return the time in s at which the first of these paths ends: inf of a `Sine`, and of a `Motion`, whose function
     says how far it goes."""
     paths = [getattr(motion, "function", motion) for motion in motions]
-    last = [path.breaks[-1] for path in paths if of_kind(path, "Piecewise")]
-    last += [path.edges[-1] for path in paths if of_kind(path, "Panels") and not path.frequency]
+    last = [*(path.breaks[-1] for path in paths if of_kind(path, "Piecewise")),
+            *(path.edges[-1] for path in paths if of_kind(path, "Panels") and not path.frequency)]
     return float(min(last, default=math.inf))
 
 
@@ -84,9 +84,8 @@ def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
     """Return m(t) - m(start) in m and m'(t) in m/s of a motion, or of none, at times (s) so long after `start`."""
     if motion is None:
         return 0.0, 0.0
-    end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
-    if of_kind(motion, "Motion"):
-        end = math.nextafter(start + float(np.max(elapsed)), math.inf)
+    # paths that last are asked no farther than the start: the end of a run may be a rounding beyond theirs
+    end = math.nextafter(start + float(np.max(elapsed)), math.inf) if of_kind(motion, "Motion") else start
     panels: Panels = motion.panels(start, end)
     times = np.atleast_1d(np.asarray(elapsed, dtype=float))
     origin = panels.at(start, 0.0)[0]

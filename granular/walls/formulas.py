@@ -170,21 +170,18 @@ class Piecewise(_OnPanels, ByNumbers):
 
     @cached_property
     def _panels(self) -> Panels:
-        series, _, _ = _joined(self.breaks, self.coefficients)
-        return Panels(self.breaks, series)
+        return Panels(self.breaks, _joined(self.breaks, self.coefficients)[0])
 
 
 def _joined(t: Array, c: Array) -> tuple[Array, Array, Array]:
     """Return the series (n, K+1) about the middles of the pieces with the steps between them closed; the steps (n-1,)
     in m; and the largest term of each piece (n,) in m."""
-    half = 0.5 * np.diff(t)
-    scaled = (c[::-1] * half ** np.arange(len(c))[:, None]).T
+    scaled = (c[::-1] * (0.5 * np.diff(t)) ** np.arange(len(c))[:, None]).T
     series = scaled.copy()
     for i in range(series.shape[1] - 1):
         for j in range(series.shape[1] - 2, i - 1, -1):
             series[:, j] += series[:, j + 1]
-    alternate = (-1.0) ** np.arange(series.shape[1])
-    steps = (series @ alternate)[1:] - series.sum(axis=1)[:-1]
+    steps = (series @ (-1.0) ** np.arange(series.shape[1]))[1:] - series.sum(axis=1)[:-1]
     largest = np.abs(scaled * 2.0 ** np.arange(series.shape[1])).max(axis=1)
     series[1:, 0] -= np.cumsum(steps)
     return series, steps, largest

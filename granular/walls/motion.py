@@ -84,8 +84,8 @@ class Motion:
         begin = _check.number("t_start", t_start)
         end = _check.number("t_end", t_end, at_least=begin, fix="a wall moved by a function needs the end of the run: "
                             "give t_end")
-        shortest = max(INSTANT, 2.0**-26 * abs(begin))
-        return _fitted(self.function, self.accuracy, begin, end if end > begin else begin + shortest)
+        return _fitted(self.function, self.accuracy, begin,
+                       end if end > begin else begin + max(INSTANT, 2.0**-26 * abs(begin)))
 
 
 def _fitted(function: Callable[[float], float], accuracy: float, begin: float, end: float) -> Panels:

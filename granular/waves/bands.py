@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
-from granular._check import Array
 from granular.laws import MatchedEnd
 from granular.laws.kinds import resolved
 from granular.laws.statics import stiffness_at
@@ -26,7 +25,7 @@ FASTEST = 1e100
 """Angular frequency in rad/s above which squares are beyond the range of numbers."""
 
 
-def stiffness(scene: Scene, law: Any) -> Array:
+def stiffness(scene: Scene, law: Any) -> _check.Array:
     """Return the stiffness K = dF/dξ in N/m of every contact at the overlaps of a scene, shape (n-1,); 0 where it is
     open.
 
@@ -37,14 +36,13 @@ def stiffness(scene: Scene, law: Any) -> Array:
     law : force law or sequence of them
         One for all pairs, or one per pair.
     """
-    laws = resolved(_check.per_pair("law", law, checked(scene).n_pairs), scene)
-    kind, each = laws.in_pairs
+    kind, each = resolved(_check.per_pair("law", law, checked(scene).n_pairs), scene).in_pairs
     contacts = list(zip(kind.tolist(), scene.gap.tolist(), strict=True))
     found = {(k, gap): stiffness_at(each[k], -gap) for k, gap in dict.fromkeys(contacts)}
     return np.array([found[contact] for contact in contacts])
 
 
-def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Array:
+def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.Array:
     """Return the angular frequencies ω in rad/s of waves in an endless chain, lowest branch first.
 
     One ball to a cell: ω = 2 √(K/m) |sin(θ/2)|. Two of masses m and M: ω² = K (1/m + 1/M) ± K √((1/m + 1/M)² -
@@ -71,7 +69,7 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
     return np.asarray(np.linalg.svd(np.sqrt(k)[:, None] * strain, compute_uv=False)[..., ::-1])
 
 
-def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> Array:
+def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.Array:
     """Return lower and upper edge in rad/s of every band, shape (p, 2); between two bands nothing is carried on.
 
     Parameters
@@ -129,7 +127,7 @@ def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: f
     return _check.number("length", length, above=0.0) / math.sqrt(float(m.sum() * (1.0 / k).sum()))
 
 
-def modes(scene: Scene, law: Any) -> Array:
+def modes(scene: Scene, law: Any) -> _check.Array:
     """Return the angular frequencies in rad/s of the small swings of a whole chain at rest, one per ball, ascending.
 
     Parameters
@@ -176,12 +174,11 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
     if not scene.is_wall[-1] or scene.n_pairs < 2 or not (scene.gap[-2:] < 0.0).all():
         raise ValueError(f"scene is {scene}: a chain at rest that is pressed against a wall as its last body is "
                          "needed.")
-    last = laws[scene.n_pairs - 1]
-    load = last.force(-float(scene.gap[-1]), 0.0, -float(scene.gap[-1]))
+    load = laws[scene.n_pairs - 1].force(-float(scene.gap[-1]), 0.0, -float(scene.gap[-1]))
     return [*laws.given[:-1], MatchedEnd(load, float(stiffness(scene, law)[-2]))]
 
 
-def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[Array, Array]:
+def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[_check.Array, _check.Array]:
     given = ("stiffness", stiffness, "a chain that is not pressed bears no small waves"), ("mass", mass, "")
     k, m = (_check.positive(name, np.atleast_1d(_check.array(name, one, ...)), name, fix) for name, one, fix in given)
     if len(k) != len(m) and 1 not in (len(k), len(m)):

@@ -77,8 +77,7 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     base = _check.number("static", static, at_least=0.0)
     faint = ROUNDING * float(np.abs(forces).max())
     seen = [_of_one(run.time, force - base, parts, faint) for force in forces.T]
-    left, _ = run.scene.sides(run.scene.position)
-    place = left + run.scene.sides(run.scene.radius)[0]
+    place = run.scene.sides(run.scene.position + run.scene.radius)[0]
     return Pulse(np.array([one[0] for one in seen]), np.array([one[1] for one in seen]),
                  np.array([one[2] for one in seen]).reshape(len(seen), len(parts)), place)
 
@@ -127,9 +126,7 @@ def picture(
     if beyond:
         values, bar = values - values[0], f"{bar}, beyond the first row"
     with style():
-        figure, one = None, axis
-        if axis is None:
-            figure, ((one,),) = canvas(1.3 * COLUMN, COLUMN)
+        figure, ((one,),) = canvas(1.3 * COLUMN, COLUMN) if axis is None else (None, ((axis,),))
         signed = bool((values < -1e-3 * np.abs(values).max()).any())
         most = float(np.abs(values).max()) or 1.0
         image = one.pcolormesh(run.time, np.arange(values.shape[1]), values.T, shading="nearest", rasterized=True,

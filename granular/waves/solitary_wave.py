@@ -69,8 +69,7 @@ class SolitaryWave:
     def overlap(self, x: Any) -> Array:
         """Return φ at distances x in balls from the peak; |x| at most 16."""
         series, c2 = _series(self.exponent)
-        k = _wave_numbers()
-        return np.maximum(_cosines(series * np.sinc(k / (2.0 * math.pi)) ** 2 / c2, _inside(x)), 0.0)
+        return np.maximum(_cosines(series * _box() ** 2 / c2, _inside(x)), 0.0)
 
     def force(self, x: Any) -> Array:
         """Return φ^p."""
@@ -78,8 +77,7 @@ class SolitaryWave:
 
     def velocity(self, x: Any) -> Array:
         """Return the velocity of the ball behind the contact at x; largest at x = -1/2: (1/c) ∫ φ^p from x to x + 1."""
-        k = _wave_numbers()
-        return _cosines(_series(self.exponent)[0] * np.sinc(k / (2.0 * math.pi)) / self.speed, _inside(x) + 0.5)
+        return _cosines(_series(self.exponent)[0] * _box() / self.speed, _inside(x) + 0.5)
 
     def width(self, share: float) -> float:
         """Return over how many diameters the force is more than `share`, from 1e-12 to 1, of its peak."""
@@ -147,10 +145,8 @@ def solitary(
 @cache
 def _series(p: float) -> tuple[Array, float]:
     """Return the cosine series of φ^p, and c²."""
-    k = _wave_numbers()
-    triangle = np.sinc(k / (2.0 * math.pi)) ** 2
-    x = np.abs(np.fft.fftfreq(POINTS, 1.0 / BOX))
-    phi, before = np.maximum(0.0, 1.0 - 0.5 * x) ** 2, math.inf
+    triangle = _box() ** 2
+    phi, before = np.maximum(0.0, 1.0 - 0.5 * np.abs(np.fft.fftfreq(POINTS, 1.0 / BOX))) ** 2, math.inf
     for _ in range(SWEEPS):
         raw = np.fft.irfft(np.fft.rfft(phi**p) * triangle, POINTS)
         new = np.maximum(raw / raw[0], 0.0)
@@ -169,11 +165,15 @@ def _wave_numbers() -> Array:
     return np.asarray(2.0 * math.pi * np.fft.rfftfreq(POINTS, BOX / POINTS))
 
 
+def _box() -> Array:
+    """The transform of 1 on [-1/2, 1/2]; its square is that of the triangle."""
+    return np.asarray(np.sinc(_wave_numbers() / (2.0 * math.pi)))
+
+
 def _cosines(series: Array, x: Array) -> Array:
     return np.asarray(np.cos(np.multiply.outer(x, _wave_numbers())) @ series)
 
 
 def _inside(x: Any) -> Array:
     """Distances from the peak; beyond half a box there is nothing."""
-    far = _check.array("x", x, ..., finite="distances in balls are needed")
-    return np.clip(far, -0.5 * BOX, 0.5 * BOX)
+    return np.clip(_check.array("x", x, ..., finite="distances in balls are needed"), -0.5 * BOX, 0.5 * BOX)
