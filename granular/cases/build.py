@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, is_dataclass
 from functools import cache, cached_property
 from importlib import import_module
@@ -101,14 +101,11 @@ def name_of(function: Any) -> str:
     if isinstance(function, Named):
         return function.name
     name = f"{getattr(function, '__module__', '')}:{getattr(function, '__qualname__', '')}"
-    try:
-        same = Named(name).function is function
-    except ValueError:
-        same = False
-    if not same:
-        raise TypeError(f"function is {function!r}: only one that can be imported by its name can be written to TOML; "
-                        "put it into a module.")
-    return name
+    with suppress(ValueError):
+        if Named(name).function is function:
+            return name
+    raise TypeError(f"function is {function!r}: only one that can be imported by its name can be written to TOML; put "
+                    "it into a module.")
 
 
 @contextmanager

@@ -84,8 +84,8 @@ def of_restitution(
 
 def _elastic_hertz(restitution: float, k: float) -> Hertz:
     """Hertz's law, which has one restitution."""
-    fix = "Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped"
-    _check.number("restitution", restitution, at_least=1.0, at_most=1.0, fix=fix)
+    _check.number("restitution", restitution, at_least=1.0, at_most=1.0,
+                  fix="Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped")
     return Hertz(k)
 
 

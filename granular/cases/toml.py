@@ -226,8 +226,7 @@ def _stop(condition: until.Until | None) -> Any:
 
 def _scene(scene: Scene) -> Table:
     """The fields of a scene, without those that say that it is no ring and has no pendula."""
-    table = _numbers(scene)
-    return table | {"ring": scene.ring or None, "pendulum": scene.pendulum or None}
+    return _numbers(scene) | {"ring": scene.ring or None, "pendulum": scene.pendulum or None}
 
 
 def _numbers(physics: Any) -> Table:
@@ -246,8 +245,7 @@ def _each(name: str, values: Any, types: Mapping[str, Any]) -> dict[str, Table |
 
 def _joined(name: str, tables: list[Table]) -> dict[str, Table | list[Table]]:
     """One table if all pairs have the same."""
-    same = all(table == tables[0] for table in tables)
-    return {name: tables[0] if same else tables} if tables else {}
+    return {name: tables[0] if all(table == tables[0] for table in tables) else tables} if tables else {}
 
 
 def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
@@ -266,8 +264,8 @@ def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
 def _of_restitution(given: Any, restitution: float, pair: Pair) -> Table:
     """The table of a law by its restitution; empty if that does not make it again."""
     kept = _numbers(given) if type(given) in LAWS.values() else {}
-    table = {"type": type(given).__name__, "restitution": restitution}
-    table |= {name: value for name, value in kept.items() if name in STIFFNESS}
+    table = {"type": type(given).__name__, "restitution": restitution} | {
+        name: value for name, value in kept.items() if name in STIFFNESS}
     try:
         return table if law(table, pair) == given else {}
     except (TypeError, ValueError):

@@ -11,12 +11,12 @@ import sys
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 import granular as gr
 from granular import cases
+from granular._reports import aligned
 from granular.cases.case import ENGINES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.cli import output
@@ -46,9 +46,7 @@ class Scenes(Command):
         if given.target is not None:
             print(cases.dumps(case_of(given)), end="")
             return
-        width = max(map(len, cases.names()))
-        for name in cases.names():
-            print(f"{name:{width}}  {cases.about(name)}")
+        print(aligned([[name, cases.about(name)] for name in cases.names()], "<"))
         print("\ngranular compare SCENE --help lists a scene's parameters; "
               "granular scenes SCENE prints it as a TOML file.")
 
@@ -80,8 +78,8 @@ class Run(Command):
         case = case_of(given)
         if given.log and (given.save or "").endswith(".csv"):
             raise ValueError(f"--save {given.save} is for the contacts, which --log writes: leave out one of the two.")
-        options = given.run | ({"watch": case.physics("md")} if given.watch else {})
-        options |= {"log": given.log} if given.log else {}
+        options = given.run | ({"watch": case.physics("md")} if given.watch else {}) | (
+            {"log": given.log} if given.log else {})
         trajectory = case.simulate(given.engine, **options, progress=True)
         print(summary(case, with_log(trajectory)))
         if given.save is not None:
@@ -146,8 +144,8 @@ class Frontier(Command):
         case = case_of(given)
         if case.until is None and "t_end" not in given.run and not is_file(given.target):
             case = shortened(case)
-        options: dict[str, Any] = case.options(gr.frontier) | given.run
-        output.deliver(gr.frontier(case.scene, case.physics("md"), **options, progress=True), given)
+        output.deliver(gr.frontier(case.scene, case.physics("md"), **case.options(gr.frontier) | given.run,
+                                   progress=True), given)
 
 
 class Stability(Command):
@@ -175,9 +173,7 @@ def shortened(case: cases.Case) -> cases.Case:
     """Return a case that ends after its first contacts, if it has more than can be measured within a minute, and
     any of them ends: where for the longest time none of the later ones begins or ends."""
     first = case.simulate("md", max_events=MOST_CONTACTS)
-    if first.status is not Status.max_events:
-        return case
-    if np.isnan(first.contacts["t_end"]).all():
+    if first.status is not Status.max_events or np.isnan(first.contacts["t_end"]).all():
         return case
     times = np.sort(np.concatenate([first.contacts["t_begin"], first.contacts["t_end"]]))
     times = times[~np.isnan(times)][MOST_CONTACTS:]
@@ -192,8 +188,7 @@ def summary(case: cases.Case, run: Trajectory) -> str:
     from granular import isolation, measures
 
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
-    lines = [case.about] if case.about else []
-    lines += [f"{run.scene}, {engine}"]
+    lines = [*[case.about] * bool(case.about), f"{run.scene}, {engine}"]
     if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"{run.status.name}: {run.message}",

@@ -41,10 +41,7 @@ def check(given: argparse.Namespace) -> None:
         _files.check_writable(name)
     check_apart(written, [given.target] if given.target and is_file(given.target) else [])
     if getattr(given, "save", None) is not None:
-        if given.save_as == ".npz":
-            files.ending_of(given.save)
-        else:
-            _files.check_ending(given.save, given.save_as)
+        files.ending_of(given.save) if given.save_as == ".npz" else _files.check_ending(given.save, given.save_as)
     if getattr(given, "plot", None) is not None:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)

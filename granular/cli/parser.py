@@ -164,8 +164,7 @@ def offered(function: Callable[..., Any], *names: str) -> list[Option]:
 def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     """Split off the scene's name or TOML file: the first argument, else the first that looks like one."""
     for k, word in enumerate(rest):
-        first = k == 0 and not word.startswith("-")
-        if first or word in cases.names() or word.lower().endswith(".toml"):
+        if (k == 0 and not word.startswith("-")) or word in cases.names() or word.lower().endswith(".toml"):
             if not is_file(word):
                 _check.choice("scene", word, cases.names())
             return word, [*rest[:k], *rest[k + 1 :]]

@@ -8,6 +8,7 @@ import argparse
 from collections import Counter
 
 from granular import _files
+from granular._reports import aligned
 from granular.cases.case import Option
 from granular.cli.parser import Command
 from granular.reference import verification
@@ -39,9 +40,7 @@ class Verify(Command):
             if given.output or given.check:
                 raise ValueError(f"{'--check' if given.check else '-o'} needs a case: one of "
                                  f"{', '.join(verification.names())}.")
-            width = max(map(len, verification.names()))
-            for name in verification.names():
-                print(f"{name:{width}}  {verification.case(name)['about']}")
+            print(aligned([[name, verification.case(name)["about"]] for name in verification.names()], "<"))
             print("\ngranular verify CASE -o FILE.csv writes one; --check FILE.csv says whether yours is right.")
         elif given.check:
             return _checked(given)

@@ -188,9 +188,8 @@ def _read(task: Task, newton: restarted.Newton, done: Any) -> tuple[ReferenceCon
         changes += [(_zero(task, newton, seen, c, knots[max(i - 1, 0)], knots[i]), c, on[i + 1])
                     for i in range(len(knots)) if on[i] != on[i + 1]]
     for t, c, begins in sorted(changes):
-        v = newton.velocities(done.sol(t), t)
-        lower, upper = task.scene.bodies(c)
-        speeds = (float(v[lower]), float(v[upper]))
+        lower, upper = newton.velocities(done.sol(t), t)[list(task.scene.bodies(c))].tolist()
+        speeds = lower, upper
         if begins and log.begin(c, t, speeds):
             break
         if not begins:
@@ -208,9 +207,8 @@ def _zero(task: Task, newton: restarted.Newton, state: Any, c: int, a: float, b:
         y: Array = state(t)
         return float(y[c]) if crosses else newton.bracket(c, float(y[c]), float(y[newton.pairs + c]))
 
-    if (function(a) > 0.0) == (function(b) > 0.0):
-        return a
-    return float(brentq(function, a, b, xtol=1e-300, rtol=1e-15))
+    same = (function(a) > 0.0) == (function(b) > 0.0)
+    return a if same else float(brentq(function, a, b, xtol=1e-300, rtol=1e-15))
 
 
 def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:

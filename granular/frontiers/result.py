@@ -228,9 +228,8 @@ def _goal(report: Frontier, goal: float) -> list[str]:
 
 def _digits(value: Any) -> Any:
     """Numbers of the reference with all their digits, as text."""
-    if isinstance(value, tuple):
-        return [_digits(v) for v in value]
-    return str(value) if hasattr(value, "_mpf_") else value
+    return [_digits(v) for v in value] if isinstance(value, tuple) else (
+        str(value) if hasattr(value, "_mpf_") else value)
 
 
 def _look(colour: str, line: str, marker: str, label: str, width: float = 0.9, size: float = 4.2) -> dict[str, Any]:
@@ -254,8 +253,8 @@ LOOKS = {name: look for members in FAMILIES.values() for name, look in members.i
 def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
     """One line a method; wrong contact counts are crossed out."""
     for method in report.methods:
-        points = [(1e3 * row.seconds, max(getattr(row, quantity), LEAST), row.wrong_count) for row in report.of(method)]
-        points = [point for point in points if math.isfinite(point[1])]
+        points = [(1e3 * row.seconds, max(getattr(row, quantity), LEAST), row.wrong_count) for row in report.of(method)
+                  if math.isfinite(getattr(row, quantity))]
         times, errors, _ = zip(*points, strict=True) if points else ((), (), ())
         axis.plot(times, errors, **LOOKS[method] | {"mew": 0.8})
         for time, error, wrong in points:
@@ -289,8 +288,8 @@ def _legend(figure: Any, report: Frontier) -> None:
     columns = {head: entries for head, entries in columns.items() if entries}
     depth, handles = max(map(len, columns.values())), []
     for head, entries in columns.items():
-        handles += [Line2D([], [], ls="none", label=head), *entries]
-        handles += [Line2D([], [], ls="none", label="")] * (depth - len(entries))
+        handles += [Line2D([], [], ls="none", label=head), *entries,
+                    *[Line2D([], [], ls="none", label="")] * (depth - len(entries))]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(columns), fontsize=7, frameon=False,
                   handlelength=2.4, columnspacing=1.0)
 

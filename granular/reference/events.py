@@ -100,9 +100,7 @@ class Logbook:
     """Contacts as they begin and end, and what the stop condition makes of them."""
 
     def __init__(self, until: stop.Until | None) -> None:
-        self.until = until
-        self.rows: list[ReferenceContact] = []
-        self.running: dict[int, int] = {}
+        self.until, self.rows, self.running = until, list[ReferenceContact](), dict[int, int]()
 
     def begin(self, pair: int, t: Any, v: tuple[Any, Any]) -> bool:
         """Write down a contact; return whether the stop condition forbids it instead."""

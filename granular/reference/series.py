@@ -39,9 +39,7 @@ class Power:
     def __init__(self, mp: Any, x: list[Number], alpha: Number, m: int) -> None:
         self.mp, self.x, self.alpha, self.m = mp, x, alpha, m
         self.offset = int(mp.nint(alpha * m))
-        self.y: list[Number] = []
-        self.jy: list[Number] = []
-        self.f: list[Number] = []
+        self.y, self.jy, self.f = list[Number](), list[Number](), list[Number]()
 
     def term(self, n: int) -> Number:
         """Coefficient `n` of ξ^α, after all lower ones."""

@@ -70,13 +70,13 @@ class Taylor:
         self.ring, self.heat, self.paths, self.own = scene.ring, heats(scene), paths(mp, scene), list(self.v)
         self.joined = [scene.bodies(c) for c in range(scene.n_pairs)]
         self.square, self.y = mp.mpf(scene.pendulum) ** 2, displacements(mp, scene)
-        self.work, self.pushed = [mp.zero] * 4 if scene.worked or scene.heated else None, mp.zero
+        self.work, self.pushed = [mp.zero] * 4 * (scene.worked or scene.heated), mp.zero
         self.touches = [touch(mp, form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
         self.order = max(round(1.25 * digits), TERMS * self.window)
-        self.speed = max([mp.zero, *(path.fastest for path in self.paths.values())])
-        self.speed = max([self.speed, *(mp.mpf(scene.pendulum) * abs(y) for y in self.y)])
+        self.speed = max([mp.zero, *(path.fastest for path in self.paths.values()),
+                          *(mp.mpf(scene.pendulum) * abs(y) for y in self.y)])
         self.guide()
         self.remember_speed()
         self.stored = self.elastic()
@@ -196,8 +196,8 @@ class Taylor:
         Where no force acts, up to twice the way of the pairs that still overlap: they fly apart.
         """
         mp, limits = self.mp, []
-        watched = [(b, self.speed) for b in piece.v]
-        watched += [(f.phi, f.a.gamma * self.speed) for f in piece.force.values() if not f.active]
+        watched = [*((b, self.speed) for b in piece.v),
+                   *((f.phi, f.a.gamma * self.speed) for f in piece.force.values() if not f.active)]
         if piece.pair >= 0:
             u = piece.u[int(piece.u[0] == 0) :]
             watched.append((u, u[0]))
@@ -254,7 +254,7 @@ class Taylor:
         """Advance to x of the piece."""
         if x == 0:
             return
-        if self.work is not None:
+        if self.work:
             self.book(piece, x)
         for a, series in zip(self.touches, piece.x, strict=True):
             a.xi, a.exact = value(series, x), False
@@ -263,7 +263,6 @@ class Taylor:
 
     def book(self, piece: Piece, x: Number) -> None:
         """Add what forces do up to x of the piece: on overlaps, and for the walls."""
-        assert self.work is not None
         rho, last = [j * a for j, a in enumerate(piece.t)][1:], len(self.touches) - 1
         for c, force in piece.force.items():
             if force.active:
@@ -280,7 +279,7 @@ class Taylor:
     def account(self) -> tuple[Number, ...] | None:
         """Work of the floor and of the ceiling, heat of both, and what was dissipated, in J; None where no wall
         moves or heats."""
-        return None if self.work is None else (*self.work, self.pushed - (self.elastic() - self.stored))
+        return (*self.work, self.pushed - (self.elastic() - self.stored)) if self.work else None
 
     def soar(self, end: Number) -> bool:
         """Move on at once, and return true, while no wall comes near flying balls; a good part of a turn at least."""
@@ -325,7 +324,6 @@ class Taylor:
 
     def kick(self, c: int) -> None:
         """Let the ball of pair c leave a thermal wall with a speed drawn anew; book its work and heat."""
-        assert self.work is not None
         one, wall = self.heat[c], self.v[self.heat[c].wall]
         speed, was = self.mp.mpf(one.next_speed()), abs(self.v[one.ball] - wall)
         away = 1 - 2 * one.side
@@ -346,7 +344,7 @@ class Taylor:
         mp = self.mp
         for c, a in enumerate(self.touches):
             w, g = self.mobility(c), self.pull[c]
-            stored = 2 * w * a.k * mp.power(max(a.xi, 0), a.p + 1) / (a.p + 1)
-            if a.xi == 0 and g > 0:
-                stored = 2 * g * mp.power(g / (a.k * w), 1 / a.p)
+            pressed = a.xi == 0 and g > 0
+            stored = 2 * g * mp.power(g / (a.k * w), 1 / a.p) if pressed else (
+                2 * w * a.k * mp.power(max(a.xi, 0), a.p + 1) / (a.p + 1))
             self.speed = max(self.speed, abs(self.now(c, "rate")), mp.sqrt(stored))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._reports import Report, abridged, aligned, html, number
+from granular._reports import Report, abridged, aligned, number
 from granular.sweeps.plan import Plan
 from granular.sweeps.slopes import Start, borders
 
@@ -102,9 +102,6 @@ class Sensitivity(Report):
     def line(self) -> str:
         """What the outcome that answers most answers to most."""
         return f"sensitivity: {self._headline.removeprefix(f'{self.title}: ')} (all: granular sensitivity)"
-
-    def _repr_html_(self) -> str:
-        return html(self._headline, more=str(self))
 
     def _by(self, parameter: str) -> dict[str, float]:
         """All derivatives by one parameter."""

@@ -37,8 +37,7 @@ class _Reader:
     """Reads a value once; `inside` are the objects inside of which it reads, `known` the functions and classes read."""
 
     def __init__(self) -> None:
-        self.inside: list[int] = []
-        self.known: list[Any] = []
+        self.inside, self.known = list[int](), list[Any]()
 
     def of(self, value: Any) -> Any:
         """Read a value; an object inside itself is only named."""

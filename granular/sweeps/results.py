@@ -112,8 +112,8 @@ class Answer:
     def order(self) -> int:
         """Number of the order of begins and ends in the runs that other results have asked for so far."""
         given = vars(self)
-        runs = [given[name] for name in ("soft", "hard") if name in given]
-        runs += self.report.counted if "report" in given else []
+        runs = [*(given[name] for name in ("soft", "hard") if name in given),
+                *(self.report.counted if "report" in given else ())]
         return reduce(xor, map(order, runs or [self.hard if self.case.law is None else self.soft]))
 
     def status(self, results: Mapping[str, Result]) -> int:
@@ -127,8 +127,7 @@ def impact_speed(scene: Scene) -> float:
     """|v10| in m/s with which two balls dropped as one meet the floor; nan for other scenes."""
     if not is_drop(scene):
         return math.nan
-    rate = float(scene.velocity[1] - scene.velocity[0])
-    return -rate_at_contact(float(scene.gap[0]), rate, scene.gravity)
+    return -rate_at_contact(float(scene.gap[0]), float(scene.velocity[1] - scene.velocity[0]), scene.gravity)
 
 
 def specified(scene: Scene, laws: Any) -> float:
@@ -205,8 +204,7 @@ class Answers:
         for name, values in columns.items():
             more = values.shape[1] - self.columns[name].shape[1] if values.ndim > 1 else 0
             if more > 0:
-                wider = ((0, 0), (0, more))
-                self.columns[name] = np.pad(self.columns[name], wider, constant_values=self.fill[name])
+                self.columns[name] = np.pad(self.columns[name], ((0, 0), (0, more)), constant_values=self.fill[name])
             self.columns[name][(places, *map(slice, values.shape[1:]))] = values
 
     def refuse(self, place: int, sentence: str) -> None:

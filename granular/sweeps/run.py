@@ -115,8 +115,7 @@ def sweep(
         _check.choice("result to refine by", "contacts", list(plan.results))
         if varied[refine].dtype.kind not in "if":
             raise TypeError(f"refine is {refine!r}, with values {varied[refine].tolist()}: numbers are needed.")
-    grid = np.meshgrid(*varied.values(), indexing="ij")
-    job = _Job(plan, varied, [values.ravel() for values in grid], save)
+    job = _Job(plan, varied, [values.ravel() for values in np.meshgrid(*varied.values(), indexing="ij")], save)
     where = executor, threads
     if executor is not None and progress:
         executor.submit(int)  # its processes start before there is a second thread
@@ -157,8 +156,7 @@ class _Job:
 
     def dataset(self) -> xarray.Dataset:
         """What is known so far."""
-        refusal = self.answers.refusal
-        notes = self.notes if refusal is None else {"refusal": refusal[1]}
+        notes = {"refusal": self.answers.refusal[1]} if self.answers.refusal else self.notes
         return dataset(self.plan, self.over, self.answers.columns, notes)
 
     def written(self, data: xarray.Dataset) -> xarray.Dataset:
@@ -230,6 +228,5 @@ def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, 
             holds = (count[:, 0] != count[:, 1]).any(axis=1)
             halves.append((row[wide][holds], end[holds], count[holds], stuck[wide][holds]))
         row, ends, found, stuck = map(np.concatenate, zip(*halves, strict=True))
-    others = [column[row] for k, column in enumerate(columns) if k != axis]
-    order = np.lexsort([ends[:, 0], *others[::-1]])
+    order = np.lexsort([ends[:, 0], *[column[row] for k, column in enumerate(columns) if k != axis][::-1]])
     return row[order], ends[order], found[order]

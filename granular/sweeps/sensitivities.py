@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._check import Array
 from granular._progress import shown
 from granular.cases import Case
 from granular.outcome import SAME, approach, components
@@ -123,7 +122,7 @@ def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -
     return replace(plan, asked=(*plan.asked, "order"), at_once=False)
 
 
-def _places(plan: Plan, found: Sequence[Array]) -> dict[str, Any]:
+def _places(plan: Plan, found: Sequence[_check.Array]) -> dict[str, Any]:
     """Where among all numbers each result stands: one place, or one for each pair or body; and each of these."""
     places: dict[str, Any] = {}
     ends = np.cumsum([0, *map(len, found)]).tolist()
@@ -139,8 +138,8 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
     known, ran = numbers_in(plan.subject, plan.root), vars(answer).keys()
     names = [] if over is None else _check.several("over", over, "a name, or several,")
     if over is None:
-        idle = [] if ran & {"hard", "report"} else ["rule"]
-        idle += [] if ran & {"soft", "report"} or answer.case.rule is None else ["law"]
+        idle = ["rule"] * (not ran & {"hard", "report"}) + (
+            ["law"] * (not ran & {"soft", "report"} and answer.case.rule is not None))
         names = [name for name, p in known.items() if (p or name.startswith(FREE))
                  and not name.startswith(tuple(idle)) and not any(word in name for word in JOINED)]
     names += list(uncertain) if isinstance(uncertain, Mapping) else []
@@ -179,7 +178,7 @@ def _unit(name: str, parameters: Mapping[str, float]) -> float:
     return 2.0 ** math.floor(math.log2(largest))
 
 
-def _sizes(plan: Plan, answer: Answer, found: Sequence[Array]) -> Array:
+def _sizes(plan: Plan, answer: Answer, found: Sequence[_check.Array]) -> _check.Array:
     """What changes of an outcome are relative to: itself, or where it is near 0, the fastest impact of its component;
     for others than speeds, the largest of its kind."""
     run = answer.hard if "soft" not in vars(answer) and answer.case.law is None else answer.soft
@@ -227,10 +226,10 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
                                          f"differences agree to {worst:.1g} of the outcome, no better")
     spread = np.sqrt((moved**2).sum(axis=0)) if u.any() else np.full_like(here, math.nan)
 
-    def split(of: Array) -> dict[str, Any]:
+    def split(of: _check.Array) -> dict[str, Any]:
         return {name: of[place] if np.ndim(place) else float(of[place]) for name, place in places.items()}
 
-    def by_parameter(rows: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
+    def by_parameter(rows: Mapping[str, _check.Array]) -> dict[str, dict[str, Any]]:
         return {name: {one: split(row)[name] for one, row in rows.items()} for name in places}
 
     names, heated = [start.name for start in starts], plan.case(()).scene.heated

@@ -183,9 +183,7 @@ class Threshold(Report):
                  f"{first.why.rstrip('.')}.")
         return f"{_decided(self)}{''.join(_little(self))} {doubt}" if self.holds or self.fails else doubt
 
-    @property
-    def _headline(self) -> str:
-        return self.sentence
+    _headline = sentence
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
@@ -302,8 +300,7 @@ def _crossings(report: Threshold) -> Iterator[str]:
         rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low.verdict),
                      _name(report, high.verdict),
                      next((one.why for one in (low, high) if one.verdict != HOLDS), "")])
-    yield ""
-    yield aligned(rows, "<")
+    yield "\n" + aligned(rows, "<")
     if len(found) > MOST:
         yield f"({len(found) - MOST} more crossings not shown; all are in the JSON)"
 
