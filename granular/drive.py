@@ -268,7 +268,6 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     request = run.request
     samples = request.samples.tolist() if isinstance(request.samples, np.ndarray) else []
     kept = [run.row(request.start)] if request.samples is None else []
-    pause = Pause.reached
     with request.told as tell:
         for time in samples:
             pause = _follow(run, time, False, log, tell)
@@ -285,11 +284,9 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
         log.extend([end.running])
     if not (request.log and isinstance(log, list)):
         later["log"] = False if isinstance(log, list) else log.path
-    stats = {**end.stats, **later}
     rows = log if isinstance(log, list) else []
-    table: Any = tuple(rows)  # what an engine keeps is the least that tells all
-    if not run.in_order:
-        table = in_order(rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows))
+    table: Any = tuple(rows) if run.in_order else in_order(  # what an engine keeps is the least that tells all
+        rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows))
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns
@@ -301,10 +298,9 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     if wrong and status is not Status.unstable:
         status, message = Status.broken, f"{Status.broken.value}: {wrong}; {message}"
     return Trajectory(
-        scene=run.scene, law=run.law, rule=run.rule, time=time, position=position,
-        velocity=velocity, gap=gap, force=force, ledger=ledger,
-        contacts=table, status=status,
-        message=message, stats=stats, state=end.state,
+        scene=run.scene, law=run.law, rule=run.rule, time=time, position=position, velocity=velocity, gap=gap,
+        force=force, ledger=ledger, contacts=table, status=status, message=message, stats={**end.stats, **later},
+        state=end.state,
     )
 
 
@@ -317,13 +313,11 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
         If its state does not show what the last row of `before` does.
     """
     row = run.row(run.request.start)
-    speed = row.velocity
-    if speed is None:
-        rates = np.array([row.rate])
-        speed = velocities(run.scene, rates, np.array([row.elapsed]), run.start)[0]
+    speed: Any = row.velocity if row.rate is None else velocities(
+        run.scene, row.rate[None], np.array([row.elapsed]), run.start)[0]
     gap, velocity = before.gap[-1], before.velocity[-1]
-    shown = "end" not in before.stats  # its last row
-    acted = shown and before.time[-1] != before.time[0]  # a row at the start shows the scene before anything acts
+    # its state is that of its last row, unless that is one at the start, which shows the scene before anything acts
+    acted = "end" not in before.stats and before.time[-1] != before.time[0]
     if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
             _alike(row.gap, gap) and _alike(speed, velocity))):
         raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array
+from granular._check import Array, whole
 from granular._contact_log import CONTACT as CONTACT, PublicWhenRead, given_by_walls
 from granular.laws.kinds import resolved
 from granular.scene import Scene
@@ -121,10 +120,9 @@ class Trajectory(PublicWhenRead):
         """
         from granular._log_file import batches, mapped
 
-        count = _check.whole("size", size, at_least=1)
-        path = self.stats.get("log") or None
-        rows = self.contacts if path is None else mapped(path)
-        return batches(rows, count)
+        count = whole("size", size, at_least=1)
+        path = self.stats.get("log")
+        return batches(mapped(path) if path else self.contacts, count)
 
     @property
     def first_disturbed(self) -> tuple[float, int]:
