@@ -316,7 +316,7 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
     speed: Any = row.velocity if row.rate is None else velocities(
         run.scene, row.rate[None], np.array([row.elapsed]), run.start)[0]
     gap, velocity = before.gap[-1], before.velocity[-1]
-    # its state is that of its last row, unless that is one at the start, which shows the scene before anything acts
+    # its last row shows its state, but for one before its end, or at the start: the scene before anything acts
     acted = "end" not in before.stats and before.time[-1] != before.time[0]
     if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
             _alike(row.gap, gap) and _alike(speed, velocity))):

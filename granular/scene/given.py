@@ -75,7 +75,7 @@ def refuse_together(scene: Any, walls: Any) -> None:
     if not (scene.ring or scene.pendulum > 0.0 or scene.heated):
         return
     hung, boxed = scene.pendulum > 0.0, walls[0] and walls[-1]
-    room, rest = (0.0 if gap is None else float(gap.sum()) for gap in (scene.gap, scene.rest_gap))
+    room, rest = (float(gap.sum()) if hung else 0.0 for gap in (scene.gap, scene.rest_gap))
     level = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
         "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")
     _check.refuse({
