@@ -278,9 +278,8 @@ def _carried(hard: Trajectory, u: Array, at: Array, then: Array) -> Array:
 def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
     """Whether the last contact of each pair has no end in the soft run; and in the hard one, where spheres stick.
     Both have the shape of the gaps."""
-    merged = hard.stats.get("merge_below", 0.0)
-    return (np.isnan(partings(soft)) & (counts(soft) > 0),
-            (np.abs(partings(hard)) <= merged) & (counts(hard) < counts(soft)))
+    sticks = np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0)
+    return np.isnan(partings(soft)) & (counts(soft) > 0), sticks & (counts(hard) < counts(soft))
 
 
 def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
@@ -307,19 +306,15 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
 
 
 def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
-    """How far in m/s two hard runs differ in pairs that end up stuck in both, shape of the gaps.
-
-    Each contact is compared as it closes and as it parts; what one run has alone counts in full, but for contacts of
-    balls that settle.
-    """
+    """How far in m/s two hard runs differ in pairs that end up stuck in both, contact by contact, shape of the gaps;
+    what one run has alone counts in full, but for contacts of balls that settle."""
     apart, runs = np.zeros(one.scene.n_pairs), (one, other)
     stuck = [(partings(run) == 0.0) & (run.stats.get("merge_below", 0.0) > 0.0) for run in runs]
     for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
         speeds = np.zeros((2, max(run.count(c) for run in runs), 2))
         for run, of in zip(runs, speeds, strict=True):
             of[: run.count(c)] = np.column_stack([approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"])])
-        fast = speeds[:, :, :1].max(axis=0) > weight[c]
-        apart[c] = np.max(np.abs(np.subtract(*speeds)), where=fast, initial=0.0)
+        apart[c] = np.max(np.abs(np.subtract(*speeds)), where=speeds[:, :, :1].max(axis=0) > weight[c], initial=0.0)
     return apart
 
 
@@ -335,8 +330,7 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
 def without_rounding(run: Trajectory, fastest: Array) -> Trajectory:
     """The run with only those contacts in its log that are more than rounding beside one at `fastest` (n-1,) m/s.
 
-    Balls that an engine leaves with a relative speed of 1e-16 m/s meet again after some 1e12 s. Such contacts count
-    for nothing.
+    Balls that an engine leaves with a relative speed of 1e-16 m/s meet again after some 1e12 s: that is nothing.
     """
     kept = strengths(run) > FAINT * fastest[run.contacts["pair"]]
     return run if kept.all() else replace(run, contacts=run.contacts[kept])

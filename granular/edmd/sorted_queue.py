@@ -44,19 +44,17 @@ def loop(
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
             edge = run.edge
             continue
-        if FORCED and pairs[c].stuck > FREE:
-            if done >= budget:
-                return BUDGET
-            run.now = now
-            first, last = leave(run, pairs, bodies, c, now, walls)
-            refresh(run, pairs, bodies, queue, first, last, walls)
-            continue
-        if c == stop and pairs[c].contacts >= run.stop_contacts:
+        leaves = FORCED and pairs[c].stuck > FREE
+        if c == stop and pairs[c].contacts >= run.stop_contacts and not leaves:
             run.now = now
             return UNTIL
         if done >= budget:
             return BUDGET
         run.now = now
+        if leaves:
+            first, last = leave(run, pairs, bodies, c, now, walls)
+            refresh(run, pairs, bodies, queue, first, last, walls)
+            continue
         if together and is_touched(pairs, bodies, c, now, walls):
             run.suspect = c
             return TOUCHING
