@@ -16,6 +16,11 @@ from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
+IDLE = {"AnnotateTypes", "FindLiterallyCalls", "InlineClosureLikes", "InlineInlinables", "InlineOverloads",
+        "LiteralPropagationSubPipelinePass", "LiteralUnroll", "MakeFunctionToJitFunction", "NopythonRewrites",
+        "RewriteDynamicRaises", "WithLifting"}
+"""Passes for what no kernel has: closures, ``with``, tuples that are unrolled, expressions of whole arrays, errors."""
+
 
 class Part(JITCodeLibrary):  # type: ignore[misc]
     """The code of a kernel that only kernels call: never optimised or loaded for itself."""
@@ -73,7 +78,7 @@ def remembering(context: Any) -> Any:
 
 
 class PartCompiler(CompilerBase):  # type: ignore[misc]
-    """Numba's own passes, for a part."""
+    """Numba's own passes, but for the idle ones, for a part."""
 
     library = Part
 
@@ -83,10 +88,12 @@ class PartCompiler(CompilerBase):  # type: ignore[misc]
         state.typingctx = remembering(state.typingctx)
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
-        return [DefaultPassBuilder.define_nopython_pipeline(state)]
+        passes = DefaultPassBuilder.define_nopython_pipeline(state)
+        passes.passes[:] = [one for one in passes.passes if one[0].__name__ not in IDLE]
+        return [passes]
 
 
 class WholeCompiler(PartCompiler):
-    """Numba's own passes, for a kernel that Python calls."""
+    """The same for a kernel that Python calls."""
 
     library = Whole
