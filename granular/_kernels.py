@@ -164,7 +164,7 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
 
 @cache
 def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
-    """Return whether machine code of a kernel lies in numba's cache: to load it takes a second, to make it up to 20.
+    """Return whether machine code of a kernel lies in numba's cache: to load it takes a second, to make it up to 12.
 
     Loads numba. What another process makes in the meantime is not seen.
     """

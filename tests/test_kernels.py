@@ -7,6 +7,7 @@ import subprocess
 import sys
 import types
 
+import numpy as np
 import pytest
 
 from granular import _held, _kernels, _records
@@ -146,6 +147,24 @@ def test_machine_code_is_made_for_what_python_calls_only_and_a_part_is_typed_onc
     assert (made, len(part.overloads)) == ({"Part"}, 1)
     assert compiled(shared)(0.25) == inner(0.25)
     assert len(list(tmp_path.rglob("*.nbi"))) == 3
+
+
+@kernel
+def first(row):
+    return row.x
+
+
+@kernel
+def asks(rows):
+    return 2.0 * first(rows[0])
+
+
+@pytest.mark.skipif(not have_numba(), reason="numba is not installed")
+def test_a_part_takes_records_that_begin_alike_without_a_warning(monkeypatch, tmp_path, recwarn):
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    for names in ("x", "xy"):
+        assert compiled(asks)(np.ones(1, [(name, float) for name in names])) == 2.0
+    assert [str(one.message) for one in recwarn] == []
 
 
 @pytest.mark.skipif(not have_numba(), reason="numba is not installed")
