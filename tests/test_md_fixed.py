@@ -102,6 +102,7 @@ def test_a_law_that_raises_ends_the_run(engine):
     with raises:
         run = verlet(pair_scene(), Brittle(1e4), dt=1e-4, engine=engine)
         assert run.status is gr.Status.unstable
+        assert run.message.endswith("beyond all numbers: engine 'plain' tells if a law raises.")
 
 
 

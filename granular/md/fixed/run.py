@@ -311,7 +311,8 @@ class Run:
         if trust > most or status is Status.unstable or gain > 0.5:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
             grown = f" and the energy grew {fold}" if gain > 0.5 else ""
-            message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / (trust or 1.0):.2g} s."
+            shorter = f"take dt ≤ {WARN * dt / trust:.2g} s" if trust > WARN else "engine 'plain' tells if a law raises"
+            message = f"{limit}, the limit is {most:g}{grown}: {shorter}."
             if not 0.0 < trust < math.inf:  # the law jumps, or is flat, where it was last
                 message = f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."
             return Status.unstable, message, trust
