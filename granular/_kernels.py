@@ -164,7 +164,7 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
 
 @cache
 def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
-    """Return whether machine code of a kernel lies in numba's cache: to load it takes a second, to make it up to 20.
+    """Return whether machine code of a kernel lies in numba's cache: to load it takes a second, to make it up to 12.
 
     Loads numba. What another process makes in the meantime is not seen.
     """
@@ -255,7 +255,7 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
 def _twin(function: Callable[..., Any], inline: bool, within: bool) -> Callable[..., Any]:
     """Return the compiled twin of a kernel; one that is `within` another is no machine code of its own."""
     code, numba = _without_dead_branches(function), load_numba()
-    from granular._machine_code import PartCompiler, WholeCompiler
+    from granular._machine_code import PartCompiler, WholeCompiler, kept
 
     called = {name: _twin(callee, inline, True)
               for name, callee in _callees(function).items() if name in _globals_read(code)}
@@ -263,10 +263,10 @@ def _twin(function: Callable[..., Any], inline: bool, within: bool) -> Callable[
     twin = types.FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
     twin.__module__ = function.__module__
     twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}{'p' * within}"
-    how = {"pipeline_class": PartCompiler, "no_cpython_wrapper": True} if within else {
-        "pipeline_class": WholeCompiler, "cache": True}
+    how = {"pipeline_class": PartCompiler, "no_cpython_wrapper": True} if within else {"pipeline_class": WholeCompiler}
     inside = inline and within and not getattr(function, "__granular_rare__", False)
     result: Any = numba.njit(**MANNER, **how, forceinline=inside)(twin)
+    result = result if within else kept(result)
     result.compile = _uncollected(result.compile)
     return result  # type: ignore[no-any-return]
 

@@ -9,6 +9,7 @@ callers. Here a kernel that only kernels call is a `Part`: typed and lowered onc
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -51,6 +52,13 @@ class Whole(JITCodeLibrary):  # type: ignore[misc]
             super().add_linking_library(library)
             for below in library._linking_libraries if isinstance(library, Part) else ():
                 self.add_linking_library(below)
+
+
+def kept(dispatcher: Any) -> Any:
+    """Return a function of numba's whose machine code is kept on the disk, if numba finds a place that it can write."""
+    with suppress(RuntimeError):
+        dispatcher.enable_caching()
+    return dispatcher
 
 
 @cache

@@ -18,6 +18,7 @@ from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
 
 from granular._held import WORDS, Held, held
+from granular._machine_code import kept
 
 
 class Reference(types.Type):
@@ -84,7 +85,8 @@ def _held(fields: Any, room: Any) -> Any:
     return noted
 
 
-@njit(cache=True, _nrt=False)  # type: ignore[untyped-decorator]
+@kept
+@njit(_nrt=False)  # type: ignore[untyped-decorator]
 def _fill(fields: Any, room: Any) -> None:
     _note(fields, room)
 

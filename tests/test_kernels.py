@@ -168,6 +168,17 @@ def test_records_that_begin_alike_are_told_apart_without_a_warning(monkeypatch, 
     assert len(compiled(caller).py_func.__globals__["first_of"].overloads) == 2
 
 
+@pytest.mark.skipif(not have_numba(), reason="numba is not installed")
+def test_machine_code_is_made_where_nothing_can_be_kept(monkeypatch):
+    def nowhere(dispatcher):
+        raise RuntimeError("no locator available")
+
+    monkeypatch.setattr("numba.core.dispatcher.Dispatcher.enable_caching", nowhere)
+    one = kernel(types.FunctionType(inner.__code__, globals()))
+    assert compiled(one).stats.cache_path is None
+    assert not _kernels.on_disk(one)
+
+
 def test_who_asks_while_another_thread_loads_numba_waits_for_it(tmp_path):
     (tmp_path / "numba.py").write_text("import time\ntime.sleep(0.3)\nclass config:\n    DISABLE_JIT = 0\n")
     program = """

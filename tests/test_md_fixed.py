@@ -84,6 +84,28 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
         verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2, engine="compiled")
 
 
+@dataclass(frozen=True)
+class Brittle:
+    """A spring that cannot say what it does while it parts, between two depths where no check asks."""
+
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        if 3.0e-3 < xi < 3.5e-3 and xi_dot < 0.0:
+            raise ValueError("broken")
+        return self.k * xi
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+def test_a_law_that_raises_ends_the_run(engine):
+    raises = pytest.raises(ValueError, match="broken") if engine == "plain" else pytest.warns(RuntimeWarning)
+    with raises:
+        run = verlet(pair_scene(), Brittle(1e4), dt=1e-4, engine=engine)
+        assert run.status is gr.Status.unstable
+        assert run.message.endswith("beyond all numbers: engine 'plain' tells if a law raises.")
+
+
+
 @pytest.mark.parametrize("n", [36, 50, 88, 127])
 def test_samples_do_not_change_the_step_on_which_a_flight_ends(n):
     """Balls that touch on a step: a second look at the flight rounded to the step after."""

@@ -284,6 +284,11 @@ def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> N
     click(tab, ".next")
     assert text(tab, ".time-now").endswith("µs")
     assert text(tab, ".time-now").startswith("0.318 s")
+    tab.size(360, 740, mobile=True)
+    for _ in range(8):
+        assert len(text(tab, ".time-now")) < 30
+        assert tab.run("document.documentElement.scrollWidth") <= 360
+        click(tab, ".nearer")
     named(tab, "whole run")
     tab.run("{ const s = document.querySelector('.shown'); s.value = 2; s.dispatchEvent(new Event('change')); }")
     assert "0 is touching" in text(tab, ".lines-key")

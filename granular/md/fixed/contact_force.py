@@ -117,11 +117,23 @@ def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
     real, law, pair = numba.types.float64, numba.from_dtype(LAW), numba.from_dtype(PAIR)
     signature = real(law, real, real, real, pair)
     try:
-        force = numba.njit(signature)(_one_of(kinds).py_func)
+        force = numba.njit(signature)(_or_inf(_one_of(kinds)))
     except numba.core.errors.NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
         raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: {reason}") from error
     return numba.types.function_type.CompileResultWAP(force.get_compile_result(signature))
+
+
+def _or_inf(force: Any) -> Any:
+    """Nothing can be raised through a C function: what a law refuses or cannot say is infinite, which ends the run."""
+
+    def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
+        try:
+            return force(law, xi, xi_dot, xi_max, pair)
+        except Exception:
+            return math.inf
+
+    return call
 
 
 def _one_of(kinds: tuple[tuple[type, bool], ...], number: int = 0) -> Any:

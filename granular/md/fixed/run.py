@@ -308,8 +308,9 @@ class Run:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
             grown = f" and the energy grew {fold}" * (gain > 0.5)
             known = 0.0 < trust < math.inf  # else the law jumps, or is flat, where it was last
+            shorter = f"take dt ≤ {WARN * dt / trust:.2g} s" if trust > WARN else "engine 'plain' tells if a law raises"
             return Status.unstable, (
-                f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s." if known else
+                f"{limit}, the limit is {most:g}{grown}: {shorter}." if known else
                 f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."), trust
         if trust > WARN:
             self.doubt = f"{limit}; above {WARN} expect visible errors."

@@ -142,7 +142,7 @@ class Player {
       for (const picture of [lines, map, energy]) picture.head(t);
     }
     const { unit, name, offset } = timeUnit(this.span), rate = (this.clock?.playing && this.clock.pace) || (this.span[1] - this.span[0]) / (this.clock?.duration ?? 9);
-    text($(".time-now"), offset ? `${offset} s + ${((t - offset) / unit).toPrecision(4)} ${name}` : quantity(t, "s", 4));
+    text($(".time-now"), offset ? `${digits(offset, 15)}\u00a0s + ${((t - offset) / unit).toPrecision(4)}\u00a0${name}` : quantity(t, "s", 4));
     if (rate < 1) text($(".slowdown"), `slowed ${Number((1 / rate).toPrecision(2))} ×`);
   }
 

@@ -34,7 +34,7 @@ export class Picture {
 
   timeAxis() {
     const { unit, name, offset } = timeUnit(this.xs), marks = ticks(this.xs.map((t) => (t - offset) / unit), (this.r - this.l) / 90);
-    this.bottomAxis(marks.map((m) => [offset + m * unit, tickName(m)]), offset ? `time since ${digits(offset, 9)} s, ${name}` : `time, ${name}`);
+    this.bottomAxis(marks.map((m) => [offset + m * unit, tickName(m)]), offset ? `time since ${digits(offset, 15)} s, ${name}` : `time, ${name}`);
   }
 
   bottomAxis(marks, name) {
