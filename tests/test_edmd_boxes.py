@@ -337,3 +337,18 @@ def test_what_is_judged_is_the_room_between_walls_that_move():
         off = given[3] * 1.0
         off[-1] += 1e-6
         assert flaw(*given[:3], off, *given[4:], hard=True, adds_up=True).startswith("gaps add up to ")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_balls_fall_under_forces_as_their_weights_as_under_gravity(seed):
+    rng = np.random.default_rng([29, seed])
+    n = int(rng.integers(2, 7))
+    columns = (10.0 ** rng.uniform(-3, 3, n), rng.uniform(0, 0.1, n), rng.uniform(0, 1e-3, n - 1), rng.normal(size=n))
+    g = float(rng.uniform(0.1, 20.0))
+    forced, heavy = gr.Scene(*columns, external_force=-g * columns[0]), gr.Scene(*columns, gravity=g)
+    assert not forced.pull.any()
+    for run in (lambda scene: gr.edmd.simulate(scene, gr.ConstantRestitution(0.3), collapse="merge", merge_below=0.05),
+                lambda scene: gr.md.simulate(scene, gr.LinearDashpot(1e4, 1.0), t_end=0.5)):
+        one, other = map(run, (forced, heavy))
+        assert one.contacts["pair"].tolist() == other.contacts["pair"].tolist()
+        assert one.contacts["t_begin"] == pytest.approx(other.contacts["t_begin"], rel=1e-9)

@@ -52,7 +52,7 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
 def begin(state: Any, scene: Scene) -> None:
     """Set what forces and walls add to a new state."""
     sides, forces, (pairs, bodies) = state.walls.sides, scene.external_force, (state.pairs, state.bodies)
-    bodies["own_acceleration"] = 0.0 if forces is None else forces * scene.inverse_mass
+    bodies["own_acceleration"] = 0.0 if forces is None else scene.lift
     bodies["force_acceleration"] = bodies["own_acceleration"]
     pairs["wall"], pairs["wait"], pairs["heat"] = -1, 0.0, -1
     if forces is not None:

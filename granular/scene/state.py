@@ -216,7 +216,15 @@ class Scene(ByNumbers):
     def fall(self) -> Array:
         """Acceleration of every body in free flight in m/s², shape (n,), upwards positive: 0 for a wall."""
         fall = np.where(self.is_wall, 0.0, -self.gravity)
-        return fall if self.external_force is None else fall + self.external_force * self.inverse_mass
+        return fall if self.external_force is None else fall + self.lift
+
+    @property
+    def lift(self) -> Array:
+        """Acceleration f/m of every body by external forces in m/s², shape (n,), upwards positive. Those of neighbours
+        that differ by rounding are one: under forces f = -m g balls fall as under gravity g."""
+        lift = np.zeros(self.n) if self.external_force is None else self.external_force * self.inverse_mass
+        differs = np.append(True, np.abs(np.diff(lift)) > 2.0**-50 * np.abs(lift[1:]))
+        return np.asarray(lift[differs][np.cumsum(differs) - 1])
 
     @property
     def pull(self) -> Array:
@@ -224,7 +232,7 @@ class Scene(ByNumbers):
         floor, 0 between balls, -g at a ceiling, as uniform gravity cancels between two balls; and
         f_c/m_c - f_(c+1)/m_(c+1) where forces act. What pendula add, Ω² (gap - d), is not in it."""
         pull = self.gravity * self.across(np.where(self.is_wall, 0.0, 1.0))
-        return pull if self.external_force is None else pull - self.across(self.external_force * self.inverse_mass)
+        return pull if self.external_force is None else pull - self.across(self.lift)
 
     @property
     def position(self) -> Array:

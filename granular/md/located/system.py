@@ -182,7 +182,7 @@ def _made(
     kinds = kinds_of(laws, scene)
     walls, lift = walls_of(scene, start, ROW) if scene.driven else None, None
     if scene.external_force is not None:
-        lift = scene.external_force * scene.inverse_mass
+        lift = scene.lift
     columns: tuple[Any, ...] = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
     if scene.ring:  # ball 0 once more behind the last one
         lift = lift if lift is None else np.append(lift, lift[0])
