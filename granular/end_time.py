@@ -66,7 +66,7 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     latest, followed = _latest(hard, soft, most), _patience(soft, cut)
     end = float(latest[1].max())
     later = _gone_on(soft, end, options)
-    still = _ever_lower(soft, hard, [c for c in np.flatnonzero(followed > cut).tolist()
+    still = _ever_lower(soft, at_once(hard), [c for c in np.flatnonzero(followed > cut).tolist()
                                      if not later.of(c)["t_end"][soft.count(c) - 1] <= followed[c]])
     latest[1, still] = cut
     until = _patience(_due(later, latest[1], most), cut)
@@ -155,7 +155,7 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
     latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
     stuck = (hard.gap[-1] == 0.0) & (np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0))
-    latest[0, _ever_lower(hard, soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
+    latest[0, _ever_lower(at_once(hard), soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
     return np.asarray(latest, float)
 
 
@@ -164,10 +164,11 @@ def _ever_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[
     than those of balls that settle."""
     if not resting:
         return resting
+    run, other = counted(run, other)
     here, there = approach(run), approach(other)
     weight = components(run, other).weight(run if run.rule is None else other)
     return [c for c in resting
-            if not (there[other.rows(c)][run.count(c) :] > max(here[run.rows(c)][-1], weight[c])).any()]
+            if not (there[other.rows(c)][run.count(c) :] > max(weight[c], *here[run.rows(c)][-1:])).any()]
 
 
 def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:

@@ -214,7 +214,7 @@ class Judge:
         endless = bool(mine[1]) and math.isnan(ends[1])
         if endless:
             return self.rest_apart(mine[1], mine[0], pair, weight), True
-        if ends[0] == 0.0 and len(mine[0]) < len(mine[1]):
+        if abs(ends[0]) <= self.carried.stats.get("merge_below", 0.0) and len(mine[0]) < len(mine[1]):
             return self.rest_apart(mine[0], mine[1], pair, weight), True
         known = [x for x in ends if not math.isnan(x)]
         return abs(known[0] - known[1]) if len(known) == 2 else abs(sum(known)), False
