@@ -31,7 +31,7 @@ const refusal = ({ slider, asked, shown }) => {
 // `guess` is a pupil's own, `guesses` those of a class.
 export function written({ screen, name, values, at, predict, lang, guesses = [], guess }) {
   const place = screen < LAB ? { screen } : { scene: name };
-  const start = screen < LAB ? cleaned(name, startOf(screen).values) : {}, own = Object.fromEntries(Object.entries(values).filter(([key, x]) => x !== start[key]));
+  const start = cleaned(name, screen < LAB ? startOf(screen).values : {}), own = Object.fromEntries(Object.entries(values).filter(([key, x]) => x !== start[key]));
   const pairs = { ...place, ...own, ...(at === null ? {} : { at: Number(at.toFixed(3)) }), ...(predict ? { predict: 1 } : {}), ...(guess >= 0 && screen === GUESS ? { guess } : {}), ...(guesses.length ? { guesses: guesses.join(" ") } : {}), ...(lang ? { lang } : {}) };
   return `#${new URLSearchParams(pairs)}`;
 }
