@@ -259,7 +259,7 @@ def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, 
 
 
 def refuse(wrong: Mapping[str, object]) -> None:
-    """Raise `ValueError` with the first of these sentences that is so."""
+    """Raise `ValueError` with the first of these sentences whose condition holds."""
     for sentence, so in wrong.items():
         if so:
             raise ValueError(sentence)
