@@ -74,6 +74,8 @@ def number(
 
 def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, fix: str = "") -> int:
     """Return `value` as an int within ``[at_least, at_most]``."""
+    if type(value) is int and at_least <= value <= at_most:
+        return value
     exact = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     x = value if exact else number(name, value, fix=fix)
     if x != x // 1 or not at_least <= x <= at_most:
@@ -120,6 +122,8 @@ def rising(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> 
 def _worded(value: Any) -> Any:
     """Return what is to be an array; raise `TypeError` for what numpy would convert or leave out without a word: words
     (but "inf"), truth values and None among numbers, complex numbers and dates."""
+    if isinstance(value, (list, tuple)) and {float, int}.issuperset(map(type, value)):
+        return value
     given = np.asarray(value)
     kind = given.dtype.kind
     if kind not in "iufUSO" or among_numbers(value):

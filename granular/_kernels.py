@@ -61,14 +61,6 @@ def rare(function: F) -> F:
     return function
 
 
-def flags(scene: Any) -> dict[str, bool]:
-    """Return the flags that hold for a scene, each `True`."""
-    worked = scene.driven or scene.heated
-    given = {"DRIVEN": scene.driven, "HEATED": scene.heated, "WORKED": worked, "HUNG": scene.pendulum > 0.0,
-             "FORCED": worked or scene.external_force is not None, "RING": scene.ring}
-    return {name: True for name, holds in given.items() if holds}
-
-
 def specialised(function: F, **instead: Any) -> F:
     """Return a twin of a kernel in which globals, in it and in all kernels it calls, are replaced by their names.
 

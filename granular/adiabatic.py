@@ -23,7 +23,6 @@ import numpy as np
 
 from granular import _check, md, until
 from granular._flight import rate_at_contact, time_to_contact
-from granular._kernels import flags
 from granular.laws import LinearDashpot
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as checked_scene
@@ -141,7 +140,7 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
         f"scene is {scene}: a floor and two balls are needed, as in granular.scenes.three_balls().":
             walls != [True, False, False],
         f"scene is {scene}: a floor at constant velocity and no forces are needed; for others use granular.md.":
-            flags(scene),
+            scene._flags,
     })
     laws = []
     for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):

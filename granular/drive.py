@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
 from enum import Enum
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -30,8 +29,7 @@ EVENTS = 1_000_000
 """Contacts after which a run ends if nothing else is said."""
 
 
-@dataclass(frozen=True)
-class Request:
+class Request(NamedTuple):
     """What is asked of a run by the options that all engines share; see `granular.md.simulate`."""
 
     start: float
@@ -130,10 +128,10 @@ def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Traject
     asked = request.samples
     if asked is None or isinstance(asked, np.ndarray):
         return solve(request)
-    first = solve(replace(request, samples=None, log=True, stream=None, on_event=None, told=nullcontext()))
+    first = solve(request._replace(samples=None, log=True, stream=None, on_event=None, told=nullcontext()))
     start, end = first.time[[0, -1]].tolist()
     times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
-    return solve(replace(request, samples=times if first.status is Status.time or start == end else times[:-1]))
+    return solve(request._replace(samples=times if first.status is Status.time or start == end else times[:-1]))
 
 
 def _about(log: Rows, start: float, end: float) -> _check.Array:
@@ -183,8 +181,7 @@ class Row(NamedTuple):
     ledger: _check.Array | None = None
 
 
-@dataclass(frozen=True)
-class End:
+class End(NamedTuple):
     """How a run ended.
 
     Attributes
@@ -201,7 +198,7 @@ class End:
     status: Status
     message: str
     stats: Mapping[str, Any]
-    state: Mapping[str, Any] = field(default_factory=dict)
+    state: Mapping[str, Any] = {}
     running: Rows | None = None
 
 

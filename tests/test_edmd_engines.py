@@ -13,7 +13,7 @@ from scenes_at_random import HARD, gas, scenes
 
 import granular as gr
 from granular import edmd
-from granular._kernels import fitted, flags
+from granular._kernels import fitted
 from granular.edmd import run as runs
 from granular.edmd.compiled_queue import loop
 from granular.rules import ConstantRestitution
@@ -97,7 +97,7 @@ def test_auto_asks_for_the_machine_code_of_its_kind_of_scene(monkeypatch) -> Non
     hung = gr.scenes.pendulum_cradle(20)
     for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0), hung, shaken, gas(1, 20)):
         edmd.simulate(of, ConstantRestitution(1.0), max_events=600)
-        assert asked.pop() is fitted(loop, **flags(of))
+        assert asked.pop() is fitted(loop, **of._flags)
     assert fitted(loop, RING=True) is not loop
 
 

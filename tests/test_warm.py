@@ -32,7 +32,7 @@ def stubbed(monkeypatch):
         asked.append(what)
 
     monkeypatch.setattr(cases.Case, "simulate", lambda case, engine, **end: note(
-        (frozenset(_kernels.flags(case.scene)), (engine, type(case.law).__name__), *sorted(case.run.items()))))
+        (frozenset(case.scene._flags), (engine, type(case.law).__name__), *sorted(case.run.items()))))
     monkeypatch.setattr(many, "solve_many", lambda *cells, **end: note(MAPS))
     monkeypatch.setattr(warm, "load_numba", lambda: SimpleNamespace(core=SimpleNamespace(event=event)))
     monkeypatch.setattr(info, "kept", lambda: "the folder")
@@ -46,7 +46,7 @@ def test_warm_makes_code_for_every_kind_of_ready_made_scene(granular, stubbed):
     made = [call for call in stubbed if call != MAPS]
     assert {dict(call[2:])["engine"] for call in made} == {"compiled"}
     assert len(made) == len(set(made)) == len(warm.SCENES) * len(warm.WAYS)
-    assert {call[0] for call in made} == {frozenset(_kernels.flags(cases.make(name).scene)) for name in cases.names()
+    assert {call[0] for call in made} == {frozenset(cases.make(name).scene._flags) for name in cases.names()
                                           if name != "compressed-chain"}
     lines = out.splitlines()
     assert lines[0] == "machine code is kept in the folder"

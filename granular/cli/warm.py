@@ -1,7 +1,7 @@
 """Machine code made once, before anybody has to wait for it: for images, classes, test servers.
 May be skipped: the command, no physics.
 
-A kernel is compiled once for each set of flags that a scene has (`granular._kernels.flags`): the scenes here have all
+A kernel is compiled once for each set of flags that a scene has (`granular._kernels`): the scenes here have all
 sets of them that ready-made scenes have.
 """
 
@@ -14,7 +14,7 @@ from time import process_time
 from typing import Any
 
 from granular import _check, cases
-from granular._kernels import flags, load_numba
+from granular._kernels import load_numba
 from granular.cases.case import Option
 from granular.cli import info
 from granular.cli.parser import Command
@@ -65,7 +65,7 @@ def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
                                  run={"engine": "compiled"} | options).simulate, engine, **END)
         for kind, (engine, options) in WAYS.items()}
     cells = many.Scenes(scene.mass, scene.gap, scene.velocity, [[1e6, 1.0, 1.0, 0.0]], scene.gravity)
-    return runs if flags(scene) else runs | {"maps": partial(many.solve_many, cells, t_end=END["t_end"])}
+    return runs if scene._flags else runs | {"maps": partial(many.solve_many, cells, t_end=END["t_end"])}
 
 
 def made(make: Callable[[], object]) -> str:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from granular import _check, edmd, md
-from granular._kernels import flags
 from granular.scene import Scene, speed_scale
 from granular.trajectory import EARLY, Status, Trajectory
 from granular.until import Separated
@@ -175,7 +174,7 @@ def floor_share(report: Any) -> float:
     weight.
     """
     scene, log, total = report.scene, report.counted[1].contacts, report.soft.of(0)["impulse"].sum()
-    if flags(scene) or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0:
+    if scene._flags or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0:
         return math.nan
     spans = np.array([2 * (report.soft.time[-1],), *((o.begin, o.end) for o in report.overlaps
                                                      if log["pair"][o.lower] == 0)])  # there may be none

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import _check, edmd, end_time, isolation, measures, outcome, until as stop
-from granular._kernels import flags
 from granular.binary import LawRule, at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
@@ -331,7 +330,7 @@ class Compared:
 def fall_together(scene: Scene) -> bool:
     """Whether balls fall on a floor, or meet it, all at one speed, without driven walls or other forces."""
     walls = scene.is_wall.tolist() == [True] + [False] * (scene.n - 1)
-    return walls and bool((scene.velocity[1:] == scene.velocity[1]).all()) and not flags(scene)
+    return walls and bool((scene.velocity[1:] == scene.velocity[1]).all()) and not scene._flags
 
 
 def is_drop(scene: Scene) -> bool:

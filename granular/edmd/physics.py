@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, rules, walls
-from granular._kernels import flags, kernel
+from granular._kernels import kernel
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene
 
@@ -45,7 +45,7 @@ class Physics:
     @cached_property
     def has(self) -> tuple[str, ...]:
         """Flags of kernels that hold for the scene."""
-        return tuple(flags(self.scene))
+        return tuple(self.scene._flags)
 
     @cached_property
     def eps(self) -> _check.Array:

@@ -101,8 +101,7 @@ def flaw(
     Numbers are finite; gaps of `hard` spheres are not negative; between two walls and on a ring Σ gap is what it was
     at the start and what the walls have come farther apart, to rounding.
     """
-    room = float(gap.sum())
-    if not math.isfinite(room + float(position.sum()) + float(velocity.sum())):
+    if not math.isfinite(float(position.sum()) + float(velocity.sum())):
         return "a position or a velocity is not a finite number"
     if hard and gap.min() < 0.0:
         return f"gap {gap.argmin()} is {gap.min():.6g} m"
@@ -110,7 +109,7 @@ def flaw(
         return ""
     below, above = (0.0, 0.0) if scene.ring else (
         float((scene.velocity[wall] * elapsed + scene._moved(wall, elapsed, start)[0])[0]) for wall in (0, scene.n - 1))
-    due = float(scene.gap.sum()) + (above - below)
+    room, due = float(gap.sum()), float(scene.gap.sum()) + (above - below)
     size = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(below) + abs(above)
     return "" if abs(room - due) <= HALF * size else f"gaps add up to {room:.12g} m instead of {due:.12g} m"
 

@@ -135,8 +135,7 @@ class Scene(ByNumbers):
         return len(self.gap)
 
     def bodies(self, pair: Any) -> tuple[Any, Any]:
-        """Numbers of the lower and the upper body of a pair, or of an array of pairs; those of the pair that closes a
-        ring are the last and the first."""
+        """Numbers of the lower and the upper body of a pair, or of an array of them; on a ring 0 is above the last."""
         return pair, (pair + 1) % self.n
 
     def sides(self, of_bodies: Any) -> tuple[Any, Any]:
@@ -189,6 +188,14 @@ class Scene(ByNumbers):
     def heated(self) -> bool:
         """Whether a wall is thermal."""
         return self.heat != (None, None)
+
+    @cached_property
+    def _flags(self) -> dict[str, bool]:
+        """The flags of kernels that hold for the scene, each `True`; see `granular._kernels`."""
+        worked = self.driven or self.heated
+        given = {"DRIVEN": self.driven, "HEATED": self.heated, "WORKED": worked, "HUNG": self.pendulum > 0.0,
+                 "FORCED": worked or self.external_force is not None, "RING": self.ring}
+        return {name: True for name, holds in given.items() if holds}
 
     @property
     def endless(self) -> bool:
@@ -245,7 +252,7 @@ class Scene(ByNumbers):
         out = np.zeros((*gap.shape[:-1], self.n))
         steps = np.add(self.radius[:-1], gap[..., : self.n - 1], out=out[..., 1:])
         steps += self.radius[1:]
-        np.cumsum(steps, axis=-1, out=steps)
+        steps.cumsum(axis=-1, out=steps)
         return out
 
     def anchor(self, elapsed: Any, start: float = 0.0) -> Any:
@@ -349,5 +356,5 @@ class Scene(ByNumbers):
 def summed(steps: Array) -> Array:
     """Sums (…, n) of the first 0, 1, 2, … of the steps (…, n-1) from body to body."""
     out = np.zeros((*steps.shape[:-1], steps.shape[-1] + 1))
-    np.cumsum(steps, axis=-1, out=out[..., 1:])
+    steps.cumsum(axis=-1, out=out[..., 1:])
     return out

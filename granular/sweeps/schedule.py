@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array, per_pair
-from granular._kernels import flags, in_memory, worth
+from granular._kernels import in_memory, worth
 from granular.cases import Case
 from granular.cases.build import sentence_of
 from granular.cases.ready import first_impact_speed
@@ -249,7 +249,7 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
     balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact_speed(case.scene)
-    singly = bool(case.run or flags(case.scene)) or isinstance(case.until, LEVELS)
+    singly = bool(case.run or case.scene._flags) or isinstance(case.until, LEVELS)
     return None if singly else Start(case, balls if plan.subject.ready else point)
 
 

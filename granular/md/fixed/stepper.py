@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular._kernels import compiled, fitted, flags
+from granular._kernels import compiled, fitted
 from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import abreast, contact_force, march, window
@@ -58,7 +58,7 @@ class Stepper:
     ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
         self.crew: abreast.Crew | None = None
-        self.flags = {name: holds for name, holds in flags(scene).items() if name != "FORCED"}  # which no kernel reads
+        self.flags = {name: holds for name, holds in scene._flags.items() if name != "FORCED"}  # which no kernel reads
         p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         form = contact_force.coefficients(laws)

@@ -35,6 +35,7 @@ from granular.md.located.records import (
     LIES,
     MORE,
     MOVES,
+    OPEN,
     QUIET,
     REACHED,
     RESIDUAL,
@@ -205,6 +206,16 @@ def last_end(s: Any) -> float:
         if pair.slot < 0 and pair.lasts > 0.0:
             t = max(t, pair.t + ULP * abs(pair.t) if pair.tail > 0.0 else pair.t)
     return t
+
+
+@kernel
+def all_apart(s: Any, t: float) -> bool:
+    """Return whether no pair touches at time t, the end of the run, and no row of the log is left to be handed over."""
+    for c in range(count_of(s.pairs)):
+        pair = s.pairs[c]
+        if in_contact(pair, t, 0.0) or (pair.slot >= 0 and s.pool[pair.slot].mode != OPEN):
+            return False
+    return bool(s.run[0].rows == 0)
 
 
 @kernel

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._contact_log import CONTACT_ROW, Rows
-from granular._kernels import Toll, compiled, fitted, flags
+from granular._kernels import Toll, compiled, fitted
 from granular._records import column, copied, packed, plain, play, replay
 from granular.drive import End, Pause, Request, Row
 from granular.laws.kinds import SceneLaws
@@ -109,9 +109,7 @@ class Run:
             s = restored(s, state)
             ways.append(int(np.asarray(state["run"])["disturbing"][0]))
         self.s: Any = s
-        self.special = flags(scene)
-        if s.field is None:  # no driven wall ever moves
-            self.special.pop("DRIVEN", None)
+        self.special = {flag: True for flag in scene._flags if flag != "DRIVEN" or s.field is not None}  # it moves
         self.adds_up = IGNORE not in ways
         self.pace = Pace(self)
         if engine == "auto":
@@ -307,37 +305,44 @@ class Run:
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""
-        status, impulse = pause.value, [0.0]
         if self.engine == "auto":
             self.toll.lap()
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
-        self.pace.look_at_all()
+        apart = self.creep is None and bool(self.kernels(blocks.all_apart)(self.s, end))
+        if not apart:
+            self.pace.look_at_all()
         row, wanted = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row(self.request.end)
-        untouched = Untouched(self.s, end)
-        if self.creep is None:
-            while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
-                self.s = with_more_room(self.s)
-            self.pace.look_at_all()
-            if len(self.s.queue) > SMALL:  # nothing is due now
-                self.s = self.s._replace(queue=copied(self.s.queue[:1]))
-            self.kernels(blocks.gather)(self.s, end, self.collocation)
-            if column(self.s.pool, "manner").any():
-                self.pace.seldom(blocks.gather_slowly)(self.s)
-            self.now = math.inf  # rows of contacts that go on are void now: all others are over
-        else:
-            impulse = self.creep.finish(end)
-        crept, r = math.fsum(impulse) if len(impulse) > 1 else 0.0, plain(self.s.run)[0]
+        untouched, crept = (None, 0.0) if apart else self.gather(end)
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
-        running = self.rest_of_log(end) if self.request.log else None
-        stats = stats_of(self, r, crept)
-        message, self.s = message_of(self, status, r, self.start + end), None  # makes room for the log
-        untouched.put_back()
-        state = self.checkpoint or Checkpoint(untouched.before, {"origin": self.start, "creeping": False})
-        return End(row, status, message, stats, state if self.launched else {}, running)
+        running, r = self.rest_of_log(end) if self.request.log else None, plain(self.s.run)[0]
+        stats, message = stats_of(self, r, crept), message_of(self, pause.value, r, self.start + end)
+        before, self.s, self.pace.run = self.s, None, None  # makes room for the log
+        if untouched is not None:
+            untouched.put_back()
+            before = untouched.before
+        state = self.checkpoint or Checkpoint(before._replace(scratch=None), {"origin": self.start, "creeping": False})
+        return End(row, pause.value, message, stats, state if self.launched else {}, running)
+
+    def gather(self, end: float) -> tuple[Untouched, float]:
+        """Bring every pair to the end of the run; return how it stood, and the impulse in N s shared while creeping."""
+        untouched = Untouched(self.s, end)
+        if self.creep is not None:
+            impulse = self.creep.finish(end)
+            return untouched, math.fsum(impulse) if len(impulse) > 1 else 0.0
+        while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
+            self.s = with_more_room(self.s)
+        self.pace.look_at_all()
+        if len(self.s.queue) > SMALL:  # nothing is due now
+            self.s = self.s._replace(queue=copied(self.s.queue[:1]))
+        self.kernels(blocks.gather)(self.s, end, self.collocation)
+        if column(self.s.pool, "manner").any():
+            self.pace.seldom(blocks.gather_slowly)(self.s)
+        self.now = math.inf  # rows of contacts that go on are void now: all others are over
+        return untouched, 0.0
 
     def rest_of_log(self, end: float) -> Rows | None:
         """Return the contacts not yet handed over, those that go on at the end without one; None if there are none."""

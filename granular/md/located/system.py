@@ -17,7 +17,7 @@ import numpy as np
 from granular import until as stop
 from granular._contact_log import CONTACT_ROW
 from granular._held import Held
-from granular._kernels import RING, flags, kernel
+from granular._kernels import RING, kernel
 from granular._records import NODE, packed, plain, tournament
 from granular._roots import DEEPEST, workspace
 from granular.laws.kinds import SceneLaws, alike
@@ -157,7 +157,7 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     copies.
     """
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
-    if "records" not in laws.notes or flags(scene):
+    if "records" not in laws.notes or scene._flags:
         return _made(scene, laws, until, start, room, limits)
     shape = scene.mass.tobytes(), scene.gravity, until, room, *limits.values()
     known = laws.notes["records"]
