@@ -25,7 +25,7 @@ class Checkpoint(Mapping[str, Any]):
     """The state of a run as arrays by name, made when they are first asked for."""
 
     def __init__(self, s: System, words: dict[str, Any]) -> None:
-        self._s: Any = s
+        self._s: Any = s._replace(queue=None, scratch=None)
         self._arrays: dict[str, Any] = words
 
     def __getitem__(self, name: str) -> Any:
@@ -68,8 +68,8 @@ class Untouched:
         self.before = s._replace(queue=copied(s.queue[:1]))
         self.kept = [(records, index, _taken(records, index)) for records, index in changed]
 
-    def put_back(self) -> None:
-        """Let the records be as they were."""
+    def put_back(self) -> System:
+        """Let the records be as they were, and return them."""
         for records, index, values in self.kept:
             if isinstance(records, list):
                 numbers = range(len(records))[index] if isinstance(index, slice) else index.tolist()
@@ -77,6 +77,7 @@ class Untouched:
                     records[i] = value
             else:
                 raw(records)[index] = values
+        return self.before
 
 
 def _kept(records: Any) -> Any:

@@ -102,7 +102,11 @@ class Run:
                   "until_pair": WATCHED if request.singly else -1}
         ways, level = [DISTURBED.index(disturbed)], PEAKS if request.rows else NO_LOG
         s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
-        self.collocation = None if s.kinds["kind"][0] != GENERAL else self.collocated()
+        self.collocation = None
+        if s.kinds["kind"][0] == GENERAL:  # laws that are no powers; others never load what solves them
+            from granular.md.located.own_law import Collocation
+
+            self.collocation = Collocation(laws, scene.ring)
         if state is not None:
             from granular.md.located.restore import restored
 
@@ -121,12 +125,6 @@ class Run:
         self.launched = state is not None or self.launch()
         if state is not None:
             self.go_on(state)
-
-    def collocated(self) -> Any:
-        """Return what solves laws that are no powers, which others never load."""
-        from granular.md.located.own_law import Collocation
-
-        return Collocation(self.laws, self.scene.ring)
 
     def launch(self) -> bool:
         """Form the first islands and plan them; false if the run is to stop at once."""
@@ -321,10 +319,8 @@ class Run:
         running, r = self.rest_of_log(end) if self.request.log else None, plain(self.s.run)[0]
         stats, message = stats_of(self, r, crept), message_of(self, pause.value, r, self.start + end)
         before, self.s, self.pace.run = self.s, None, None  # makes room for the log
-        if untouched is not None:
-            untouched.put_back()
-            before = untouched.before
-        state = self.checkpoint or Checkpoint(before._replace(scratch=None), {"origin": self.start, "creeping": False})
+        before = untouched.put_back() if untouched else before
+        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
         return End(row, pause.value, message, stats, state if self.launched else {}, running)
 
     def gather(self, end: float) -> tuple[Untouched, float]:
