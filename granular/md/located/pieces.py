@@ -51,6 +51,8 @@ DOUBT = 1e4
 rounding, may err to either side."""
 ALL_BUT = 0.1
 """Part of its overlap at which a pair that turns round had all but parted."""
+CLEAR = 0.999
+"""Part of the first slope of a row that the others, which are rounded, may take from it."""
 GRAZE = 1e-15
 """Part of the typical overlap at which it has parted, except for rounding."""
 
@@ -162,35 +164,53 @@ def direction(x: Any) -> float:
 
 @kernel
 def peaks(pair: Any, tau: float, scratch: Any) -> None:
-    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
+    """Raise the largest overlap and force to those of the piece, at whose end the pair is; its g is scratch, for φ has
+    done its duty.
 
     A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
     far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
     no more than the law allows.
     """
-    for j in range(ORDER + 1):
-        pair.g[j] = pair.e[j]
-    deepest = highest(pair.x, pair.g, tau, scratch)
+    deepest = max(float(pair.x[0]), float(pair.xi))
+    if pair.e[0] > 0.0 > pair.eta or heading(pair.x, tau) == 0.0:
+        for j in range(ORDER + 1):
+            pair.g[j] = pair.e[j]
+        deepest = max(deepest, summit(pair.x, pair.g, tau, scratch))
     pair.xi_max = max(pair.xi_max, deepest)
     xi = max(0.0, deepest)
     if pair.kind == ELASTIC:
         pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
         return
-    pair.g[ORDER] = 0.0
-    for j in range(ORDER):
-        pair.g[j] = (j + 1) * pair.f[j + 1]
-    force = highest(pair.f, pair.g, tau, scratch)
+    way = heading(pair.f, tau)
+    force = float(pair.f[0]) if way < 0.0 else max(float(pair.f[0]), value(pair.f, tau))
+    if way == 0.0:
+        pair.g[ORDER] = 0.0
+        for j in range(ORDER):
+            pair.g[j] = (j + 1) * pair.f[j + 1]
+        force = max(force, summit(pair.f, pair.g, tau, scratch))
     if pair.kind == DAMPED:
-        rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
+        rate = max(abs(pair.e[0]), abs(pair.eta))
         force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
     pair.force_max = max(pair.force_max, force)
 
 
 @kernel
-def highest(row: Any, rate: Any, tau: float, scratch: Any) -> float:
-    """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
-    at, best = 0.0, max(float(row[0]), value(row, tau))
-    way = -1.0 if rate[0] > 0.0 else 1.0
+def heading(row: Any, tau: float) -> float:
+    """Return 1 if a row rises all the way from 0 to τ, -1 if it falls, 0 if a bound of its slope does not tell."""
+    way, against = 1.0 if row[1] > 0.0 else -1.0, 0.0
+    for j in range(ORDER, 1, -1):
+        slope = way * row[j]
+        if slope < 0.0:
+            against += j * slope
+        against *= tau
+    return way if CLEAR * (way * row[1]) + against > 0.0 else 0.0
+
+
+@kernel
+def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
+    """Return the largest value where a row turns down within [0, τ], -inf if it does not; `rate`, of the sign of its
+    slope, is used up."""
+    at, best, way, steady = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
     for _ in range(ORDER):
         step = first_up_crossing(rate, tau - at, scratch, way)
         if not at + step < tau:
@@ -198,6 +218,8 @@ def highest(row: Any, rate: Any, tau: float, scratch: Any) -> float:
         at += step
         if way < 0.0:
             best = max(best, value(row, at))
+        if steady == way:  # it turns once
+            break
         for first in range(ORDER - 1, -1, -1):  # let it begin here: Horner's scheme, its columns one after the other
             for j in range(first, ORDER):
                 rate[j] += rate[j + 1] * step

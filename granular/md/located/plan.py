@@ -87,7 +87,8 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
         pairs[lo].due = block.t + block.tail
         return False
     locate(pairs, pool, lo, hi, span, s.scratch, laws)
-    run.error += left_out(worst, block.tau)
+    if worst > -math.inf:
+        run.error += left_out(worst, block.tau)
     if DRIVEN and block.tau == last and block.fired < 0 and block.event == NOTHING and reach == block.holds:
         block.event = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
@@ -152,6 +153,9 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
         return
+    for c in range(lo, hi):
+        member = pool[pairs[c].slot]
+        member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
     follow(run, pairs, pool, s.scratch, lo, tau)
     if WORKED:
         book_piece(s, laws, lo, tau)
@@ -161,10 +165,8 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
         push(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
-        member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
         member.x[0], member.e[0] = member.xi, member.eta
-    for c in range(lo, hi):
-        pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
+        member.noise += rounding(run.tol, pairs, pool, c, lo)
     tick(block, dt)
     if DRIVEN and block.event == EDGE and tau == block.tau:
         tick(block, beside_edge(s.field, pairs[lo], block))

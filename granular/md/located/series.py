@@ -144,14 +144,13 @@ def expand_two(a: Any, b: Any, h: float) -> None:
     own_a, between, across, own_b = a.inverse, a.upper, b.lower, b.inverse
     x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
     push_a, push_b = a.pull, b.pull
+    fa, fb = 0.0 if a.exact else ka * xa + ga * ea, 0.0 if b.exact else kb * xb + gb * eb
     for n in range(ORDER + 1):
-        fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
-        if n == 0:
-            fa, fb = (0.0 if a.exact else fa), (0.0 if b.exact else fb)
         x1[n], e1[n], f1[n], x2[n], e2[n], f2[n] = xa, ea, fa, xb, eb, fb
         step = h / (n + 1)
         xa, xb = step * ea, step * eb
         ea, eb = step * (between * fb - own_a * fa + push_a), step * (across * fa - own_b * fb + push_b)
+        fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
         push_a, push_b = 0.0, 0.0
     for pair in (a, b):
         if pair.mode == RESIDUAL:

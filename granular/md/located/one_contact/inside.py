@@ -101,9 +101,9 @@ def goes_on(s: Any, laws: Any) -> bool:
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
         tally(s, laws, c, member, tau, s.ledger[0].solo)
+    member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
     if run.log_level != NO_LOG:
         follow(run, s.pairs, s.pool, s.scratch, c, tau)
-    member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
     tick(member, dt)
     run.passed += dt
     if not run.passed < run.left:
