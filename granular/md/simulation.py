@@ -213,7 +213,7 @@ def _stepped(
     run = in_time(solve, request)
     if made[-1].doubt:
         warnings.warn(made[-1].doubt, RuntimeWarning, stacklevel=3)
-    if run.status is not Status.unstable:
+    if run.status is not Status.unstable and len(run.contacts):
         check_deepest(laws, run.contacts)
     return run
 

@@ -62,8 +62,10 @@ class Run:
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
         self.chunk = max(1, CHUNK // scene.n_pairs)
-        self.toll = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING, MAKING)  # march, or take_steps
-        self.closing = Closing(scene, self.start, flattened=True)
+        if engine == "auto":
+            self.toll = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING, MAKING)  # march, or take_steps
+        if scene.driven:
+            self.closing = Closing(scene, self.start, flattened=True)
 
     def time(self) -> float:
         """Time in s of the present step."""
@@ -250,9 +252,9 @@ class Run:
 
     def _running(self, end: float) -> Rows | None:
         """Return the contacts that go on at the end."""
-        if not self.request.rows:
-            return None
         going = np.flatnonzero(self.stepper.pairs(RAW) > 0.0)
+        if not self.request.rows or len(going) == 0:
+            return None
         raw = np.zeros(len(going), STEP_ROW)
         raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
         found = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
@@ -296,10 +298,10 @@ class Run:
     def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
         """Status, message and dt·λ of the contacts that took place; also a doubt if the step was too long."""
         scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
-        trust = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE))
-        if trust == 0.0 and self._deflected():  # contacts shorter than a step leave no overlap behind
+        trust = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE)) if pairs(DEEPEST).any() else 0.0
+        if trust == 0.0 and self.steps and self._deflected():  # contacts shorter than a step leave no overlap behind
             trust = dt * expected_rate(scene, laws)
-        gain = self._energy_gain()
+        gain = self._energy_gain() if self.steps else 0.0
         limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
         if self.crowded:
             return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "

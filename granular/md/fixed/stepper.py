@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from functools import cached_property
-from itertools import pairwise
+from functools import cache, cached_property
+from itertools import pairwise, repeat
 from typing import Any
 
 import numpy as np
 
 from granular._check import Array
 from granular._kernels import compiled, fitted
-from granular._records import one, packed, plain, twin
+from granular._records import one, packed, twin
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import abreast, contact_force, march, window
 from granular.md.fixed.integrators import Integrator, pendulum_acceleration
@@ -29,6 +29,16 @@ SWUNG = 1e-11
 """Part of the speed up to which pendula swing as they would freely: Gear's derivatives follow a little behind."""
 Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swing time_to_touch_hung")
 """The kernels of a run, as they stand or compiled."""
+
+
+@cache
+def kernels(how: Integrator, force: Any, has: tuple[tuple[str, bool], ...]) -> Code:
+    """Return the kernels of an integrator and a force, as they fit a scene and a run that have this."""
+    hung = {"ball_acceleration": pendulum_acceleration} if ("HUNG", True) in has else {}
+    fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
+    fit |= dict(has) | hung
+    return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **fit),
+                window.glide, window.time_to_touch, window.swing, window.time_to_touch_hung)
 
 
 class Stepper:
@@ -73,8 +83,8 @@ class Stepper:
         self.physics = Physics(asked, held(given), form is not None and form[2], dt, logged, memory, p, self.walls or 0,
                                p * scene.ring, self.heaters or 0)
         rows = [[0.0] * (2 if at_once else p + 2) for _ in ROWS]
-        log: Any = np.zeros(max(64, 4 * p) + 4 * MOST * scene.heated if logged else 0, STEP_ROW)
-        log = log if at_once else plain(log)
+        room, row = max(64, 4 * p) + 4 * MOST * scene.heated if logged else 0, twin(STEP_ROW)
+        log: Any = np.zeros(room, STEP_ROW) if at_once else list(map(object.__new__, repeat(row, room)))
         self.work = Work(twin(WINDOW)(*rows), rows, rows[window.WAS :], rows[window.GIVEN :], [0], log, *until)
         self.code = self._kernels(self.force)
         self._push()
@@ -128,14 +138,9 @@ class Stepper:
             x[window.ACC][1:] = (pushing + self._fall()).tolist()
 
     def _kernels(self, force: Any) -> Code:
-        how = self.integrator
-        fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
-        if self.rest is not None:
-            fit["ball_acceleration"] = pendulum_acceleration
-        fit |= self.flags | {"LOGGED": self.physics.logged, "DAMPED": force is not contact_force.power
-                             or bool(np.any(self.physics.given[window.GAMMA]))}
-        return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **fit),
-                    window.glide, window.time_to_touch, window.swing, window.time_to_touch_hung)
+        damped = force is not contact_force.power or bool(np.any(self.physics.given[window.GAMMA]))
+        has = ("LOGGED", self.physics.logged), ("DAMPED", damped), *self.flags.items()
+        return kernels(self.integrator, force, has)
 
     def _fall(self) -> Array:
         """Acceleration of every ball without contacts in m/s²."""
@@ -145,7 +150,7 @@ class Stepper:
     @cached_property
     def fit(self) -> Code:
         """What is compiled: kernels for the step and the force of the run."""
-        return self._kernels(contact_force.called if self.force is contact_force.asked else self.force)
+        return self._kernels(contact_force.called) if self.force is contact_force.asked else self.code
 
     def compile(self) -> None:
         """Go on with compiled code from the present state: same source, same bits.
@@ -163,7 +168,9 @@ class Stepper:
                                              walls=walls, heat=heat)
         self.rest = None if self.rest is None else np.array(self.rest)
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
-        self.work = self._packed(self.work, packed(self.work.log, STEP_ROW))
+        log, ended = np.zeros(len(self.work.log), STEP_ROW), self.work.ended[0]
+        log[:ended] = packed(self.work.log[:ended], STEP_ROW)
+        self.work = self._packed(self.work, log)
         self.compiled = True
         if self.parts > 1:
             self._spread(self.parts)

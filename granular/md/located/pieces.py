@@ -164,8 +164,7 @@ def direction(x: Any) -> float:
 
 @kernel
 def peaks(pair: Any, tau: float, scratch: Any) -> None:
-    """Raise the largest overlap and force to those of the piece, at whose end the pair is; its g is scratch, for φ has
-    done its duty.
+    """Raise the largest overlap and force to those of a piece at whose end the pair is; its g is scratch from now on.
 
     A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
     far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
@@ -200,16 +199,13 @@ def heading(row: Any, tau: float) -> float:
     way, against = 1.0 if row[1] > 0.0 else -1.0, 0.0
     for j in range(ORDER, 1, -1):
         slope = way * row[j]
-        if slope < 0.0:
-            against += j * slope
-        against *= tau
+        against = (against + j * slope if slope < 0.0 else against) * tau
     return way if CLEAR * (way * row[1]) + against > 0.0 else 0.0
 
 
 @kernel
 def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
-    """Return the largest value where a row turns down within [0, τ], -inf if it does not; `rate`, of the sign of its
-    slope, is used up."""
+    """Return the largest value at which a row turns down before τ, or -inf; `rate`, its slope in sign, is used up."""
     at, best, way, steady = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
     for _ in range(ORDER):
         step = first_up_crossing(rate, tau - at, scratch, way)
