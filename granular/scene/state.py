@@ -245,7 +245,7 @@ class Scene(ByNumbers):
         out = np.zeros((*gap.shape[:-1], self.n))
         steps = np.add(self.radius[:-1], gap[..., : self.n - 1], out=out[..., 1:])
         steps += self.radius[1:]
-        np.cumsum(steps, axis=-1, out=steps)
+        steps.cumsum(axis=-1, out=steps)
         return out
 
     def anchor(self, elapsed: Any, start: float = 0.0) -> Any:
