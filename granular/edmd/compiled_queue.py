@@ -125,6 +125,7 @@ def in_order(rows: Any, sizes: list[int]) -> Any:
         part = np.repeat(np.arange(len(sizes)), sizes)[order]
         if (part[1:] != part[:-1])[same].any():
             return None
+    del time, later, same
     return [raw(rows)[order[k : k + TreeQueue.chunk]].view(ROW) for k in range(0, len(order), TreeQueue.chunk)]
 
 
