@@ -71,12 +71,15 @@ def contacts(settled: list[Rows]) -> Rows:
 
 
 class PublicWhenRead:
-    """What has an attribute `contacts`, the public log; made of rows that an engine has `settled` once it is read."""
+    """What has an attribute `contacts`, the public log; made of rows that an engine has `settled` once it is read. So
+    is its `state`, if it has what makes it, as `kept`."""
 
     if not TYPE_CHECKING:
 
-        def __getattr__(self, name: str) -> Rows:
+        def __getattr__(self, name: str) -> Any:
             held = vars(self)
+            if name == "state" and "kept" in held:
+                return held.setdefault(name, held["kept"]())
             if name != "contacts" or "settled" not in held:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
             log = contacts(list(held["settled"]))
@@ -84,6 +87,9 @@ class PublicWhenRead:
             log = held.setdefault("contacts", log)  # another thread may have been first
             held["settled"] = ()
             return log
+
+        def __getstate__(self) -> dict[str, Any]:
+            return vars(self) | {"state": self.state, "kept": None}
 
 
 def in_order(log: Rows) -> Rows:

@@ -189,7 +189,7 @@ class End(NamedTuple):
     row : Row or None
         The scene at the end; None where a sample shows it.
     status, message, stats, state
-        As in `granular.Trajectory`.
+        As in `granular.Trajectory`; what makes the state once it is read will do.
     running : records or None
         Contacts still open.
     """
@@ -198,7 +198,7 @@ class End(NamedTuple):
     status: Status
     message: str
     stats: Mapping[str, Any]
-    state: Mapping[str, Any] = {}
+    state: Mapping[str, Any] | Callable[[], Any]
     running: Rows | None = None
 
 
@@ -297,7 +297,7 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=position, velocity=velocity, gap=gap,
         force=force, ledger=ledger, contacts=table, status=status, message=message, stats={**end.stats, **later},
-        state=end.state,
+        state=end.state,  # type: ignore[arg-type]
     )
 
 

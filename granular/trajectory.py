@@ -85,6 +85,8 @@ class Trajectory(PublicWhenRead):
         held = vars(self)
         if isinstance(self.contacts, tuple):  # see `PublicWhenRead`
             held["settled"] = held.pop("contacts")
+        if callable(self.state):
+            held["kept"] = held.pop("state")
         for array in (self.time, self.position, self.velocity, self.gap, self.force, held.get("contacts"), self.ledger):
             if array is not None:
                 array.flags.writeable = False

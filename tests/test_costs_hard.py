@@ -45,7 +45,7 @@ def calls(engine: str) -> Counter[tuple[str, str]]:
     return found
 
 
-@pytest.mark.parametrize(("engine", "most"), [("sorted", 198), ("compiled", 144)])
+@pytest.mark.parametrize(("engine", "most"), [("sorted", 187), ("compiled", 134)])
 def test_a_run_of_two_collisions_calls_little_of_this_package(engine, most) -> None:
     if engine == "compiled":
         pytest.importorskip("numba")
@@ -93,6 +93,27 @@ def test_a_log_that_nobody_reads_needs_less_than_its_public_form(engine) -> None
     assert again.contacts.tobytes() == found[0].tobytes() == pickle.loads(pickle.dumps(run)).contacts.tobytes()
     with pytest.raises(AttributeError, match="'Trajectory' object has no attribute 'contact'"):
         run.contact  # noqa: B018
+
+
+@pytest.mark.parametrize("n", [5, 80])
+@pytest.mark.parametrize("engine", ["sorted", "compiled"])
+def test_what_a_scene_remembers_no_run_changes(n, engine) -> None:
+    """Of few balls the start is remembered, and the state at the end is made once it is read."""
+    if engine == "compiled":
+        pytest.importorskip("numba")
+    rng = np.random.default_rng(n)
+    scene = gr.Scene([np.inf, *rng.uniform(0.5, 2.0, n)], np.zeros(n + 1), rng.uniform(0.0, 1.0, n),
+                     [0.0, *rng.normal(size=n)], 9.81)
+    once, again, anew = (gr.edmd.simulate(of, gr.ConstantRestitution(0.9), max_events=200, engine=engine)
+                         for of in (scene, scene, scene.replace()))
+    few = n < 64
+    assert ("state" in vars(once)) is not few
+    assert ("_first" in vars(scene)) is few
+    for run in (again, anew, copy(once), pickle.loads(pickle.dumps(once))):
+        assert run.contacts.tobytes() == once.contacts.tobytes()
+        assert run.state.keys() == once.state.keys()
+        assert all(np.array(run.state[name]).tobytes() == np.array(kept).tobytes() for name, kept in once.state.items())
+    assert once.state is once.state
 
 
 def test_auto_counts_samples_too(monkeypatch) -> None:

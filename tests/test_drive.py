@@ -43,7 +43,7 @@ class Lines:
     def end(self, pause, seen):
         row = self.row(self.now) if self.now > seen else None
         running = self.table[~(self.table["t_end"] <= self.now)] if "t_end" in self.table.dtype.names else None
-        return End(row, pause.value, "so it ended", {"looks": len(self.asked)}, running=running)
+        return End(row, pause.value, "so it ended", {"looks": len(self.asked)}, {}, running)
 
 
 def run(table=None, stop=math.inf, pause=Pause.until, in_order=False, start=0.0, t_end=None, samples=None, **given):

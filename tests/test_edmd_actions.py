@@ -77,7 +77,7 @@ class Acting:
         elif action == "copy":
             self.queue.state = self.state = s.copied()
         elif action == "saved":
-            saved = {k: np.array(v) for k, v in s.checkpoint(s.numbers()).items()} | self.physics.options
+            saved = {k: np.array(v) for k, v in s.checkpoint(s.numbers(), {}).items()} | self.physics.options
             self.state = State.restored(self.physics, saved)
             self.state.set(stop_pair=NEVER, last_event=10**9, suspect=-1)
             self.queue = type(self.queue)(self.state, self.physics)

@@ -50,10 +50,10 @@ def test_rows_of_blocks_come_in_the_order_of_their_times() -> None:
         return made
 
     below = rows((1, 0.5), (0, 0.5), (1, 2.0))
-    both = blocks.in_order([below, rows((7, 0.25), (8, 1.0))])
+    both = np.concatenate(blocks.in_order(np.concatenate([below, rows((7, 0.25), (8, 1.0))]), [3, 2]))
     assert both["pair"].tolist() == [7, 1, 0, 8, 1]
     assert both["t_begin"].tolist() == [0.25, 0.5, 0.5, 1.0, 2.0]
-    assert blocks.in_order([below, rows((7, 0.25), (8, 0.5))]) is None
+    assert blocks.in_order(np.concatenate([below, rows((7, 0.25), (8, 0.5))]), [3, 2]) is None
 
 
 def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:

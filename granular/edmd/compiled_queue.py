@@ -38,8 +38,8 @@ ROOM = 64
 """Rows of the log that there is room for at first."""
 GROWTH = 4
 """Each next room is so many times as large, up to `chunk` rows."""
-MARGIN = 1.25
-"""Speed allowed for, in units of the largest at the start of the window."""
+MARGIN = 2.0
+"""Speed allowed for, in units of the largest at the start of the window: light balls among heavy ones gain some."""
 
 
 @kernel
@@ -113,22 +113,20 @@ class TreeQueue(SortedQueue):
         return tree[leaves : leaves + pairs]
 
 
-def in_order(written: list[Any]) -> Any:
-    """Return the rows of blocks, part by part, in the order of their times, of equal ones within a part in its own;
-    None if parts have rows of the same time."""
-    time = np.concatenate([rows["t_begin"] for rows in written])
-    order = np.argsort(time, kind="stable")
-    time = time[order]
-    same = np.flatnonzero(time[1:] == time[:-1])
-    part = np.repeat(np.arange(len(written)), list(map(len, written)))
-    if (part[order[same]] != part[order[same + 1]]).any():
-        return None
-    place, log, done = np.empty_like(order), np.empty(len(order), ROW), 0
-    place[order] = np.arange(len(order))
-    for rows in written:  # where they belong at once: twice as many pages of new memory would cost as much again
-        raw(log)[place[done : done + len(rows)]] = raw(rows)
-        done += len(rows)
-    return log
+def in_order(rows: Any, sizes: list[int]) -> Any:
+    """Return rows of blocks, parts of these sizes, in the order of their times, of equal ones within a part in its own,
+    some at a time; None if parts have rows of the same time."""
+    time = rows["t_begin"].copy()
+    order = np.argsort(time)
+    later = time[order]
+    same = later[1:] == later[:-1]
+    if same.any():  # rare: what keeps the order of equal ones takes twice as long
+        order = np.argsort(time, kind="stable")
+        part = np.repeat(np.arange(len(sizes)), sizes)[order]
+        if (part[1:] != part[:-1])[same].any():
+            return None
+    del time, later, same
+    return [raw(rows)[order[k : k + TreeQueue.chunk]].view(ROW) for k in range(0, len(order), TreeQueue.chunk)]
 
 
 class BlockQueue(TreeQueue):
@@ -136,6 +134,7 @@ class BlockQueue(TreeQueue):
 
     chunk = 1 << 40
     as_one = 0.0  # until then (tau) the current window is run as one
+    spare = np.empty(0, ROW)  # rows of a window, block after block; kept, as new memory costs more than they
 
     def rebuild(self) -> None:
         """Predict all pairs anew; this begins a window."""
@@ -159,41 +158,50 @@ class BlockQueue(TreeQueue):
 
         The tree is given up, for there are two states for a while.
         """
-        s, done, written = self.state, 0, list[Any]()
+        s, done, sizes, page = self.state, 0, list[int](), np.empty(0 if log is None else TreeQueue.chunk, ROW)
         speed, ends = self._blocks(edge)
         if not ends:
             return False
         del self.queue
         pairs, bodies = np.empty_like(s.pairs), np.empty_like(s.bodies)
-        for first, last, low, high in ends:
+        for k, (first, last, low, high) in enumerate(ends, 1):
             room = None if log is None else list[Any]()
-            part = self._run(low, high, edge, speed, room)
+            part = self._run(low, high, edge, speed, room, page)
             if part is None:
                 return False
-            if room is not None:
-                for rows in room:
-                    rows["pair"] += low
-                    inside = (rows["pair"] >= first) & (rows["pair"] < last)
-                    written.append(raw(rows)[inside].view(ROW))
+            for rows in room or ():
+                rows["pair"] += low
+                inside = raw(rows)[(rows["pair"] >= first) & (rows["pair"] < last)]
+                self._keep(inside, sum(sizes), len(ends))
+                sizes.append(len(inside))
             top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
             raw(pairs)[first:last] = raw(part.pairs)[first - low : last - low]
             raw(bodies)[first:top] = raw(part.bodies)[first - low : top - low]
             done += int(pairs["contacts"][first:last].sum() - s.pairs["contacts"][first:last].sum())
-            if done > budget:
+            if done * len(ends) > budget * k:  # all of them would be too many
                 return False
-        if log is not None and written:
-            rows = in_order(written)
+        if log is not None and done:
+            rows = in_order(self.spare[: sum(sizes)], sizes)
             if rows is None:
                 return False
-            log.append(rows)
+            log += rows
         s.pairs, s.bodies = pairs, bodies
         s.run.events += done
         s.run.now = max(s.run.now, float(pairs["last"].max()))
         return True
 
-    def _run(self, low: int, high: int, edge: float, speed: float, log: Log | None = None) -> State | None:
+    def _keep(self, rows: Any, at: int, blocks: int) -> None:
+        """Keep rows of a block behind the `at` of those before it, of so many blocks in all."""
+        if at + len(rows) > len(self.spare):
+            held, self.spare = self.spare[:at], np.empty(max(at + len(rows), blocks * len(rows)) * 5 // 4, ROW)
+            raw(self.spare)[:at] = raw(held)
+        raw(self.spare)[at : at + len(rows)] = rows
+
+    def _run(
+        self, low: int, high: int, edge: float, speed: float, log: Log | None = None, page: Any = TreeQueue.room
+    ) -> State | None:
         """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept. Rows are
-        appended to `log`."""
+        appended to `log`; the first of them stand on `page`."""
         s, fastest = self.state, np.zeros(1)
         part = State(one(np.array([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
         part.run.edge, part.run.budget = edge, 1 << 40
@@ -201,7 +209,7 @@ class BlockQueue(TreeQueue):
         if log is None:
             pause = queue.go(part.run, part.pairs, part.bodies, queue.queue, None, None, fastest, None)
         else:
-            pause = BUDGET
+            pause, queue.room = BUDGET, page
             while pause == BUDGET:
                 pause = queue.advance(edge, TreeQueue.chunk, log)
             for rows in log:

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from granular import _check, rules, walls
 from granular._kernels import kernel
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene
+from granular.scene.places import remembered
 
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)
@@ -34,32 +33,28 @@ SMALLEST, LARGEST = 1e-75, 1e75
 SIZE = f"0 or a size from 0 to {LARGEST:g} is needed"
 
 
-@dataclass(frozen=True, eq=False)
 class Physics:
-    """A scene, one rule per pair, and the values of `OPTIONS` by name."""
+    """A scene, one rule per pair, and the values of `OPTIONS` by name.
 
-    scene: Scene
-    rules: tuple[Rule, ...]
-    options: dict[str, Any]
+    Attributes
+    ----------
+    has : tuple
+        Flags of kernels that hold for the scene.
+    eps : array
+        Restitution per pair; nan if not all rules are constant, and `rule` has to be asked.
+    rule : callable or None
+        ε of a pair at a speed (m/s); None if all rules are constant.
+    """
 
-    @cached_property
-    def has(self) -> tuple[str, ...]:
-        """Flags of kernels that hold for the scene."""
-        return tuple(self.scene._flags)
+    rule: Restitution | None = None
 
-    @cached_property
-    def eps(self) -> _check.Array:
-        """Restitution per pair; nan if not all rules are constant, and `rule` has to be asked."""
-        known = constants(self.rules, self.scene.gap)
-        return np.full(self.scene.n_pairs, math.nan) if known is None else np.array(known)
-
-    @cached_property
-    def rule(self) -> Restitution | None:
-        """ε of a pair at a speed (m/s); None if all rules are constant."""
-        if not math.isnan(self.eps[0]):
-            return None
-        given, pairs = self.rules, tuple(self.scene.pairs)
-        return lambda c, speed: restitution_at(given[c], speed, pairs[c])
+    def __init__(self, scene: Scene, rules: tuple[Rule, ...], options: dict[str, Any]) -> None:
+        self.scene, self.rules, self.options, self.has = scene, rules, options, tuple(scene._flags)
+        known = constants(rules, scene.gap)
+        self.eps = np.array([math.nan] * len(scene.gap) if known is None else known)
+        if known is None:
+            pairs = tuple(scene.pairs)
+            self.rule = lambda c, speed: restitution_at(rules[c], speed, pairs[c])
 
 
 @kernel
@@ -106,6 +101,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
     return physics
 
 
+@remembered
 def check_scene(scene: Scene) -> None:
     """Raise what is wrong with a scene for hard spheres."""
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
@@ -120,17 +116,17 @@ def check_scene(scene: Scene) -> None:
             _check.every(name, np.array([one]), np.zeros(1, bool), need, fix)
     if scene.rest_gap is not None:
         _check.every("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST, SIZE, fix)
-    if scene.ring and scene.external_force is not None:
-        raise ValueError("ring is True: hard spheres on a ring take no external_force, which would press them together "
-                         "in mid-air; use granular.md.")
-    if scene.ring and not scene.gap.any():
-        raise ValueError("gap is 0 for all pairs: on a ring there must be room to move; give some gaps.")
+    _check.refuse({
+        "ring is True: hard spheres on a ring take no external_force, which would press them together in mid-air; use "
+        "granular.md.": scene.ring and scene.external_force is not None,
+        "gap is 0 for all pairs: on a ring there must be room to move; give some gaps.":
+            scene.ring and not scene.gap.any(),
+        f"scene has {scene.n} bodies: at most {MASK + 1} are possible.": scene.n_pairs > MASK,
+    })
     for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True) if scene.heated else ():
         if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
             raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
                              f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")
-    if scene.n_pairs > MASK:
-        raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
 
 
 def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
@@ -158,6 +154,7 @@ def felt_gravity(scene: Scene) -> float:
     return scene.gravity if scene.is_wall[0] or scene.is_wall[-1] else 0.0
 
 
+@remembered
 def scales(scene: Scene) -> tuple[float, float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, the mean gap (m) of a scene, and the
     largest acceleration (m/s²) of a ball in the frame of a run."""

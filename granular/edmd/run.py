@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from time import process_time
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from granular._contact_log import Rows
 from granular._kernels import fitted, worth
-from granular._records import column, packed
+from granular._records import FEW, column, packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import wall_state
 from granular.edmd.motion import LATEST
@@ -133,8 +134,9 @@ class Run:
                 return Pause.collapse
             if self.moves_on:
                 state.clock.goal = time
-            # between two samples perhaps nothing is due
-            why = self._advance(limit) if last or state.near is not None or limit >= self.queue.soonest() else LATER
+            due = self.queue.soonest()
+            acts = due <= limit and (self.moves_on or due < state.clock.window)  # perhaps nothing is due
+            why = self._advance(limit) if acts or state.near is not None or (last and self.moves_on) else LATER
             if self.request.singly and self.events > seen and why == LATER:
                 return Pause.full
             if self.moves_on:
@@ -276,18 +278,17 @@ class Run:
         wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
         message, stats = sentence(self, status, numbers, now), counters(self, numbers)
-        state = self.state.checkpoint(numbers) | self.physics.options
+        more = self.physics.options
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
-            state |= self.watch.checkpoint(self.state, self.queue)
-        return End(row, status, message, stats, state)
+            more = more | self.watch.checkpoint(self.state, self.queue)
+        state = partial(self.state.checkpoint, numbers, more)
+        return End(row, status, message, stats, state if self.scene.n <= FEW else state())  # records need less room
 
 
 def pays(work: float, has: tuple[str, ...]) -> bool:
-    """Return whether so much work, in collisions, is worth the machine code of scenes that have this.
-
-    What would make it is loaded only then.
-    """
+    """Return whether so much work, in collisions, is worth the machine code of scenes that have this; only then is
+    loaded what would make it."""
     if work < LONG:
         return False
     from granular.edmd.compiled_queue import loop

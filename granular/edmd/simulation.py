@@ -224,15 +224,15 @@ def resume(
         is broken; or if its state cannot be that of its last row.
     """
     _check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
-    if trajectory.rule is None or not trajectory.state:
-        raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
-    if trajectory.status is Status.collapse:
-        raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
-    if trajectory.status is Status.bounded and "zoom_gap" not in trajectory.state:
-        raise ValueError("trajectory ended at a bound: nothing follows it; run again with collapse='merge' or tc=.")
-    if trajectory.status is Status.broken:
-        raise ValueError("trajectory is broken: nothing follows it; see its message.")
-    saved, scene = trajectory.state, trajectory.scene
+    status, saved, scene = trajectory.status, trajectory.state, trajectory.scene
+    _check.refuse({
+        "trajectory is no hard-sphere run: one from granular.edmd is needed.": trajectory.rule is None or not saved,
+        "trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.":
+            status is Status.collapse,
+        "trajectory ended at a bound: nothing follows it; run again with collapse='merge' or tc=.":
+            status is Status.bounded and "zoom_gap" not in saved,
+        "trajectory is broken: nothing follows it; see its message.": status is Status.broken,
+    })
     check_end(scene, t_end, until, max_events)
     start = float(_check.held(saved, "start", "f", ()))
     scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))

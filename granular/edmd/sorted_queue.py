@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections.abc import Callable
 from functools import cache, partial
 from itertools import repeat
@@ -11,7 +12,7 @@ from typing import Any
 from sortedcontainers import SortedList
 
 from granular._kernels import FORCED, RING, fitted, interpreted, kernel
-from granular._records import Record, Records, plain, twin
+from granular._records import FEW, Record, Records, plain, twin
 from granular.edmd.clusters import rest
 from granular.edmd.collision import SUSPICIOUS, event, leave
 from granular.edmd.motion import approaching, predicted, velocities
@@ -89,7 +90,7 @@ def refresh(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
     """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
-    order, entry = queue
+    order, entry, add = queue
     due, c = order[0][1] & MASK, first
     if first <= due <= last:  # no search is needed for it
         entry[due] = (math.inf, order.pop(0)[1])
@@ -102,7 +103,7 @@ def refresh(
                 order.remove(old)
             entry[c] = new
             if time < math.inf:
-                order.add(new)
+                add(new)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
         if pressed and time == math.inf and (not FORCED or pair.gap == 0.0):  # asked here, as `rest` is a call
             low, high = rest(run, pairs, bodies, c, walls)
@@ -171,7 +172,8 @@ class SortedQueue:
         """Begin with a queue in which nothing is due."""
         run = self.state.run
         entry = [(math.inf, rank(c, run.order, run.seed, self.state.pairs[c].contacts)) for c in range(n)]
-        self.queue = SortedList([NOBODY]), entry
+        order: Any = [NOBODY] if n < FEW else SortedList([NOBODY])  # of few a list is sorted sooner
+        self.queue = order, entry, partial(insort, order) if n < FEW else order.add
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
@@ -226,7 +228,7 @@ class SortedQueue:
 
     def _events(self) -> list[tuple[float, int]]:
         """Return time and rank of the next event of every pair; raise where the queue is out of order."""
-        order, entry = self.queue
+        order, entry, _ = self.queue
         assert list(order) == sorted([*(one for one in entry if one[0] < math.inf), NOBODY])
         return list(entry)
 

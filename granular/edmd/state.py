@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array, held
-from granular._records import Record, Records, column, copied, one, packed, taken, twin
+from granular._records import FEW, Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
 from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares
@@ -31,6 +31,7 @@ from granular.edmd.records import (
     check_numbers,
 )
 from granular.scene import Scene
+from granular.scene.places import remembered
 
 OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
 OF_BODIES = ("fall_velocity", "is_free", "noise")
@@ -38,7 +39,7 @@ OF_BODIES = ("fall_velocity", "is_free", "noise")
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
 NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
-NOUGHT = {kind: dict(zip(kind.names or (), np.zeros((), kind).item(), strict=True)) for kind in (RUN, CLOCK)}
+NOUGHT = {kind: np.zeros((), kind).item() for kind in (RUN, CLOCK)}
 OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or ()))
 """Names of all numbers of a run, and what takes them from plain records."""
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
@@ -81,33 +82,26 @@ class State:
     @classmethod
     def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
-        scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
-        has, n = physics.has, len(scene.mass)
-        walls = wall_state.walls(scene, t_start) if "FORCED" in has else None
-        of_pair, of_body = OF_FORCED if "FORCED" in has else OF_HUNG if "HUNG" in has else PLAIN
-        pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
-        for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
-            bodies[name][:n] = value
-        if scene.ring:
-            bodies[-1] = bodies[0]
-            bodies["fall_velocity"] -= scene.anchor_velocity(0.0)
-        pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
-        pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
-        pairs["low"], pairs["high"] = shares(scene)
+        scene, options, kind = physics.scene, physics.options, physics.has
+        walls = wall_state.walls(scene, t_start) if "FORCED" in kind else None
+        pairs, bodies = first(scene)
+        if scene.n <= FEW:  # remembered
+            pairs, bodies = copied(pairs), copied(bodies)
+        pairs["eps"] = physics.eps
         speed, fall, length, strength = scales(scene)
         tc, elastic_below, merge_below = options["tc"], options["elastic_below"], options["merge_below"]
         no_collapse = scene.driven or scene.pendulum > 0.0 or max(tc, elastic_below, merge_below) > 0.0 or (
             physics.eps.min() == 1.0)
         window = span(length, speed, strength)
         run = _begun(
-            RUN, pairs=len(pairs), gravity=g, tc=tc, elastic_below=elastic_below, merge_below=merge_below,
-            order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF, short=math.ldexp(window, SHORT_BITS),
-            stop_pair=NEVER, suspect=NO_SUSPECT, allowance=FIRST_ALLOWANCE,
-            slow=NOTHING_SLOW if no_collapse else math.ldexp(speed, SLOW_BITS),
+            RUN, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
+            merge_below=merge_below, order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
+            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=NO_SUSPECT,
+            allowance=FIRST_ALLOWANCE, slow=NOTHING_SLOW if no_collapse else math.ldexp(speed, SLOW_BITS),
         )
         clock = _begun(CLOCK, start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length,
                        window=window, speed=speed, fall=fall)
-        state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in has, walls and Walls(*walls, clock))
+        state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in kind, walls and Walls(*walls, clock))
         _begin(state, scene)
         return state
 
@@ -155,11 +149,11 @@ class State:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        run: Any = self.run.item() if isinstance(self.run, np.record) else OF_RUN(self.run)
-        clock: Any = self.clock.item() if isinstance(self.clock, np.record) else OF_CLOCK(self.clock)
+        run: Any = self.run.item() if isinstance(self.run, np.void) else OF_RUN(self.run)
+        clock: Any = self.clock.item() if isinstance(self.clock, np.void) else OF_CLOCK(self.clock)
         return dict(zip(NAMES, run + clock, strict=True))
 
-    def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
+    def checkpoint(self, run: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
         """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
         of_pairs, of_bodies = self._changing()
         pairs, bodies = packed(self.pairs), packed(self.bodies)
@@ -173,13 +167,13 @@ class State:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
             raw["zoom_dial"] = np.array([run[name] for name in LOOK], dtype=np.float64)
             raw |= {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
-        return raw
+        return raw | options
 
     def keep(self, how: Callable[..., Any]) -> None:
         """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
-        if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
+        if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.void):
             self.run = one(np.array([OF_RUN(self.run)], RUN))
             if self.walls is not None:  # who moves the clock too
                 self.clock = one(np.array([OF_CLOCK(self.clock)], CLOCK))
@@ -293,13 +287,29 @@ class State:
         assert self.sound()
 
 
+@remembered
+def first(scene: Scene) -> tuple[Records, Records]:
+    """Return the records of pairs and bodies at the start of a run, but for ε."""
+    kind, n, g = scene._flags, scene.n, felt_gravity(scene)
+    of_pair, of_body = OF_FORCED if "FORCED" in kind else OF_HUNG if "HUNG" in kind else PLAIN
+    pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
+    for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
+        bodies[name][:n] = value
+    if scene.ring:
+        bodies[-1] = bodies[0]
+        bodies["fall_velocity"] -= scene.anchor_velocity(0.0)
+    pairs["gap"], pairs["last"] = scene.gap, -math.inf
+    pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
+    pairs["low"], pairs["high"] = shares(scene)
+    return pairs, bodies
+
+
 def gaps(pairs: Records, u: Array, tau: float, pulled: bool) -> Array:
     """Return the gaps in m, never negative, at `tau` between bodies of fall velocities `u`; `pulled` if any of them has
     an acceleration."""
-    begun, at = columns(pairs, "gap", "at")
+    begun, at, pull = columns(pairs, "gap", "at", "closing_acceleration")
     rate, dt = u[1:] - u[:-1], tau - at
     if pulled:
-        pull = column(pairs, "closing_acceleration")
         rate -= pull * at
         rate -= 0.5 * pull * dt
     gap: Array = begun + dt * rate
@@ -325,4 +335,7 @@ def columns(records: Records, *names: str) -> Any:
 
 def _begun(kind: np.dtype[Any], **numbers: Any) -> Record:
     """Return a plain object with the fields of `kind`: these numbers, all others 0."""
-    return twin(kind)(**(NOUGHT[kind] | numbers))
+    record = twin(kind)(*NOUGHT[kind])
+    for name, number in numbers.items():
+        setattr(record, name, number)
+    return record

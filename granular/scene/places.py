@@ -6,6 +6,8 @@ May be skipped: sums from one body to the next, and walls that move.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from granular import _check, walls
 from granular._check import Array
 from granular._flight import time_to_contact
-from granular._records import plain
+from granular._records import FEW, plain
 from granular.scene.state import Scene, summed
 from granular.walls.path import moved
 
@@ -78,6 +80,20 @@ def in_order(scene: Scene) -> Scene:
     _check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
                  "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
     return scene
+
+
+def remembered(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
+    """Have a function of a scene alone asked once of a scene of few balls, which never changes."""
+    name = f"_{function.__name__}"
+
+    @wraps(function)
+    def asked(scene: Scene) -> Any:
+        known = vars(scene) if scene.n <= FEW else {}
+        if name not in known:
+            known[name] = function(scene)
+        return known[name]
+
+    return asked
 
 
 def checked(scene: Any) -> Scene:

@@ -282,7 +282,7 @@ class Run:
             "shared_impulse": math.fsum(self.stepper.pairs(SHARED)),
             "engine": "compiled" if self.stepper.compiled else "plain",
         } | ({"note": self.note} if self.note else {})
-        return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
+        return End(row if row.time > seen else None, status, message, stats, {}, self._running(row.time))
 
     def _onset(self) -> Row:
         """Return the scene between two steps, at the onset of the contact at which to stop."""
