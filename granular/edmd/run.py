@@ -157,6 +157,9 @@ class Run:
                     return Pause.work
                 state.shift_to(due, self.queue.use)
                 self.queue.rebuild()
+            elif why == SUSPECT and state.run["slow"] < 0.0:  # balls that merge, too close in time for the clock
+                state.shift_to(float(state.run["now"]), self.queue.use, whole=False)
+                self.queue.rebuild()
             elif why == SUSPECT:
                 self._closer.begin(state, self.queue)
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
@@ -322,25 +325,10 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
         if math.isfinite(run.horizon):
             said += f"; {walls}, and collisions become ever more frequent until then"
         elif s["slow"] >= 0.0 or (run.scene.driven and s["merge_below"] == 0.0):
-            said += _slowing(run, s["events"])
+            said += run._closer.slowing(run, s["events"])
     if s["lost"] > 0:
         rates = f"{s['lost']} relative velocit{'y' if s['lost'] == 1 else 'ies'}"
         said += f"; {rates} fell below rounding: collisions that depend on them are uncertain"
-    return said
-
-
-def _slowing(run: Run, events: int) -> str:
-    """Return what shows that a run that was cut off was slowing down, if anything does."""
-    said = ""
-    if len(run.pace) == 2:
-        (begin, start), (tail, t) = run.pace
-        last, took = events - tail, run.time() - t
-        if took * (tail - begin) < 0.1 * last * (t - start):
-            said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
-                    "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
-        bound = run._closer.bound(run.state, run.physics)
-        if bound is not None:
-            said += f"; unless hit from outside, no body of {bound} will exceed {bound.bound:.2g} m/s"
     return said
 
 
