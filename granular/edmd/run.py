@@ -150,6 +150,9 @@ class Run:
                     late = due  # it shows as a collision of that time
                     continue
                 if not (close and later) and (due > limit or due == math.inf):
+                    if self.events == state.clock.last_event and not last and self._is_spent(due):
+                        time, last = self.request.end, True
+                        continue
                     if self._meet_before(time):
                         continue
                     return self._reached(time, limit)
@@ -182,6 +185,15 @@ class Run:
         if self.scene.driven and self.closing is not None and time < known:
             self.horizon = self.closing.look(min(time, self.request.end))
         return self.horizon < known
+
+    def _is_spent(self, due: float) -> bool:
+        """Return whether `max_events` ends the run before what is `due` (tau): no row is shown later. Beside driven
+        walls, and of what is looked at closely, it is not known."""
+        end, stop = min(self.request.end, self.horizon), self.state.run.stop_pair
+        if not due < math.inf or self.state.time(due) > end or self.scene.driven:
+            return False
+        stops = stop >= 0 and self.state.pairs[stop].contacts >= self.state.run.stop_contacts
+        return not (stops and self.queue.soonest(stop, stop) > due)
 
     def _reached(self, time: float, limit: float) -> Pause:
         """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""
