@@ -104,7 +104,7 @@ def _sample_times(samples: Any, start: float, end: float) -> _check.Array | int 
         return None
     if isinstance(samples, str):
         return _check.choice("samples", samples, ("contacts",))
-    if np.ndim(samples) == 0:
+    if _check.is_one(samples):
         fix = "give None for the first and the last row"
         count = _check.whole("samples", samples, at_least=2, at_most=_check.MOST, fix=fix)
         return count if end == math.inf else np.linspace(start, end, count)
