@@ -204,19 +204,20 @@ def typed(module: dict[str, Any], *kinds: type) -> None:
 def _typed(function: Function, by_name: Mapping[str, type]) -> Function:
     """Return a function that checks its arguments of these kinds, or itself if it has none."""
     words = {name: word.partition("[")[0] for name, word in function.__annotations__.items()}
-    needed = {name: by_name[word] for name, word in words.items() if word in by_name}
     names = function.__code__.co_varnames
+    places = [(names.index(name), name, by_name[word]) for name, word in words.items()
+              if name != "return" and word in by_name]
 
     @wraps(function)
     def checked(*values: Any, **named: Any) -> Any:
-        for name, value in (*zip(names, values, strict=False), *named.items()):
-            if name in needed and not isinstance(value, needed[name]):
-                word = words[name]
-                need = {"Array": "an array", "Mapping": "a mapping"}.get(word, f"a granular.{word}")
-                of_kind(name, value, needed[name], need)
+        for i, name, kind in places:
+            if not isinstance(values[i] if i < len(values) else named.get(name), kind) and (
+                    i < len(values) or name in named):
+                need = {"Array": "an array", "Mapping": "a mapping"}.get(words[name], f"a granular.{words[name]}")
+                of_kind(name, values[i] if i < len(values) else named[name], kind, need)
         return function(*values, **named)
 
-    return checked if needed.keys() - {"return"} else function  # type: ignore[return-value]
+    return checked if places else function  # type: ignore[return-value]
 
 
 def callback(name: str, value: Any, *given: str) -> Any:

@@ -200,7 +200,8 @@ class Components:
 def components(hard: Trajectory, soft: Trajectory) -> Components:
     """Find the components of two runs of one scene: neighbouring pairs that have contacts belong together."""
     scene, met = hard.scene, (counts(hard) + counts(soft)) > 0
-    of_pair = np.cumsum(met & ~np.append(False, met[:-1])) - 1
+    of_pair = np.cumsum(met) - 1
+    of_pair[1:] -= np.cumsum(met[1:] & met[:-1])
     count = int(of_pair[-1]) + 1
     if scene.ring and count > 1 and met[0] and met[-1]:  # they are one, around the ring
         count -= 1
