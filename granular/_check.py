@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property, wraps
 from importlib import import_module
-from types import EllipsisType
+from types import EllipsisType, FunctionType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -136,6 +136,11 @@ def _worded(value: Any) -> Any:
     return given
 
 
+def is_one(value: Any) -> bool:
+    """Whether a value is a single one, no list or array of values, which may be of any shape."""
+    return (value if isinstance(value, np.ndarray) else np.asarray(value, dtype=object)).ndim == 0
+
+
 def among_numbers(value: Any) -> bool:
     """Whether there are truth values in a list, which numpy takes for 0 and 1 beside numbers."""
     return isinstance(value, (list, tuple)) and not {bool, np.bool_}.isdisjoint(map(type, value))
@@ -191,24 +196,32 @@ def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tu
     return tuple(choice(name, one, options) for one in several(name, value, need, least))
 
 
-def typed(*kinds: type) -> Callable[[Function], Function]:
-    """Decorate functions whose arguments annotated by one of these kinds have to be such."""
-    by_name = {kind.__name__: kind for kind in kinds}
+def typed(module: dict[str, Any], *kinds: type) -> None:
+    """Let all public functions of a module refuse arguments that are annotated by one of these kinds, as an `Array` or
+    a `Mapping`, and are none."""
+    by_name: dict[str, Any] = {kind.__name__: kind for kind in kinds} | {"Array": np.ndarray, "Mapping": Mapping}
+    for name, function in list(module.items()):
+        if not name.startswith("_") and getattr(function, "__module__", "") == module["__name__"]:
+            module[name] = _typed(function, by_name) if isinstance(function, FunctionType) else function
 
-    def decorate(function: Function) -> Function:
-        needed = {name: by_name[word] for name, word in function.__annotations__.items() if word in by_name}
-        names = function.__code__.co_varnames
 
-        @wraps(function)
-        def checked(*values: Any, **named: Any) -> Any:
-            for name, value in (*zip(names, values, strict=False), *named.items()):
-                if name in needed and not isinstance(value, needed[name]):
-                    of_kind(name, value, needed[name], f"a granular.{needed[name].__name__}")
-            return function(*values, **named)
+def _typed(function: Function, by_name: Mapping[str, type]) -> Function:
+    """Return a function that checks its arguments of these kinds, or itself if it has none."""
+    words = {name: word.partition("[")[0] for name, word in function.__annotations__.items()}
+    names = function.__code__.co_varnames
+    places = [(names.index(name), name, by_name[word]) for name, word in words.items()
+              if name != "return" and word in by_name]
 
-        return checked  # type: ignore[return-value]
+    @wraps(function)
+    def checked(*values: Any, **named: Any) -> Any:
+        for i, name, kind in places:
+            if not isinstance(values[i] if i < len(values) else named.get(name), kind) and (
+                    i < len(values) or name in named):
+                need = {"Array": "an array", "Mapping": "a mapping"}.get(words[name], f"a granular.{words[name]}")
+                of_kind(name, values[i] if i < len(values) else named[name], kind, need)
+        return function(*values, **named)
 
-    return decorate
+    return checked if places else function  # type: ignore[return-value]
 
 
 def callback(name: str, value: Any, *given: str) -> Any:

@@ -94,9 +94,9 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array:
     For an array of speeds, an array of the same shape.
     """
     known = _resolved(law, pair)
-    if np.ndim(speed) == 0:
+    if _check.is_one(speed):
         return at_speed(known, _speed(speed))
-    speeds = _check.array("speed", speed, np.shape(speed))
+    speeds = _check.array("speed", speed, ...)
     return np.array([at_speed(known, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
 
 

@@ -102,7 +102,7 @@ def _sample_times(samples: Any, start: float, end: float) -> _check.Array | int 
         return None
     if isinstance(samples, str):
         return _check.choice("samples", samples, ("contacts",))
-    if np.ndim(samples) == 0:
+    if _check.is_one(samples):
         fix = "give None for the first and the last row"
         count = _check.whole("samples", samples, at_least=2, at_most=_check.MOST, fix=fix)
         return count if end == math.inf else np.linspace(start, end, count)
@@ -288,10 +288,13 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns
     columns.clear()
-    if velocity is None:
-        velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
-    position, status, message = positions(run.scene, gap, elapsed, run.start), end.status, end.message
-    wrong = flaw(run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None, run.adds_up)
+    status, message = end.status, end.message
+    with np.errstate(invalid="ignore", over="ignore"):  # beyond all numbers: that is a status
+        if velocity is None:
+            velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
+        position = positions(run.scene, gap, elapsed, run.start)
+        wrong = flaw(run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None,
+                     run.adds_up)
     if wrong and status is not Status.unstable:
         status, message = Status.broken, f"{Status.broken.value}: {wrong}; {message}"
     return Trajectory(

@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from granular import edmd, md
-from granular._check import Array
+from granular._check import Array, typed
+from granular.drive import EVENTS
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach, at_once, components, counted, counts, partings, strengths
@@ -125,7 +126,7 @@ def deepest(soft: Trajectory) -> Array:
     return found
 
 
-def first(run: Trajectory, most: Any) -> Trajectory:
+def first(run: Trajectory, most: Array) -> Trajectory:
     """Return the run with only the first contacts of every pair in its log, as many as `most` (n-1,) says."""
     order, edge = run.by_pair
     nth = np.empty(len(order), np.int64)
@@ -267,7 +268,10 @@ def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, A
     """
     if hard.scene.n < 3 or not ties(hard):
         return
-    limit = min(options["max_events"], MOST_OF_OTHERS * (len(hard.contacts) + hard.scene.n))
+    limit = min(options.get("max_events", EVENTS), MOST_OF_OTHERS * (len(hard.contacts) + hard.scene.n))
     for name in RULES[: len(RULES) if hard.scene.n <= FEW else 2]:
-        if name != options["ties"]:
+        if name != options.get("ties", "left"):
             yield {**options, "ties": name, "max_events": limit}
+
+
+typed(globals(), Scene, Trajectory)

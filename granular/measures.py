@@ -62,7 +62,6 @@ class Overlap:
     end: float
 
 
-@_check.typed(Scene, Trajectory)
 def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
     """All overlaps in time of contacts of neighbouring pairs, in order of time."""
     begin, finish = run.contacts["t_begin"], np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
@@ -75,14 +74,12 @@ def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
     return tuple(sorted(found, key=lambda o: o.begin))
 
 
-@_check.typed(Scene, Trajectory)
 def shared_impulse(run: Trajectory) -> float:
     """φ in [0, 1], of hard spheres 0; nan without contacts, and of a run that went on from another with contacts."""
     total, known = float(run.contacts["impulse"].sum()), run.stats.get("contacts", 0) <= len(run.contacts)
     return float(run.stats.get("shared_impulse", 0.0)) / total if total > 0.0 and known else math.nan
 
 
-@_check.typed(Scene, Trajectory)
 def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
     """p in [0, 1]: share of EDMD events with an event of a neighbouring pair within t_c; nan without events."""
     begin, lasting = hard.contacts["t_begin"].copy(), durations(hard, laws)
@@ -94,7 +91,6 @@ def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
     return float(crowded.mean()) if len(begin) else math.nan
 
 
-@_check.typed(Scene, Trajectory)
 def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
     """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
     return Durations(laws, hard.scene)(hard.contacts["pair"], np.abs(approach(hard)))
@@ -106,7 +102,6 @@ def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
     return zip(map(run.rows, below.tolist()), map(run.rows, above.tolist()), strict=True)
 
 
-@_check.typed(Scene, Trajectory)
 def occupation(soft: Trajectory) -> float:
     """Λ: share of time a pair spends in contact, from the soft log; nan for an empty span, and without a log."""
     span = float(soft.time[-1] - soft.time[0])
@@ -114,7 +109,6 @@ def occupation(soft: Trajectory) -> float:
     return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if known else math.nan
 
 
-@_check.typed(Scene, Trajectory)
 def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
     """Both runs without what happens just at a common end time, where rounding decides what is still seen."""
     if not twin.status is hard.status is Status.time:
@@ -124,13 +118,11 @@ def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Traj
     return twin, hard
 
 
-@_check.typed(Scene, Trajectory)
 def fastest_approach(*runs: Trajectory) -> float:
     """Largest speed in m/s at which a contact of these runs begins; 0 without contacts."""
     return max(float(approach(run).max(initial=0.0)) for run in runs)
 
 
-@_check.typed(Scene, Trajectory)
 def impact_speed(run: Trajectory) -> float:
     """v₁ in m/s: speed of the first collision of hard spheres; nan without contacts.
 
@@ -145,7 +137,6 @@ def impact_speed(run: Trajectory) -> float:
     return float((before[:, 0] - before[:, 1]).max()) if len(log) else math.nan
 
 
-@_check.typed(Scene, Trajectory)
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     """Velocities in m/s just before the first contact of `run` (the initial ones without any); nan if its first row is
     later."""
@@ -155,7 +146,6 @@ def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     return np.asarray(scene.free_velocity(fall) + (run.velocity[0] - scene.velocity))
 
 
-@_check.typed(Scene, Trajectory)
 def mass_centre_restitution(run: Trajectory) -> float:
     """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, at constant velocity and not
     thermal, with contacts that end, and no pendula."""
@@ -171,7 +161,6 @@ def mass_centre_restitution(run: Trajectory) -> float:
     return -after / before if before != 0.0 else math.nan
 
 
-@_check.typed(Scene, Trajectory)
 def static_overlaps(soft: Trajectory) -> Array:
     """Overlaps in m at which balls that rest on each other are in equilibrium, shape of the gaps; nan of all other
     pairs, under laws with memory (a dent), between two walls, at walls that are driven, of pendula and on a ring.
@@ -204,7 +193,6 @@ def static_overlaps(soft: Trajectory) -> Array:
     return still
 
 
-@_check.typed(Scene, Trajectory)
 def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float]:
     """Dimensionless groups of a scene whose balls meet at `speed` in m/s.
 
@@ -214,6 +202,7 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     harmonically Γ = A ω²/g and ω/ω₀ of its own contact, the larger ones if there are two.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
+    speed = _check.number("speed", speed, at_least=0.0)
     slope = resolved(laws, scene).column(lambda law: law.impact_stiffness(speed))
     omega = np.sqrt(slope / scene.pairs.m_eff)
     slower = np.full(scene.n_pairs, math.inf) if len(below) else omega
@@ -239,7 +228,6 @@ def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
             "shaking_omega": max((motion.omega / own for motion, own in shaken), default=math.nan)}
 
 
-@_check.typed(Scene, Trajectory)
 def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     """Poincaré section at a shaken wall: what is seen at each contact of its pair.
 
@@ -273,7 +261,6 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
             "after": log["v_out"][:, 1 - side]}
 
 
-@_check.typed(Scene, Trajectory)
 def temperature(run: Trajectory) -> Array:
     """Temperature T = Σ m (v - V)² / (N - 1) of the N balls at every row, shape (T,).
 
@@ -288,7 +275,6 @@ def temperature(run: Trajectory) -> Array:
     return np.asarray((own * own) @ m / (len(m) - 1 or math.nan))
 
 
-@_check.typed(Scene, Trajectory)
 def height(run: Trajectory) -> Array:
     """Height h = Σ m s / Σ m in m of the centre of mass of the balls as points, at every row, shape (T,).
 
@@ -300,7 +286,6 @@ def height(run: Trajectory) -> Array:
     return np.asarray(points(run)[:, balls] @ m / m.sum())
 
 
-@_check.typed(Scene, Trajectory)
 def balance(run: Trajectory) -> dict[str, float]:
     """The account of the energy from the first row of a run to its last, in J; see `Trajectory.account`.
 
@@ -320,3 +305,6 @@ def _distance(times: Array, others: Array) -> Array:
     at = np.searchsorted(others, times)
     left = np.abs(times - others[np.maximum(at - 1, 0)])
     return np.minimum(left, np.abs(others[np.minimum(at, len(others) - 1)] - times))
+
+
+_check.typed(globals(), Scene, Trajectory)

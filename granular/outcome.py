@@ -14,7 +14,7 @@ from zlib import crc32
 
 import numpy as np
 
-from granular._check import Array
+from granular._check import Array, typed
 from granular.isolation import Durations
 from granular.trajectory import Trajectory
 
@@ -26,7 +26,6 @@ FAINT = 1e-12
 """Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
 ROUNDING = 1e-13
 """Speeds below this share of the velocities that they are differences of are rounding."""
-TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -143,8 +142,7 @@ def energy_at_hand(run: Trajectory) -> Array:
 
 
 def energy_left(run: Trajectory) -> float:
-    """E/E0, the share of its energy that a run has left at its end, see `energy_at_hand`; nan without any at its start.
-    """
+    """E/E0, the share of its energy that a run has left at its end, see `energy_at_hand`; nan if it begins without."""
     energy = energy_at_hand(run)
     return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
 
@@ -202,9 +200,8 @@ class Components:
 def components(hard: Trajectory, soft: Trajectory) -> Components:
     """Find the components of two runs of one scene: neighbouring pairs that have contacts belong together."""
     scene, met = hard.scene, (counts(hard) + counts(soft)) > 0
-    begins = met.copy()
-    begins[1:] &= ~met[:-1]
-    of_pair = np.cumsum(begins) - 1
+    of_pair = np.cumsum(met) - 1
+    of_pair[1:] -= np.cumsum(met[1:] & met[:-1])
     count = int(of_pair[-1]) + 1
     if scene.ring and count > 1 and met[0] and met[-1]:  # they are one, around the ring
         count -= 1
@@ -345,7 +342,7 @@ def order(run: Trajectory) -> int:
     there, or at rest. Of events in one instant the lower pair is first.
     """
     log, scene, closing = run.contacts, run.scene, approach(run)
-    begins = np.sign(np.round(closing / max(float(np.abs(closing).max(initial=0.0)), TINY), 9))
+    begins = np.sign(np.round(closing / (float(np.abs(closing).max(initial=0.0)) or 1.0), 9))
     time, pair, kind = [log["t_begin"], log["t_end"]], [log["pair"]] * 2, [begins, np.full(len(log), 2.0)]
     for wall, motion in zip((0, scene.n_pairs - 1), scene.motions, strict=True):
         breaks = np.asarray(getattr(motion, "breaks", ()), float)
@@ -358,3 +355,6 @@ def order(run: Trajectory) -> int:
     groups = np.concatenate([(events[:, 1] - shift) % scene.n_pairs for shift in near])
     found = np.column_stack([groups, np.tile(events, (len(near), 1))])
     return crc32(found[np.lexsort((found[:, 2], found[:, 1], found[:, 0]))][:, [0, 2, 3]].tobytes()) >> 1
+
+
+typed(globals(), Trajectory, Components)

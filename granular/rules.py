@@ -16,8 +16,6 @@ from itertools import repeat
 from operator import is_
 from typing import Any
 
-import numpy as np
-
 from granular import _check
 from granular.scene import Pair, checked_pair
 
@@ -44,7 +42,7 @@ class ConstantRestitution:
 
     def __init__(self, restitution: float | Sequence[float]) -> None:
         name, fix = "restitution", "1 is elastic, 0 sticks"
-        if np.ndim(restitution) == 0:
+        if isinstance(restitution, float) or _check.is_one(restitution):
             value: Any = _check.number(name, restitution, at_least=0.0, at_most=1.0, fix=fix)
         else:
             values = _check.array(name, restitution)

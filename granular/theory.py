@@ -341,6 +341,6 @@ CONVENTIONS: dict[str, Callable[[float], float]] = {
 
 
 def _restitutions(restitution: float | Sequence[float], n: int) -> _check.Array:
-    eps = _check.array("restitution", np.full(n, restitution) if np.ndim(restitution) == 0 else restitution, (n,))
+    eps = _check.array("restitution", np.full(n, restitution) if _check.is_one(restitution) else restitution, (n,))
     _check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
     return eps

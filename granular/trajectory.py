@@ -99,7 +99,8 @@ class Trajectory(PublicWhenRead):
     def rows(self, pair: int) -> Any:
         """Numbers of the rows of the contact log that belong to `pair`."""
         order, edge = self.by_pair
-        return order[edge[pair] : edge[pair + 1]] if 0 <= pair < len(edge) - 1 else order[:0]
+        c = pair if type(pair) is int else whole("pair", pair)
+        return order[edge[c] : edge[c + 1]] if 0 <= c < len(edge) - 1 else order[:0]
 
     def of(self, pair: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
         """Rows of the contact log that belong to `pair`."""

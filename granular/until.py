@@ -23,6 +23,9 @@ class Contact:
     pair: int
     nth: int
 
+    def __post_init__(self) -> None:
+        _set(self, pair=_check.whole("pair", self.pair), nth=_check.whole("nth", self.nth, at_least=1))
+
 
 @dataclass(frozen=True, slots=True)
 class Separated:
@@ -36,6 +39,9 @@ class Force:
     pair: int
     above: float
 
+    def __post_init__(self) -> None:
+        _set(self, pair=_check.whole("pair", self.pair), above=_check.number("above", self.above, at_least=0.0))
+
 
 @dataclass(frozen=True, slots=True)
 class Speed:
@@ -43,6 +49,9 @@ class Speed:
 
     ball: int
     above: float
+
+    def __post_init__(self) -> None:
+        _set(self, ball=_check.whole("ball", self.ball), above=_check.number("above", self.above, at_least=0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +61,19 @@ class Position:
     ball: int
     above: float | None = None
     below: float | None = None
+
+    def __post_init__(self) -> None:
+        above, below = self.above, self.below
+        if (above is None) is (below is None):
+            raise TypeError(f"above is {above!r} and below is {below!r}: one of them is needed, a place in m.")
+        name, place = ("below", below) if above is None else ("above", above)
+        _set(self, ball=_check.whole("ball", self.ball), **{name: _check.number(name, place)})
+
+
+def _set(condition: Level | Contact, **checked: float) -> None:
+    """Set what a frozen condition was given, checked."""
+    for name, value in checked.items():
+        object.__setattr__(condition, name, value)
 
 
 Level = Force | Speed | Position
@@ -72,7 +94,7 @@ def contact(pair: int, nth: int = 1) -> Contact:
     nth : int
         Which onset, counted from 1.
     """
-    return Contact(_check.whole("pair", pair), _check.whole("nth", nth, at_least=1))
+    return Contact(pair, nth)
 
 
 def separated() -> Separated:
@@ -96,7 +118,7 @@ def force(pair: int, above: float) -> Force:
     above : float
         Level in N, not negative. It is met at once by a force that is larger at the start.
     """
-    return Force(_check.whole("pair", pair), _check.number("above", above, at_least=0.0))
+    return Force(pair, above)
 
 
 def speed(ball: int, above: float) -> Speed:
@@ -109,7 +131,7 @@ def speed(ball: int, above: float) -> Speed:
     above : float
         Level in m/s, not negative. It is met at once by a speed that is larger at the start.
     """
-    return Speed(_check.whole("ball", ball), _check.number("above", above, at_least=0.0))
+    return Speed(ball, above)
 
 
 def position(ball: int, above: float | None = None, *, below: float | None = None) -> Position:
@@ -123,10 +145,7 @@ def position(ball: int, above: float | None = None, *, below: float | None = Non
         Place x in m, one of the two; as in ``Trajectory.position``, on a ring not taken modulo its length. It is met
         at once by a ball that is beyond it at the start.
     """
-    if (above is None) is (below is None):
-        raise TypeError(f"above is {above!r} and below is {below!r}: one of them is needed, a place in m.")
-    where = [None if x is None else _check.number(name, x) for name, x in (("above", above), ("below", below))]
-    return Position(_check.whole("ball", ball), *where)
+    return Position(ball, above, below)
 
 
 def checked(until: Until | None, scene: Scene) -> Until | None:

@@ -207,8 +207,9 @@ def merged(scene, eps, below, most):
             common = sum(m * u for m, u in zip(mass[b : e + 1], v[b : e + 1], strict=True)) / sum(mass[b : e + 1])
             v[b : e + 1], stuck[b : e + 1] = [Fraction(0) if held else common] * (e + 1 - b), [held] * (e + 1 - b)
             continue
+        held_by = list(stuck)
         for i in (*range(c, -1, -1), *range(c + 1, last + 2)):  # what stood on what is hit stands no more
-            if mass[i] and stuck[i] and (i in (c, c + 1) or stuck_beside(stuck, gap, i, c)):
+            if mass[i] and stuck[i] and (i in (c, c + 1) or stuck_beside(held_by, gap, i, c)):
                 stuck[i] = False
         a, z = mass[c], mass[c + 1]
         share = Fraction(0) if a == 0 else Fraction(1) if z == 0 else z / (a + z)
@@ -218,8 +219,12 @@ def merged(scene, eps, below, most):
 
 
 def stuck_beside(stuck, gap, i, c):
-    """Whether ball `i` stands on others that lead, all touching, to the pair `c`, from above."""
-    return i > c + 1 and all(gap[k] == 0 for k in range(c + 1, i))
+    """Whether ball `i` stands on others that lead, all touching, to the pair `c`, on the side away from its wall."""
+    up, down = (all(stuck[k] and stuck[k + 1] and gap[k] == 0 for k in side)
+                for side in (range(c + 1, len(gap)), range(c)))
+    if i > c + 1:
+        return not up and all(gap[k] == 0 for k in range(c + 1, i))
+    return up and not down and i < c and all(gap[k] == 0 for k in range(i, c))
 
 
 @pytest.mark.parametrize("seed", range(20))

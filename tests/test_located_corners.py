@@ -288,7 +288,7 @@ def test_a_run_whose_numbers_ran_out_of_range_does_not_stand_forever(monkeypatch
     """As a wave so weak ahead that its speeds are denormal was seen to, with another machine's powers."""
     from granular.md.located.pace import MORE, Pace
 
-    def stands(pace, limit):
+    def stands(pace, limit, last):
         run = pace.run
         c = next(c for c, pair in enumerate(run.s.pairs) if pair.slot >= 0)
         member = run.s.pool[run.s.pairs[c].slot]

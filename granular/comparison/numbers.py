@@ -186,13 +186,14 @@ class Compared:
         from granular.comparison.further import roots
 
         _check.callback("observable", observable, "run")
+        fractions = np.linspace(0.0, 1.0, _check.whole("resolution", resolution, at_least=2, at_most=_check.MOST))
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel
 
         def miss(eps: float) -> float:
             return measure(edmd.simulate(self.scene, ConstantRestitution(eps), **self.hard_options)) - target
 
-        return roots(miss, np.linspace(0.0, 1.0, resolution)[1:], abs(target))
+        return roots(miss, fractions[1:], abs(target))
 
     def _last_separation(self, hard: Trajectory) -> float:
         """Separation speed in m/s of the last pair after its last contact that is not rounding."""

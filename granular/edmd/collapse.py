@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -153,6 +154,21 @@ def left(state: State, physics: Physics) -> Verdict | None:
         return None
     verdict = bound(state, physics)
     return verdict if verdict is not None and _is_alone(state, verdict) else None
+
+
+def slowing(run: Any, events: int) -> str:
+    """Return what shows that a run that was cut off was slowing down, if anything does."""
+    said = ""
+    if len(run.pace) == 2:
+        (begin, start), (tail, t) = run.pace
+        last, took = events - tail, run.time() - t
+        if last > 0 and took * (tail - begin) < 0.1 * last * (t - start):
+            said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
+                    "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
+        found = bound(run.state, run.physics)
+        if found is not None:
+            said += f"; unless hit from outside, no body of {found} will exceed {found.bound:.2g} m/s"
+    return said
 
 
 def _faint(state: State, physics: Physics) -> Verdict | None:

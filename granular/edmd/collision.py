@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from granular._kernels import FORCED, HUNG, RING, kernel, rare
 from granular._records import Record, Records
 from granular.edmd.clusters import (
@@ -27,6 +29,9 @@ SUSPICIOUS = 8
 """Streak that calls for a closer look."""
 FAINT = 2.0**-26
 """Rate, in units of the velocities it is the difference of, that calls for one at once: half its digits are gone."""
+CLOSE, FEW = 2.0**-20, 64
+"""Balls that merge: time from one collision of a pair to its next, in units of the time on the clock, below which the
+zero of the clock is moved on; and pairs at most for which it is, as all have to be carried along."""
 
 
 @kernel
@@ -73,7 +78,7 @@ def event(
         row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, now)
         row.impulse = exchanged
     pair.contacts += 1
-    pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
+    pair.streak = streak(run, pair.streak, lower, upper, now, pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
     if RING:
         across(bodies, c)
@@ -99,18 +104,22 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
 
 
 @kernel
-def streak(run: Record, count: int, lower: Record, upper: Record, interval: float, speed: float, e: float) -> int:
+def streak(
+    run: Record, count: int, lower: Record, upper: Record, now: float, last: float, speed: float, e: float
+) -> int:
     """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again.
 
-    A rebound that velocities of their size can hardly hold calls for a closer look at once.
+    A rebound that velocities of their size can hardly hold calls for a closer look at once. So does, where balls merge,
+    a collision so soon after the `last` that times can hardly tell them apart: what is next is decided there.
     """
     if run.slow < 0.0:
-        return 0
+        fine = FORCED or HUNG or run.merge_below == 0.0 or e == 0.0 or run.pairs > FEW or now - last >= CLOSE * now
+        return 0 if fine else SUSPICIOUS
     if 0.0 < e * speed < FAINT * max(abs(lower.fall_velocity), abs(upper.fall_velocity)):
         return SUSPICIOUS
     if speed < run.slow:
         return count + 3
-    return count + 1 if interval <= run.short else 0
+    return count + 1 if now - last <= run.short else 0
 
 
 @kernel
@@ -173,6 +182,12 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
         if FORCED and at_rest(bodies[top]) and pairs[top].wall >= 0:
             break
         top += 1
+    if not FORCED and bodies[top].mass == math.inf:  # they rest on the ceiling: it is those below that do upon them
+        top = c + 1
+        while low > 0 and at_rest(bodies[low]) and is_stuck(pairs[low - 1], bodies[low - 1], bodies[low]):
+            low -= 1
+        if bodies[low].mass == math.inf:
+            low = c
     first, last = max(low - 1, 0), min(top, len(pairs) - 1)
     for k in range(first, last + 1):
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)

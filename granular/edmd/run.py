@@ -152,12 +152,18 @@ class Run:
                     late = due  # it shows as a collision of that time
                     continue
                 if not (close and later) and (due > limit or due == math.inf):
+                    if self.events == state.clock.last_event and not last and self._is_spent(due):
+                        time, last = self.request.end, True
+                        continue
                     if self._meet_before(time):
                         continue
                     return self._reached(time, limit)
                 if state.clock.epoch + due > LATEST:
                     return Pause.work
                 state.shift_to(due, self.queue.use)
+                self.queue.rebuild()
+            elif why == SUSPECT and state.run["slow"] < 0.0:  # balls that merge, too close in time for the clock
+                state.shift_to(float(state.run["now"]), self.queue.use, whole=False)
                 self.queue.rebuild()
             elif why == SUSPECT:
                 self._closer.begin(state, self.queue)
@@ -181,6 +187,15 @@ class Run:
         if self.scene.driven and self.closing is not None and time < known:
             self.horizon = self.closing.look(min(time, self.request.end))
         return self.horizon < known
+
+    def _is_spent(self, due: float) -> bool:
+        """Return whether `max_events` ends the run before what is `due` (tau): no row is shown later. Beside driven
+        walls, and of what is looked at closely, it is not known."""
+        end, stop = min(self.request.end, self.horizon), self.state.run.stop_pair
+        if not due < math.inf or self.state.time(due) > end or self.scene.driven:
+            return False
+        stops = stop >= 0 and self.state.pairs[stop].contacts >= self.state.run.stop_contacts
+        return not (stops and self.queue.soonest(stop, stop) > due)
 
     def _reached(self, time: float, limit: float) -> Pause:
         """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""
@@ -323,25 +338,10 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
         if math.isfinite(run.horizon):
             said += f"; {walls}, and collisions become ever more frequent until then"
         elif s["slow"] >= 0.0 or (run.scene.driven and s["merge_below"] == 0.0):
-            said += _slowing(run, s["events"])
+            said += run._closer.slowing(run, s["events"])
     if s["lost"] > 0:
         rates = f"{s['lost']} relative velocit{'y' if s['lost'] == 1 else 'ies'}"
         said += f"; {rates} fell below rounding: collisions that depend on them are uncertain"
-    return said
-
-
-def _slowing(run: Run, events: int) -> str:
-    """Return what shows that a run that was cut off was slowing down, if anything does."""
-    said = ""
-    if len(run.pace) == 2:
-        (begin, start), (tail, t) = run.pace
-        last, took = events - tail, run.time() - t
-        if took * (tail - begin) < 0.1 * last * (t - start):
-            said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
-                    "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
-        bound = run._closer.bound(run.state, run.physics)
-        if bound is not None:
-            said += f"; unless hit from outside, no body of {bound} will exceed {bound.bound:.2g} m/s"
     return said
 
 

@@ -223,13 +223,13 @@ class State:
         """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
         return ((self.clock.epoch - self.clock.start) + self.clock.epoch_low) + tau
 
-    def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
-        """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
+    def shift_to(self, tau: float, compiler: Callable[[Any], Any], whole: bool = True) -> None:
+        """Move the epoch on by whole windows, so that `tau` comes to lie in the first one; or else to `tau` itself."""
         clock = self.clock
         if self.walls is not None:
             compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
             return
-        by = tau - math.fmod(tau, clock.window)
+        by = tau - math.fmod(tau, clock.window) * whole
         speed = compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
         total = clock.epoch + by
         back = total - clock.epoch

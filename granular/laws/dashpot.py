@@ -75,7 +75,8 @@ class LinearDashpot(_StiffAndDamped):
 
 def restitution(zeta: float) -> float:
     """ε = exp(-2 ζ f(ζ)) of the clipped dashpot for a damping ratio ζ ≥ 0."""
-    return math.exp(-2.0 * zeta * _half_duration(_check.number("zeta", zeta, at_least=0.0)))
+    damping = _check.number("zeta", zeta, at_least=0.0)
+    return math.exp(-2.0 * damping * _half_duration(damping))
 
 
 def restitution_pulling(zeta: float) -> float:

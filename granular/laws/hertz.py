@@ -13,8 +13,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from granular import _check
 from granular.laws.dashpot import _StiffAndDamped, damping_ratio
 from granular.scene import Pair, checked_pair
@@ -199,7 +197,7 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
 
 def _of_both(name: str, value: Each, **limits: float) -> list[float]:
     """What is said of both bodies of a pair, or of each."""
-    if np.ndim(value) == 0:
+    if _check.is_one(value):
         return [_check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
     both = _check.array(name, value, (2,), fix="one for both bodies, or (lower, upper)")
     return [_check.number(f"{name}[{i}]", one, **limits) for i, one in enumerate(both.tolist())]  # type: ignore[arg-type]

@@ -91,7 +91,8 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     """
     if isinstance(laws, SceneLaws):
         return laws
-    given, pairs = tuple(laws), scene.pairs
+    fits = isinstance(laws, tuple) and len(laws) == len(scene.gap)
+    given, pairs = tuple(laws) if fits else per_pair("laws", laws, scene.n_pairs), scene.pairs
     each = {id(law): law for law in given} if len(given) <= FEW else {0: None}
     floats = {number: _floats_of(law) for number, law in each.items()}
     if None in floats.values():

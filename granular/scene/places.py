@@ -63,7 +63,7 @@ def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
 def speed_scale(scene: Scene) -> float:
     """Largest speed in m/s at which a pair may first close: current differences, the fall through the gaps, and the
     largest speeds of driven walls."""
-    v = scene.velocity
+    v = scene.velocity if isinstance(scene, Scene) else checked(scene).velocity
     reach = float(scene.gap.clip(min=0.0).sum())
     fall = scene.gravity if scene.external_force is None else max(scene.gravity, float(np.abs(scene.pull).max()))
     speed = float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach)
@@ -76,7 +76,7 @@ def speed_scale(scene: Scene) -> float:
 
 def in_order(scene: Scene) -> Scene:
     """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
-    reach = sum(scene.sides(scene.radius))
+    reach = sum(checked(scene).sides(scene.radius))
     _check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
                  "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
     return scene

@@ -207,11 +207,13 @@ def real_balls(
     return above_floor(m, r, drop, [_check.number("gap", gap)] * (len(balls) - 1), 0.0, gravity)
 
 
+@np.errstate(over="ignore")
 def mass_of(radius: Array, density: float) -> Array:
     """Masses in kg of spheres of some radii in m and a density in kg/m³."""
     return 4.0 / 3.0 * math.pi * _check.number("density", density, above=0.0) * radius**3
 
 
+@np.errstate(over="ignore")
 def radius_of(mass: Array, density: float) -> Array:
     """Radii in m of spheres of some masses in kg and a density in kg/m³."""
     return np.asarray(np.cbrt(mass * 0.75 / (math.pi * _check.number("density", density, above=0.0))))
@@ -222,6 +224,7 @@ def count_of(n: int, at_least: int = 1) -> int:
     return _check.whole("n", n, at_least=at_least, at_most=_check.MOST)
 
 
+@np.errstate(over="ignore")
 def geometric(n: int, mass_ratio: float) -> Array:
     """Masses from 1 on, each a multiple of the one before."""
     count = count_of(n)
@@ -230,7 +233,7 @@ def geometric(n: int, mass_ratio: float) -> Array:
 
 def gaps_of(gap: float | Sequence[float], n_pairs: int, name: str = "gap") -> Array:
     """Gaps in m of so many pairs."""
-    if np.ndim(gap) == 0:
+    if _check.is_one(gap):
         return np.full(n_pairs, _check.number(name, gap))
     return _check.array(name, gap, (n_pairs,), fix="one gap for all, or one per pair from the bottom up")
 

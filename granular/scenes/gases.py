@@ -136,6 +136,7 @@ def heated_gas(
                  ceiling=Thermal(cold, seed))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _places(
     pattern: _check.Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
 ) -> tuple[np.random.Generator, _check.Array, _check.Array, _check.Array]:

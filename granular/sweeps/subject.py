@@ -222,7 +222,7 @@ def _of_file(path: Path) -> Subject:
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     """Return `holder` with the number at the end of `way` changed; a word asks every entry of a list for it."""
     if not way:
-        if isinstance(holder, np.ndarray) and np.ndim(value) == 0:
+        if isinstance(holder, np.ndarray) and _check.is_one(value):
             raise ValueError(f"{name} is one parameter for {len(holder)} entries: name one of them, such as {name}[0].")
         return value
     step, rest = way[0], way[1:]
@@ -235,7 +235,7 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         return [put(one, rest, value, name) if i == step else one for i, one in enumerate(holder)]
     if entries:
         return [put(one, way, value) for one in holder]
-    if (name, way) == ("scene", ("gap",)) and np.ndim(value) == 0:
+    if (name, way) == ("scene", ("gap",)) and _check.is_one(value):
         value = _of_balls(holder, value)
     if isinstance(holder, Mapping):
         return {**holder, step: put(holder.get(step, {}), rest, value, step)}

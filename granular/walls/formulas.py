@@ -83,7 +83,7 @@ class Sine(_OnPanels):
             φ in rad.
         """
         largest = _check.number("gamma", gamma, at_least=0.0) * _check.number("gravity", gravity, above=0.0)
-        omega = 2.0 * math.pi * _check.number("frequency", frequency, above=0.0)
+        omega = 2.0 * math.pi * _check.number("frequency", frequency, above=0.0, at_least=1e-150)
         return cls(largest / (omega * omega), frequency, phase)
 
     @property

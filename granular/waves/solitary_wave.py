@@ -125,7 +125,7 @@ def solitary(
     / `SolitaryWave.peak_velocity`)^(2/(p+1)).
     """
     count = _check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="a wave is five balls long")
-    r, rho = _check.number("radius", radius, above=0.0), _check.number("density", density, above=0.0)
+    r, rho = _check.number("radius", radius, above=0.0, at_most=1e100), _check.number("density", density, above=0.0)
     v, m = _check.number("speed", speed, above=0.0), 4.0 / 3.0 * math.pi * r**3 * rho
     place = _check.number("at", at, at_least=BACK, at_most=count - 1.0 - BACK, fix="the wave must lie within the row")
     row = Scene(np.full(count, m), np.full(count, r), np.zeros(count - 1), np.zeros(count))

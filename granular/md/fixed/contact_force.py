@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
+from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from typing import Any
@@ -25,11 +26,11 @@ from granular.md.fixed.window import DAMPED
 from granular.scene import Pairs
 
 WIDTH = 12
-LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])
+LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,)), ("failed", np.float64, (3,))])
 PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
 
 Called = namedtuple("Called", "function law pair")
-"""A compiled force, and records of laws and pairs that it takes."""
+"""A compiled force, and records of laws and pairs that it takes; where a law raised, the first ξ, ξ̇ and ξ_max of it."""
 
 
 @kernel
@@ -125,15 +126,26 @@ def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
 
 
 def _or_inf(force: Any) -> Any:
-    """Nothing can be raised through a C function: what a law refuses or cannot say is infinite, which ends the run."""
+    """Nothing can be raised through a C function: what a law refuses or cannot say is infinite, which ends the run;
+    `ask_again` raises it."""
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
         try:
             return force(law, xi, xi_dot, xi_max, pair)
         except Exception:
+            if law.failed[0] == 0.0:
+                law.failed[0], law.failed[1], law.failed[2] = xi, xi_dot, xi_max
             return math.inf
 
     return call
+
+
+def ask_again(laws: SceneLaws, compiled: Called) -> None:
+    """Ask laws interpreted what they could not say compiled: they raise their own errors."""
+    failed = compiled.law["failed"]
+    for c in np.flatnonzero(failed[:, 0]).tolist():
+        with suppress(OverflowError):  # infinite there, too
+            laws[c].force(*failed[c].tolist())
 
 
 def _one_of(kinds: tuple[tuple[type, bool], ...], number: int = 0) -> Any:

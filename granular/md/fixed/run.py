@@ -20,7 +20,7 @@ from granular._levels import first_met, shown
 from granular._records import packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.laws.kinds import SceneLaws
-from granular.md.fixed.contact_force import NotCompilableError
+from granular.md.fixed.contact_force import Called, NotCompilableError, ask_again
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
@@ -270,6 +270,8 @@ class Run:
             self.toll.lap()
         at = self.request.end if pause is Pause.reached else min(self.met, self.time())
         row = self._onset() if self.halted else self.row(at)
+        if isinstance(self.stepper.physics.laws, Called):
+            ask_again(self.stepper.laws, self.stepper.physics.laws)
         status, message, trust = self._judge(pause.value, row.time)
         stats = {
             "method": self.integrator.name,
@@ -295,6 +297,7 @@ class Run:
 
     # -- judgement ------------------------------------------------------------------------------------------------
 
+    @np.errstate(all="ignore")
     def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
         """Status, message and dt·λ of the contacts that took place; also a doubt if the step was too long."""
         scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
@@ -310,7 +313,7 @@ class Run:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
             grown = f" and the energy grew {fold}" * (gain > 0.5)
             known = 0.0 < trust < math.inf  # else the law jumps, or is flat, where it was last
-            shorter = f"take dt ≤ {WARN * dt / trust:.2g} s" if trust > WARN else "engine 'plain' tells if a law raises"
+            shorter = f"take dt ≤ {WARN * dt / trust:.2g} s" if trust > WARN else "a law's force jumps, or is no number"
             return Status.unstable, (
                 f"{limit}, the limit is {most:g}{grown}: {shorter}." if known else
                 f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."), trust
@@ -343,5 +346,4 @@ class Run:
         fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0)) if scene.pendulum == 0.0 else (
             0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2))
         supply = 0.5 * m @ v0**2 + sum(stored) + fallen
-        with np.errstate(all="ignore"):
-            return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0
+        return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0

@@ -30,6 +30,7 @@ from granular.md.located.records import (
     MORE,
     OPEN,
     QUIET,
+    REACHED,
     REST,
     STOPPED,
     WANTS_LOOK,
@@ -72,8 +73,11 @@ class Pace:
         self.begun = 0.0  # s of processor time at the end of the last portion, if there was one that did not do
         self.seen = -math.inf  # s, how far the run had come at the last look
 
-    def advanced(self, limit: float) -> int:
-        """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
+    def advanced(self, limit: float, last: bool) -> int:
+        """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`.
+
+        A run that its limits end before what is due next ends before a row (not the `last`) is shown later.
+        """
         run = self.run
         most = COMPILED if run.engine == "compiled" else PLAIN if run.collocation is None else OWN
         self.chunk = min(1 if run.request.singly else most, self.chunk)
@@ -88,6 +92,11 @@ class Pace:
             if begun > 0.0:
                 self.chunk = portion(self.chunk, self.begun - begun)
             return MORE
+        if why == REACHED and not last:
+            c, due, left = run.counters, run.s.queue[1]["due"], run.request.end - run.start
+            spent = due <= left and (c["contacts"] >= c["max_events"] or c["steps"] >= c["max_steps"])
+            if spent and not (c["separated"] and c["contacts"] > 0 and self.seldom(blocks.all_recede)(run.s)):
+                return WORK_LIMIT
         return why
 
     def look_at_all(self) -> None:

@@ -190,7 +190,7 @@ class Run:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
-        why, counters = self.pace.advanced(limit), self.counters
+        why, counters = self.pace.advanced(limit, last), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
         if self.closing is not None and self.now < math.inf:

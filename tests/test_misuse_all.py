@@ -1,0 +1,93 @@
+"""Public functions given what is none of theirs: a sentence that names the argument, no error of Python or numpy."""
+
+import inspect
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular import end_time, measures, outcome
+from granular.laws import dashpot
+
+FLAT = gr.Scene([1.0, 2.0, 1.0], [0.1] * 3, [0.1, 0.1], [1.0, 0.0, -1.0])
+LAW, RULE = gr.LinearDashpot(1e5, 10.0), gr.ConstantRestitution(0.7)
+HARD = gr.edmd.simulate(FLAT, RULE, t_end=1.0)
+SOFT = gr.md.simulate(FLAT, LAW, t_end=1.0, engine="plain")
+GOOD = {"hard": HARD, "soft": SOFT, "cut": SOFT, "run": HARD, "one": HARD, "other": SOFT, "trajectory": HARD,
+        "scene": FLAT, "twin": HARD, "weight": np.ones(2), "fastest": np.ones(2), "most": np.ones(2), "options": {},
+        "parts": outcome.components(HARD, SOFT), "laws": (LAW,) * 2, "speed": 1.0}
+ODD = (None, "x", [[1], [1, 2]], math.nan, -1, 0, object(), 10**400, np.float64(1.0), 1j, True)
+RAGGED = [[1.0], [1.0, 2.0]]
+
+
+def functions():
+    """Public functions that take a run, with the names of their arguments."""
+    for home in (outcome, end_time, measures):
+        for name, function in vars(home).items():
+            if inspect.isfunction(function) and function.__module__ == home.__name__ and not name.startswith("_"):
+                yield pytest.param(function, list(inspect.signature(function).parameters), id=f"{home.__name__}.{name}")
+
+
+@pytest.mark.parametrize(("function", "names"), list(functions()))
+def test_what_is_no_run_is_refused(function, names):
+    for name in {"hard", "soft", "cut", "run", "one", "other", "scene", "twin", "weight", "options"} & set(names):
+        for odd in ODD:
+            given = [odd if one == name else GOOD.get(one) for one in names]
+            with pytest.raises((TypeError, ValueError), match=rf"(?s)^{name} is .* is needed\.$"):
+                list(function(*given))
+
+
+MISUSE = {
+    "no scene": (lambda: gr.scene.in_order(None), "scene is None: a granular.Scene is needed"),
+    "no scene for speeds": (lambda: gr.scene.speed_scale("x"), "scene is 'x': a granular.Scene is needed"),
+    "zeta is None": (lambda: dashpot.restitution(None), "zeta is None: a single number is needed"),
+    "zeta is a list": (lambda: dashpot.restitution([1.0]), r"zeta is \[1.0\]: a single number is needed"),
+    "ragged samples": (
+        lambda: gr.edmd.simulate(FLAT, RULE, t_end=1.0, samples=RAGGED), r"samples is \[\[1.0\], \[1.0, 2.0\]\]: an"),
+    "ragged samples, soft": (lambda: gr.md.simulate(FLAT, LAW, t_end=1.0, samples=RAGGED), r"samples is \[\[1.0\], .*"),
+    "ragged gaps": (lambda: gr.scenes.column(3, gap=RAGGED), r"gap is \[\[1.0\], .*: an array of numbers is needed"),
+    "ragged gaps of pendula": (lambda: gr.scenes.pendulum_cradle(3, rest_gap=RAGGED), r"rest_gap is \[\[1.0\], .*"),
+    "ragged restitution": (lambda: gr.ConstantRestitution(RAGGED), r"restitution is \[\[1.0\], .*: an array of"),
+    "ragged restitution of theory": (
+        lambda: gr.theory.stack_velocities([1.0, 1.0], RAGGED), r"restitution is \[\[1.0\], .*: an array of numbers"),
+    "ragged speed": (
+        lambda: gr.binary.restitution(LAW, FLAT.pairs[0], RAGGED), r"speed is \[\[1.0\], .*: an array of numbers"),
+    "ragged modulus": (
+        lambda: gr.Hertz.from_material(RAGGED, 0.3, FLAT.pairs[0]), r"young is \[\[1.0\], .*: an array of numbers"),
+    "contact of a word": (lambda: gr.until.Contact("x", 1), "pair is 'x': a single number is needed"),
+    "contact number 0": (lambda: gr.until.Contact(0, 0), "nth is 0: a whole number of at least 1 is needed"),
+    "speed of a word": (lambda: gr.until.Speed(0, "x"), "above is 'x': a single number is needed"),
+    "force below zero": (lambda: gr.until.Force(0, -1.0), "above is -1.0: a finite number of at least 0 is needed"),
+    "no place": (lambda: gr.until.Position(0), "above is None and below is None: one of them is needed"),
+    "two places": (lambda: gr.until.Position(0, 1.0, 0.0), "above is 1.0 and below is 0.0: one of them is needed"),
+    "place is nan": (lambda: gr.until.Position(0, below=math.nan), "below is nan: a finite number"),
+    "rows of a word": (lambda: HARD.of("x"), "pair is 'x': a single number is needed"),
+    "count of half a pair": (lambda: HARD.count(0.5), "pair is 0.5: a whole number of at least 0 is needed"),
+    "no laws": (lambda: measures.durations(HARD, ()), r"length of laws is 0: 2 \(the number of pairs\) is needed"),
+    "laws of another scene": (lambda: measures.crowding(HARD, (LAW,) * 3), "length of laws is 3: 2 "),
+    "groups at a word": (lambda: measures.groups(FLAT, (LAW,) * 2, "x"), "speed is 'x': a single number is needed"),
+    "resolution of one": (
+        lambda: gr.compare(FLAT, LAW, t_end=1.0).effective_restitution(resolution=1),
+        "resolution is 1: a whole number of at least 2"),
+    "no frequency": (
+        lambda: gr.walls.Sine.from_acceleration(1.0, 1e-320), "frequency is 1e-320: a finite number above 0 and"),
+    "radius beyond all": (
+        lambda: gr.waves.solitary(20, law=gr.Hertz(1e9), radius=1e200), r"radius is 1e\+200: a finite number above 0"),
+    "masses beyond all": (lambda: gr.scenes.chain(5, mass_ratio=1e300), r"mass\[\d\] is inf: only the first and"),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("call", "sentence"), MISUSE.values(), ids=MISUSE)
+def test_misuse_is_one_sentence(call, sentence):
+    with pytest.raises((TypeError, ValueError), match="^" + sentence):
+        call()
+
+
+def test_one_law_stands_for_all_pairs_and_numpy_numbers_are_numbers():
+    assert (measures.durations(HARD, LAW) == measures.durations(HARD, (LAW, LAW))).all()
+    assert HARD.of(np.int64(1)).tobytes() == HARD.of(1).tobytes()
+    assert gr.until.Contact(np.int64(1), 2.0) == gr.until.contact(1, 2)
+    touching = gr.edmd.simulate(FLAT.replace(gap=[0.0, 0.0]), RULE)
+    assert next(end_time.others(touching, {}))["ties"] == "right"
