@@ -128,13 +128,12 @@ def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Ba
     """Solve a few cells and yield them; return the others and the seconds that a cell takes, in all and without its
     scene and law, which many cells may share."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
-    first = 0 if plan.at_once and in_memory(many.solve_rows) else 1  # the first loads and compiles what is needed
     begin = start = 0.0
-    for part in filter(len, (chosen[:first], chosen[first:])):
+    for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
         here, begin = [column[cells[part]] for column in columns], time.process_time()
         bundles, start = bundled(plan, here), time.process_time()
         yield cells[part], _finished(plan, here, ((one, one.solved()) for one in bundles))
-    count, now = max(1, len(chosen) - first), time.process_time()
+    count, now = max(1, len(chosen) - 1), time.process_time()
     each, alone = (max(now - since, 1e-5) / count for since in (begin, start))  # a clock may stand still for a tick
     return np.delete(cells, chosen), each, alone
 
