@@ -64,16 +64,18 @@ def batches(
     """
     # without machine code in memory first one by one, with the same bits: no wait for a compiler
     way = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
-    rest, each = yield from _pilot(way, columns, cells)
+    rest, each, alone = yield from _pilot(way, columns, cells)
     if way.at_once is not plan.at_once and worth(many.solve_rows, each * len(rest), LOADING, MAKING):
         way = plan
-        rest, each = yield from _pilot(way, columns, rest)
-    seconds = min(max(each * len(rest) / SHARE, SHORTEST), LONGEST, each * len(rest) / (2 * workers))
-    size = max(1, round(seconds / max(each, 1e-9)))
+        rest, each, alone = yield from _pilot(way, columns, rest)
+    threaded = executor is None and way.at_once and workers > 1 and alone * len(rest) > WORTH
+    size = max(1, round(min(max(each * len(rest) / SHARE, SHORTEST), LONGEST) / each))
+    if threaded or executor is not None:
+        size = min(size, math.ceil(len(rest) / (2 * workers)) or 1)
     parts = [rest[i : i + size] for i in range(0, len(rest), size)]
     if executor is not None:
         yield from _spread(way, columns, parts, executor)
-    elif way.at_once and workers > 1 and each * len(rest) > WORTH:
+    elif threaded:
         yield from _threaded(way, columns, parts, workers)
     else:
         for part in parts:
@@ -82,8 +84,7 @@ def batches(
 
 def solve(plan: Plan, columns: Sequence[Values]) -> Answers:
     """Solve the cells whose parameters are rows of `columns`: many at once where that is open, else one by one."""
-    bundles = bundled(plan, columns)
-    return _finished(plan, columns, zip(bundles, map(Bundle.solved, bundles), strict=True))
+    return _finished(plan, columns, ((one, one.solved()) for one in bundled(plan, columns)))
 
 
 def _finished(plan: Plan, columns: Sequence[Values], solved: Iterable[tuple[Bundle, many.Many]]) -> Answers:
@@ -123,15 +124,18 @@ def _follow(parent: Any) -> None:
     os._exit(1)
 
 
-def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
-    """Solve a few cells and yield them; return the others and the seconds that a cell takes."""
+def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float, float]]:
+    """Solve a few cells and yield them; return the others and the seconds that a cell takes, in all and without its
+    scene and law, which many cells may share."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
-    start = 0.0
+    begin = start = 0.0
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
-        start = time.process_time()
-        yield cells[part], solve(plan, [column[cells[part]] for column in columns])
-    spent = max(time.process_time() - start, 1e-5)  # such a clock may stand still for a tick
-    return np.delete(cells, chosen), spent / max(1, len(chosen) - 1)
+        here, begin = [column[cells[part]] for column in columns], time.process_time()
+        bundles, start = bundled(plan, here), time.process_time()
+        yield cells[part], _finished(plan, here, ((one, one.solved()) for one in bundles))
+    count, now = max(1, len(chosen) - 1), time.process_time()
+    each, alone = (max(now - since, 1e-5) / count for since in (begin, start))  # a clock may stand still for a tick
+    return np.delete(cells, chosen), each, alone
 
 
 def _spread(plan: Plan, columns: Sequence[Values], parts: list[Values], executor: Executor) -> Iterator[Batch]:
