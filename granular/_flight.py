@@ -55,8 +55,11 @@ def hung(gap: float, rate: float, omega: float, d: float) -> float:
     """Return the time until a non-negative `gap` between pendula closes, inf if it never does.
 
     With u = rate/Ω, a = 2d - gap and τ = tan(Ωt/2) it closes where aτ² + 2uτ + gap = 0: by the root in which no digits
-    cancel, as those of atan2 and acos would where the gap is small.
+    cancel, as those of atan2 and acos would where the gap is small. Balls that touch at rest, d = 0, turn by Ωt.
     """
+    if d == 0.0 and rate != 0.0:
+        turn = math.atan(omega * gap / -rate)
+        return (math.pi + turn if rate > 0.0 else turn) * (1.0 / omega)
     u, a = rate / omega, 2.0 * d - gap
     square = u * u - a * gap
     if not square > 0.0:

@@ -124,6 +124,20 @@ def test_between_walls_the_gaps_of_pendula_keep_their_sum():
     assert np.abs(result.energy() / result.energy()[0] - 1.0).max() < 1e-12
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_run_of_pendula_without_a_log_goes_on_with_one(seed):
+    """Nothing follows the velocities of single balls meanwhile; they are those of a run that was logged all along."""
+    scene = hanging(seed)
+    logged, silent = (run(scene, 0.98, max_events=200, t_start=1.3, log=log) for log in (True, False))
+    assert (logged.gap == silent.gap).all()
+    assert (logged.velocity == silent.velocity).all()
+    a, b = (gr.edmd.resume(one, max_events=100, engine="sorted").contacts for one in (logged, silent))
+    assert (a["t_begin"] == b["t_begin"]).all()
+    scale = max(np.abs(scene.velocity).max(), scene.pendulum * np.abs(scene.displacement).max())
+    for name in ("v_in", "v_out"):
+        assert np.abs(a[name] - b[name]).max() < 1e-13 * scale
+
+
 @pytest.mark.parametrize("ties", ["newton", "poisson", "reflect"])
 def test_touching_pendula_collide_as_a_row_on_a_line_does(ties):
     for eps in (1.0, 0.6):

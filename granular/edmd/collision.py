@@ -70,7 +70,7 @@ def event(
                 last = c + 1
                 run.clamps += carry(pairs[last], upper, bodies[last + 1], now, walls)
         if HUNG:
-            swing_off(pairs, bodies, c, now, w, e)
+            swing_off(pairs, bodies, c, now, w, e, row)
         else:
             collide(pair, lower, upper, now, w, e)
         exchanged = book(lower, upper, w, e, walls) if FORCED else impulse(lower, upper, (1.0 + e) * w)

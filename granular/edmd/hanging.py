@@ -5,7 +5,8 @@ Gap and rate of a pair at its time are the state, as in a closer look at free ba
 ``gap'' = Ω² (rest - gap)``, so rates have all their digits however fast all swing together, and no collapse has to be
 judged. One that would be infinite is followed until its squares are no numbers (1e-154 m/s), and what touches then goes
 on without a rate, together where the pendula touch at rest. Bodies know only how they swing, for the rows of the log:
-their velocity is ``u cos Ωt - sway sin Ωt``, and u and sway change at impacts only.
+their velocity is ``u cos Ωt - sway sin Ωt``, and u and sway change at impacts only. Without a log they do not, for
+nobody asks: at the end they are set from the rates.
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ from granular._kernels import kernel, rare
 from granular._records import Record, Records, column
 from granular.edmd.motion import carry, total
 from granular.edmd.records import Walls
+from granular.scene import positions
 
 
 @kernel
-def swing_off(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float) -> None:
-    """Let pair `c` collide at time `now` with rate `w`, and part with -ε·w."""
+def swing_off(
+    pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, row: Record | None
+) -> None:
+    """Let pair `c` collide at time `now` with rate `w`, and part with -ε·w; its bodies if that is logged."""
     pair = pairs[c]
     up = pair.low * ((1.0 + e) * w)  # the larger change is what the smaller leaves, or energy would drift
     down = pair.high * ((1.0 + e) * w)
@@ -38,9 +42,10 @@ def swing_off(pairs: Records, bodies: Records, c: int, now: float, w: float, e: 
     if c + 1 < len(pairs):
         pairs[c + 1].rate += down
     pair.gap, pair.at, pair.rate = 0.0, now, -e * w
-    cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)
-    kick(bodies[c], up, cosine, sine)
-    kick(bodies[c + 1], -down, cosine, sine)
+    if row is not None:
+        cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)
+        kick(bodies[c], up, cosine, sine)
+        kick(bodies[c + 1], -down, cosine, sine)
 
 
 @kernel
@@ -105,6 +110,15 @@ def row(pairs: Any, tau: float) -> tuple[Array, Array]:
     share = 1.0 / (1.0 + t * t)
     now: Array = (gap + t * (2.0 * rate / omega + (2.0 * rest - gap) * t)) * share
     return (rate * (1.0 - t * t) + 2.0 * omega * (rest - gap) * t) * share, now.clip(0.0)
+
+
+def settle(s: Any, scene: Any, row: Any) -> None:
+    """Let bodies swing as their row says, the row of now."""
+    at = positions(scene, row.gap[None], np.array([row.elapsed]))[0]
+    turn, off = scene.pendulum * s.run.now, np.where(scene.is_wall, 0.0, scene.pendulum * (at - scene.at_rest))
+    cosine, sine = math.cos(turn), math.sin(turn)
+    for body, v, y in zip(s.bodies, row.velocity.tolist(), off.tolist(), strict=True):
+        body["fall_velocity"], body["sway"] = v * cosine + y * sine, y * cosine - v * sine
 
 
 def strike(s: Any, first: int, rates: list[float], changes: list[float]) -> None:

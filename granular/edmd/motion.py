@@ -245,7 +245,10 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
         centre(bodies)
     speed = 0.0
     for c in range(len(pairs)):
-        speed = max(speed, abs(bodies[c + 1].fall_velocity - bodies[c].fall_velocity))
+        if HUNG:
+            speed = max(speed, abs(pairs[c].rate))
+        else:
+            speed = max(speed, abs(bodies[c + 1].fall_velocity - bodies[c].fall_velocity))
     return speed
 
 

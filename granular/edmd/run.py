@@ -13,7 +13,7 @@ from granular._contact_log import Rows
 from granular._kernels import fitted, worth
 from granular._records import FEW, column, packed
 from granular.drive import End, Pause, Request, Row, portion
-from granular.edmd import wall_state
+from granular.edmd import hanging, wall_state
 from granular.edmd.motion import LATEST
 from granular.edmd.physics import GROUP, ORDER, Physics
 from granular.edmd.records import APART, BUDGET, EACH, LATER, NEVER, ROW, SUSPECT, UNTIL
@@ -293,6 +293,8 @@ class Run:
         wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
         message, stats = sentence(self, status, numbers, now), counters(self, numbers)
+        if self.state.hung and not self.keeps_rows:
+            hanging.settle(self.state, self.scene, self.row(now))
         more = self.physics.options
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
@@ -346,8 +348,7 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
 
 
 def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
-    """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
-    collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
+    """Return the counters of a run: collisions, clamped gaps, re-basings, closer looks, lost rates; and its verdict."""
     verdict = run.verdict
     names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
     names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
