@@ -98,7 +98,7 @@ def in_order(log: Rows) -> Rows:
         return log
     onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
     if len(log) <= FEW:
-        return raw(log)[np.lexsort((pair, onset))].view(CONTACT)
+        return log.take(np.lexsort((pair, onset)))
     if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
         order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
         tied = (np.diff(onset[order]) == 0.0).any()

@@ -289,7 +289,8 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     time, elapsed, gap, velocity, rate, force, ledger = columns
     columns.clear()
     status, message = end.status, end.message
-    with np.errstate(invalid="ignore", over="ignore"):  # beyond all numbers: that is a status
+    beyond = end.status is Status.unstable  # beyond all numbers, perhaps
+    with np.errstate(invalid="ignore", over="ignore") if beyond else nullcontext():
         if velocity is None:
             velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
         position = positions(run.scene, gap, elapsed, run.start)

@@ -316,7 +316,7 @@ class Run:
         untouched, crept = (None, 0.0) if apart else self.gather(end)
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
-        running, r = self.rest_of_log(end) if self.request.log else None, plain(self.s.run)[0]
+        running, r = self.rest_of_log(end) if self.request.log and not apart else None, plain(self.s.run)[0]
         stats, message = stats_of(self, r, crept), message_of(self, pause.value, r, self.start + end)
         before, self.s, self.pace.run = self.s, None, None  # makes room for the log
         before = untouched.put_back() if untouched else before
