@@ -55,8 +55,7 @@ class Verdict:
     bound: float
 
     def __str__(self) -> str:
-        one = self.first == self.last
-        return f"pair {self.first}" if one else f"pairs {self.first} to {self.last}"
+        return f"pair {self.first}" if self.first == self.last else f"pairs {self.first} to {self.last}"
 
 
 def begin(state: State, queue: SortedQueue) -> None:

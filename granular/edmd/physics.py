@@ -166,8 +166,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
         return max(speed, fall), fall, SHARE * room, scene.pendulum / TURN * max(speed, fall)
     length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), felt_gravity(scene)
     if scene.external_force is not None:
-        still = np.where(scene.is_wall, 0.0, strength)
-        strength = float(np.abs(scene.lift - still).max())
+        strength = float(np.abs(scene.lift - np.where(scene.is_wall, 0.0, strength)).max())
     fall = math.sqrt(2.0 * strength * length)
     for path in map(walls.path_of, filter(None, scene.motions)) if scene.driven else ():
         fall = fall if path is None else max(fall, path.speed)

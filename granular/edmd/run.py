@@ -128,7 +128,7 @@ class Run:
         state, seen, late = self.state, self.events, -math.inf
         while last or time > self.request.start:
             if self.scene.driven and self.closing is not None:
-                self.horizon = self.closing.look(min(time, float(state.time(state.clock.window))))
+                self._meet_before(min(time, float(state.time(state.clock.window))))
             limit, before, late = max(state.tau(min(time, self.horizon)), late), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
@@ -154,17 +154,14 @@ class Run:
                 if not (close and later) and (due > limit or due == math.inf):
                     if self.events == state.clock.last_event and not last and self._is_spent(due):
                         time, last = self.request.end, True
-                        continue
-                    if self._meet_before(time):
-                        continue
-                    return self._reached(time, limit)
+                    elif not self._meet_before(time):
+                        return self._reached(time, limit)
+                    continue
                 if state.clock.epoch + due > LATEST:
                     return Pause.work
-                state.shift_to(due, self.queue.use)
-                self.queue.rebuild()
+                self.queue.shift_to(due)
             elif why == SUSPECT and state.run["slow"] < 0.0:  # balls that merge, too close in time for the clock
-                state.shift_to(float(state.run["now"]), self.queue.use, whole=False)
-                self.queue.rebuild()
+                self.queue.shift_to(float(state.run["now"]), whole=False)
             elif why == SUSPECT:
                 self._closer.begin(state, self.queue)
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
@@ -184,7 +181,7 @@ class Run:
     def _meet_before(self, time: float) -> bool:
         """Return whether driven walls are now found to meet before `time`, as they were not yet."""
         known = self.horizon
-        if self.scene.driven and self.closing is not None and time < known:
+        if self.closing is not None:
             self.horizon = self.closing.look(min(time, self.request.end))
         return self.horizon < known
 
