@@ -229,7 +229,9 @@ class Compared:
     def tie_errors(self) -> dict[str, _check.Array]:
         """How far balls leave, and come to rest, in units of their component, under each other tie rule; empty without
         ties."""
-        return {name: self._apart_by_ties(run) for name, run in self._other_answers.items()}
+        return {name: self.components.largest(
+                    outcome.stuck_apart(run, self._shifted[1], self.components.weight(self.levelled[1])),
+                    differences(run, self._shifted[1])[0]) / self.units for name, run in self._other_answers.items()}
 
     @cached_property
     def shift_errors(self) -> _check.Array:
@@ -315,12 +317,6 @@ class Compared:
                 return edmd.simulate(run.scene, self.rule, **merging)
         return run
 
-    def _apart_by_ties(self, one: Trajectory) -> _check.Array:
-        """Largest difference of a run under another tie rule, in units of each component."""
-        hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
-        stuck = outcome.stuck_apart(one, hard, weight)
-        return self.components.largest(stuck, differences(one, hard)[0]) / self.units
-
     def _distance(self, apart: _check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
         mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
@@ -330,8 +326,8 @@ class Compared:
 
 def fall_together(scene: Scene) -> bool:
     """Whether balls fall on a floor, or meet it, all at one speed, without driven walls or other forces."""
-    walls = scene.is_wall.tolist() == [True] + [False] * (scene.n - 1)
-    return walls and bool((scene.velocity[1:] == scene.velocity[1]).all()) and not scene._flags
+    return scene.is_wall.tolist() == [True] + [False] * (scene.n - 1) and (
+        bool((scene.velocity[1:] == scene.velocity[1]).all()) and not scene._flags)
 
 
 def is_drop(scene: Scene) -> bool:

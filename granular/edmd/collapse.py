@@ -287,8 +287,7 @@ def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity
     pressing = -np.cumsum(weight)[:-1] if ball[0] and not ball[-1] else np.cumsum(weight[::-1])[::-1][1:]
     if (pressing < 0.0).any():
         return math.inf
-    energy = 0.5 * mass @ velocity**2 + pressing @ gap
-    return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
+    return math.sqrt(2.0 * float(0.5 * mass @ velocity**2 + pressing @ gap) / float(mass[ball].min()))
 
 
 def alternates(pairs: Records, rate_a: float, rate_b: float, lower_collided: bool) -> bool:

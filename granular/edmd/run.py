@@ -325,9 +325,7 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
         said = f"{walls} and leave no way out: stopped at {when}, when no space was left"
     elif status is not Status.max_events:
         known = status is Status.time and not run.scene.driven and run.state.near is None
-        over = known and run.queue.soonest() == math.inf
-        end = "; no collision can follow" if over else ""
-        said = f"{status.value}: {when}{end}"
+        said = f"{status.value}: {when}" + "; no collision can follow" * (known and run.queue.soonest() == math.inf)
     elif LATEST < run.state.time(run.queue.soonest()) < math.inf:
         said = f"{status.value}: {when}; the next one is later than {LATEST:.2g} s, where runs end"
     else:
@@ -346,8 +344,8 @@ def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
     """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
     collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
     verdict = run.verdict
-    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
-    names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
+    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost",
+             *["merge_below", "merged"] * (numbers["merge_below"] > 0.0)]
     counts: dict[str, Any] = {"engine": run.queue.name} | dict(zip(names, map(numbers.__getitem__, names), strict=True))
     if run.scene.heated:
         given, low = (column(run.state.walls.sides, name) for name in ("given", "given_low"))

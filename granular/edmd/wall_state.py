@@ -45,8 +45,8 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
         if heat is not None:
             side["temperature"], side["seed"] = heat.temperature, heat.seed
     sides["begin"] = t_start
-    panels = [rows for _, _, rows in driven] or [np.zeros(1, PANEL)]  # kernels want one to know their kind
-    return sides, np.concatenate(panels)
+    # kernels want a panel to know their kind
+    return sides, np.concatenate([rows for _, _, rows in driven] or [np.zeros(1, PANEL)])
 
 
 def begin(state: Any, scene: Scene) -> None:
