@@ -129,8 +129,8 @@ def _worded(value: Any) -> Any:
     if kind not in "iufUSO" or among_numbers(value):
         raise TypeError
     if kind in "USO":
-        entries = np.asarray(value, dtype=object).flat
-        if any(isinstance(x, (str, bytes, bool, np.bool_, type(None))) and x != "inf" for x in entries):
+        if any(isinstance(x, (str, bytes, bool, np.bool_, type(None))) and x != "inf"
+               for x in np.asarray(value, dtype=object).flat):
             raise TypeError
         return value
     return given

@@ -215,8 +215,7 @@ def _is_alone(state: State, verdict: Verdict) -> bool:
     columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "closing_acceleration")
     wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
     first, last = ((k - state.run.first) % len(state.pairs) for k in (verdict.first, verdict.last))
-    end = last + 1
-    return min(wait[:first] + wait[end:], default=math.inf) > ALONE * min(wait[first:end])
+    return min(wait[:first] + wait[last + 1 :], default=math.inf) > ALONE * min(wait[first : last + 1])
 
 
 def judged(state: State, physics: Physics, share: float = SLOW, collided: int | None = None) -> Verdict | None:

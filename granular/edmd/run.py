@@ -139,8 +139,7 @@ class Run:
             why = self._advance(limit) if acts or state.near is not None or (last and self.moves_on) else LATER
             if self.request.singly and self.events > seen and why == LATER:
                 return Pause.full
-            if self.moves_on:
-                limit = state.tau(time)
+            limit = state.tau(time) if self.moves_on else limit
             if self.verdict is not None:
                 return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
             if why == UNTIL:

@@ -49,10 +49,6 @@ SHORTER = -10
 
 FIRST_ALLOWANCE = 20_000
 """Collisions of a closer look without a decision, before it is taken to be in vain for the first time."""
-NO_SUSPECT = -1
-"""For the number of the pair that collided last, before any has."""
-NOTHING_SLOW = -1.0
-"""For the speed in m/s below which a collision looks like part of a collapse, where none is possible."""
 SHORT_BITS, SLOW_BITS = -30, -16
 """Octaves by which a time that looks like part of a collapse is shorter than the window at the start, and by which a
 speed that does is below the scale of speeds."""
@@ -96,8 +92,8 @@ class State:
         run = _begun(
             RUN, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
             merge_below=merge_below, order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
-            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=NO_SUSPECT,
-            allowance=FIRST_ALLOWANCE, slow=NOTHING_SLOW if no_collapse else math.ldexp(speed, SLOW_BITS),
+            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # no pair has collided
+            allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # nothing is slow
         )
         clock = _begun(CLOCK, start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length,
                        window=window, speed=speed, fall=fall)

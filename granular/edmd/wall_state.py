@@ -139,8 +139,7 @@ def advance_epoch(
     """Move the zero of times on for the event at `now`, beyond the window, if it is due before the goal of the clock;
     date the `done` rows of the log first. Return whether it was moved."""
     clock = walls.clock
-    goal = (clock.goal - clock.epoch) - clock.epoch_low  # since the epoch
-    if not now <= goal or now == math.inf:
+    if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:
         return False
     date_rows(clock, rows, done)
     shift(run, pairs, bodies, now, walls)
