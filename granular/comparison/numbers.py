@@ -229,9 +229,7 @@ class Compared:
     def tie_errors(self) -> dict[str, _check.Array]:
         """How far balls leave, and come to rest, in units of their component, under each other tie rule; empty without
         ties."""
-        return {name: self.components.largest(
-                    outcome.stuck_apart(run, self._shifted[1], self.components.weight(self.levelled[1])),
-                    differences(run, self._shifted[1])[0]) / self.units for name, run in self._other_answers.items()}
+        return {name: self._apart_by_ties(run) for name, run in self._other_answers.items()}
 
     @cached_property
     def shift_errors(self) -> _check.Array:
@@ -316,6 +314,12 @@ class Compared:
             with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
                 return edmd.simulate(run.scene, self.rule, **merging)
         return run
+
+    def _apart_by_ties(self, one: Trajectory) -> _check.Array:
+        """Largest difference of a run under another tie rule, in units of each component."""
+        hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
+        stuck = outcome.stuck_apart(one, hard, weight)
+        return self.components.largest(stuck, differences(one, hard)[0]) / self.units
 
     def _distance(self, apart: _check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""

@@ -256,7 +256,8 @@ class Run:
             motion.mode[c] = RESIDUAL
             return bool(motion.now(c, "bracket") > 0) and self.act(c, "begin")
         motion.mode[c] = DORMANT if xi == 0 and motion.now(c, "rate") == 0 else OPEN
-        return c in motion.heat and motion.mode[c] == DORMANT and motion.pull[c] > 0 and self.hit(c)
+        pressed = c in motion.heat and motion.mode[c] == DORMANT and motion.pull[c] > 0
+        return pressed and self.hit(c)
 
     def step(self) -> str:
         """Go on to the next event, or as far as one step goes; return why that is the end, or nothing."""
