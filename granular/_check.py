@@ -129,8 +129,8 @@ def _worded(value: Any) -> Any:
     if kind not in "iufUSO" or among_numbers(value):
         raise TypeError
     if kind in "USO":
-        entries = np.asarray(value, dtype=object).flat
-        if any(isinstance(x, (str, bytes, bool, np.bool_, type(None))) and x != "inf" for x in entries):
+        if any(isinstance(x, (str, bytes, bool, np.bool_, type(None))) and x != "inf"
+               for x in np.asarray(value, dtype=object).flat):
             raise TypeError
         return value
     return given
@@ -199,25 +199,25 @@ def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tu
 def typed(module: dict[str, Any], *kinds: type) -> None:
     """Let all public functions of a module refuse arguments that are annotated by one of these kinds, as an `Array` or
     a `Mapping`, and are none."""
-    by_name: dict[str, Any] = {kind.__name__: kind for kind in kinds} | {"Array": np.ndarray, "Mapping": Mapping}
+    needed: dict[str, Any] = {kind.__name__: (kind, f"a granular.{kind.__name__}") for kind in kinds} | {
+        "Array": (np.ndarray, "an array"), "Mapping": (Mapping, "a mapping")}
     for name, function in list(module.items()):
-        if not name.startswith("_") and getattr(function, "__module__", "") == module["__name__"]:
-            module[name] = _typed(function, by_name) if isinstance(function, FunctionType) else function
+        if isinstance(function, FunctionType) and function.__module__ == module["__name__"] and name[0] != "_":
+            module[name] = _typed(function, needed)
 
 
-def _typed(function: Function, by_name: Mapping[str, type]) -> Function:
-    """Return a function that checks its arguments of these kinds, or itself if it has none."""
-    words = {name: word.partition("[")[0] for name, word in function.__annotations__.items()}
+def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Function:
+    """Return a function that checks its arguments annotated by these words, or itself if it has none."""
     names = function.__code__.co_varnames
-    places = [(names.index(name), name, by_name[word]) for name, word in words.items()
-              if name != "return" and word in by_name]
+    places = [(names.index(name), name, *needed[word.partition("[")[0]])
+              for name, word in function.__annotations__.items()
+              if name != "return" and word.partition("[")[0] in needed]
 
     @wraps(function)
     def checked(*values: Any, **named: Any) -> Any:
-        for i, name, kind in places:
+        for i, name, kind, need in places:
             if not isinstance(values[i] if i < len(values) else named.get(name), kind) and (
                     i < len(values) or name in named):
-                need = {"Array": "an array", "Mapping": "a mapping"}.get(words[name], f"a granular.{words[name]}")
                 of_kind(name, values[i] if i < len(values) else named[name], kind, need)
         return function(*values, **named)
 

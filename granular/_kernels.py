@@ -139,8 +139,7 @@ def _is_installed(module: str) -> bool:
 
 def load_numba() -> Any:
     """Return the module numba, or raise `ImportError` that says what is missing."""
-    why = no_compiler()
-    if why:
+    if why := no_compiler():
         raise ImportError(f"engine is 'compiled': {why}.")
     import granular._reference  # noqa: F401  imports numba, and tells it of what is held
 
@@ -163,8 +162,7 @@ def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
     if not have_numba():
         return False
     try:
-        index = _twin(function, inline, False)._cache._cache_file  # type: ignore[attr-defined]
-        return bool(index._load_index())
+        return bool(_twin(function, inline, False)._cache._cache_file._load_index())  # type: ignore[attr-defined]
     except (AttributeError, OSError):  # another numba, or no place to keep a cache
         return False
 

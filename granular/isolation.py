@@ -94,8 +94,8 @@ class Durations:
             from granular.laws import viscoelastic_restitution
 
             self.damped = Curve(viscoelastic_restitution.duration, SMOOTH)
-        others = np.flatnonzero(np.isnan(self.unit)).tolist()
-        self.curves = {k: Curve(partial(_duration, each[k]), COSTLY) for k in others}
+        self.curves = {k: Curve(partial(_duration, each[k]), COSTLY)
+                       for k in np.flatnonzero(np.isnan(self.unit)).tolist()}
         self.slowest = max(SLOWEST * speed_scale(scene), 1e-75)
 
     def __call__(self, pair: Ints, speed: Array) -> Array:

@@ -92,8 +92,7 @@ def leaving(run: Trajectory) -> tuple[Array, Array]:
     """
     u, log = run.scene.velocity.copy(), run.contacts
     at = np.full(len(u), float(run.time[0]))
-    rank = np.where(np.isnan(log["t_end"]), math.inf, log["t_end"])
-    order = np.argsort(rank, kind="stable")
+    order = np.argsort(log["t_end"], kind="stable")  # nan is last
     met = np.column_stack(run.scene.bodies(log["pair"][order])).ravel()
     u[met], at[met] = log["v_out"][order].ravel(), np.repeat(log["t_end"][order], 2)  # the last assignment stays
     return u, at

@@ -206,5 +206,5 @@ def constants(rules: Sequence[Rule], pairs: Sized) -> list[float] | None:
         return [e] * len(pairs) if isinstance(e, float) else list(e)
     if not all(isinstance(rule, ConstantRestitution) for rule in others):
         return None
-    given = [rule.restitution for rule in rules]  # type: ignore[attr-defined]
-    return [e if isinstance(e, float) else e[c] for c, e in enumerate(given)]
+    return [e if isinstance(e, float) else e[c]
+            for c, e in enumerate(rule.restitution for rule in rules)]  # type: ignore[attr-defined]

@@ -157,8 +157,7 @@ class Trajectory(PublicWhenRead):
         if self.law is not None:
             laws = resolved(self.law, self.scene)
             for c in np.flatnonzero(~(self.gap >= 0.0).all(axis=0)).tolist():
-                law = laws[c]
-                energy += [law.energy(-gap) for gap in self.gap[:, c].tolist()]
+                energy += list(map(laws[c].energy, (-self.gap[:, c]).tolist()))
         return energy
 
     def account(self) -> dict[str, Array]:

@@ -4,8 +4,10 @@ May be skipped: small records.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from granular import _check
 
@@ -16,15 +18,22 @@ __all__ = ["Contact", "Force", "Position", "Separated", "Speed", "contact", "for
 __dir__ = __all__.copy
 
 
+class _Checked:
+    """A condition whose numbers are checked, and plain."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for name, check in CHECKS[type(self).__name__].items():
+            object.__setattr__(self, name, check(name, getattr(self, name)))
+
+
 @dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(_Checked):
     """Stop just before the `nth` contact of `pair` begins; see `contact`."""
 
     pair: int
     nth: int
-
-    def __post_init__(self) -> None:
-        _set(self, pair=_check.whole("pair", self.pair), nth=_check.whole("nth", self.nth, at_least=1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,29 +42,23 @@ class Separated:
 
 
 @dataclass(frozen=True, slots=True)
-class Force:
+class Force(_Checked):
     """Stop when the contact force of `pair` exceeds `above` in N; see `force`."""
 
     pair: int
     above: float
 
-    def __post_init__(self) -> None:
-        _set(self, pair=_check.whole("pair", self.pair), above=_check.number("above", self.above, at_least=0.0))
-
 
 @dataclass(frozen=True, slots=True)
-class Speed:
+class Speed(_Checked):
     """Stop when the speed of `ball` exceeds `above` in m/s; see `speed`."""
 
     ball: int
     above: float
 
-    def __post_init__(self) -> None:
-        _set(self, ball=_check.whole("ball", self.ball), above=_check.number("above", self.above, at_least=0.0))
-
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class Position(_Checked):
     """Stop when the position of `ball` is above or below a place in m; see `position`."""
 
     ball: int
@@ -63,22 +66,23 @@ class Position:
     below: float | None = None
 
     def __post_init__(self) -> None:
-        above, below = self.above, self.below
-        if (above is None) is (below is None):
-            raise TypeError(f"above is {above!r} and below is {below!r}: one of them is needed, a place in m.")
-        name, place = ("below", below) if above is None else ("above", above)
-        _set(self, ball=_check.whole("ball", self.ball), **{name: _check.number(name, place)})
-
-
-def _set(condition: Level | Contact, **checked: float) -> None:
-    """Set what a frozen condition was given, checked."""
-    for name, value in checked.items():
-        object.__setattr__(condition, name, value)
+        if (self.above is None) is (self.below is None):
+            raise TypeError(f"above is {self.above!r} and below is {self.below!r}: one of them is needed, a place "
+                            "in m.")
+        _Checked.__post_init__(self)  # super() is not known where a class has slots
 
 
 Level = Force | Speed | Position
 Until = Contact | Separated | Level
 LEVELS = (Force, Speed, Position)
+NUMBER, LEVEL = _check.whole, partial(_check.number, at_least=0.0)
+CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
+    "Contact": {"pair": NUMBER, "nth": partial(_check.whole, at_least=1)},
+    "Force": {"pair": NUMBER, "above": LEVEL}, "Speed": {"ball": NUMBER, "above": LEVEL},
+    "Position": {"ball": NUMBER} | dict.fromkeys(
+        ("above", "below"), lambda name, place: place if place is None else _check.number(name, place)),
+}
+"""What checks the numbers of each condition."""
 
 
 def contact(pair: int, nth: int = 1) -> Contact:

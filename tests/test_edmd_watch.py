@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from scenes_at_random import gas
+from whole_states import check_watch
 
 import granular as gr
 from granular import isolation, measures
@@ -91,7 +92,7 @@ SCENES = {
 @pytest.mark.parametrize("name", SCENES)
 def test_counts_what_looking_at_every_two_rows_finds(name, law, seed, monkeypatch):
     take = Watch.take
-    monkeypatch.setattr(Watch, "take", lambda self, *given: (take(self, *given), self._check()))
+    monkeypatch.setattr(Watch, "take", lambda self, *given: (take(self, *given), check_watch(self)))
     scene = SCENES[name](seed)
     most = 30 if law in ("viscoelastic", "tsuji") else 120  # whose single contacts take long
     laws = [LAWS[law](0.01 * 3.0**seed * (1.0 + 0.3 * (p.index % 2))) for p in scene.pairs]
@@ -104,7 +105,7 @@ def test_the_check_for_tests_leaves_what_it_looks_at():
     watch.last["began"] = 0.5
     watch.last["lasting"][1:-1] = 0.1  # and none at thermal walls
     before = watch.last.copy()
-    watch._check()
+    check_watch(watch)
     assert (watch.last == before).all()
 
 

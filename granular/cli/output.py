@@ -35,17 +35,17 @@ def _stdout(name: str) -> str:
 
 def check(given: argparse.Namespace) -> None:
     """Raise if a file that is asked for cannot be written, or no figure be drawn in the format it has."""
-    asked = [getattr(given, option, None) for option in ("plot", "film", "json", "save")]
-    written = [name for name in asked if name is not None]
-    for name in written:
+    written = {option: name for option in ("plot", "film", "json", "save")
+               if (name := getattr(given, option, None)) is not None}
+    for name in written.values():
         _files.check_writable(name)
-    check_apart(written, [given.target] if given.target and is_file(given.target) else [])
-    if getattr(given, "save", None) is not None:
+    check_apart([*written.values()], [given.target] if given.target and is_file(given.target) else [])
+    if "save" in written:
         files.ending_of(given.save) if given.save_as == ".npz" else _files.check_ending(given.save, given.save_as)
-    if getattr(given, "plot", None) is not None:
+    if "plot" in written:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)
-    if getattr(given, "film", None) is not None:
+    if "film" in written:
         optional("matplotlib.animation", "--film")
         from granular._films import check_film
 

@@ -82,8 +82,8 @@ def _constants(laws: Sequence[Any]) -> list[str]:
 
 def _durations(report: Judged) -> Any:
     """How long a contact of each pair lasts by itself, at the speed of the first impact, in s; inf without an end."""
-    speed, number_of = report.impact_speed if report.impact_speed > 0.0 else 1.0, np.arange(report.scene.n_pairs)
-    return Durations(report.law, report.scene)(number_of, np.full(len(number_of), speed))
+    n = report.scene.n_pairs
+    return Durations(report.law, report.scene)(np.arange(n), np.full(n, report._speed))
 
 
 def _span(values: Any, unit: str = "", prefixes: Any = PREFIXES, digits: int = 4) -> str:

@@ -136,8 +136,8 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
         run = onward.run(end)
         log = np.concatenate([first, run.contacts])
         sight[:] = [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce) for body in bodies]
-        still = not (run.gap[-1].any() or run.velocity[-1].any())
-        rests = still or run.stats.get("resting", False)  # to the end that is asked for, and beyond
+        # to the end that is asked for, and beyond
+        rests = not (run.gap[-1].any() or run.velocity[-1].any()) or run.stats.get("resting", False)
         if rests or run.status is not Status.time or (sight <= end).all():
             break
     sight[sight > run.time[-1]] = math.nan

@@ -330,8 +330,8 @@ class Compared:
 
 def fall_together(scene: Scene) -> bool:
     """Whether balls fall on a floor, or meet it, all at one speed, without driven walls or other forces."""
-    walls = scene.is_wall.tolist() == [True] + [False] * (scene.n - 1)
-    return walls and bool((scene.velocity[1:] == scene.velocity[1]).all()) and not scene._flags
+    return scene.is_wall.tolist() == [True] + [False] * (scene.n - 1) and (
+        bool((scene.velocity[1:] == scene.velocity[1]).all()) and not scene._flags)
 
 
 def is_drop(scene: Scene) -> bool:

@@ -195,8 +195,7 @@ def _law(of: str, text: str, eps: Any) -> str:
 
 def _eps(of: Any) -> str:
     low, high = float(min(of)), float(max(of))
-    many = f" … {high:.6g}" if high - low > SAME_RESTITUTION else ""
-    return f"ε = {low:.6g}{many}"
+    return f"ε = {low:.6g}" + f" … {high:.6g}" * (high - low > SAME_RESTITUTION)
 
 
 def _outcomes(report: Judged, most: int) -> Iterator[str]:

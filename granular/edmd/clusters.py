@@ -44,17 +44,13 @@ def at_rest(body: Record) -> bool:
 @kernel
 def is_pressed(body: Record) -> bool:
     """Return whether a ball in mid-air is pressed against others by forces."""
-    if FORCED:
-        return body.is_free > 0.0 and body.force_acceleration != body.own_acceleration  # type: ignore[no-any-return]
-    return False
+    return FORCED and body.is_free > 0.0 and body.force_acceleration != body.own_acceleration
 
 
 @kernel
 def ball_is_stuck(body: Record) -> bool:
     """Return whether a ball rests on a wall, or is pressed against others by forces."""
-    if FORCED and is_pressed(body):
-        return True
-    return body.is_free == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
+    return (FORCED and is_pressed(body)) or (body.is_free == 0.0 and body.mass < math.inf)
 
 
 @kernel

@@ -55,8 +55,7 @@ class Verdict:
     bound: float
 
     def __str__(self) -> str:
-        one = self.first == self.last
-        return f"pair {self.first}" if one else f"pairs {self.first} to {self.last}"
+        return f"pair {self.first}" if self.first == self.last else f"pairs {self.first} to {self.last}"
 
 
 def begin(state: State, queue: SortedQueue) -> None:
@@ -216,8 +215,7 @@ def _is_alone(state: State, verdict: Verdict) -> bool:
     columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "closing_acceleration")
     wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
     first, last = ((k - state.run.first) % len(state.pairs) for k in (verdict.first, verdict.last))
-    end = last + 1
-    return min(wait[:first] + wait[end:], default=math.inf) > ALONE * min(wait[first:end])
+    return min(wait[:first] + wait[last + 1 :], default=math.inf) > ALONE * min(wait[first : last + 1])
 
 
 def judged(state: State, physics: Physics, share: float = SLOW, collided: int | None = None) -> Verdict | None:
@@ -288,8 +286,7 @@ def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity
     pressing = -np.cumsum(weight)[:-1] if ball[0] and not ball[-1] else np.cumsum(weight[::-1])[::-1][1:]
     if (pressing < 0.0).any():
         return math.inf
-    energy = 0.5 * mass @ velocity**2 + pressing @ gap
-    return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
+    return math.sqrt(2.0 * float(0.5 * mass @ velocity**2 + pressing @ gap) / float(mass[ball].min()))
 
 
 def alternates(pairs: Records, rate_a: float, rate_b: float, lower_collided: bool) -> bool:

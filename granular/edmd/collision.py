@@ -47,7 +47,8 @@ def event(
         return leave_thermal_wall(run, pairs, bodies, c, now, row, walls)
     pair, lower, upper, first, last = pairs[c], bodies[c], bodies[c + 1], c, c
     if RING and (c == 0 or c + 1 == len(pairs)):
-        run.clamps += carry_seam(pairs, bodies, c, now, walls)
+        k = len(pairs) - 1 - c  # its neighbour across the seam
+        run.clamps += carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
     w = rate_at_touch(pair, lower, upper, walls)
     e = pair.eps if rule is None else rule(c, -w)
     if run.tc > 0.0 or run.elastic_below > 0.0:
@@ -120,13 +121,6 @@ def streak(
     if speed < run.slow:
         return count + 3
     return count + 1 if now - last <= run.short else 0
-
-
-@kernel
-def carry_seam(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> int:
-    """Move the neighbour of pair `c` across the seam of a ring to time `now`; return 1 if its gap was clamped at 0."""
-    k = len(pairs) - 1 - c
-    return carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
 
 
 @rare

@@ -106,12 +106,6 @@ class TreeQueue(SortedQueue):
         before = max(0, last + 1 - len(self.state.pairs))  # inside too, on a ring
         return min(float(part.min(initial=math.inf)) for part in (due[before:first], due[last + 1 :]))
 
-    def _events(self) -> list[tuple[float, int]]:
-        tree: list[tuple[float, int]] = self.queue.tolist()
-        leaves, pairs = len(tree) // 2, len(self.state.pairs)
-        assert tree[1:leaves] == list(map(min, tree[2::2], tree[3::2])), "matches are not decided"
-        return tree[leaves : leaves + pairs]
-
 
 def in_order(rows: Any, sizes: list[int]) -> Any:
     """Return rows of blocks, parts of these sizes, in the order of their times, of equal ones within a part in its own,
@@ -233,15 +227,3 @@ class BlockQueue(TreeQueue):
         longer = float(np.median(high - low)) > 3 * BLOCK
         ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
         return speed - g * rest, ends
-
-    def _check(self) -> None:
-        """Raise, too, where blocks leave out or repeat a pair, or something outside a halo could be felt inside."""
-        super()._check()
-        s, start = self.state, max(self.state.run.now, 0.0)
-        speed, ends = self._blocks(s.clock.window)
-        gap, reach = s.row(start)[1], 2.0 * speed * (s.clock.window - start)
-        kept = [c for first, last, _, _ in ends for c in range(first, last)]
-        assert not ends or kept == list(range(len(s.pairs)))
-        for first, last, low, high in ends:
-            assert low == 0 or gap[low + 1 : first].sum() >= reach
-            assert high == len(s.pairs) or gap[last : high - 1].sum() >= reach

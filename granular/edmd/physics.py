@@ -166,11 +166,10 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
         return max(speed, fall), fall, SHARE * room, scene.pendulum / TURN * max(speed, fall)
     length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), felt_gravity(scene)
     if scene.external_force is not None:
-        still = np.where(scene.is_wall, 0.0, strength)
-        strength = float(np.abs(scene.lift - still).max())
+        strength = float(np.abs(scene.lift - np.where(scene.is_wall, 0.0, strength)).max())
     fall = math.sqrt(2.0 * strength * length)
-    for path in map(walls.path_of, filter(None, scene.motions)) if scene.driven else ():
-        fall = fall if path is None else max(fall, path.speed)
+    if scene.driven:
+        fall = max(fall, *map(walls.fastest, scene.motions))
     for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
     return max(speed, fall), fall, length, strength

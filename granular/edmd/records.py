@@ -193,17 +193,18 @@ def _check_look(saved: Mapping[str, Any], n: int, ring: bool) -> None:
     if len(size) != 1 or not 0 < size[0] <= most:
         raise ValueError(f"zoom_gap in the state of trajectory has shape {size}: 1 to {most} pairs are needed.")
     held(saved, "zoom_first", "i", (), 0, n - 1)
-    held(saved, "zoom_base", "f", ())
-    held(saved, "zoom_gap", "f", size, 0.0)
-    held(saved, "zoom_rate", "f", size)
-    held(saved, "zoom_dial", "f", (min(np.size(saved.get("zoom_dial", 0)), 5),), 0.0)
+    dial = (min(np.size(saved.get("zoom_dial", 0)), 5),)
+    for name, shape, least in (("base", (), -math.inf), ("gap", size, 0.0), ("rate", size, -math.inf),
+                               ("dial", dial, 0.0)):
+        held(saved, f"zoom_{name}", "f", shape, least)
 
 
 def _check_watch(saved: Mapping[str, Any], n: int) -> None:
     """The same of what has been watched, if anything has."""
     if any(name.startswith("watch_") for name in saved):
-        for name in ("began", "lasting"):
-            held(saved, f"watch_{name}", "f", (n,), finite=False)
-        held(saved, "watch_disturbed", "i", (n,), 0, 1)
-        held(saved, "watch_counts", "i", (3,), -1)
-        held(saved, "watch_time", "f", (), finite=False, nan=True)
+        tables: list[tuple[str, str, tuple[int, ...], dict[str, Any]]] = [
+            ("began", "f", (n,), {"finite": False}), ("lasting", "f", (n,), {"finite": False}),
+            ("disturbed", "i", (n,), {"least": 0, "most": 1}), ("counts", "i", (3,), {"least": -1}),
+            ("time", "f", (), {"finite": False, "nan": True})]
+        for name, kind, shape, limits in tables:
+            held(saved, f"watch_{name}", kind, shape, **limits)

@@ -128,7 +128,7 @@ class Run:
         state, seen, late = self.state, self.events, -math.inf
         while last or time > self.request.start:
             if self.scene.driven and self.closing is not None:
-                self.horizon = self.closing.look(min(time, float(state.time(state.clock.window))))
+                self._meet_before(min(time, float(state.time(state.clock.window))))
             limit, before, late = max(state.tau(min(time, self.horizon)), late), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
@@ -139,8 +139,7 @@ class Run:
             why = self._advance(limit) if acts or state.near is not None or (last and self.moves_on) else LATER
             if self.request.singly and self.events > seen and why == LATER:
                 return Pause.full
-            if self.moves_on:
-                limit = state.tau(time)
+            limit = state.tau(time) if self.moves_on else limit
             if self.verdict is not None:
                 return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
             if why == UNTIL:
@@ -154,17 +153,14 @@ class Run:
                 if not (close and later) and (due > limit or due == math.inf):
                     if self.events == state.clock.last_event and not last and self._is_spent(due):
                         time, last = self.request.end, True
-                        continue
-                    if self._meet_before(time):
-                        continue
-                    return self._reached(time, limit)
+                    elif not self._meet_before(time):
+                        return self._reached(time, limit)
+                    continue
                 if state.clock.epoch + due > LATEST:
                     return Pause.work
-                state.shift_to(due, self.queue.use)
-                self.queue.rebuild()
+                self.queue.shift_to(due)
             elif why == SUSPECT and state.run["slow"] < 0.0:  # balls that merge, too close in time for the clock
-                state.shift_to(float(state.run["now"]), self.queue.use, whole=False)
-                self.queue.rebuild()
+                self.queue.shift_to(float(state.run["now"]), whole=False)
             elif why == SUSPECT:
                 self._closer.begin(state, self.queue)
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
@@ -184,7 +180,7 @@ class Run:
     def _meet_before(self, time: float) -> bool:
         """Return whether driven walls are now found to meet before `time`, as they were not yet."""
         known = self.horizon
-        if self.scene.driven and self.closing is not None and time < known:
+        if self.closing is not None:
             self.horizon = self.closing.look(min(time, self.request.end))
         return self.horizon < known
 
@@ -330,9 +326,7 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
         said = f"{walls} and leave no way out: stopped at {when}, when no space was left"
     elif status is not Status.max_events:
         known = status is Status.time and not run.scene.driven and run.state.near is None
-        over = known and run.queue.soonest() == math.inf
-        end = "; no collision can follow" if over else ""
-        said = f"{status.value}: {when}{end}"
+        said = f"{status.value}: {when}" + "; no collision can follow" * (known and run.queue.soonest() == math.inf)
     elif LATEST < run.state.time(run.queue.soonest()) < math.inf:
         said = f"{status.value}: {when}; the next one is later than {LATEST:.2g} s, where runs end"
     else:
@@ -350,8 +344,8 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
 def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
     """Return the counters of a run: collisions, clamped gaps, re-basings, closer looks, lost rates; and its verdict."""
     verdict = run.verdict
-    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
-    names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
+    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost",
+             *["merge_below", "merged"] * (numbers["merge_below"] > 0.0)]
     counts: dict[str, Any] = {"engine": run.queue.name} | dict(zip(names, map(numbers.__getitem__, names), strict=True))
     if run.scene.heated:
         given, low = (column(run.state.walls.sides, name) for name in ("given", "given_low"))

@@ -191,8 +191,8 @@ def events(
     `Scene` that stands so then. The bits are those of `simulate`, whose options are taken but for `samples` and
     `on_event`; where nothing ends the run, it goes on for as long as it is asked.
     """
-    known = (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log"}
-    _check.known(options, known, "option of edmd.events", TypeError)
+    _check.known(options, (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log"},
+                 "option of edmd.events", TypeError)
     run: Any = simulate(scene, rule, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)
 

@@ -125,10 +125,11 @@ def refresh_across(
 
 
 @cache
-def made(how: Callable[[Any], Any], has: tuple[str, ...], kernel: Callable[..., Any]) -> Callable[..., Any]:
+def made(
+    how: Callable[[Any], Callable[..., Any]], has: tuple[str, ...], kernel: Callable[..., Any]
+) -> Callable[..., Any]:
     """Return a kernel as it fits a scene that has this, interpreted or compiled."""
-    fit: Callable[..., Any] = how(fitted(kernel, **dict.fromkeys(has, True)))
-    return fit
+    return how(fitted(kernel, **dict.fromkeys(has, True)))
 
 
 class SortedQueue:
@@ -161,8 +162,7 @@ class SortedQueue:
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
-        row: Any = twin(ROW)
-        return list(map(object.__new__, repeat(row, min(n, self.chunk))))
+        return list(map(object.__new__, repeat(twin(ROW), min(n, self.chunk))))
 
     def kept(self, rows: Records) -> Records:
         """Return rows of the log as they are kept: without the room behind them."""
@@ -179,6 +179,11 @@ class SortedQueue:
         """Predict all pairs anew."""
         s = self.state
         self.foresee(s.run, s.pairs, s.bodies, self.queue, 0, len(s.pairs) - 1, s.walls)
+
+    def shift_to(self, tau: float, whole: bool = True) -> None:
+        """Move the zero of times on, see `State.shift_to`, and predict all pairs anew."""
+        self.state.shift_to(tau, self.use, whole)
+        self.rebuild()
 
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew, counted round."""
@@ -197,8 +202,7 @@ class SortedQueue:
     def apart(self) -> bool:
         """Return whether no pair approaches."""
         s = self.state
-        first: int = self.use(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls)
-        return first < 0
+        return bool(self.use(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Let events up to and including time `edge` act, `budget` of them or one more group, appending them to `log`.
@@ -225,19 +229,3 @@ class SortedQueue:
                 why = UNTIL
             if why != TOUCHING:
                 return why
-
-    def _events(self) -> list[tuple[float, int]]:
-        """Return time and rank of the next event of every pair; raise where the queue is out of order."""
-        order, entry, _ = self.queue
-        assert list(order) == sorted([*(one for one in entry if one[0] < math.inf), NOBODY])
-        return list(entry)
-
-    def _check(self) -> None:
-        """Raise where the queue is out of order, or an event not that of its pair except for rounding: for tests."""
-        run, pairs, bodies = self.state.run, plain(self.state.pairs), plain(self.state.bodies)
-        walls = self.state.walls
-        walls = None if walls is None else Walls(plain(walls.sides), plain(walls.panels), walls.clock)
-        for c, (time, key) in enumerate(self._events()):
-            due = self.fit(predicted)(pairs[c], bodies[c], bodies[c + 1], walls)
-            assert key == rank(c, run.order, run.seed, pairs[c].contacts), c
-            assert math.isclose(time, due, rel_tol=1e-9, abs_tol=1e-12), (c, time, due)

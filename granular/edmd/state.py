@@ -49,10 +49,6 @@ SHORTER = -10
 
 FIRST_ALLOWANCE = 20_000
 """Collisions of a closer look without a decision, before it is taken to be in vain for the first time."""
-NO_SUSPECT = -1
-"""For the number of the pair that collided last, before any has."""
-NOTHING_SLOW = -1.0
-"""For the speed in m/s below which a collision looks like part of a collapse, where none is possible."""
 SHORT_BITS, SLOW_BITS = -30, -16
 """Octaves by which a time that looks like part of a collapse is shorter than the window at the start, and by which a
 speed that does is below the scale of speeds."""
@@ -96,13 +92,18 @@ class State:
         run = _begun(
             RUN, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
             merge_below=merge_below, order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
-            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=NO_SUSPECT,
-            allowance=FIRST_ALLOWANCE, slow=NOTHING_SLOW if no_collapse else math.ldexp(speed, SLOW_BITS),
+            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # no pair has collided
+            allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # nothing is slow
         )
         clock = _begun(CLOCK, start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length,
                        window=window, speed=speed, fall=fall)
         state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in kind, walls and Walls(*walls, clock))
-        _begin(state, scene)
+        if state.walls is not None:
+            wall_state.begin(state, scene)
+        if state.hung:
+            hanging.begin(pairs, bodies, scene)
+        if scene.ring or (state.hung and scene.is_wall[[0, -1]].all()):
+            run.gap_sum = math.fsum(scene.gap.tolist())
         return state
 
     @classmethod
@@ -266,7 +267,7 @@ class State:
         """Return whether the records can be those of a run."""
         run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
         wall, hit, last = np.isinf(bodies["mass"]), pairs["contacts"] > 0, pairs["last"]
-        whole = [
+        return bool(all([
             len(bodies) == len(pairs) + 1 == run.pairs + 1,
             (pairs["gap"] >= 0.0).all(),
             (pairs["at"] <= max(run.now, 0.0)).all(),
@@ -279,12 +280,7 @@ class State:
             or abs(float(self.row(max(run.now, 0.0))[1].sum()) - run.gap_sum) <= 1e-12 * run.gap_sum,
             not self.ring or bodies["fall_velocity"][0] == bodies["fall_velocity"][-1],
             math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
-        ]
-        return bool(all(whole))
-
-    def _check(self) -> None:
-        """Raise where the records cannot be those of a run: for tests."""
-        assert self.sound()
+        ]))
 
 
 @remembered
@@ -314,16 +310,6 @@ def gaps(pairs: Records, u: Array, tau: float, pulled: bool) -> Array:
         rate -= 0.5 * pull * dt
     gap: Array = begun + dt * rate
     return np.maximum(gap, 0.0, out=gap)
-
-
-def _begin(state: State, scene: Scene) -> None:
-    """Set what walls, forces, pendula and rings add to a new state."""
-    if state.walls is not None:
-        wall_state.begin(state, scene)
-    if scene.pendulum > 0.0:
-        hanging.begin(state.pairs, state.bodies, scene)
-    if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
-        state.run.gap_sum = math.fsum(scene.gap.tolist())
 
 
 def columns(records: Records, *names: str) -> Any:

@@ -99,8 +99,8 @@ def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, in
     for k in hit:
         s.pairs[k].contacts, s.pairs[k].last = s.pairs[k].contacts + 1, now
     if log is not None:
-        row: Any = twin(ROW)
-        log.append([row(first + i, now, *before[i : i + 2], *parted[i : i + 2], x) for i, x in enumerate(p) if x > 0.0])
+        log.append([twin(ROW)(first + i, now, *before[i : i + 2], *parted[i : i + 2], x)
+                    for i, x in enumerate(p) if x > 0.0])
     run.events += len(hit)
     if not hit and fit(predicted)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
         raise gave_up(physics.options["ties"])
@@ -113,8 +113,7 @@ def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tu
     The run's record is shared: its pair numbers are changed meanwhile.
     """
     run, n, rows = s.run, len(s.pairs), None if log is None else list[Any]()
-    _, gap = s.row(run.now)
-    widest = int(gap.argmax())
+    widest = int(s.row(run.now)[1].argmax())
     k = (widest + 1) % n
     run.clamps += fit(carry)(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
     numbers_here = run.suspect, run.stop_pair
@@ -122,8 +121,7 @@ def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tu
     ask: Any = physics.rule
     rule = None if ask is None else lambda c, speed: ask((c + k) % n, speed)
     line = replace(s, pairs=s.pairs[k:] + s.pairs[:k], bodies=s.bodies[k:n] + s.bodies[: k + 1])
-    renumbered: Any = SimpleNamespace(rule=rule, options=physics.options)
-    why, first, last = _collide(line, renumbered, fit, rows)
+    why, first, last = _collide(line, SimpleNamespace(rule=rule, options=physics.options), fit, rows)
     run.suspect, run.stop_pair = numbers_here
     same(s.bodies[n], s.bodies[0])
     for chunk in rows or ():
@@ -176,9 +174,8 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
 
 def _rate(c: int, s: State) -> float:
     pair, lower, upper = s.pairs[c], s.bodies[c], s.bodies[c + 1]
-    rate: float = pair.rate if s.hung else (
-        (upper.fall_velocity - lower.fall_velocity) - pair.closing_acceleration * s.run.now)
-    return rate
+    return float(pair.rate if s.hung else
+                 (upper.fall_velocity - lower.fall_velocity) - pair.closing_acceleration * s.run.now)
 
 
 def _go_together(first: int, last: int, s: State) -> None:

@@ -45,8 +45,8 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
         if heat is not None:
             side["temperature"], side["seed"] = heat.temperature, heat.seed
     sides["begin"] = t_start
-    panels = [rows for _, _, rows in driven] or [np.zeros(1, PANEL)]  # kernels want one to know their kind
-    return sides, np.concatenate(panels)
+    # kernels want a panel to know their kind
+    return sides, np.concatenate([rows for _, _, rows in driven] or [np.zeros(1, PANEL)])
 
 
 def begin(state: Any, scene: Scene) -> None:
@@ -94,15 +94,14 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
 def ledger(state: Any, tau: float) -> Array:
     """Return work, heat and what was dissipated since the start, at `tau`, in J: see `granular.trajectory.Row`."""
     seen = _seen(state)
-    sides = seen.sides
-    done = [side.work + side.work_low for side in sides]
+    done = [side.work + side.work_low for side in seen.sides]
     for i, which in at_walls(state):
         body = plain(state.bodies[i : i + 1])[0]
         if body.mass < math.inf:
             x, v = place(seen, which, tau)
             done[which] += body.mass * (0.5 * v * v + (state.run.gravity - body.own_acceleration) * x)
-    heat = [side.heat + side.heat_low for side in sides]
-    return np.array([*done, *heat, sides[0].lost + sides[0].lost_low])
+    heat = [side.heat + side.heat_low for side in seen.sides]
+    return np.array([*done, *heat, seen.sides[0].lost + seen.sides[0].lost_low])
 
 
 def at_walls(state: Any) -> list[tuple[int, int]]:
@@ -120,13 +119,12 @@ def sound(state: Any, pairs: Any, bodies: Any) -> bool:
     free = (stuck == FREE) & (pairs["wall"] < 0)
     driven = [which for which in (0, 1) if column(state.walls.sides, "panels")[which] > 0]
     pull = state.run.gravity * np.diff(bodies["is_free"]) - np.diff(bodies["force_acceleration"])
-    whole = [
+    return all([
         rests[there].all() and rests.sum() == len(there),
         not bodies["force_acceleration"][rests].any() and not pairs["gap"][stuck != FREE].any(),
         (pairs["closing_acceleration"][free] == pull[free]).all(),
         np.isin(pairs["wall"], [-1, *driven, *([BOTH] if len(driven) == 2 else [])]).all(),
-    ]
-    return all(whole)
+    ])
 
 
 def _seen(state: Any) -> Walls:
@@ -141,8 +139,7 @@ def advance_epoch(
     """Move the zero of times on for the event at `now`, beyond the window, if it is due before the goal of the clock;
     date the `done` rows of the log first. Return whether it was moved."""
     clock = walls.clock
-    goal = (clock.goal - clock.epoch) - clock.epoch_low  # since the epoch
-    if not now <= goal or now == math.inf:
+    if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:
         return False
     date_rows(clock, rows, done)
     shift(run, pairs, bodies, now, walls)
@@ -215,5 +212,4 @@ def work(side: Record, done: float) -> None:
 def borne(run: Record, body: Record, which: int, now: float, v: float, sign: float, walls: Walls) -> None:
     """Enter that a ball comes to rest (sign -1) on a wall, which moves at `v` (m/s), or leaves it (sign 1)."""
     x, _ = place(walls, which, now)
-    weight = run.gravity - body.own_acceleration
-    work(walls.sides[which], sign * (body.mass * (0.5 * v * v + weight * x)))
+    work(walls.sides[which], sign * (body.mass * (0.5 * v * v + (run.gravity - body.own_acceleration) * x)))

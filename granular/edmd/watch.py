@@ -20,7 +20,7 @@ import numpy as np
 
 from granular import _check
 from granular._kernels import RING, kernel
-from granular._records import Records, column, packed
+from granular._records import Records, column
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.laws import kinds
@@ -110,16 +110,6 @@ class Watch:
         self._to_epoch(state, queue)
         raw: dict[str, Any] = {f"watch_{name}": column(self.last, name) for name in LAST.names or ()}
         return raw | {"watch_counts": np.array([self.seen, self.disturbed, self.first[1]]), "watch_time": self.first[0]}
-
-    def _check(self) -> None:
-        """Raise where what is known of the last contacts cannot be: for tests."""
-        last = packed(self.last, LAST).copy()
-        begun = np.isfinite(last["began"])
-        last["lasting"][self.instants] += 1.0 * begun[self.instants]
-        assert (last["lasting"][begun] > 0.0).all()
-        assert not last["lasting"][~begun].any()
-        assert last["disturbed"].sum() <= self.disturbed <= self.seen
-        assert (self.disturbed == 0) == (self.first[1] < 0) == math.isnan(self.first[0])
 
 
 @kernel

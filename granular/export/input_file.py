@@ -87,8 +87,8 @@ def _check_scene(scene: Scene) -> None:
         "a wall that moves": (scene.velocity[walls] != 0.0).any(),
         "a ball of radius 0": (scene.radius[~walls] == 0.0).any(),
     }
-    holds = "a deck of LAMMPS holds balls of positive radius, walls at rest and gravity"
-    _check.refuse({f"scene has {what}: {holds}.": so for what, so in there.items()})
+    _check.refuse({f"scene has {what}: a deck of LAMMPS holds balls of positive radius, walls at rest and gravity.": so
+                   for what, so in there.items()})
 
 
 def _bodies(scene: Scene) -> list[str]:

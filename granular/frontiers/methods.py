@@ -169,8 +169,8 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
     end = truth.t_stop + (0.0 if truth.status == "time" else BEYOND * max(truth.durations))
     done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
                      atol=rtol * newton.scales())
-    work = newton.evaluations
-    return Outcome(lambda: _read(task, newton, done), work, "evaluations", "time" if done.success else "failed")
+    return Outcome(lambda: _read(task, newton, done), newton.evaluations, "evaluations",
+                   "time" if done.success else "failed")
 
 
 def _read(task: Task, newton: restarted.Newton, done: Any) -> tuple[ReferenceContact, ...]:
@@ -241,5 +241,5 @@ def _velocity_error(true: Sequence[ReferenceContact], got: Sequence[ReferenceCon
 
 
 def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:
-    times = ((true.t_begin, got.t_begin), (true.t_end, got.t_end))
-    return max(float(abs(a - b)) for a, b in times if a is not None and b is not None)
+    return max(float(abs(a - b)) for a, b in ((true.t_begin, got.t_begin), (true.t_end, got.t_end))
+               if a is not None and b is not None)

@@ -86,7 +86,11 @@ def frontier(
     with shown(progress, on_progress, "settings") as tell:
         run = md.simulate(scene, laws, until=until, t_end=t_end)
         if reference is None:
-            _refuse_rest(run, t_end)
+            _check.refuse({
+                _nothing(scene): np.isnan(run.contacts["t_end"]).all(),
+                "t_end is None: the balls come to rest, which the reference would follow forever; give t_end, or "
+                "until.": run.status is Status.resting and t_end is None,
+            })
         truth = reference or solve(scene, laws, until=until, t_end=t_end)
         if not truth.durations:
             raise ValueError(_nothing(scene))
@@ -95,8 +99,7 @@ def frontier(
             warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
             level = rounding_level(task)
             _check_reference(truth, run, level)
-            ways = [peer(task, name) if name in PEERS else own(task, name) for name in chosen]
-            tried = [method for method in ways if method is not None]
+            tried = [*filter(None, (peer(task, name) if name in PEERS else own(task, name) for name in chosen))]
             todo = [(method, setting) for method in tried for setting in method.settings]
             rows: list[Row] = []
             for method, setting in todo:
@@ -107,15 +110,6 @@ def frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.setting_name for method in tried},
         expected_orders(task, chosen), level, machine(),
     )
-
-
-def _refuse_rest(run: Trajectory, t_end: float | None) -> None:
-    """Raise for a run of which nothing can be learned, or whose rest the slow solvers would follow forever."""
-    _check.refuse({
-        _nothing(run.scene): np.isnan(run.contacts["t_end"]).all(),
-        "t_end is None: the balls come to rest, which the reference would follow forever; give t_end, or until.":
-            run.status is Status.resting and t_end is None,
-    })
 
 
 def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:

@@ -226,8 +226,8 @@ def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **option
     the contacts of `simulate`, whose options are taken but for `samples` and `on_event`; where nothing ends the run, it
     goes on for as long as it is asked.
     """
-    known = (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log", "method", "dt"}
-    _check.known(options, known, "option of md.events", TypeError)
+    _check.known(options, (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log", "method", "dt"},
+                 "option of md.events", TypeError)
     run: Any = simulate(scene, law, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)
 

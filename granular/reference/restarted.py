@@ -84,8 +84,7 @@ class Newton:
     def scales(self) -> Array:
         """What overlaps and rates are about, in m and m/s: those of an impact at the scene's largest speed."""
         speed = speed_scale(self.scene) + sum(path.fastest for path in self.paths.values()) or 1.0
-        depth = self.laws.column(lambda law: law.overlap_at(speed))
-        return np.concatenate([depth, np.full(self.pairs, speed)])
+        return np.append(self.laws.column(lambda law: law.overlap_at(speed)), np.full(self.pairs, speed))
 
     def driven_by(self, t: float, y: Any) -> Any:
         """Overlaps in m and rates in m/s at time `t` in s, with what driven walls add to the state `y`."""

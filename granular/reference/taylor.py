@@ -70,7 +70,7 @@ class Taylor:
         self.ring, self.heat, self.paths, self.own = scene.ring, heats(scene), paths(mp, scene), list(self.v)
         self.joined = [scene.bodies(c) for c in range(scene.n_pairs)]
         self.square, self.y = mp.mpf(scene.pendulum) ** 2, displacements(mp, scene)
-        self.work, self.pushed = [mp.zero] * 4 * (scene.worked or scene.heated), mp.zero
+        self.work, self.pushed = [mp.zero] * 4 * scene.fed, mp.zero
         self.touches = [touch(mp, form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))

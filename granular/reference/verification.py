@@ -165,8 +165,7 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
     if any(len(line) > LONGEST for _, line in lines):
         raise ValueError(f"{str(path)!r} has a line of more than {LONGEST} characters: a table of answers is needed.")
     table = csv.DictReader(line for _, line in lines)
-    missing = [column for column in COLUMNS[:3] if column not in (table.fieldnames or ())]
-    if missing:
+    if missing := [column for column in COLUMNS[:3] if column not in (table.fieldnames or ())]:
         raise ValueError(f"{str(path)!r} has no column {missing[0]!r}: {', '.join(COLUMNS[:3])} are needed; "
                          "granular verify CASE -o FILE.csv writes them.")
     for (number, _), row in zip(lines[1:], table, strict=False):

@@ -160,8 +160,7 @@ class Scene(ByNumbers):
         lower, upper = self.sides(self.mass)
         light, heavy = np.minimum(lower, upper), np.maximum(lower, upper)
         with np.errstate(divide="ignore"):
-            curvature = np.where(self.is_wall, 0.0, 1.0 / self.radius)
-            r_eff = 1.0 / sum(self.sides(curvature))
+            r_eff = 1.0 / sum(self.sides(np.where(self.is_wall, 0.0, 1.0 / self.radius)))
         return Pairs(light / (1.0 + light / heavy), r_eff)
 
     @property

@@ -120,14 +120,13 @@ def heated_gas(
         Seed of the random numbers, of places, velocities and walls.
     """
     g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
-    open_above = upper is None and g > 0.0
     floor = Thermal(_check.number("lower", lower, above=0.0, fix="k_B T in J"), seed)
     hot = floor.temperature
     cold = 0.5 * hot if upper is None else _check.number("upper", upper, above=0.0, fix="k_B T in J")
     pattern = np.ones(count_of(n))
     pattern[1::2] = _check.number("dimer", dimer, above=0.0)
     random, m, r, gap = _places(pattern, length, packing, mass, 1.0, seed, spaces=1)
-    if open_above:
+    if upper is None and g > 0.0:  # open above
         gap = hot / (g * np.cumsum(m[::-1])[::-1]) * random.standard_exponential(len(m))
         v = math.sqrt(hot) / np.sqrt(m) * random.standard_normal(len(m))
         return Scene([math.inf, *m], [0.0, *r], gap, [0.0, *v], g, floor=floor)

@@ -166,7 +166,8 @@ def compressed_chain(
     if striker is not None:
         if front:
             raise ValueError(f"striker is {striker!r}: a wall is in its way; ends='forces' is needed.")
-        front = [_striker(striker, speed, density)]
+        m = _check.number("striker", striker, above=0.0)
+        front = [(m, float(radius_of(np.array(m), density)), _check.number("speed", speed, above=0.0), 0.0)]
     balls = zip(mass_of(r, density).tolist(), r.tolist(), [0.0] * count, force_on.tolist(), strict=True)
     bodies = [*front, *balls, *back]
     mass, radii, velocity, forces = zip(*bodies, strict=True)
@@ -176,12 +177,6 @@ def compressed_chain(
 
 WALL = math.inf, 0.0, 0.0, 0.0
 """Mass, radius, velocity, and force on it."""
-
-
-def _striker(mass: float, speed: float, density: float) -> tuple[float, float, float, float]:
-    """Mass, radius, velocity of a ball that arrives, and no force."""
-    m = _check.number("striker", mass, above=0.0)
-    return m, float(radius_of(np.array(m), density)), _check.number("speed", speed, above=0.0), 0.0
 
 
 def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:

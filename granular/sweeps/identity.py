@@ -101,8 +101,7 @@ class _Reader:
             return {one.name: self.of(getattr(value, one.name)) for one in fields(value)}
         if is_own(type(value).__module__):
             slots = [name for cls in type(value).__mro__ for name in vars(cls).get("__slots__", ())]
-            parts = getattr(value, "__dict__", {}) | {n: getattr(value, n) for n in slots if hasattr(value, n)}
-            return self.of(parts)
+            return self.of(getattr(value, "__dict__", {}) | {n: getattr(value, n) for n in slots if hasattr(value, n)})
         try:
             return digest(pickle.dumps(value))
         except Exception:  # whatever its own code raises

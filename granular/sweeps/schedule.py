@@ -301,5 +301,4 @@ def _final_velocities(scenes: Sequence[Scene], which: Values, rate: Array, time:
         floor = np.array([scene.velocity[0] for scene in scenes])[which]
         offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)
         return np.asarray((floor - offset[:, 0])[:, None] + offset)
-    rows = [velocities(scenes[i], r[None], t[None]) for i, r, t in zip(which, rate, time, strict=True)]
-    return np.concatenate(rows)
+    return np.concatenate([velocities(scenes[i], r[None], t[None]) for i, r, t in zip(which, rate, time, strict=True)])

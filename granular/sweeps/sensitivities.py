@@ -174,8 +174,7 @@ def _uncertain(given: Any, parameters: Mapping[str, float]) -> dict[str, float]:
 def _unit(name: str, parameters: Mapping[str, float]) -> float:
     """The power of two that steps are parts of: about the parameter; of one that is 0, about the largest beside it."""
     beside = [p for other, p in parameters.items() if other.partition("[")[0] == name.partition("[")[0]]
-    largest = abs(parameters[name]) or max(map(abs, beside)) or 1.0
-    return 2.0 ** math.floor(math.log2(largest))
+    return 2.0 ** math.floor(math.log2(abs(parameters[name]) or max(map(abs, beside)) or 1.0))
 
 
 def _sizes(plan: Plan, answer: Answer, found: Sequence[_check.Array]) -> _check.Array:

@@ -74,12 +74,6 @@ def fastest(motion: Any) -> float:
     return float(panels.speed) if of_kind(panels, "Panels") else 0.0
 
 
-def path_of(motion: Any) -> Panels | None:
-    """Return the panels of a motion that is `fitted`; None of a wall that has none."""
-    path: Panels | None = motion if motion is None or of_kind(motion, "Panels") else motion._panels
-    return path
-
-
 def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
     """Return m(t) - m(start) in m and m'(t) in m/s of a motion, or of none, at times (s) so long after `start`."""
     if motion is None:

@@ -13,7 +13,6 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array, ByNumbers
-from granular._records import plain
 from granular.walls import path
 from granular.walls.panels import Panels, _OnPanels
 from granular.walls.path import TERMS
@@ -94,7 +93,7 @@ class Sine(_OnPanels):
     def phases(self, times: Array) -> Array:
         """Return the phases (2π f t + φ)/2π as fractions of a turn, from 0 to 1, at times in s; late ones lose no
         digits."""
-        wall = plain(self._panels.records()[0])[0]
+        wall, _ = self._panels._plain
         return np.array([path.phase(wall, t, 0.0) for t in times.tolist()])
 
     def panels(self, t_start: float = 0.0, t_end: float = math.inf) -> Panels:

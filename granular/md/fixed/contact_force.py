@@ -120,8 +120,8 @@ def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
     try:
         force = numba.njit(signature)(_or_inf(_one_of(kinds)))
     except numba.core.errors.NumbaError as error:
-        reason = str(error).strip().splitlines()[-1]
-        raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: {reason}") from error
+        raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: "
+                                 f"{str(error).strip().splitlines()[-1]}") from error
     return numba.types.function_type.CompileResultWAP(force.get_compile_result(signature))
 
 
@@ -148,12 +148,11 @@ def ask_again(laws: SceneLaws, compiled: Called) -> None:
             laws[c].force(*failed[c].tolist())
 
 
-def _one_of(kinds: tuple[tuple[type, bool], ...], number: int = 0) -> Any:
+def _one_of(kinds: tuple[tuple[Any, bool], ...], number: int = 0) -> Any:
     """Choose by the record's kind: the method of one class, with a tuple of its fields for `self`."""
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
-    kind: Any
     kind, memory = kinds[number]
     names = [f.name for f in fields(kind)]
     fielded, count, force, last = namedtuple("fielded", names), len(names), numba.njit(kind.force), 1 if memory else 0

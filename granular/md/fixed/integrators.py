@@ -20,19 +20,14 @@ CHANGED, CLOSED = 1, 2
 
 @kernel
 def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
-    """Acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
-    push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
-    return a.w[i + 1] * push + a.fall[i + 1]
+    """Acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed.
 
-
-@kernel
-def pendulum_acceleration(i: int, below: float, above: float, a: Any) -> Any:
-    """Acceleration of pendulum i in m/s², in place of `ball_acceleration`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i.
-
-    `Stepper._kernels` puts it there. Columns of the window: `a.off` is y in m, `a.square` Ω² in 1/s².
+    Of a pendulum -Ω² y_i stands in place of -g: `a.square` is Ω² in 1/s², `a.off` y in m.
     """
     push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
-    return a.w[i + 1] * push - a.square[i + 1] * a.off[i + 1]
+    if HUNG:
+        return a.w[i + 1] * push - a.square[i + 1] * a.off[i + 1]
+    return a.w[i + 1] * push + a.fall[i + 1]
 
 
 @kernel

@@ -339,11 +339,10 @@ class Run:
         if scene.fed:
             return 0.0
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
-        x0 = scene.position[balls]
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
         kind, each = self.stepper.laws.in_pairs
         stored = (each[kind[c]].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
-        fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0)) if scene.pendulum == 0.0 else (
+        fallen = max(0.0, (m * scene.fall[balls]) @ (x - scene.position[balls])) if scene.pendulum == 0.0 else (
             0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2))
         supply = 0.5 * m @ v0**2 + sum(stored) + fallen
         return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0

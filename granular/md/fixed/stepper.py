@@ -19,7 +19,7 @@ from granular._kernels import compiled, fitted
 from granular._records import one, packed, twin
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import abreast, contact_force, march, window
-from granular.md.fixed.integrators import Integrator, pendulum_acceleration
+from granular.md.fixed.integrators import Integrator
 from granular.md.fixed.notes import STEP_ROW, log_contacts
 from granular.md.fixed.walls import HALT, HEATER, MOST, clock, flown, heaters, next_touch, packed_walls, walls_of
 from granular.md.fixed.window import ROWS, WINDOW, XI, Physics, V, Work
@@ -34,9 +34,8 @@ Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swi
 @cache
 def kernels(how: Integrator, force: Any, has: tuple[tuple[str, bool], ...]) -> Code:
     """Return the kernels of an integrator and a force, as they fit a scene and a run that have this."""
-    hung = {"ball_acceleration": pendulum_acceleration} if ("HUNG", True) in has else {}
-    fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
-    fit |= dict(has) | hung
+    fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force,
+                           **dict(has)}
     return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **fit),
                 window.glide, window.time_to_touch, window.swing, window.time_to_touch_hung)
 

@@ -179,7 +179,8 @@ def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any
             j = physics.heat[i].pair - lo
             if 0 <= j < m:
                 gap, rate, pull = _flight(physics.heat[i].side, j, s, a)
-                t = s + _until_hit(gap, rate, pull)
+                pressed = gap == 0.0 and rate == 0.0 and pull > 0.0  # at rest: it hits now
+                t = s + (0.0 if pressed else time_to_contact(gap, rate, pull))
                 if t < at or (best < 0 and t == at):
                     best, at = i, t
         if best < 0:
@@ -225,12 +226,6 @@ def _leave(wall: Any, j: int, m: int, at: float, was: float, speed: float, pull:
     if 1 <= beside <= m:
         a.xi[beside] += gap + a.xi[j + 1]
     a.xi[j + 1], a.v[ball] = -gap, a.v[body] + away * (speed + pull * at)
-
-
-@kernel
-def _until_hit(gap: float, rate: float, pull: float) -> float:
-    """Time in s until the ball meets the wall; what is pressed against it at rest does so now."""
-    return 0.0 if gap == 0.0 and rate == 0.0 and pull > 0.0 else time_to_contact(gap, rate, pull)
 
 
 @kernel
