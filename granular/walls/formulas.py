@@ -157,9 +157,6 @@ class Piecewise(_OnPanels, ByNumbers):
         self.__dict__.update(breaks=t, coefficients=c)
         _check_steps(t, *_joined(t, c))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Piecewise, (self.breaks, self.coefficients)
-
     def __repr__(self) -> str:
         n = self.coefficients.shape[1]
         return f"Piecewise({n} piece{'s' * (n != 1)}, {self.breaks[0]:g} … {self.breaks[-1]:g} s)"

@@ -111,9 +111,6 @@ class Panels(_OnPanels, ByNumbers):
         steps[0] = steps[0] if self.frequency else 0.0
         return steps
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Panels, (self.edges, self.series, self.error, self.frequency, self.turn)
-
     def __repr__(self) -> str:
         end = f"{self.frequency:g} Hz" if self.frequency else f"{self.edges[0]:g} … {self.edges[-1]:g} s"
         return f"Panels({len(self.series)} polynomials, {end})"
