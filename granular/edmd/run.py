@@ -290,10 +290,10 @@ class Run:
         """Return how the run ended, with all that is needed to go on."""
         now, status = self.time(), pause.value
         stop = self.request.end if pause is Pause.reached else now
-        wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
+        acted = stop > seen or (seen == self.request.start and self.events > 0)  # that row shows what was given
+        wanted = seen == -math.inf or (pause is not Pause.reached and acted)
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
-        message, stats = sentence(self, status, numbers, now), counters(self, numbers)
-        more = self.physics.options
+        message, stats, more = sentence(self, status, numbers, now), counters(self, numbers), self.physics.options
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             more = more | self.watch.checkpoint(self.state, self.queue)
