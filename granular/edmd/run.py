@@ -290,8 +290,8 @@ class Run:
         """Return how the run ended, with all that is needed to go on."""
         now, status = self.time(), pause.value
         stop = self.request.end if pause is Pause.reached else now
-        acted = stop > seen or (seen == self.request.start and self.events > 0)  # that row shows what was given
-        wanted = seen == -math.inf or (pause is not Pause.reached and acted)
+        wanted = seen == -math.inf or (pause is not Pause.reached and (
+            stop > seen or (seen == self.request.start and self.events > 0)))  # a row at the start shows what was given
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
         message, stats, more = sentence(self, status, numbers, now), counters(self, numbers), self.physics.options
         if self.watch is not None:

@@ -149,7 +149,7 @@ class Piecewise(_OnPanels, ByNumbers):
                                                  "needed, or a scipy.interpolate.PPoly alone"))
             breaks, coefficients = breaks.x, breaks.c
         t = _check.rising("breaks", breaks, "a finite time is needed")
-        rows = np.shape(coefficients)[0] if np.ndim(coefficients) else 1
+        rows = len(np.atleast_1d(_check.array("coefficients", coefficients, ..., fix="one column per piece")))
         if not 0 < rows <= TERMS:
             raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")
         c = _check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece",

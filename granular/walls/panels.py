@@ -70,7 +70,7 @@ class Panels(_OnPanels, ByNumbers):
 
     def __post_init__(self) -> None:
         edges = _check.rising("edges", self.edges, "a finite time is needed")
-        columns = np.shape(self.series)[1] if np.ndim(self.series) == 2 else TERMS
+        columns = (*_check.array("series", self.series, ..., fix="one row per panel").shape, TERMS, TERMS)[1]
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
                              "panels of a lower degree.")
