@@ -95,8 +95,8 @@ def _array(name: str, values: Any) -> Values:
     array = np.empty(0)
     with suppress(ValueError):  # lists of different lengths
         array = np.asarray(values)
-    mixed = array.dtype.kind != "b" and _check.among_numbers(values)
-    if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or mixed:
+    if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or (
+            array.dtype.kind != "b" and _check.among_numbers(values)):
         raise TypeError(f"values of {name} are {values!r}: a list of numbers or words is needed.")
     return array
 
