@@ -11,7 +11,7 @@ import math
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from importlib import import_module
 from types import EllipsisType, FunctionType
 from typing import Any, TypeVar
@@ -43,6 +43,9 @@ class ByNumbers:
 
     def __hash__(self) -> int:
         return hash(self._key)
+
+    def __reduce__(self) -> tuple[Any, ...]:  # made anew: none writes into arrays of a copy of which all is known
+        return partial(type(self), **{f.name: getattr(self, f.name) for f in fields(self)}), ()  # type: ignore[arg-type]
 
 
 def number(

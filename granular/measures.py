@@ -194,7 +194,7 @@ def static_overlaps(soft: Trajectory) -> Array:
 
 
 def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float]:
-    """Dimensionless groups of a scene whose balls meet at `speed` in m/s.
+    """Dimensionless groups of a scene whose balls meet at `speed` in m/s; nan if they do not meet.
 
     Mass ratio (largest over smallest ball), stiffness ratio over the pairs, the largest Δh·ω₀/v (a gap between balls
     against the slower neighbouring contact, which is over before the gap has closed beyond about π) and g/(ω₀ v)
@@ -202,7 +202,7 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     harmonically Γ = A ω²/g and ω/ω₀ of its own contact, the larger ones if there are two.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
-    speed = _check.number("speed", speed, at_least=0.0)
+    speed = speed if isinstance(speed, float) and math.isnan(speed) else _check.number("speed", speed, at_least=0.0)
     slope = resolved(laws, scene).column(lambda law: law.impact_stiffness(speed))
     omega = np.sqrt(slope / scene.pairs.m_eff)
     slower = np.full(scene.n_pairs, math.inf) if len(below) else omega

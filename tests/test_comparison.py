@@ -173,3 +173,9 @@ def test_a_root_beside_a_jump_is_found_whatever_rounding_says():
     for rounding in (-3e-16, 0.0, 3e-16):  # at 0.95, and a jump upwards beyond
         found = roots(lambda x, r=rounding: math.nan if x == 0.0 else 2.0 if x > 0.96 else 0.95 - x + r, grid, 1.0)
         assert found == pytest.approx([0.95], abs=1e-12)
+
+
+def test_balls_that_never_meet_have_a_report_too():
+    scene = gr.Scene([1.0, 2.0, 1.0], [0.1] * 3, [0.1, 0.1], [-1.0, 0.0, 1.0])
+    groups = gr.compare(scene, gr.LinearDashpot(1e5, 10.0), t_end=1.0).to_dict()["groups"]
+    assert (groups["mass_ratio"], groups["gap_omega_over_speed"]) == (2.0, None)

@@ -114,6 +114,11 @@ def test_collisions_of_balls_that_merge_are_those_of_fifty_digits(seed):
         assert (run(other, eps, t_end=2.0 * time).contacts["pair"] == log["pair"]).all()
 
 
+@pytest.mark.parametrize("seed", [5, 27, 63])
+def test_the_clock_of_balls_that_merge_never_goes_back(seed):
+    assert (np.diff(run(*pile(seed)).contacts["t_begin"]) >= 0.0).all()
+
+
 @pytest.mark.parametrize("seed", [196, 333, 366])
 def test_balls_that_merge_do_so_in_a_mirror(seed):
     scene, eps = pile(seed)

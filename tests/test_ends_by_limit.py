@@ -33,6 +33,15 @@ def test_a_run_ends_where_it_does_without_rows(engine):
     assert ends.count(gr.Status.max_events) > 15
 
 
+def test_a_run_that_ends_at_its_start_shows_what_collided_there():
+    """Where a sample showed the scene as it was given, no row showed what came of it."""
+    touching = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.0, 0.0], [1.0, 0.0, 0.0])
+    for samples in (None, 3, [0.0, 1.0]):
+        run = gr.edmd.simulate(touching, gr.ConstantRestitution(1.0), t_end=1.0, samples=samples, max_events=1)
+        assert run.time.tolist() == [0.0, 0.0]
+        assert run.velocity.tolist() == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+
+
 def test_one_bounce_is_not_said_to_slow_down():
     """Of the last eighth of one collision it was said that it had taken no time."""
     ball = gr.Scene([np.inf, 1.0], [0.0, 0.1], [1.0], [0.0, 0.0], 9.81)

@@ -55,6 +55,9 @@ MISUSE = {
         lambda: gr.binary.restitution(LAW, FLAT.pairs[0], RAGGED), r"speed is \[\[1.0\], .*: an array of numbers"),
     "ragged modulus": (
         lambda: gr.Hertz.from_material(RAGGED, 0.3, FLAT.pairs[0]), r"young is \[\[1.0\], .*: an array of numbers"),
+    "ragged values": (lambda: gr.sweep("three-balls", {"gap": [1.0, [2.0]]}), r"values of gap are \[1.0, \[2.0\]\]: a"),
+    "ragged coefficients": (lambda: gr.walls.Piecewise([0.0, 1.0], RAGGED), r"coefficients is \[\[1.0\], .*: an array"),
+    "ragged series": (lambda: gr.walls.Panels([0.0, 1.0], RAGGED), r"series is \[\[1.0\], .*: an array of numbers"),
     "contact of a word": (lambda: gr.until.Contact("x", 1), "pair is 'x': a single number is needed"),
     "contact number 0": (lambda: gr.until.Contact(0, 0), "nth is 0: a whole number of at least 1 is needed"),
     "speed of a word": (lambda: gr.until.Speed(0, "x"), "above is 'x': a single number is needed"),

@@ -1,12 +1,13 @@
 """The scene itself: checks, pairs, walls, gravity."""
 
+import copy
 import math
 import pickle
 
 import numpy as np
 import pytest
 
-from granular import scenes
+from granular import ConstantRestitution, edmd, scenes
 from granular.scene import Pair, Scene, positions
 
 pytestmark = pytest.mark.core
@@ -118,6 +119,18 @@ def test_scenes_with_the_same_numbers_are_equal():
     still = one.replace(velocity=[0.0, -0.0, 0.0])
     assert still == one
     assert hash(still) == hash(one)
+
+
+@pytest.mark.parametrize("made", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_copies_know_nothing_yet_and_cannot_be_written_into(made):
+    scene = floor_and_two()
+    edmd.simulate(scene, ConstantRestitution(0.5), t_end=0.1)
+    assert "_first" in vars(scene)
+    again = made(scene)
+    assert again == scene
+    assert not [name for name in vars(again) if name in ("_first", "_scales", "_check_scene")]
+    with pytest.raises(ValueError, match="read-only"):
+        again.velocity[:] = 3.0
 
 
 def test_point_particles_may_have_changed_places():

@@ -286,12 +286,12 @@ class Run:
         """Return how the run ended, with all that is needed to go on."""
         now, status = self.time(), pause.value
         stop = self.request.end if pause is Pause.reached else now
-        wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
+        wanted = seen == -math.inf or (pause is not Pause.reached and (
+            stop > seen or (seen == self.request.start and self.events > 0)))  # a row at the start shows what was given
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
-        message, stats = sentence(self, status, numbers, now), counters(self, numbers)
         if self.state.hung and not self.keeps_rows:
             hanging.settle(self.state, self.scene, self.row(now))
-        more = self.physics.options
+        message, stats, more = sentence(self, status, numbers, now), counters(self, numbers), self.physics.options
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             more = more | self.watch.checkpoint(self.state, self.queue)

@@ -230,12 +230,14 @@ class State:
         if self.walls is not None:
             compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
             return
-        by = tau - math.fmod(tau, clock.window) * whole
+        before, by = self.time(tau), tau - math.fmod(tau, clock.window) * whole
         speed = compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
         total = clock.epoch + by
         back = total - clock.epoch
         clock.epoch_low += (clock.epoch - (total - back)) + (by - back)
         clock.epoch = total
+        if not whole and self.time(0.0) < before:  # rounded to the other side: the clock never goes back
+            clock.epoch_low = before - total
         clock.rebases += 1
         self.run["now"] -= by
         self.scale(max(speed, clock.fall))

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from os import PathLike
@@ -91,9 +92,11 @@ def checked(over: Any) -> dict[str, Values]:
 
 
 def _array(name: str, values: Any) -> Values:
-    array = np.asarray(values)
-    mixed = array.dtype.kind != "b" and _check.among_numbers(values)
-    if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or mixed:
+    array = np.empty(0)
+    with suppress(ValueError):  # lists of different lengths
+        array = np.asarray(values)
+    if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or (
+            array.dtype.kind != "b" and _check.among_numbers(values)):
         raise TypeError(f"values of {name} are {values!r}: a list of numbers or words is needed.")
     return array
 

@@ -148,16 +148,13 @@ class Piecewise(_OnPanels, ByNumbers):
                                                  "needed, or a scipy.interpolate.PPoly alone"))
             breaks, coefficients = breaks.x, breaks.c
         t = _check.rising("breaks", breaks, "a finite time is needed")
-        rows = np.shape(coefficients)[0] if np.ndim(coefficients) else 1
+        rows = len(np.atleast_1d(_check.array("coefficients", coefficients, ..., fix="one column per piece")))
         if not 0 < rows <= TERMS:
             raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")
         c = _check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece",
                          finite="a finite number is needed")
         self.__dict__.update(breaks=t, coefficients=c)
         _check_steps(t, *_joined(t, c))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Piecewise, (self.breaks, self.coefficients)
 
     def __repr__(self) -> str:
         n = self.coefficients.shape[1]

@@ -70,7 +70,7 @@ class Panels(_OnPanels, ByNumbers):
 
     def __post_init__(self) -> None:
         edges = _check.rising("edges", self.edges, "a finite time is needed")
-        columns = np.shape(self.series)[1] if np.ndim(self.series) == 2 else TERMS
+        columns = (*_check.array("series", self.series, ..., fix="one row per panel").shape, TERMS, TERMS)[1]
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
                              "panels of a lower degree.")
@@ -110,9 +110,6 @@ class Panels(_OnPanels, ByNumbers):
         steps: Array = c @ (-1.0) ** np.arange(c.shape[1]) - np.roll(c.sum(axis=1), 1)
         steps[0] = steps[0] if self.frequency else 0.0
         return steps
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Panels, (self.edges, self.series, self.error, self.frequency, self.turn)
 
     def __repr__(self) -> str:
         end = f"{self.frequency:g} Hz" if self.frequency else f"{self.edges[0]:g} … {self.edges[-1]:g} s"
