@@ -289,7 +289,7 @@ class Run:
         wanted = seen == -math.inf or (pause is not Pause.reached and (
             stop > seen or (seen == self.request.start and self.events > 0)))  # a row at the start shows what was given
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
-        if self.state.hung and not self.keeps_rows:
+        if self.scene.pendulum > 0.0 and not self.keeps_rows:
             hanging.settle(self.state, self.scene, self.row(now))
         message, stats, more = sentence(self, status, numbers, now), counters(self, numbers), self.physics.options
         if self.watch is not None:
