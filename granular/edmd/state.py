@@ -230,7 +230,7 @@ class State:
         if self.walls is not None:
             compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
             return
-        before, by = self.time(tau), tau - math.fmod(tau, clock.window) * whole
+        before, by = math.nan if whole else self.time(tau), tau - math.fmod(tau, clock.window) * whole
         speed = compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
         total = clock.epoch + by
         back = total - clock.epoch
