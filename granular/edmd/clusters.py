@@ -134,11 +134,9 @@ def come_to_rest(
         body = bodies[i]
         if FORCED and body.is_free > 0.0:
             body.force_acceleration = 0.0
-            if walls.sides[on - 1].panels > 0:
-                body.noise = under.noise
             borne(run, body, on - 1, now, under.fall_velocity, -1.0, walls)
         if not FORCED or body.mass < math.inf:
-            body.fall_velocity = under.fall_velocity
+            body.fall_velocity, body.noise = under.fall_velocity, under.noise
         body.is_free = 0.0
     if FORCED:
         for k in range(b, e):
@@ -232,7 +230,8 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
         top = min(c + 1, len(pairs) - 1)
         if top > c:
             carry(pairs[top], bodies[top], bodies[top + 1], pair.at, walls)
-        upper.is_free, upper.fall_velocity = 0.0, lower.fall_velocity
+        run.settled += upper.fall_velocity - pair.closing_acceleration * pair.at != lower.fall_velocity
+        upper.is_free, upper.fall_velocity, upper.noise = 0.0, lower.fall_velocity, lower.noise
         set_closing(run, pairs, bodies, c, top, walls)
         return c + 1, top
     if pair.stuck > FREE or pair.gap != 0.0 or rate_of(pair, lower, upper) != 0.0:
@@ -241,6 +240,7 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
     if lower.is_free == upper.is_free == 0.0 or not (presses(pair, walls) if pair.wall >= 0 else a > 0.0):
         return c + 1, c
     w = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
+    run.settled += w != 0.0
     first, last, _ = bind(run, pairs, bodies, c, pair.at, w, walls)
     return first, last
 

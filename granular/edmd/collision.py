@@ -58,7 +58,8 @@ def event(
     if row is not None:
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
-    if e < 1.0 and -w < run.merge_below and will_stick(pairs, bodies, c, now, w, e, walls):
+    faint = (e * w) * (e * w) <= lower.noise + upper.noise if e > 0.0 else True  # nothing is left of the velocity
+    if e < 1.0 and (faint or -w < run.merge_below) and will_stick(pairs, bodies, c, now, w, e, walls):
         first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:
         if (FORCED or run.gravity > 0.0 or run.merge_below > 0.0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
@@ -79,7 +80,7 @@ def event(
         row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, now)
         row.impulse = exchanged
     pair.contacts += 1
-    pair.streak = streak(run, pair.streak, lower, upper, now, pair.last, -w, e) if e < 1.0 else 0
+    pair.streak = streak(run, pair.streak, lower, upper, now, pair.last, -w, e) if 0.0 < e < 1.0 else 0
     pair.last = now
     if RING:
         across(bodies, c)

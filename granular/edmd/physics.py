@@ -154,6 +154,19 @@ def felt_gravity(scene: Scene) -> float:
     return scene.gravity if scene.is_wall[0] or scene.is_wall[-1] else 0.0
 
 
+def frame_velocity(scene: Scene) -> float:
+    """Velocity in m/s of the frame of a run: of the mass centre of a ring, else of an undriven wall.
+
+    In this frame a wall is at rest, and velocities of balls near it keep their digits. It is 0 without walls, for pendula,
+    and beside driven or thermal walls, which do work in the frame of the scene.
+    """
+    if scene.ring:
+        return float(scene.anchor_velocity(0.0))
+    if scene.driven or scene.heated or scene.pendulum > 0.0:
+        return 0.0
+    return float(scene.velocity[0] if scene.is_wall[0] else scene.velocity[-1] if scene.is_wall[-1] else 0.0)
+
+
 @remembered
 def scales(scene: Scene) -> tuple[float, float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, the mean gap (m) of a scene, and the

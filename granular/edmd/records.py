@@ -44,6 +44,7 @@ RUN = np.dtype(
         ("order", int), ("seed", int),  # of ties
         ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
         ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
+        ("settled", int),  # balls brought to rest because their relative velocity was rounding
         ("gap_sum", float),  # m, the sum of the gaps where it never changes, else 0
         ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
         ("stop_pair", int), ("stop_contacts", int),  # pause before this pair, which has collided so often, does again
@@ -163,7 +164,7 @@ def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
     for name, kind in NUMBERS.items():
         infinite = name == "merge_below" and physics.eps.max() == 0.0
         held(saved, name, kind, (), least=-math.inf if name in ANY else 0, finite=not infinite)
-    held(saved, "tally", "i", (3,), least=0)
+    held(saved, "tally", "i", (4 if np.size(saved.get("tally")) == 4 else 3,), least=0)
     if not isinstance(saved.get("ties"), str) or saved["ties"] not in ORDER:
         raise ValueError(f"state of trajectory has no rule for ties: one of {', '.join(ORDER)} is needed.")
     if math.frexp(saved["window"])[0] != 0.5:

@@ -15,7 +15,7 @@ from granular._records import FEW, column, packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import LATEST
-from granular.edmd.physics import GROUP, ORDER, Physics
+from granular.edmd.physics import GROUP, ORDER, Physics, frame_velocity
 from granular.edmd.records import APART, BUDGET, EACH, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
@@ -96,7 +96,7 @@ class Run:
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
-        self.drift = float(self.scene.anchor_velocity(0.0)) if state.ring else 0.0  # m/s, of the frame on a ring
+        self.drift = frame_velocity(self.scene)  # m/s
         enclosed = bool(self.scene.is_wall[0] and self.scene.is_wall[-1])
         self.closing = Closing(self.scene, self.start) if enclosed else None
         self.horizon = math.inf if self.closing is None else self.closing.horizon  # s: no room for balls later
@@ -344,7 +344,7 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
 def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
     """Return the counters of a run: collisions, clamped gaps, re-basings, closer looks, lost rates; and its verdict."""
     verdict = run.verdict
-    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost",
+    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost", *["settled"] * (numbers["settled"] > 0),
              *["merge_below", "merged"] * (numbers["merge_below"] > 0.0)]
     counts: dict[str, Any] = {"engine": run.queue.name} | dict(zip(names, map(numbers.__getitem__, names), strict=True))
     if run.scene.heated:

@@ -16,7 +16,7 @@ from granular._check import Array, held
 from granular._records import FEW, Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
-from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares
+from granular.edmd.physics import ORDER, Physics, felt_gravity, frame_velocity, scales, shares
 from granular.edmd.records import (
     CLOCK,
     NEAR,
@@ -42,8 +42,8 @@ NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
 NOUGHT = {kind: np.zeros((), kind).item() for kind in (RUN, CLOCK)}
 OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or ()))
 """Names of all numbers of a run, and what takes them from plain records."""
-TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
-"""Numbers that are saved as arrays; of an older closer look, there are less."""
+TALLY, LOOK = ("clamps", "merged", "lost", "settled"), ("elapsed", "looked", "ordinary", "clamped", "faint")
+"""Numbers that are saved as arrays; earlier releases saved fewer."""
 SHORTER = -10
 """Octaves by which the window of another release may be shorter than it is at the start: windows only grow."""
 
@@ -126,8 +126,10 @@ class State:
         for name in of_bodies:
             state.bodies[name] = saved.get(name, 0.0)
         state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
-        state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=True)))
+        state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=False)))
         state.scale(state.clock.speed)
+        if frame := frame_velocity(physics.scene) * (not state.ring and "frame" not in saved):  # saved before walls had one
+            state.bodies["fall_velocity"] -= frame
         if "noise" not in saved:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
@@ -163,6 +165,7 @@ class State:
         raw |= zip(SAVED, map(run.__getitem__, SAVED), strict=True)
         if self.walls is not None:
             raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.SUMS}
+        raw["frame"] = np.array(True)
         raw["tally"] = np.array(list(map(run.__getitem__, TALLY)))
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
@@ -295,7 +298,7 @@ def first(scene: Scene) -> tuple[Records, Records]:
         bodies[name][:n] = value
     if scene.ring:
         bodies[-1] = bodies[0]
-        bodies["fall_velocity"] -= scene.anchor_velocity(0.0)
+    bodies["fall_velocity"] -= frame_velocity(scene)
     pairs["gap"], pairs["last"] = scene.gap, -math.inf
     pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
     pairs["low"], pairs["high"] = shares(scene)

@@ -141,7 +141,7 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
         s.run.clamps += fit(carry)(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now, s.walls)
     s.pairs[s.run.suspect].gap = 0.0
     fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
-    rate = [_rate(k, s) for k in range(first, last + 1)]
+    rate = [_closing_rate(k, s) for k in range(first, last + 1)]
     eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
     meet = bodies[-1].fall_velocity < bodies[0].fall_velocity
     if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or meet):
@@ -176,6 +176,12 @@ def _rate(c: int, s: State) -> float:
     pair, lower, upper = s.pairs[c], s.bodies[c], s.bodies[c + 1]
     return float(pair.rate if s.hung else
                  (upper.fall_velocity - lower.fall_velocity) - pair.closing_acceleration * s.run.now)
+
+
+def _closing_rate(c: int, s: State) -> float:
+    """Rate in m/s of pair `c` now; 0 if the pair closes by no more than its rounding error."""
+    rate, below, above = _rate(c, s), s.bodies[c], s.bodies[c + 1]
+    return 0.0 if rate < 0.0 and rate * rate < below.noise + above.noise else rate
 
 
 def _go_together(first: int, last: int, s: State) -> None:

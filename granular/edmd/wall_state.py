@@ -22,6 +22,7 @@ from granular._kernels import kernel, rare
 from granular._records import Record, Records, column, plain
 from granular.edmd.driven import beside, place, synchronise
 from granular.edmd.motion import NOISE, add, impulse, rebase, span
+from granular.edmd.physics import frame_velocity
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, SIDE, Walls
 from granular.scene import Scene
 from granular.scene.places import driven_walls
@@ -36,7 +37,7 @@ BELOW = 1.0 - 2.0**-53
 def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
     """Return records of both walls, `SIDE`, and of the panels of both."""
     sides = np.zeros(2, SIDE)
-    sides["velocity"] = np.where(scene.is_wall, scene.velocity, 0.0)[[0, -1]]
+    sides["velocity"] = np.where(scene.is_wall, scene.velocity - frame_velocity(scene), 0.0)[[0, -1]]
     driven = driven_walls(scene, t_start)
     for body, one, _ in driven:
         for name in one.dtype.names or ():

@@ -38,6 +38,8 @@ def zoom(
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.closing_acceleration)
         e = pair.eps if rule is None else rule(number(run, j), -w)
+        if e == 0.0:
+            return QUIET  # the bodies stick, which moves all that is stuck to them
         advance(run, near, pairs, dt)
         run.suspect = number(run, j)
         tau = run.began + run.elapsed
