@@ -131,7 +131,7 @@ def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Traject
     first = solve(request._replace(samples=None, log=True, stream=None, on_event=None, told=nullcontext()))
     start, end = first.time[[0, -1]].tolist()
     times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
-    return solve(request._replace(samples=times if first.status is Status.time or start == end else times[:-1]))
+    return solve(request._replace(samples=times if end in (request.end, start) else times[:-1]))
 
 
 def _about(log: Rows, start: float, end: float) -> _check.Array:

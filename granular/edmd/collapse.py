@@ -13,6 +13,7 @@ import numpy as np
 from granular._check import Array
 from granular._flight import time_to_contact
 from granular._records import Records, column
+from granular.edmd.clusters import press_again
 from granular.edmd.physics import Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log
 from granular.edmd.sorted_queue import SortedQueue
@@ -115,6 +116,8 @@ def look(
     if verdict is not None and verdict.kind == "bounded":
         verdict = _proved(state, physics, verdict)
     finish(state, queue)
+    if end == RESTS and state.walls is not None:
+        queue.use(press_again)(run, state.pairs, state.bodies, 0, len(state.pairs) - 1, state.walls)
     return UNTIL if run.stop_pair == APART and queue.apart() else end, verdict
 
 
@@ -236,8 +239,8 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     (pairs, bodies), end = state.slices(), high + 1
     pairs, bodies = pairs[low:end], bodies[low : end + 1]
     pulled = bool((column(pairs, "closing_acceleration")[[0, -1]] > 0.0).any())
-    if low == high and (not pulled or (physics.rule is None and column(pairs, "low")[0] == 0.0)):
-        return None  # two free bodies collide once; a ball that bounces alone on a wall is summed
+    if low == high and (not pulled or (physics.rule is None and math.isinf(max(column(bodies, "mass"))))):
+        return None  # two free bodies collide once; the bounces of a ball alone on a wall are summed
     kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
     if physics.scene.external_force is not None:
         speed = largest_speed_under_forces(bodies, gap[low:end], rate[low:end], run.gravity)

@@ -58,8 +58,8 @@ def event(
     if row is not None:
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
-    faint = (e * w) * (e * w) <= lower.noise + upper.noise if e > 0.0 else True  # nothing is left of the velocity
-    if e < 1.0 and (faint or -w < run.merge_below) and will_stick(pairs, bodies, c, now, w, e, walls):
+    nothing_left = e * w == 0.0 or (e * w) * (e * w) < lower.noise + upper.noise
+    if e < 1.0 and (nothing_left or -w < run.merge_below) and will_stick(pairs, bodies, c, now, w, e, walls):
         first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:
         if (FORCED or run.gravity > 0.0 or run.merge_below > 0.0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):

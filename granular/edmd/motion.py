@@ -57,8 +57,9 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
     """Return the time at which a pair collides if nothing happens before, inf if it never does.
 
     A pair that touches and approaches collides now. A pair whose approach speed is below its rounding error never
-    collides: balls without a closing acceleration pass by, balls that touch and are pressed together are at rest. With
-    forces, a stuck pair opens at that time; a ball at rest on a thermal wall collides now if it is pressed on the wall.
+    collides: without a closing acceleration its balls pass by, and balls that touch and are pressed together are at
+    rest. With forces, a stuck pair opens at that time. A ball on a thermal wall never rests: it collides now if it is
+    pressed on the wall.
     """
     if HUNG:
         if pair.gap == 0.0 and pair.rate < 0.0:
@@ -75,23 +76,12 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
             return next_wall_hit(pair, lower, upper, walls)
         if walls.sides[0].lands and a < 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return math.inf
-    if a > 0.0 and is_rounding(pair, lower, upper, rate):
+    if pair.gap == 0.0 and a > 0.0 and rate * rate < lower.noise + upper.noise and not (FORCED and pair.heat >= 0):
         return math.inf
     if a == 0.0:
         known = rate < 0.0 and rate * rate >= lower.noise + upper.noise
         return pair.at + pair.gap / -rate if known else math.inf
     return pair.at + time_to_contact(pair.gap, rate, a)  # type: ignore[no-any-return]
-
-
-@kernel
-def is_rounding(pair: Record, lower: Record, upper: Record, rate: float) -> bool:
-    """Whether the bodies of a pair touch, and their relative velocity `rate` (m/s) is below its rounding error.
-
-    If they are also pressed together, they are at rest on each other. Beside a thermal wall they never are.
-    """
-    if FORCED and pair.heat >= 0:
-        return False
-    return pair.gap == 0.0 and rate * rate < lower.noise + upper.noise  # type: ignore[no-any-return]
 
 
 @kernel

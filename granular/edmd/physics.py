@@ -157,8 +157,8 @@ def felt_gravity(scene: Scene) -> float:
 def frame_velocity(scene: Scene) -> float:
     """Velocity in m/s of the frame of a run: of the mass centre of a ring, else of an undriven wall.
 
-    In this frame a wall is at rest, and velocities of balls near it keep their digits. It is 0 without walls, for pendula,
-    and beside driven or thermal walls, which do work in the frame of the scene.
+    In this frame a wall is at rest, and velocities of balls near it keep their digits. It is 0 without walls, for
+    pendula, and beside driven or thermal walls, which do work in the frame of the scene.
     """
     if scene.ring:
         return float(scene.anchor_velocity(0.0))

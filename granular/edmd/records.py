@@ -64,6 +64,7 @@ RUN = np.dtype(
 """Numbers that kernels know."""
 CLOCK = np.dtype(
     [
+        ("frame", float),  # m/s, to which velocities are relative
         ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
         ("length", float),  # m, the mean gap at the start, the largest so far if driven
         ("window", float),  # s, 2^k, grows as balls slow down
@@ -164,7 +165,7 @@ def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
     for name, kind in NUMBERS.items():
         infinite = name == "merge_below" and physics.eps.max() == 0.0
         held(saved, name, kind, (), least=-math.inf if name in ANY else 0, finite=not infinite)
-    held(saved, "tally", "i", (4 if np.size(saved.get("tally")) == 4 else 3,), least=0)
+    held(saved, "tally", "i", (4 if np.size(saved.get("tally", 0)) == 4 else 3,), least=0)
     if not isinstance(saved.get("ties"), str) or saved["ties"] not in ORDER:
         raise ValueError(f"state of trajectory has no rule for ties: one of {', '.join(ORDER)} is needed.")
     if math.frexp(saved["window"])[0] != 0.5:

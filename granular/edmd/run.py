@@ -15,7 +15,7 @@ from granular._records import FEW, column, packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import LATEST
-from granular.edmd.physics import GROUP, ORDER, Physics, frame_velocity
+from granular.edmd.physics import GROUP, ORDER, Physics, scales
 from granular.edmd.records import APART, BUDGET, EACH, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
@@ -41,7 +41,7 @@ LIKELY = 25
 TRIAL = 2048
 """Work (in collisions) that tells how much more there will be until the end time."""
 WHY = {
-    "exact": "body {above} comes to rest on the wall after infinitely many bounces",
+    "exact": "body {ball} comes to rest on the wall after infinitely many bounces",
     "proved": "the {count} pairs collide in turn forever; rates left: {bound:.2g} m/s",
     "bounded": "unless hit from outside, none of their bodies will be faster than {bound:.2g} m/s",
 }
@@ -94,9 +94,10 @@ class Run:
         self.tail = state.clock.last_event - request.max_events // TAIL
         self.pace = [(self.events, request.start)]  # at the beginning and where the tail begins
         self.verdict: collapse.Verdict | None = None
+        self.ended, self.at_rest = math.nan, False  # s, of a collapse; whether all balls are at rest after it
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
-        self.drift = frame_velocity(self.scene)  # m/s
+        self.drift = float(state.clock.frame)  # m/s
         enclosed = bool(self.scene.is_wall[0] and self.scene.is_wall[-1])
         self.closing = Closing(self.scene, self.start) if enclosed else None
         self.horizon = math.inf if self.closing is None else self.closing.horizon  # s: no room for balls later
@@ -129,7 +130,8 @@ class Run:
         while last or time > self.request.start:
             if self.scene.driven and self.closing is not None:
                 self._meet_before(min(time, float(state.time(state.clock.window))))
-            limit, before, late = max(state.tau(min(time, self.horizon)), late), self.events, -math.inf
+            halved = self.horizon if self.horizon == math.inf else self._halving(time)
+            limit, before, late = max(state.tau(min(time, self.horizon, halved)), late), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
             if self.moves_on:
@@ -140,12 +142,18 @@ class Run:
             if self.request.singly and self.events > seen and why == LATER:
                 return Pause.full
             limit = state.tau(time) if self.moves_on else limit
-            if self.verdict is not None:
-                return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
+            if self.verdict is not None and not self.at_rest:
+                self.ended = self.time()
+                self.at_rest = self.verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
+                if not self.at_rest:
+                    return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
             if why == UNTIL:
                 return Pause.until
             if why == LATER:
                 due = math.inf if state.near is not None else self.queue.soonest()
+                if halved < min(time, self.horizon) and due > limit:
+                    self.queue.shift_to(limit, whole=False, shrink=0.5)
+                    continue
                 close, later = limit < due <= limit + 2.0 * math.ulp(time) < math.inf, due >= state.clock.window
                 if close and not later and state.time(due) <= time < self.horizon:
                     late = due  # it shows as a collision of that time
@@ -176,6 +184,31 @@ class Run:
         from granular.edmd import collapse
 
         return collapse
+
+    def rest(self, pair: Any, time: Any) -> None:
+        """Continue a run whose last ball came to rest on the wall of `pair` at `time` in s."""
+        self.verdict = self._closer.Verdict("exact", int(pair), int(pair), 0.0)
+        self.ended, self.at_rest = float(time), True
+        if not self._is_still():
+            raise ValueError("collapse_time in the state of trajectory is given, but balls move; it was changed after "
+                             "it was saved.")
+
+    def _is_still(self) -> bool:
+        """Whether all balls are at rest on a wall."""
+        return not (column(self.state.bodies, "is_free").any() or np.ptp(column(self.state.bodies, "fall_velocity")))
+
+    def _halving(self, time: float) -> float:
+        """Time in s at which closing undriven walls have halved the room again, if that is before `time`; else inf.
+
+        The clock is re-based there, in a shorter window: a collision time with a rounding error of the first window
+        would be uncertain by more than the time between two collisions.
+        """
+        assert self.closing is not None
+        if self.scene.driven or not 0.0 < self.closing.after < math.inf or self.state.near is not None:
+            return math.inf
+        meet = self.start + self.closing.after
+        halved = meet - self.closing.after * float(self.state.clock.length) / scales(self.scene)[2] * 0.5
+        return halved if halved < min(time, self.horizon) else math.inf
 
     def _meet_before(self, time: float) -> bool:
         """Return whether driven walls are now found to meet before `time`, as they were not yet."""
@@ -284,14 +317,17 @@ class Run:
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""
-        now, status = self.time(), pause.value
+        now, status = self.time(), Status.collapse if self.at_rest else pause.value
         stop = self.request.end if pause is Pause.reached else now
         wanted = seen == -math.inf or (pause is not Pause.reached and (
             stop > seen or (seen == self.request.start and self.events > 0)))  # a row at the start shows what was given
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
         if self.scene.pendulum > 0.0 and not self.keeps_rows:
             hanging.settle(self.state, self.scene, self.row(now))
-        message, stats, more = sentence(self, status, numbers, now), counters(self, numbers), self.physics.options
+        when = now if math.isnan(self.ended) else self.ended
+        message, stats, more = sentence(self, status, numbers, when), counters(self, numbers), self.physics.options
+        if self.at_rest and self.verdict is not None:
+            more = more | {"collapse_time": self.ended, "collapse_pair": self.verdict.first}
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             more = more | self.watch.checkpoint(self.state, self.queue)
@@ -315,12 +351,14 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
     when = f"t = {now:.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
         count = (verdict.last - verdict.first) % run.scene.n_pairs + 1
-        numbers = {"above": verdict.first + 1, "bound": verdict.bound, "count": "two" if count == 2 else count}
+        ball = verdict.first + bool(run.scene.is_wall[verdict.first])
+        numbers = {"ball": ball, "bound": verdict.bound, "count": "two" if count == 2 else count}
         why = WHY[verdict.kind].format(**numbers)
         if verdict.bound == math.inf:
             why = "forces may pull them apart: how fast they will be is not known"
-        what = "what may be an inelastic" if status is Status.bounded else "inelastic"
-        return f"{what} collapse of {verdict} at {when} ({verdict.kind}: {why})"
+        what, fix = ("what may be an inelastic", "; give collapse='merge' to continue") if (
+            status is Status.bounded) else ("inelastic", "")
+        return f"{what} collapse of {verdict} at {when} ({verdict.kind}: {why}){fix}"
     walls = "" if run.closing is None else f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
     if status is Status.collapse:
         said = f"{walls} and leave no way out: stopped at {when}, when no space was left"
@@ -351,5 +389,6 @@ def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
         given, low = (column(run.state.walls.sides, name) for name in ("given", "given_low"))
         counts["given"] = tuple((given + low).tolist())
     if verdict is not None:
-        counts |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}
+        counts |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound,
+                   "collapse_time": run.ended}
     return counts

@@ -228,7 +228,7 @@ def resume(
     _check.refuse({
         "trajectory is no hard-sphere run: one from granular.edmd is needed.": trajectory.rule is None or not saved,
         "trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.":
-            status is Status.collapse,
+            status is Status.collapse and "collapse_time" not in saved,
         "trajectory ended at a bound: nothing follows it; run again with collapse='merge' or tc=.":
             status is Status.bounded and "zoom_gap" not in saved,
         "trajectory is broken: nothing follows it; see its message.": status is Status.broken,
@@ -248,7 +248,11 @@ def resume(
     def solve(asked: Request) -> Trajectory:
         watching = None if watch is None else _watch(watch, scene, saved)
         fresh = states.pop() if states else State.restored(physics, saved)
-        return go_on(_stopping(Run(physics, fresh, queue, asked, watching)), trajectory)
+        run = Run(physics, fresh, queue, asked, watching)
+        if "collapse_time" in saved:
+            run.rest(_check.held(saved, "collapse_pair", "i", (), 0, scene.n_pairs - 1),
+                     _check.held(saved, "collapse_time", "f", ()))
+        return go_on(_stopping(run), trajectory)
 
     return in_time(solve, request)
 

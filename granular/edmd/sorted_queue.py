@@ -180,9 +180,9 @@ class SortedQueue:
         s = self.state
         self.foresee(s.run, s.pairs, s.bodies, self.queue, 0, len(s.pairs) - 1, s.walls)
 
-    def shift_to(self, tau: float, whole: bool = True) -> None:
-        """Move the zero of times on, see `State.shift_to`, and predict all pairs anew."""
-        self.state.shift_to(tau, self.use, whole)
+    def shift_to(self, tau: float, whole: bool = True, shrink: float = 1.0) -> None:
+        """Move the zero of times on, see `State.shift_to`, and predict all pairs again."""
+        self.state.shift_to(tau, self.use, whole, shrink)
         self.rebuild()
 
     def refresh(self, first: int, last: int) -> None:

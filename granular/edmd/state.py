@@ -44,8 +44,8 @@ OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or (
 """Names of all numbers of a run, and what takes them from plain records."""
 TALLY, LOOK = ("clamps", "merged", "lost", "settled"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; earlier releases saved fewer."""
-SHORTER = -10
-"""Octaves by which the window of another release may be shorter than it is at the start: windows only grow."""
+SHORTER = -40
+"""Octaves by which the window may be shorter than at the start: closing walls shorten it, as may other releases."""
 
 FIRST_ALLOWANCE = 20_000
 """Collisions of a closer look without a decision, before it is taken to be in vain for the first time."""
@@ -83,7 +83,8 @@ class State:
         pairs, bodies = first(scene)
         if scene.n <= FEW:  # remembered
             pairs, bodies = copied(pairs), copied(bodies)
-        pairs["eps"] = physics.eps
+        pairs["eps"], frame = physics.eps, frame_velocity(scene)
+        bodies["fall_velocity"] -= frame
         speed, fall, length, strength = scales(scene)
         tc, elastic_below, merge_below = options["tc"], options["elastic_below"], options["merge_below"]
         no_collapse = scene.driven or scene.pendulum > 0.0 or max(tc, elastic_below, merge_below) > 0.0 or (
@@ -95,8 +96,8 @@ class State:
             short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # no pair has collided
             allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # nothing is slow
         )
-        clock = _begun(CLOCK, start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length,
-                       window=window, speed=speed, fall=fall)
+        clock = _begun(CLOCK, frame=frame, start=t_start, epoch=t_start, goal=-math.inf, strength=strength,
+                       length=length, window=window, speed=speed, fall=fall)
         state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in kind, walls and Walls(*walls, clock))
         if state.walls is not None:
             wall_state.begin(state, scene)
@@ -128,8 +129,8 @@ class State:
         state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
         state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=False)))
         state.scale(state.clock.speed)
-        if frame := frame_velocity(physics.scene) * (not state.ring and "frame" not in saved):  # saved before walls had one
-            state.bodies["fall_velocity"] -= frame
+        if len(saved["tally"]) < len(TALLY) and not state.ring:  # saved in the frame of the scene
+            state.bodies["fall_velocity"] -= state.clock.frame
         if "noise" not in saved:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
@@ -165,7 +166,6 @@ class State:
         raw |= zip(SAVED, map(run.__getitem__, SAVED), strict=True)
         if self.walls is not None:
             raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.SUMS}
-        raw["frame"] = np.array(True)
         raw["tally"] = np.array(list(map(run.__getitem__, TALLY)))
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
@@ -227,8 +227,13 @@ class State:
         """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
         return ((self.clock.epoch - self.clock.start) + self.clock.epoch_low) + tau
 
-    def shift_to(self, tau: float, compiler: Callable[[Any], Any], whole: bool = True) -> None:
-        """Move the epoch on by whole windows, so that `tau` comes to lie in the first one; or else to `tau` itself."""
+    def shift_to(
+        self, tau: float, compiler: Callable[[Any], Any], whole: bool = True, shrink: float = 1.0
+    ) -> None:
+        """Move the epoch on by whole windows, so that `tau` comes to lie in the first one; or else to `tau` itself.
+
+        The window grows as balls slow down. It becomes shorter only if the mean gap does, by the factor `shrink`.
+        """
         clock = self.clock
         if self.walls is not None:
             compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
@@ -245,7 +250,9 @@ class State:
         self.run["now"] -= by
         self.scale(max(speed, clock.fall))
         if clock.speed > 0.0:
-            clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
+            clock.length *= shrink
+            least = clock.window if shrink == 1.0 else 0.0
+            clock.window = max(least, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
@@ -298,7 +305,6 @@ def first(scene: Scene) -> tuple[Records, Records]:
         bodies[name][:n] = value
     if scene.ring:
         bodies[-1] = bodies[0]
-    bodies["fall_velocity"] -= frame_velocity(scene)
     pairs["gap"], pairs["last"] = scene.gap, -math.inf
     pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
     pairs["low"], pairs["high"] = shares(scene)

@@ -59,7 +59,7 @@ def begin(state: Any, scene: Scene) -> None:
     if forces is not None:
         pairs["closing_acceleration"] -= scene.across(bodies["own_acceleration"])
     sides["forces"] = forces is not None
-    sides["lands"] = scene.driven or (forces is not None and state.run.slow < 0.0)
+    sides["lands"] = scene.driven or forces is not None
     set_epoch(state)
     seen = _seen(state)
     for which in (0, 1):

@@ -17,7 +17,7 @@ from granular._records import Record, Records
 from granular.edmd.clusters import ball_is_stuck
 from granular.edmd.motion import across, impulse, total, velocities
 from granular.edmd.physics import GROUP, Restitution, rank
-from granular.edmd.records import APART, BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
+from granular.edmd.records import APART, BUDGET, CEILING, FLOOR, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
 from granular.edmd.wall_state import book, enter
 
 GOES_ON = -1
@@ -62,7 +62,7 @@ def zoom(
             if FORCED:
                 # of all bounces, its weight among them
                 left = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
-                enter(lower, upper, left, 0.5 * upper.mass * own.rate * own.rate, walls)
+                enter(lower, upper, left, 0.5 * min(lower.mass, upper.mass) * own.rate * own.rate, walls)
             settle(near, pairs, bodies, j)
             return RESTS
         if (own.rate == 0.0 and pair.closing_acceleration > 0.0) or (run.stop_pair == APART and recede(near)):
@@ -194,40 +194,49 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
 
 @kernel
 def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
-    """Return after which time the ball that just bounced on a wall (pair `j`) is at rest on it, inf if not certain.
+    """Time in s until the ball that just bounced on a wall (pair `j`) is at rest on it; inf if that is not certain.
 
-    Alone it bounces infinitely often within 2u/(g(1 - ε)). It stays alone if no other pair of the slice collides
-    before, and its neighbour stays above the top of the first arc, which that does if it is so at both ends of the
-    time, since it moves on a straight line or falls.
+    Alone it bounces infinitely often within 2u/(a(1 - ε)). It stays alone if no other pair of the slice collides
+    before, and its neighbour stays beyond the top of the first arc. The neighbour stays there if it does so at both
+    ends of the time, because it moves on a straight line or is accelerated towards the wall.
     """
-    a, r = pairs[j].closing_acceleration, near[j].rate
-    if not (a > 0.0 and pairs[j].low == 0.0 and e < 1.0):
+    a, r, k = pairs[j].closing_acceleration, near[j].rate, beyond(pairs, j)
+    if not (a > 0.0 and pairs[j].low * pairs[j].high == 0.0 and e < 1.0):
         return math.inf
     end: float = 2.0 * r / (a * (1.0 - e))
     for i in range(len(near)):
-        if i != j and i != j + 1 and time_to_contact(near[i].gap, near[i].rate, pairs[i].closing_acceleration) <= end:
+        if i != j and i != k and time_to_contact(near[i].gap, near[i].rate, pairs[i].closing_acceleration) <= end:
             return math.inf
-    if j + 1 < len(near):
-        above, arc = near[j + 1], r * r / (2.0 * a)
-        path = gap_after(above.gap, above.rate + r, pairs[j + 1].closing_acceleration + a, end)
-        if above.gap <= arc or path <= arc:
+    if 0 <= k < len(near):
+        other, arc = near[k], r * r / (2.0 * a)
+        path = gap_after(other.gap, other.rate + r, pairs[k].closing_acceleration + a, end)
+        if other.gap <= arc or path <= arc:
             return math.inf
     return end
 
 
 @kernel
-def settle(near: Records, pairs: Records, bodies: Records, j: int) -> None:
-    """Let the ball above the wall of pair `j`, which has just bounced on it, be at rest there.
+def beyond(pairs: Records, j: int) -> int:
+    """Number of the pair on the other side of the ball of pair `j`, which is beside a wall."""
+    return j + 1 if pairs[j].low == 0.0 else j - 1
 
-    Measured from the wall, the path of its neighbour knows nothing of the bounces.
+
+@kernel
+def settle(near: Records, pairs: Records, bodies: Records, j: int) -> None:
+    """Bring the ball of pair `j`, which has just bounced on its wall, to rest there.
+
+    The path of its neighbour, measured from the wall, does not depend on the bounces.
     """
-    if j + 1 < len(near):
-        near[j + 1].rate += near[j].rate
-        pairs[j + 1].closing_acceleration += pairs[j].closing_acceleration
-    near[j].gap = near[j].rate = pairs[j].closing_acceleration = bodies[j + 1].is_free = 0.0
-    bodies[j + 1].fall_velocity = bodies[j].fall_velocity
+    k, on_floor = beyond(pairs, j), pairs[j].low == 0.0
+    i = j + 1 if on_floor else j
+    ball, wall = bodies[i], bodies[2 * j + 1 - i]
+    if 0 <= k < len(near):
+        near[k].rate += near[j].rate
+        pairs[k].closing_acceleration += pairs[j].closing_acceleration
+    near[j].gap = near[j].rate = pairs[j].closing_acceleration = ball.is_free = 0.0
+    ball.fall_velocity = wall.fall_velocity
     if FORCED:
-        bodies[j + 1].force_acceleration = 0.0
+        ball.force_acceleration, pairs[j].stuck = 0.0, FLOOR if on_floor else CEILING
 
 
 @kernel
