@@ -101,3 +101,30 @@ def test_a_hit_parts_balls_that_stuck():
     run = gr.edmd.simulate(scene, lambda speed, pair: 1.0 if speed > 0.5 else 0.0)
     assert [int(c) for c in run.contacts["pair"]] == [0, 1, 0]
     assert run.velocity[-1] == pytest.approx([-3.0, 0.05, 0.05])
+
+
+@pytest.mark.parametrize("seed", range(48))
+def test_a_run_with_sticking_balls_resumes_bit_for_bit(seed):
+    scene, rule, _ = sticky(seed)
+    cut = float(np.random.default_rng([52, seed]).uniform(0.1, 2.5))
+    first = gr.edmd.simulate(scene, rule, t_end=cut, max_events=20_000)
+    if first.status is gr.Status.time:
+        whole = gr.edmd.simulate(scene, rule, t_end=3.0, max_events=20_000)
+        rest = gr.edmd.resume(first, t_end=3.0, max_events=20_000)
+        assert np.concatenate([first.contacts, rest.contacts]).tobytes() == whole.contacts.tobytes()
+        assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
+
+
+@pytest.mark.parametrize("seed", range(48))
+def test_mirror_images_of_balls_that_stick(seed):
+    """Without gravity a mirror image is a scene, too; the lowest pair acts first in one, the highest in the other."""
+    scene, rule, odd = sticky(seed)
+    if scene.gravity or odd:
+        return
+    force = None if scene.external_force is None else -scene.external_force[::-1]
+    image = gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1], external_force=force)
+    one = gr.edmd.simulate(scene, rule, t_end=3.0, ties="left", max_events=20_000)
+    other = gr.edmd.simulate(image, rule, t_end=3.0, ties="right", max_events=20_000)
+    assert (one.status, len(one.contacts)) == (other.status, len(other.contacts))
+    fastest = float((one.contacts["v_in"][:, 0] - one.contacts["v_in"][:, 1]).max(initial=0.0))
+    assert np.abs(one.velocity[-1] + other.velocity[-1][::-1]).max() <= 1e-9 * fastest

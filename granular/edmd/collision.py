@@ -62,7 +62,7 @@ def event(
     if e < 1.0 and (nothing_left or -w < run.merge_below) and will_stick(pairs, bodies, c, now, w, e, walls):
         first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:
-        if (FORCED or run.gravity > 0.0 or run.merge_below > 0.0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
+        if (FORCED or run.gravity > 0.0 or run.merged > 0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
             first, last = wake(run, pairs, bodies, c, now, walls)
         else:
             if c > 0:

@@ -29,6 +29,8 @@ NOISE = 2.0**-96
 which rounding takes less than 3."""
 UNCERTAIN = 2.0**-76
 """Noise that a ball has at most, in units of the largest velocity squared."""
+CLOCK_ROUNDING = 2.0**-52
+"""Relative rounding error of a time."""
 REBASED = 2.0**-104
 """What re-basing under gravity adds to it, in the same units: one unit in the last place; rounding takes half of it."""
 COMPARABLE = 2.0**-20
@@ -76,8 +78,10 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
             return next_wall_hit(pair, lower, upper, walls)
         if walls.sides[0].lands and a < 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return math.inf
-    if pair.gap == 0.0 and a > 0.0 and rate * rate < lower.noise + upper.noise and not (FORCED and pair.heat >= 0):
-        return math.inf
+    if a > 0.0 and rate * rate < lower.noise + upper.noise and not (FORCED and pair.heat >= 0):
+        if pair.gap <= CLOCK_ROUNDING * abs(pair.at) * (abs(lower.fall_velocity) + abs(upper.fall_velocity)):
+            pair.gap = 0.0  # the rounding error of a collision time, beside an event at the same instant
+            return math.inf
     if a == 0.0:
         known = rate < 0.0 and rate * rate >= lower.noise + upper.noise
         return pair.at + pair.gap / -rate if known else math.inf

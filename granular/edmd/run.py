@@ -383,7 +383,8 @@ def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
     """Return the counters of a run: collisions, clamped gaps, re-basings, closer looks, lost rates; and its verdict."""
     verdict = run.verdict
     names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost", *["settled"] * (numbers["settled"] > 0),
-             *["merge_below", "merged"] * (numbers["merge_below"] > 0.0)]
+             *["merge_below"] * (numbers["merge_below"] > 0.0),
+             *["merged"] * (max(numbers["merge_below"], numbers["merged"]) > 0)]
     counts: dict[str, Any] = {"engine": run.queue.name} | dict(zip(names, map(numbers.__getitem__, names), strict=True))
     if run.scene.heated:
         given, low = (column(run.state.walls.sides, name) for name in ("given", "given_low"))
