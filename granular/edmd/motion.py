@@ -78,10 +78,12 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
             return next_wall_hit(pair, lower, upper, walls)
         if walls.sides[0].lands and a < 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return math.inf
-    if a > 0.0 and rate * rate < lower.noise + upper.noise and not (FORCED and pair.heat >= 0):
-        if pair.gap <= CLOCK_ROUNDING * abs(pair.at) * (abs(lower.fall_velocity) + abs(upper.fall_velocity)):
-            pair.gap = 0.0  # the rounding error of a collision time, beside an event at the same instant
-            return math.inf
+    if (
+        a > 0.0 and rate * rate < lower.noise + upper.noise and not (FORCED and pair.heat >= 0)
+        and pair.gap <= CLOCK_ROUNDING * abs(pair.at) * (abs(lower.fall_velocity) + abs(upper.fall_velocity))
+    ):
+        pair.gap = 0.0  # at most the rounding error of a collision time, beside an event at the same instant
+        return math.inf
     if a == 0.0:
         known = rate < 0.0 and rate * rate >= lower.noise + upper.noise
         return pair.at + pair.gap / -rate if known else math.inf
