@@ -19,14 +19,14 @@ from granular import _check, until as stop
 from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order, one_by_one
 from granular._progress import Told, shown
 from granular.scene import Scene, positions, velocities
-from granular.scene.places import flaw
+from granular.scene.places import flaw, unending
 from granular.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
     from granular._log_file import LogFile
 
 EVENTS = 1_000_000
-"""Contacts after which a run ends if nothing else is said."""
+"""Default of `max_events`, the number of contacts after which a run ends."""
 
 
 class Request(NamedTuple):
@@ -68,7 +68,7 @@ def requested(
         samples=_sample_times(given["samples"], start, end),
         log=stream is not None or _check.truth("log", log),
         stream=stream,
-        max_events=_check.whole("max_events", given["max_events"]),
+        max_events=EVENTS if given["max_events"] is None else _check.whole("max_events", given["max_events"]),
         on_event=_check.callback("on_event", given["on_event"], "row"),
         told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=_check.whole("max_steps", max_steps, at_least=1),
@@ -77,14 +77,30 @@ def requested(
 
 
 def check_end(
-    scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int, dented: bool = False
+    scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int | None, *,
+    dented: Callable[[], bool] = bool, elastic: Callable[[], bool] = bool,
 ) -> None:
-    """Raise if nothing says when a run is over whose balls may meet forever; `dented` if no pair loses energy but by a
-    deeper dent."""
-    if (scene.endless or dented) and t_end is None and until is None and max_events == EVENTS:
-        why = "beside a driven wall" if scene.driven else "beside a thermal wall" if scene.heated else (
-            "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
-            "under gravity, and laws that lose nothing within a dent once made,")
+    """Raise if no stop condition is given for a scene whose contacts never end.
+
+    Parameters
+    ----------
+    scene : Scene
+        The initial state.
+    t_end, until, max_events : optional
+        The stop conditions of the run; None if not given.
+    dented : callable
+        Returns whether balls fall on a floor and dissipate energy only where an overlap exceeds all overlaps before it.
+        False by default. It is called only if no stop condition is given.
+    elastic : callable
+        Likewise, whether all pairs are elastic by declaration, and no option treats an inelastic collapse.
+    """
+    if t_end is not None or until is not None or max_events is not None:
+        return
+    why = "beside a driven wall" if scene.driven else "beside a thermal wall" if scene.heated else (
+        "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
+        "under gravity, and laws that lose nothing within a dent once made," if dented() else
+        unending(scene) if elastic() else "")
+    if why:
         raise ValueError(f"t_end is None: {why} a run never comes to an end by itself; give t_end, until, or a "
                          "max_events of your own.")
 

@@ -16,6 +16,8 @@ from itertools import repeat
 from operator import is_
 from typing import Any
 
+import numpy as np
+
 from granular import _check
 from granular.scene import Pair, checked_pair
 
@@ -187,6 +189,17 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
             if isinstance(several := getattr(one, name, None), tuple) and len(several) >= least:
                 _check.per_pair(name, several, len(pairs))
     return rules
+
+
+def elastic(rules: Sequence[Rule]) -> bool:
+    """Return whether all rules declare ε = 1 at every speed. A callable of the caller declares nothing."""
+    for rule in different(rules):
+        values, laws = getattr(rule, "restitution", 0.0), getattr(rule, "laws", ())
+        lossless = laws and not any(getattr(law, "memory", False) or getattr(law, "rate_dependent", True)
+                                    for law in laws)
+        if _check.is_own(rule) or not (lossless or np.min(values) == 1.0):
+            return False
+    return True
 
 
 def different(rules: Sequence[Rule]) -> list[Rule]:

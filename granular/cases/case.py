@@ -55,7 +55,7 @@ def options_of(function: Callable[..., Any]) -> list[Option]:
 
 def whole(function: Callable[..., Any]) -> frozenset[str]:
     """Return the names of the parameters of `function` that are whole numbers, by their annotations."""
-    return frozenset(p.name for p in parameters_of(function) if p.annotation in (int, "int"))
+    return frozenset(p.name for p in parameters_of(function) if p.annotation in (int, "int", "int | None"))
 
 
 def descriptions(function: Callable[..., Any]) -> dict[str, str]:

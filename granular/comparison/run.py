@@ -14,7 +14,7 @@ from granular._reports import Report
 from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
-from granular.drive import EVENTS
+from granular.drive import EVENTS, check_end
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Trajectory
@@ -164,7 +164,7 @@ def compare(
     *,
     until: stop.Until | None = None,
     t_end: float | None = None,
-    max_events: int = EVENTS,
+    max_events: int | None = None,
     ties: str = "left",
     seed: int = 0,
     collapse: str = "stop",
@@ -188,9 +188,10 @@ def compare(
     rule : collision rule or sequence of them, optional
         For the hard spheres; default the law's own ε as a function of impact speed and pair.
     until, t_end : stop condition, float, optional
-        When both engines stop; without either they run until nothing can follow. Beside driven walls one is needed.
-    max_events : int
-        Limit on the contacts of each run.
+        When both engines stop. By default they run until no further contact is possible. Scenes that never end, such
+        as balls beside a driven wall or an elastic ball above a floor, need one of them or `max_events`.
+    max_events : int, optional
+        Maximum number of contacts of each run. Defaults to 1 000 000.
     ties : str
         What simultaneous hard-sphere collisions do; see `granular.edmd.simulate`.
     seed : int
@@ -219,13 +220,16 @@ def compare(
     -------
     Comparison
     """
-    laws = checked(law, a_scene(scene)).given
+    known = checked(law, a_scene(scene))
+    laws = known.given
     used = rule_of_comparison(laws, scene) if rule is None else rule
-    end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
+    remedied = collapse != "stop" or tc != 0.0 or elastic_below != 0.0
+    check_end(scene, t_end, until, max_events, elastic=lambda: not remedied and known.elastic)
+    end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": EVENTS if max_events is None else max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below,
                                           "tc": tc, "elastic_below": elastic_below}
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     with shown(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
-        hard = edmd.simulate(scene, used, **event_driven, on_progress=tell)
+        hard = edmd.simulate(scene, used, **event_driven | {"max_events": max_events}, on_progress=tell)
         soft = md.simulate(scene, laws, **end, **options, on_progress=tell)
     return Comparison(scene, laws, used, until, t_end, hard, soft, event_driven, options)

@@ -56,6 +56,11 @@ class Physics:
             pairs = tuple(scene.pairs)
             self.rule = lambda c, speed: restitution_at(rules[c], speed, pairs[c])
 
+    @property
+    def elastic(self) -> bool:
+        """Whether all pairs are elastic by declaration, and no option changes weak or frequent collisions."""
+        return not any(map(self.options.get, ("merge_below", "tc", "elastic_below"))) and rules.elastic(self.rules)
+
 
 @kernel
 def rank(c: int, order: int, seed: int, contacts: int) -> int:

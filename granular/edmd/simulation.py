@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from granular import _check, rules, until as stop
 from granular._contact_log import Event, one_by_one
 from granular._kernels import no_compiler
-from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
+from granular.drive import Request, check_end, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -38,7 +38,7 @@ def simulate(
     t_start: float = 0.0,
     samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
-    max_events: int = EVENTS,
+    max_events: int | None = None,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     progress: bool = False,
@@ -63,7 +63,8 @@ def simulate(
         refused): they move on as one, are hit, and rest on the floor.
     t_end : float, optional
         End time in s; collisions at that time still act. Without `t_end` and `until` the run goes on until no
-        collision can follow, until an inelastic collapse, or until `max_events`.
+        collision can follow, until an inelastic collapse, or until `max_events`. Scenes whose collisions provably
+        never end, such as an elastic ball above a floor, need one of the three.
     until : condition, optional
         From `granular.until`; whichever comes first, this or `t_end`.
     t_start : float
@@ -79,8 +80,8 @@ def simulate(
         Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
         are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
         blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
-    max_events : int
-        Collisions at most; reaching it is the status `max_events`.
+    max_events : int, optional
+        Maximum number of collisions; a run that reaches it has the status `max_events`. Defaults to 1 000 000.
     on_event : callable, optional
         ``on_event(row)`` after each collision, with its row of the log.
     on_progress : callable, optional
@@ -159,6 +160,7 @@ def simulate(
         scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
         elastic_below=elastic_below,
     )
+    check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress, progress=progress,
@@ -204,7 +206,7 @@ def resume(
     until: stop.Until | None = None,
     samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
-    max_events: int = EVENTS,
+    max_events: int | None = None,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     progress: bool = False,
@@ -233,11 +235,11 @@ def resume(
             status is Status.bounded and "zoom_gap" not in saved,
         "trajectory is broken: nothing follows it; see its message.": status is Status.broken,
     })
-    check_end(scene, t_end, until, max_events)
     start = float(_check.held(saved, "start", "f", ()))
     scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
     check_scene(scene)
     physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in OPTIONS})
+    check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
     state = State.restored(physics, saved)
     request = requested(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,

@@ -68,6 +68,11 @@ class PairLaw:
         """Whether F = k ξ + γ ξ̇."""
         return self.form is not None and self.form[1] == 1.0 and self.form[3] == 0.0
 
+    @property
+    def is_elastic(self) -> bool:
+        """Whether the law declares neither damping nor memory."""
+        return not (self.memory or (self.rate_dependent if self.form is None else self.form[2] != 0.0))
+
     def tangent(self, xi: float) -> tuple[float, float]:
         """Stiffness ∂F/∂ξ in N/m and damping ∂F/∂ξ̇ in kg/s at overlap `xi` and rest, by differences."""
         if self.form is not None and self.is_linear:

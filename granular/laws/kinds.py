@@ -73,6 +73,11 @@ class SceneLaws:
         found: tuple[Kinds, list[PairLaw]] = self.notes["in_pairs"]
         return found
 
+    @property
+    def elastic(self) -> bool:
+        """Whether every law is elastic by declaration."""
+        return all(law.is_elastic for law in self.each)
+
     def column(self, value: Callable[[PairLaw], Any]) -> Any:
         """An array with the value of its law for every pair."""
         kind, each = self.in_pairs

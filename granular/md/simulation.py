@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
 from granular._contact_log import Event, one_by_one
-from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
+from granular.drive import Request, check_end, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
 from granular.scene import Scene, checked
@@ -29,6 +29,8 @@ EXACT = 1e-16
 """Default `tol`."""
 FINEST = 1e-17
 """Least `tol`: less only costs steps, since sums of floats are good to 1e-16."""
+STEPS = 20_000_000
+"""Default of `max_steps`."""
 STEPS_PER_CONTACT = 500
 """Default resolution of the shortest contact; halving an order-1 error costs twice as many."""
 
@@ -42,8 +44,8 @@ def simulate(
     t_start: float = 0.0,
     samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
-    max_events: int = EVENTS,
-    max_steps: int = 20_000_000,
+    max_events: int | None = None,
+    max_steps: int = STEPS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     progress: bool = False,
@@ -66,7 +68,8 @@ def simulate(
         follow, or to the limits below; beside driven or thermal walls, on a ring and of pendula one of them is needed,
         for another contact may always follow, and on a floor under laws like `WaltonBraun` alone, by which balls bounce
         in their dents forever.
-        Walls that move towards each other need a `t_end` before they meet.
+        Elastic balls that fall back to a floor, or fly between two walls, need `t_end`, `until`, `max_events` or
+        `max_steps` too. Walls that move towards each other need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
     samples : None, int, "contacts" or array
@@ -78,8 +81,8 @@ def simulate(
         Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
         are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
         blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
-    max_events, max_steps : int
-        Stop with status ``max_events`` after that many contacts or steps; also where contacts under laws that are no
+    max_events, max_steps : int, optional
+        Stop with status ``max_events`` after that many contacts or steps, by default 1 000 000 and 20 000 000; also where contacts under laws that are no
         powers creep or chatter, so that some thousand trial steps bring the run on by next to nothing.
     on_event : callable, optional
         Called with each row of the contact log, in batches, in the order in which contacts end; of fixed steps, those
@@ -180,7 +183,9 @@ def _requested(
 ) -> Request:
     """Check the options that `simulate` and `resume` share."""
     request = requested(scene, start, t_end, **options)
-    check_end(scene, t_end, options["until"], options["max_events"], _dented(scene, laws))
+    endless = disturbed != "stop" and options["max_steps"] == STEPS
+    check_end(scene, t_end, options["until"], options["max_events"], dented=lambda: _dented(scene, laws),
+              elastic=lambda: endless and laws.elastic)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     _check.choice("disturbed", disturbed, located.run.DISTURBED)
     return request
@@ -239,8 +244,8 @@ def resume(
     until: stop.Until | None = None,
     samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
-    max_events: int = EVENTS,
-    max_steps: int = 20_000_000,
+    max_events: int | None = None,
+    max_steps: int = STEPS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     progress: bool = False,

@@ -130,6 +130,24 @@ def flaw(
     return "" if abs(room - due) <= HALF * size else f"gaps add up to {room:.12g} m instead of {due:.12g} m"
 
 
+def unending(scene: Scene) -> str:
+    """Return why the contacts of elastic balls in this scene never end, or "" if this is not proved.
+
+    Two cases are proved, for walls at constant velocity. A ball that accelerates towards the wall next to it returns
+    to the wall after every contact. Between two walls at the same velocity, kinetic energy relative to them persists.
+    """
+    walls, pull, rate = scene.is_wall[[0, -1]], scene.pull, scene.across(scene.velocity)
+    enclosed = bool(walls.all())
+    if enclosed and scene.velocity[0] > scene.velocity[-1]:
+        return ""  # walls that meet end the run
+    for c, wall in zip((0, -1), walls.tolist(), strict=True):
+        if wall and pull[c] > 2.0**-50 * scene.gravity and (scene.gap[c] > 0.0 or (scene.gap[c] == 0.0 and rate[c] != 0.0)):
+            return "of elastic balls that fall back to a wall"
+    boxed = enclosed and scene.velocity[0] == scene.velocity[-1] and not scene.fall.any()
+    # overlaps that walls hold closed can vibrate without ever opening
+    return "of elastic balls between walls" if boxed and rate.any() and scene.gap.sum() >= 0.0 else ""
+
+
 def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
     """Return `scene` as a run from `t_start` to `t_end` (s) keeps it: motions given as functions are panels; raise
     `ValueError` where a wall's path does not last."""
