@@ -14,15 +14,15 @@ from dataclasses import fields
 from functools import cached_property, partial, wraps
 from importlib import import_module
 from types import EllipsisType, FunctionType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular._about import EXTRAS, install
+from granular._signature import Function, face as face, nearest, parameters as parameters
 
 Array = NDArray[np.float64]
-Function = TypeVar("Function", bound=Callable[..., Any])
 LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
@@ -210,11 +210,13 @@ def typed(module: dict[str, Any], *kinds: type) -> None:
 
 
 def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Function:
-    """Return a function that checks its arguments annotated by these words, or itself if it has none."""
+    """Return a function that checks its arguments annotated by these words; without any it is only a `face`."""
     names = function.__code__.co_varnames
     places = [(names.index(name), name, *needed[word.partition("[")[0]])
               for name, word in function.__annotations__.items()
               if name != "return" and word.partition("[")[0] in needed]
+
+    inner = face(function)
 
     @wraps(function)
     def checked(*values: Any, **named: Any) -> Any:
@@ -222,9 +224,9 @@ def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Functi
             if not isinstance(values[i] if i < len(values) else named.get(name), kind) and (
                     i < len(values) or name in named):
                 of_kind(name, values[i] if i < len(values) else named[name], kind, need)
-        return function(*values, **named)
+        return inner(*values, **named)
 
-    return checked if places else function  # type: ignore[return-value]
+    return checked if places else inner  # type: ignore[return-value]
 
 
 def callback(name: str, value: Any, *given: str) -> Any:
@@ -288,7 +290,7 @@ def refuse(wrong: Mapping[str, object]) -> None:
 def choice(name: str, value: Any, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
     if not isinstance(value, str) or value not in options:
-        raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", _nearest(value, options)))
+        raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", nearest(value, options)))
     return str(value)
 
 
@@ -296,16 +298,8 @@ def known(given: Iterable[str], names: Collection[str], what: str, kind: type[Ex
     """Raise for the first of the names given that is none of `names`, with the nearest of them or with all."""
     for name in given:
         if name not in names:
-            raise kind(f"{name!r} is no {what}" + ("; " + near if (near := _nearest(name, names))
+            raise kind(f"{name!r} is no {what}" + ("; " + near if (near := nearest(name, names))
                                                    else ": " * bool(names) + ", ".join(sorted(names)) + "."))
-
-
-def _nearest(word: Any, options: Iterable[str]) -> str:
-    """Return "did you mean …?" for the option closest to `word`, or nothing."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(str(word), list(options), n=1)
-    return f"did you mean {near[0]}?" if near else ""
 
 
 def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:

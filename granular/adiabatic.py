@@ -36,6 +36,7 @@ LIGHTER = 2.0**-60
 moves as it did, to the last bit; no smaller, or rest could not be told from rounding."""
 
 
+@_check.face
 @dataclass(frozen=True, eq=False)
 class AdiabaticSolution:
     """How the light ball fares; made by `contacts`. The clock is 0 as the lower ball first touches the floor.
@@ -86,6 +87,7 @@ class AdiabaticSolution:
         return self.v2 - self.v1
 
 
+@_check.face
 def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSolution:
     """Return the contacts of a light upper ball with the lower one, up to the second floor contact.
 

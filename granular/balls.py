@@ -23,6 +23,7 @@ __all__ = ["BALLS", "PRESETS", "RULES", "Ball", "Contact", "contact", "named"]
 __dir__ = __all__.copy
 
 
+@_check.face
 @dataclass(frozen=True)
 class Ball:
     """A ball and its bounce on a hard, flat floor.
@@ -89,6 +90,7 @@ RULES = ("lens", "series")
 """How two balls press on each other: see `contact`."""
 
 
+@_check.face
 @dataclass(frozen=True)
 class Contact:
     """Stiffness in N/m and restitution of the contact of two balls."""
@@ -97,11 +99,13 @@ class Contact:
     restitution: float
 
 
+@_check.face
 def named(ball: str | Ball, what: str = "ball") -> Ball:
     """Return a ball of `BALLS` by its name, or the ball itself; `what` it is called where it is neither."""
     return ball if isinstance(ball, Ball) else BALLS[_check.choice(what, ball, list(BALLS))]
 
 
+@_check.face
 def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact:
     """Return what two balls do to each other, from what each does on a floor.
 

@@ -34,6 +34,7 @@ STUCK = 1e-9
 """Part of the impact speed that may be left, downwards, of a contact that takes all of it."""
 
 
+@_check.face
 @dataclass(frozen=True)
 class Collision:
     """What one isolated contact does.
@@ -57,6 +58,7 @@ class Collision:
     xi_end: float
 
 
+@_check.face
 def collision(law: Any, pair: Pair, speed: float) -> Collision:
     """Return the isolated contact of `pair` under `law` at impact speed `speed` in m/s.
 
@@ -88,6 +90,7 @@ def restitution(law: Any, pair: Pair, speed: float) -> float: ...
 def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array: ...
 
 
+@_check.face
 def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array:
     """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`.
 
@@ -152,6 +155,7 @@ class Stuck(ValueError):
     """A contact damped so strongly that the bodies stop and do not part."""
 
 
+@_check.face
 @dataclass(frozen=True)
 class LawRestitution:
     """The collision rule made from force laws: ε as a function of impact speed and pair.
@@ -178,6 +182,7 @@ class LawRestitution:
             return 0.0
 
 
+@_check.face
 def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule:
     """Return the collision rule of a force law, or of a list with one law per pair.
 
@@ -193,6 +198,7 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     return LawRestitution(laws)
 
 
+@_check.face
 class LawRule(LawRestitution):
     """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
 
@@ -213,6 +219,7 @@ def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
+@_check.face
 def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:
     """Return a copy of `law` whose `field` is chosen so that an isolated contact has restitution `target`.
 

@@ -109,6 +109,7 @@ class Tried:
         return SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
 
 
+@_check.face
 @dataclass(frozen=True, repr=False)
 class Stability(Report):
     """What became of a scene in the extreme, by every method and step; print it, `plot` it, save it with `to_json`.
@@ -185,6 +186,7 @@ class Stability(Report):
         return "\n".join([self._about(), "", aligned(lines, "<>"), "", *told])
 
 
+@_check.face
 def stability(
     scene: SceneLike,
     axes: str | Sequence[str] = tuple(AXES),

@@ -27,6 +27,7 @@ __all__ = ["MATERIALS", "Material", "aluminium", "both", "brass", "glass", "name
 __dir__ = __all__.copy
 
 
+@_check.face
 @dataclass(frozen=True)
 class Material:
     """What a body is made of; it unpacks to (young, poisson), which a law's `from_material` begins with.
@@ -73,12 +74,14 @@ MATERIALS = {"steel": steel, "glass": glass, "brass": brass, "aluminium": alumin
 """Materials by name."""
 
 
+@_check.face
 def named(material: str | Material) -> Material:
     """Return a material of `MATERIALS` by its name, or the material itself."""
     return material if isinstance(material, Material) else MATERIALS[
         _check.choice("material", material, list(MATERIALS))]
 
 
+@_check.face
 def both(lower: str | Material, upper: str | Material) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (young, poisson) of the contact of two materials, each (lower, upper), for a law's `from_material`."""
     one, two = named(lower), named(upper)

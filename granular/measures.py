@@ -44,6 +44,7 @@ ACCOUNT = {
 """The parts of a `balance` in words."""
 
 
+@_check.face
 @dataclass(frozen=True)
 class Overlap:
     """Two contacts of neighbouring pairs that share a span of time: the reason why the engines differ.

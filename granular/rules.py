@@ -24,6 +24,7 @@ from granular.scene import Pair, checked_pair
 Rule = Callable[[float, Pair], float]
 
 
+@_check.face
 @dataclass(frozen=True)
 class ConstantRestitution:
     """The same coefficient of restitution at every speed.
@@ -58,6 +59,7 @@ class ConstantRestitution:
         return self.restitution if isinstance(self.restitution, float) else self.restitution[pair.index]
 
 
+@_check.face
 @dataclass(frozen=True, eq=False)
 class TabulatedRestitution:
     """A table of restitution over impact speed, from experiment or from a force law.
@@ -95,6 +97,7 @@ class TabulatedRestitution:
         return float(e[k - 1] + (e[k] - e[k - 1]) * ((speed - v[k - 1]) / (v[k] - v[k - 1])))
 
 
+@_check.face
 @dataclass(frozen=True)
 class ThorntonRestitution:
     """Spheres that are elastic up to a limiting contact pressure and yield beyond it, without rate effects.
@@ -194,10 +197,14 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
 def elastic(rules: Sequence[Rule]) -> bool:
     """Return whether all rules declare ε = 1 at every speed. A callable of the caller declares nothing."""
     for rule in different(rules):
-        values, laws = getattr(rule, "restitution", 0.0), getattr(rule, "laws", ())
-        lossless = laws and not any(getattr(law, "memory", False) or getattr(law, "rate_dependent", True)
-                                    for law in laws)
-        if _check.is_own(rule) or not (lossless or np.min(values) == 1.0):
+        if _check.is_own(rule):
+            return False
+        if hasattr(rule, "laws"):  # a `granular.binary.LawRestitution`, which loads far more than this
+            from granular.laws.contact_law import dissipative_traits
+
+            if any(any(dissipative_traits(law)) for law in rule.laws):
+                return False
+        elif np.min(getattr(rule, "restitution", 0.0)) < 1.0:
             return False
     return True
 

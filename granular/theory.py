@@ -37,6 +37,7 @@ __all__ = [
 ]
 __dir__ = __all__.copy
 
+@_check.face
 @dataclass(frozen=True, slots=True)
 class TwoBallDrop:
     """Two balls dropped on a floor as the independent-collision model sees them; made by `two_ball_drop`.
@@ -69,6 +70,7 @@ class TwoBallDrop:
     v_rel_after: float
 
 
+@_check.face
 def two_ball_drop(
     mass_ratio: float,
     restitution: float | Sequence[float],
@@ -127,6 +129,7 @@ def two_ball_drop(
     )
 
 
+@_check.face
 def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
     """Return ε_eff, the common ε with which the independent-collision model gives the relative velocity v_r′.
 
@@ -145,6 +148,7 @@ def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
     return 2.0 * x / (1.0 + math.sqrt(1.0 + 4.0 * x))
 
 
+@_check.face
 def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> _check.Array:
     """Return the velocity of each ball of a stack right after the ball below (the floor) has hit it.
 
@@ -170,12 +174,14 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
     return np.array(w)
 
 
+@_check.face
 def stack_limit(n: int, restitution: float = 1.0) -> float:
     """Return v_N/v of a stack of `n` balls, each far lighter than the one below: (1 + ε)^N - 1, at most 2^N - 1."""
     count = _check.whole("n", n, at_least=1)
     return float((1.0 + _check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
 
 
+@_check.face
 def rise(velocity_ratio: float) -> float:
     """Return how high a ball rises in units of the drop height h: (v′/v)², 0 if it does not rise.
 
@@ -185,6 +191,7 @@ def rise(velocity_ratio: float) -> float:
     return ratio * ratio
 
 
+@_check.face
 def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     """Return the velocity of the last ball of a chain at rest, per striker velocity, by one collision after another.
 
@@ -202,6 +209,7 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     return float(np.prod((1.0 + eps) / (1.0 + m[1:] / m[:-1])))
 
 
+@_check.face
 def best_masses(first: float, last: float, n: int) -> _check.Array:
     """Return the `n` masses from `first` to `last` in kg that make the last ball fastest: a geometric progression.
 
@@ -215,6 +223,7 @@ def best_masses(first: float, last: float, n: int) -> _check.Array:
     return masses
 
 
+@_check.face
 def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     """Return (number of collisions, v_N/v) of the geometric chain that makes the last ball fastest.
 
@@ -249,6 +258,7 @@ def _log_cosh(x: float) -> float:
     return math.log1p(2.0 * math.sinh(0.5 * x) ** 2)
 
 
+@_check.face
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
     """Return (time in s, path in m) until a ball dropped from `height` in m has come to rest on hard ground.
 
@@ -262,6 +272,7 @@ def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> t
     return math.sqrt(2.0 * h / g) * (1.0 + eps) / (1.0 - eps), h * (1.0 + eps * eps) / ((1.0 - eps) * (1.0 + eps))
 
 
+@_check.face
 def most_collisions(masses: Sequence[float]) -> int:
     """Return the largest number of collisions of three elastic balls on a line, masses in kg left to right.
 
@@ -272,6 +283,7 @@ def most_collisions(masses: Sequence[float]) -> int:
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
 
 
+@_check.face
 def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
     """Return the ε that a contact has when a DEM code is asked for one: what codes do with the number differs.
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array, whole
+from granular._check import Array, face, whole
 from granular._contact_log import CONTACT as CONTACT, PublicWhenRead, given_by_walls
 from granular.laws.kinds import resolved
 from granular.scene import Scene
@@ -34,6 +34,7 @@ class Status(Enum):
     bounded = "collisions pile up down to the bound in the message; whether they are infinitely many is not known"
 
 
+@face
 @dataclass(frozen=True, eq=False)
 class Trajectory(PublicWhenRead):
     """What happened: samples, contact log, and how it ended.
@@ -334,7 +335,6 @@ class Trajectory(PublicWhenRead):
 
     def _repr_html_(self) -> str:
         from granular._reports import abridged, html
-
         end = zip(self.position[-1].tolist(), self.velocity[-1].tolist(), strict=True)
         rows = [[str(i), f"{x:.6g}", f"{v:.6g}"] for i, (x, v) in enumerate(end)]
         return html(repr(self), [["body", "position / m", "velocity / (m/s)"], *abridged(rows)])

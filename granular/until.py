@@ -28,6 +28,7 @@ class _Checked:
             object.__setattr__(self, name, check(name, getattr(self, name)))
 
 
+@_check.face
 @dataclass(frozen=True, slots=True)
 class Contact(_Checked):
     """Stop just before the `nth` contact of `pair` begins; see `contact`."""
@@ -36,11 +37,13 @@ class Contact(_Checked):
     nth: int
 
 
+@_check.face
 @dataclass(frozen=True, slots=True)
 class Separated:
     """Stop when everything has parted; see `separated`."""
 
 
+@_check.face
 @dataclass(frozen=True, slots=True)
 class Force(_Checked):
     """Stop when the contact force of `pair` exceeds `above` in N; see `force`."""
@@ -49,6 +52,7 @@ class Force(_Checked):
     above: float
 
 
+@_check.face
 @dataclass(frozen=True, slots=True)
 class Speed(_Checked):
     """Stop when the speed of `ball` exceeds `above` in m/s; see `speed`."""
@@ -57,6 +61,7 @@ class Speed(_Checked):
     above: float
 
 
+@_check.face
 @dataclass(frozen=True, slots=True)
 class Position(_Checked):
     """Stop when the position of `ball` is above or below a place in m; see `position`."""
@@ -85,6 +90,7 @@ CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
 """What checks the numbers of each condition."""
 
 
+@_check.face
 def contact(pair: int, nth: int = 1) -> Contact:
     """Stop just before the `nth` onset (F ≠ 0) of a contact of `pair` acts.
 
@@ -101,6 +107,7 @@ def contact(pair: int, nth: int = 1) -> Contact:
     return Contact(pair, nth)
 
 
+@_check.face
 def separated() -> Separated:
     """Stop when, after at least one contact, every pair is open and none approaches.
 
@@ -109,6 +116,7 @@ def separated() -> Separated:
     return Separated()
 
 
+@_check.face
 def force(pair: int, above: float) -> Force:
     """Stop at the moment when the contact force F of `pair` first exceeds `above`, with the contact still open.
 
@@ -125,6 +133,7 @@ def force(pair: int, above: float) -> Force:
     return Force(pair, above)
 
 
+@_check.face
 def speed(ball: int, above: float) -> Speed:
     """Stop at the moment when the speed abs(v) of `ball` first exceeds `above`, at a collision right after it.
 
@@ -138,6 +147,7 @@ def speed(ball: int, above: float) -> Speed:
     return Speed(ball, above)
 
 
+@_check.face
 def position(ball: int, above: float | None = None, *, below: float | None = None) -> Position:
     """Stop at the moment when the centre of `ball` is first above a place, or below one.
 

@@ -1,6 +1,7 @@
 """Scenes that provably never end are refused without a stop condition; other scenes run."""
 
 import math
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +23,8 @@ def refused(run, *given, **options):
     try:
         run(*given, **options)
     except ValueError as error:
-        assert "a run never comes to an end by itself" in str(error)
+        if "a run never comes to an end by itself" not in str(error):
+            raise
         return True
     return False
 
@@ -110,10 +112,8 @@ def checks_only(scene, rule, **options):
     def stop(row):
         raise Enough
 
-    try:
+    with suppress(Enough):
         gr.edmd.simulate(scene, rule, on_event=stop, **options)
-    except Enough:
-        pass
 
 
 def test_what_ends_is_not_refused():

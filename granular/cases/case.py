@@ -79,6 +79,7 @@ def summary(function: Callable[..., Any]) -> str:
     return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
 
 
+@_check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """A scene, how its balls touch, and when to stop: the same question to both engines.

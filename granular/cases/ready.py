@@ -197,6 +197,7 @@ TEMPLATES = {
 }
 
 
+@_check.face
 def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None = None, **options: Any) -> Case:
     """Make a ready-made case.
 
@@ -269,6 +270,7 @@ def is_whole(name: str) -> bool:
     return template.pressed is not None or template.touch is not of_restitution
 
 
+@_check.face
 def names() -> list[str]:
     """Names of the ready-made cases."""
     return list(TEMPLATES)
@@ -281,11 +283,13 @@ def is_file(scene: Any) -> bool:
     return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
 
 
+@_check.face
 def about(name: str) -> str:
     """Return what a ready-made case is, in one line."""
     return summary(_named(name).make)
 
 
+@_check.face
 def options(name: str) -> list[Option]:
     """Return the options of a ready-made case: those of its scene, then those of the contacts, with its defaults."""
     template = _named(name)

@@ -33,6 +33,7 @@ STIFFNESS = ("k", "k_load")
 Table = dict[str, Any]
 
 
+@_check.face
 def load(path: str | PathLike[str]) -> Case:
     """Read a case from a TOML file.
 
@@ -90,6 +91,7 @@ def load(path: str | PathLike[str]) -> Case:
         return of_tables(tables_of(path), str(Path(path).parent))
 
 
+@_check.face
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file; see `load`."""
     return of_tables(_parsed(_check.of_kind("text", text, str, "the text of a TOML file", "for a file use load")))
@@ -187,6 +189,7 @@ def _table(value: Any) -> Mapping[str, Any]:
     return value
 
 
+@_check.face
 def save(case: Case, path: str | PathLike[str]) -> None:
     """Write a case to a TOML file, whole or not at all.
 
@@ -201,6 +204,7 @@ def save(case: Case, path: str | PathLike[str]) -> None:
     write_text(path, dumps(case))
 
 
+@_check.face
 def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
     scene = _check.of_kind("case", case, Case, "a granular.Case").scene

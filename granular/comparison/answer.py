@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import end_time
+from granular import _check, end_time
 from granular._reports import rounded
 from granular.comparison.numbers import Compared, smaller_radius
 from granular.measures import static_overlaps
@@ -30,6 +30,7 @@ from granular.outcome import FAINT, SAME, PairOutcome
 from granular.trajectory import EARLY, Status
 
 
+@_check.face
 class Answer(Enum):
     """May the collisions of a scene be treated as instantaneous? In the order in which the worst is told."""
 
@@ -43,6 +44,7 @@ class Answer(Enum):
 ORDER = tuple(Answer)
 
 
+@_check.face
 @dataclass(frozen=True)
 class Reason:
     """Why a component of a scene has its answer.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from granular import edmd, md, until as stop
+from granular import _check, edmd, md, until as stop
 from granular._progress import shown
 from granular._reports import Report
 from granular.binary import rule_of_comparison
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from granular.comparison.remedies import Remedies
 
 
+@_check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Judged, Report):
     """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
@@ -157,6 +158,7 @@ class Comparison(Judged, Report):
         film.animate(self, path, seconds, fps, whole=whole, charts=charts)
 
 
+@_check.face
 def compare(
     scene: Scene,
     law: Any,

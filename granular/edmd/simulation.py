@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 ENGINES = ("auto", "sorted", "compiled")
 
 
+@_check.face
 def simulate(
     scene: Scene,
     rule: Rule | list[Rule] | tuple[Rule, ...],
@@ -154,13 +156,11 @@ def simulate(
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """
     start = _check.number("t_start", t_start)
-    check_end(a_scene(scene), t_end, until, max_events)
+    made = partial(checked, rule=rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
+                   elastic_below=elastic_below)
+    check_end(a_scene(scene), t_end, until, max_events, elastic=lambda: made(scene).elastic)
     scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
-    physics = checked(
-        scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
-        elastic_below=elastic_below,
-    )
-    check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
+    physics = made(scene)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress, progress=progress,
@@ -184,6 +184,7 @@ def _stopping(run: Run) -> Any:
     return Watched(run, levels)
 
 
+@_check.face
 def events(
     scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = _check.LARGEST, **options: Any
 ) -> Iterator[Event]:
@@ -193,12 +194,13 @@ def events(
     `Scene` that stands so then. The bits are those of `simulate`, whose options are taken but for `samples` and
     `on_event`; where nothing ends the run, it goes on for as long as it is asked.
     """
-    _check.known(options, (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log"},
+    _check.known(options, _check.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
                  "option of edmd.events", TypeError)
     run: Any = simulate(scene, rule, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)
 
 
+@_check.face
 def resume(
     trajectory: Trajectory,
     *,

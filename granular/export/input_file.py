@@ -32,6 +32,7 @@ HEAD = """\
 """
 
 
+@_check.face
 def lammps(
     scene: Scene, law: Any, path: str | PathLike[str] | None = None, *, t_end: float = 1.0, dt: float = 1e-7
 ) -> str:

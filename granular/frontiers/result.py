@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _files, until as stop
+from granular import _check, _files, until as stop
 from granular._reports import Report, aligned, canvas, duration, number, problem, rough, shortened
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference
@@ -79,6 +79,7 @@ class Row:
         return not self.wrong_count and math.isfinite(self.velocity_error)
 
 
+@_check.face
 @dataclass(frozen=True, repr=False)
 class Frontier(Report):
     """Error against run time; print it, `plot` it, save it with `to_json`.

@@ -28,6 +28,7 @@ LONG = 0.2
 """Seconds after which a run is not repeated any more."""
 
 
+@_check.face
 def frontier(
     scene: Scene,
     law: Any,

@@ -119,9 +119,14 @@ class PairLaw:
         return xi
 
 
+def dissipative_traits(law: Any) -> tuple[bool, bool]:
+    """Return whether a law declares memory, and whether its force may depend on the rate, in any pair."""
+    return bool(getattr(law, "memory", False)), bool(getattr(law, "rate_dependent", True))
+
+
 def resolve(law: Any, pair: Pair) -> PairLaw:
     """Ask a law what it is in a pair."""
-    memory, rate_dependent = (bool(getattr(law, *trait)) for trait in (("memory", False), ("rate_dependent", True)))
+    memory, rate_dependent = dissipative_traits(law)
     form = None if memory else _form(law, pair)
     return PairLaw(law, pair, form, memory, rate_dependent, getattr(law, "exponent", None),
                    getattr(law, "potential", None))

@@ -36,6 +36,7 @@ class _StiffAndDamped:
         return any(getattr(self, damping.name) != 0.0 for damping in fields(self)[1:])  # type: ignore[arg-type]
 
 
+@_check.face
 @dataclass(frozen=True)
 class LinearDashpot(_StiffAndDamped):
     """F = k ξ + γ ξ̇.
@@ -73,23 +74,27 @@ class LinearDashpot(_StiffAndDamped):
         return 0.5 * self.k * xi * xi
 
 
+@_check.face
 def restitution(zeta: float) -> float:
     """ε = exp(-2 ζ f(ζ)) of the clipped dashpot for a damping ratio ζ ≥ 0."""
     damping = _check.number("zeta", zeta, at_least=0.0)
     return math.exp(-2.0 * damping * _half_duration(damping))
 
 
+@_check.face
 def restitution_pulling(zeta: float) -> float:
     """exp(-πζ/√(1-ζ²)) of a dashpot that is *not* clipped and pulls until the overlap is gone; 0 from ζ = 1 on."""
     damping = _check.number("zeta", zeta, at_least=0.0)
     return math.exp(-math.pi * damping / math.sqrt(1.0 - damping * damping)) if damping < 1.0 else 0.0
 
 
+@_check.face
 def duration(zeta: float) -> float:
     """ω₀ t_c = 2 f(ζ) of the clipped dashpot for a damping ratio ζ ≥ 0."""
     return 2.0 * _half_duration(_check.number("zeta", zeta, at_least=0.0))
 
 
+@_check.face
 def damping_ratio(restitution: float) -> float:
     """ζ of the clipped dashpot with the given restitution in (0, 1]: the exact inverse of `restitution`.
 

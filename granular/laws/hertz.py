@@ -31,6 +31,7 @@ class _Spheres(_StiffAndDamped):
         return 0.4 * self.k * xi * xi * math.sqrt(xi)
 
 
+@_check.face
 @dataclass(frozen=True)
 class Hertz(_Spheres):
     """F = k ξ^(3/2), elastic.
@@ -63,6 +64,7 @@ class Hertz(_Spheres):
         return self.k, 1.5, 0.0, 0.0
 
 
+@_check.face
 @dataclass(frozen=True)
 class ViscoelasticHertz(_Spheres):
     """F = k ξ^(3/2) + γ √ξ ξ̇, the paper's law for spheres.
@@ -128,6 +130,7 @@ class ViscoelasticHertz(_Spheres):
         return self.k, 1.5, self.gamma, 0.5
 
 
+@_check.face
 @dataclass(frozen=True)
 class TsujiHertz(_Spheres):
     """F = k ξ^(3/2) + α √(m_eff k) ξ^(1/4) ξ̇, whose restitution does not depend on speed.
@@ -173,6 +176,7 @@ class TsujiHertz(_Spheres):
         return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
 
 
+@_check.face
 def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     """(4/3) E* √r_eff in N/m^(3/2) with 1/E* = Σ (1 - ν²)/Y: the contact of two bodies.
 

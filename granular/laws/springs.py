@@ -11,6 +11,7 @@ from granular import _check
 from granular.scene import Pair
 
 
+@_check.face
 @dataclass(frozen=True)
 class PowerLaw:
     """F = k ξ^n, elastic (overlap potential; *not* an inverse power of the distance).
@@ -45,6 +46,7 @@ class PowerLaw:
         return self.k * math.pow(xi, self.exponent + 1.0) / (self.exponent + 1.0)
 
 
+@_check.face
 @dataclass(frozen=True)
 class WaltonBraun:
     """F = min(k_load ξ, k_load ξ_max - k_unload (ξ_max - ξ)): plastic loss without a rate (Walton & Braun 1986).

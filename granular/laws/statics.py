@@ -20,6 +20,7 @@ SAME = 1e-12
 """Forces that differ by no more of themselves are the same."""
 
 
+@_check.face
 @dataclass(frozen=True)
 class MatchedEnd:
     """F = F₀ + √(K m) ξ̇ between the last ball of a chain, of mass m, and a wall, for waves that are not to come back.

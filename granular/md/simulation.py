@@ -35,6 +35,7 @@ STEPS_PER_CONTACT = 500
 """Default resolution of the shortest contact; halving an order-1 error costs twice as many."""
 
 
+@_check.face
 def simulate(
     scene: Scene,
     law: Any,
@@ -82,8 +83,9 @@ def simulate(
         are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
         blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
     max_events, max_steps : int, optional
-        Stop with status ``max_events`` after that many contacts or steps, by default 1 000 000 and 20 000 000; also where contacts under laws that are no
-        powers creep or chatter, so that some thousand trial steps bring the run on by next to nothing.
+        Stop with status ``max_events`` after that many contacts or steps, by default 1 000 000 and 20 000 000; also
+        where contacts under laws that are no powers creep or chatter, so that some thousand trial steps bring the run
+        on by next to nothing.
     on_event : callable, optional
         Called with each row of the contact log, in batches, in the order in which contacts end; of fixed steps, those
         that end within one step in any order.
@@ -217,12 +219,13 @@ def _stepped(
 
     run = in_time(solve, request)
     if made[-1].doubt:
-        warnings.warn(made[-1].doubt, RuntimeWarning, stacklevel=3)
+        warnings.warn(made[-1].doubt, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
     if run.status is not Status.unstable and len(run.contacts):
         check_deepest(laws, run.contacts)
     return run
 
 
+@_check.face
 def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **options: Any) -> Iterator[Event]:
     """Yield the contacts of a run one at a time as they end, each with the scene then: for demos and debuggers.
 
@@ -231,12 +234,13 @@ def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **option
     the contacts of `simulate`, whose options are taken but for `samples` and `on_event`; where nothing ends the run, it
     goes on for as long as it is asked.
     """
-    _check.known(options, (simulate.__kwdefaults__ or {}).keys() - {"samples", "on_event", "log", "method", "dt"},
+    _check.known(options, _check.parameters(simulate) - {"scene", "law", "samples", "on_event", "log", "method", "dt"},
                  "option of md.events", TypeError)
     run: Any = simulate(scene, law, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)
 
 
+@_check.face
 def resume(
     trajectory: Trajectory,
     *,

@@ -11,9 +11,10 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular._check import Array, number
+from granular._check import Array, face, number
 
 
+@face
 @dataclass(frozen=True, slots=True)
 class Pair:
     """Two neighbours for good: pair ``index`` joins bodies ``index`` and ``index + 1``.

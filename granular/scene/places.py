@@ -141,7 +141,8 @@ def unending(scene: Scene) -> str:
     if enclosed and scene.velocity[0] > scene.velocity[-1]:
         return ""  # walls that meet end the run
     for c, wall in zip((0, -1), walls.tolist(), strict=True):
-        if wall and pull[c] > 2.0**-50 * scene.gravity and (scene.gap[c] > 0.0 or (scene.gap[c] == 0.0 and rate[c] != 0.0)):
+        moves = scene.gap[c] > 0.0 or (scene.gap[c] == 0.0 and rate[c] != 0.0)
+        if wall and moves and pull[c] > 2.0**-50 * scene.gravity:  # more than the rounding of forces f = m g
             return "of elastic balls that fall back to a wall"
     boxed = enclosed and scene.velocity[0] == scene.velocity[-1] and not scene.fall.any()
     # overlaps that walls hold closed can vibrate without ever opening

@@ -16,6 +16,7 @@ from granular.scene.given import external_forces, line, placed, refuse_together,
 from granular.scene.pair import Pairs
 
 
+@_check.face
 @dataclass(frozen=True, eq=False)
 class Scene(ByNumbers):
     """Balls on a line at one instant, numbered bottom to top (left to right); x grows upwards.

@@ -41,6 +41,7 @@ NO_VALUE = (NOT_RUN, MISUSE, *(CODE[status.name] for status in EARLY))
 """Statuses of runs whose results are none: what a collapse leaves is no outcome."""
 
 
+@_check.face
 @dataclass(frozen=True, eq=False)
 class Quantity:
     """One result over all draws.
@@ -82,6 +83,7 @@ class Quantity:
     answer: Judgement
 
 
+@_check.face
 @dataclass(frozen=True, repr=False)
 class Ensemble(Report):
     """Both engines over the same draws, or over independent ones; print it, `plot` it, save it with `to_json`.
@@ -159,6 +161,7 @@ class Ensemble(Report):
         return _files.write_figure(path, figure, dpi=150)
 
 
+@_check.face
 def ensemble(
     scene: SceneLike,
     n: int,

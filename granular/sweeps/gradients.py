@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from granular._check import face
 from granular._reports import Report, abridged, aligned, number
 from granular.sweeps.plan import Plan
 from granular.sweeps.slopes import Start, borders
@@ -22,6 +23,7 @@ Values = dict[str, Any]
 """A number for each outcome, or an array (pairs,) or (bodies,)."""
 
 
+@face
 @dataclass(frozen=True, repr=False)
 class Sensitivity(Report):
     """What outcomes answer to; print it, save it with `to_json`.

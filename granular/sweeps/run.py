@@ -37,6 +37,7 @@ Where = tuple[Executor | None, int]
 """An executor, and the number of threads without."""
 
 
+@_check.face
 def sweep(
     scene: SceneLike,
     over: Mapping[str, ArrayLike] | Iterable[str] | str,

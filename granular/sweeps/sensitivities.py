@@ -30,6 +30,7 @@ FREE, JOINED = ("gap", "velocity"), ("breaks", "coefficients")
 """Numbers that are parameters also where they are 0; those of a wall's path that must fit each other."""
 
 
+@_check.face
 def sensitivity(
     scene: SceneLike,
     results: Ask | Sequence[Ask] = ("v_rel",),

@@ -47,6 +47,7 @@ SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
 """What may be swept."""
 
 
+@_check.face
 def axis(text: str) -> tuple[str, Values]:
     """Read ``name=first:last:count`` or ``name=first:last:count:log`` or ``name=value,value,…``.
 

@@ -14,7 +14,7 @@ from os import PathLike
 from textwrap import fill
 from typing import Any
 
-from granular import _files, isolation
+from granular import _check, _files, isolation
 from granular._reports import GREY, HARD, SOFT, Report, aligned, canvas, rounded
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
@@ -125,6 +125,7 @@ class Crossing:
         return 0.5 * self.low.value + 0.5 * self.high.value
 
 
+@_check.face
 @dataclass(frozen=True, repr=False)
 class Threshold(Report):
     """Where a scene may be event-driven along one parameter; print it, `plot` it, save it with `to_json`.

@@ -28,6 +28,7 @@ LEAST = 1e-9
 """Share of the scan below which a value is as good as 0."""
 
 
+@_check.face
 def threshold(
     scene: SceneLike,
     over: str = "gap",

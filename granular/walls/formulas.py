@@ -26,6 +26,7 @@ CLOSED = 1e-9
 """Steps between pieces that are rounding, in units of the largest term."""
 
 
+@_check.face
 @dataclass(frozen=True)
 class Sine(_OnPanels):
     """m(t) = A sin(2π f t + φ), m' = 2π f A cos(2π f t + φ), m'' = -(2π f)² m.
@@ -116,6 +117,7 @@ class Sine(_OnPanels):
         return Panels(edges, np.array(series).T, error, self.frequency, (high, float(turn - Fraction(high))))
 
 
+@_check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise(_OnPanels, ByNumbers):
     """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.

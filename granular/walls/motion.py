@@ -29,6 +29,7 @@ MOST = 1 << 18
 """Panels at most: they take a minute to make."""
 
 
+@_check.face
 @dataclass(frozen=True, repr=False)
 class Motion:
     """Any m(t): Chebyshev panels, halved until what they leave out is below `accuracy` times the largest excursion.

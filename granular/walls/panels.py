@@ -41,6 +41,7 @@ class _OnPanels:
         return self._panels._at(t)[2]
 
 
+@_check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Panels(_OnPanels, ByNumbers):
     """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.

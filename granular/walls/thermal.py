@@ -18,6 +18,7 @@ LARGEST = math.sqrt(2.0 * 53.0 * math.log(2.0))
 """Speed, in √(T/m), above which nothing is ever drawn: that of the smallest U, 2^-53."""
 
 
+@_check.face
 @dataclass(frozen=True)
 class Thermal:
     """A wall that gives a ball of mass m that hits it the speed √(-2 (T/m) ln U) away from it, U uniform in (0, 1).

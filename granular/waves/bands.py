@@ -25,6 +25,7 @@ FASTEST = 1e100
 """Angular frequency in rad/s above which squares are beyond the range of numbers."""
 
 
+@_check.face
 def stiffness(scene: Scene, law: Any) -> _check.Array:
     """Return the stiffness K = dF/dξ in N/m of every contact at the overlaps of a scene, shape (n-1,); 0 where it is
     open.
@@ -42,6 +43,7 @@ def stiffness(scene: Scene, law: Any) -> _check.Array:
     return np.array([found[contact] for contact in contacts])
 
 
+@_check.face
 def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.Array:
     """Return the angular frequencies ω in rad/s of waves in an endless chain, lowest branch first.
 
@@ -69,6 +71,7 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
     return np.asarray(np.linalg.svd(np.sqrt(k)[:, None] * strain, compute_uv=False)[..., ::-1])
 
 
+@_check.face
 def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.Array:
     """Return lower and upper edge in rad/s of every band, shape (p, 2); between two bands nothing is carried on.
 
@@ -84,6 +87,7 @@ def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.
     return edges
 
 
+@_check.face
 def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Any:
     """Return by which factor a wave of angular frequency ω shrinks from ball to ball: 1 in a band, below 1 in a gap.
 
@@ -113,6 +117,7 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
     return np.exp(-(grown + np.log(turn + np.sqrt((turn - one) * (turn + one)))) / len(m))[()]
 
 
+@_check.face
 def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: float) -> float:
     """Return the speed in m/s of waves much longer than a cell: L / √(Σ m Σ 1/K), of equal balls 2R √(K/m).
 
@@ -127,6 +132,7 @@ def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: f
     return _check.number("length", length, above=0.0) / math.sqrt(float(m.sum() * (1.0 / k).sum()))
 
 
+@_check.face
 def modes(scene: Scene, law: Any) -> _check.Array:
     """Return the angular frequencies in rad/s of the small swings of a whole chain at rest, one per ball, ascending.
 
@@ -142,6 +148,7 @@ def modes(scene: Scene, law: Any) -> _check.Array:
     return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # strings pull all balls alike
 
 
+@_check.face
 def crossing_time(scene: Scene, law: Any) -> float:
     """Return the time in s that a slow wave takes through balls at rest that press on each other; inf if none do.
 
@@ -156,6 +163,7 @@ def crossing_time(scene: Scene, law: Any) -> float:
     return math.sqrt(float(times.max())) or math.inf
 
 
+@_check.face
 def matched_end(scene: Scene, law: Any) -> list[Any]:
     """Return the laws of a chain between walls with the last one replaced: slow waves do not come back from there.
 

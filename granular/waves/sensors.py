@@ -22,6 +22,7 @@ ROUNDING = 1e-13
 """Share of the largest force of a run up to which one may be rounding."""
 
 
+@_check.face
 @dataclass(frozen=True, eq=False)
 class Pulse:
     """When a pulse passes each contact, how strong it is there and how wide.
@@ -57,6 +58,7 @@ class Pulse:
         return float(t @ (x - x.mean()) / (t @ t))
 
 
+@_check.face
 def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static: float = 0.0) -> Pulse:
     """Measure the largest pulse that passes each contact in the rows of a run of soft spheres.
 
@@ -102,6 +104,7 @@ def _of_one(time: Array, force: Array, shares: Array, faint: float) -> tuple[flo
     return float(time[i]) + top, peak, widths
 
 
+@_check.face
 def picture(
     run: Trajectory, show: str = "force", path: str | PathLike[str] | None = None, *, beyond: bool = False,
     axis: Any = None,

@@ -35,6 +35,7 @@ BACK = 5.0
 """How far in diameters the wave reaches at least to each side in a scene."""
 
 
+@_check.face
 @dataclass(frozen=True, eq=False)
 class SolitaryWave:
     """Shape and speed of the solitary wave of exponent p, for m = A = δ_max = 1 and balls 1 apart.
@@ -88,6 +89,7 @@ class SolitaryWave:
         return low + high
 
 
+@_check.face
 def solitary(
     n: int = 40, speed: float = 0.1, *, law: Any, at: float = 6.0, radius: float = 0.009525, density: float = 8027.0
 ) -> Scene:
