@@ -336,14 +336,14 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
     # its last row shows its state, but for one before its end, or at the start: the scene before anything acts
     acted = "end" not in before.stats and before.time[-1] != before.time[0]
     if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
-            _alike(row.gap, gap) and _alike(speed, velocity))):
+            _alike(row.gap, gap) and _alike(speed, velocity, float(np.abs(gap).max()) / row.elapsed))):
         raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")
     return drive(run)
 
 
-def _alike(one: _check.Array, other: _check.Array) -> bool:
-    """Whether numbers are the same but for the rounding of another release."""
-    return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
+def _alike(one: _check.Array, other: _check.Array, scale: float = 0.0) -> bool:
+    """Whether numbers are equal apart from the rounding of another release, relative to the largest or to `scale`."""
+    return bool(np.abs(one - other).max() <= SAME * max(float(np.abs(other).max()), scale))
 
 
 def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile, tell: Told | None) -> Pause:

@@ -208,7 +208,18 @@ def members(run: Any) -> list[Any]:
     return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
 
 
-def still_open(run: Any) -> list[Rows]:
+def rest_of_log(run: Any, end: float) -> Rows | None:
+    """Return the contacts not yet handed over, those that go on at the end without one; None if there are none."""
+    left = [*run.rows(), *(run.dated(rows) for rows in _still_open(run))]
+    if not left:
+        return None
+    rows = np.concatenate(left)
+    late = rows["t_end"] > run.start + end  # by rounding
+    rows["t_end"][late], rows["v_out"][late] = math.nan, math.nan
+    return rows
+
+
+def _still_open(run: Any) -> list[Rows]:
     """Return the contacts that go on at the end, if there are any."""
     going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
     if not going:

@@ -19,7 +19,7 @@ from granular.md.located.checkpoint import SMALL, Checkpoint, Untouched
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look_inside, look_over, seen
-from granular.md.located.pace import WHY, Pace, message_of, stats_of, still_open
+from granular.md.located.pace import WHY, Pace, message_of, rest_of_log, stats_of
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
@@ -188,8 +188,10 @@ class Run:
         limit = time - self.start
         if not self.launched:
             return Pause.disturbed if self.is_disturbed else Pause.until
+        if limit == math.inf and (self.creep is not None or self.counters["rests"] == 1):
+            return Pause.resting  # proved before; a resumed run ends where the uninterrupted run does
         if self.creep is not None:
-            return Pause.resting if limit == math.inf else Pause.reached
+            return Pause.reached
         why, counters = self.pace.advanced(limit, last), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
@@ -201,9 +203,9 @@ class Run:
             return Pause.full
         if why == WANTS_CONTACT:
             answer(self.s, self.collocation, self.kernels)
-            return Pause.full
-        if why == CRAMPED:
+        elif why == CRAMPED:
             self.s = with_more_room(self.s)
+        if why in (WANTS_CONTACT, CRAMPED):
             return Pause.full
         if reached:
             return Pause.reached
@@ -228,7 +230,9 @@ class Run:
 
         if self.scene.n_pairs > LARGEST:
             return False
-        self.let_creep(math.inf if self.request.end == math.inf else SMOOTH)
+        # once rest is proved by energy, a run without an end goes on as one with an end, bit for bit
+        proved = self.request.end < math.inf or self.counters["rests"] == 1
+        self.let_creep(SMOOTH if proved else math.inf)
         return limit == math.inf and self.creep is not None
 
     def let_creep(self, most: float) -> None:
@@ -303,6 +307,10 @@ class Run:
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""
+        if pause is Pause.resting:
+            from granular.md.located.settle import settle
+
+            settle(self)
         if self.engine == "auto":
             self.toll.lap()
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
@@ -316,7 +324,7 @@ class Run:
         untouched, crept = (None, 0.0) if apart else self.gather(end)
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
-        running, r = self.rest_of_log(end) if self.request.log and not apart else None, plain(self.s.run)[0]
+        running, r = rest_of_log(self, end) if self.request.log and not apart else None, plain(self.s.run)[0]
         stats, message = stats_of(self, r, crept), message_of(self, pause.value, r, self.start + end)
         before, self.s, self.pace.run = self.s, None, None  # makes room for the log
         before = untouched.put_back() if untouched else before
@@ -339,16 +347,6 @@ class Run:
             self.pace.seldom(blocks.gather_slowly)(self.s)
         self.now = math.inf  # rows of contacts that go on are void now: all others are over
         return untouched, 0.0
-
-    def rest_of_log(self, end: float) -> Rows | None:
-        """Return the contacts not yet handed over, those that go on at the end without one; None if there are none."""
-        left = [*self.rows(), *(self.dated(rows) for rows in still_open(self))]
-        if not left:
-            return None
-        rows = np.concatenate(left)
-        late = rows["t_end"] > self.start + end  # by rounding
-        rows["t_end"][late], rows["v_out"][late] = math.nan, math.nan
-        return rows
 
     def follow_anew(self, time: float) -> None:
         """Plan the blocks at driven walls anew, and go on to `time`."""
