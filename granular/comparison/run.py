@@ -9,12 +9,13 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from granular import _check, edmd, md, until as stop
+from granular._limits import check_end
 from granular._progress import shown
 from granular._reports import Report
 from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
-from granular.drive import EVENTS, check_end
+from granular.drive import EVENTS
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Trajectory

@@ -11,6 +11,7 @@ import numpy as np
 
 from granular._contact_log import Rows
 from granular._kernels import fitted, worth
+from granular._limits import raised
 from granular._records import FEW, column, packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import hanging, wall_state
@@ -368,7 +369,7 @@ def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
     elif LATEST < run.state.time(run.queue.soonest()) < math.inf:
         said = f"{status.value}: {when}; the next one is later than {LATEST:.2g} s, where runs end"
     else:
-        said = f"{status.value}: max_events reached at {when}"
+        said = f"{status.value} ({raised('max_events', run.request.end)}): max_events reached at {when}"
         if math.isfinite(run.horizon):
             said += f"; {walls}, and collisions become ever more frequent until then"
         elif s["slow"] >= 0.0 or (run.scene.driven and s["merge_below"] == 0.0):

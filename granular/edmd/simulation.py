@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from granular import _check, rules, until as stop
 from granular._contact_log import Event, one_by_one
 from granular._kernels import no_compiler
-from granular.drive import Request, check_end, drive, go_on, in_time, requested
+from granular._limits import check_end
+from granular.drive import Request, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
 from granular._contact_log import Event, one_by_one
-from granular.drive import Request, check_end, drive, go_on, in_time, requested
+from granular._limits import check_end
+from granular.drive import Request, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
 from granular.scene import Scene, checked

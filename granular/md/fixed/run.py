@@ -17,6 +17,7 @@ from granular import until as stop
 from granular._contact_log import COLUMNS, CONTACT_ROW, Rows
 from granular._kernels import Toll, have_numba
 from granular._levels import first_met, shown
+from granular._limits import raised
 from granular._records import packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.laws.kinds import SceneLaws
@@ -320,8 +321,9 @@ class Run:
         if trust > WARN:
             self.doubt = f"{limit}; above {WARN} expect visible errors."
         if status is Status.max_events:
+            option = "max_steps" if self.steps >= self.request.max_steps else "max_events"
             work = f"{self.contacts} contacts, {self.steps} steps"
-            return status, f"{status.value}: {work} by t = {end:.6g} s.", trust
+            return status, f"{status.value}: {work} by t = {end:.6g} s; {raised(option, self.request.end)}.", trust
         return status, f"{status.value} at t = {end:.6g} s.", trust
 
     def _deflected(self) -> bool:

@@ -18,6 +18,7 @@ import numpy as np
 
 from granular._contact_log import CONTACT_ROW, Rows
 from granular._kernels import Toll, compiled
+from granular._limits import raised
 from granular._records import column, plain
 from granular.drive import Pause, portion
 from granular.md.located import blocks
@@ -177,6 +178,8 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
     """Return the sentence of a status with its numbers."""
     sentence = f"{status.value} (t = {t:.6g} s, {r.contacts} contacts, {r.steps} steps)"
     until = run.request.until
+    if status is Status.max_events and not run.pace.stalled:
+        sentence += "; " + raised("max_steps" if r.steps >= r.max_steps else "max_events", run.request.end)
     if status is Status.until and t == run.start and isinstance(until, Contact):
         sentence += (": where balls touch, a contact begins at once; granular.until.force"
                      f"({until.pair}, above=...) tells when a push arrives")
