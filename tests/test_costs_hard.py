@@ -9,6 +9,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from granular.edmd import run as runs
 from granular.edmd.records import ROW
 from granular.edmd.sorted_queue import SortedQueue
 
+PACKAGE = Path(gr.__file__).parent
 THREE, END = gr.scenes.three_balls(gap=1e-4), gr.until.contact(pair=0, nth=2)
 
 
@@ -31,9 +33,9 @@ def calls(engine: str) -> Counter[tuple[str, str]]:
     found: Counter[tuple[str, str]] = Counter()
 
     def count(frame, event, _) -> None:
-        path = frame.f_code.co_filename.replace("\\", "/")
-        if event == "call" and "/granular/" in path and "/tests/" not in path:
-            found[path.rpartition("/granular/")[2], frame.f_code.co_name] += 1
+        path = Path(frame.f_code.co_filename)
+        if event == "call" and path.is_relative_to(PACKAGE):
+            found[path.relative_to(PACKAGE).as_posix(), frame.f_code.co_name] += 1
 
     simulated(engine), simulated(engine)
     before = sys.getprofile()
