@@ -14,7 +14,7 @@ law, so a rule has to decide, and where two rules differ no answer is the right 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -76,6 +76,12 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
         later = _gone_on(soft, float(until.max()), options)
     hard, later = counted(at_once(_gone_on(hard, float(latest[0].max()), {})), later)
     return _due(hard, latest[0], most), _endless(_due(later, latest[1], most), until)
+
+
+def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
+    """Return the soft run with the contacts that have begun by its end in its log, each followed to its end."""
+    until, begun = _patience(soft, float(soft.time[-1])), counts(soft)
+    return first(_endless(_gone_on(soft, float(until.max()), options), until), begun)
 
 
 def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
@@ -141,23 +147,36 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     A pair that has fewer contacts than in the other run may be late by the duration of a contact, and by the time in
     which it goes as far as it may be behind, at the speed of the contact that it lacks.
     """
-    alone = Durations(soft.law or (), soft.scene)
-    behind = _behind(hard, soft, alone)
+    lag = lags(hard, soft)
     latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
     for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
         pair = np.flatnonzero(counts(run) < most)
         if len(pair):
             order, edge = other.by_pair
-            speed = np.abs(approach(other)[order[edge[pair + 1] - 1]])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                late = alone(pair, speed) + np.fmin(behind[pair] / speed, soft.time[-1] - soft.time[0])
-            latest[k, pair] += np.nan_to_num(late, posinf=0.0)
+            latest[k, pair] += lag(pair, np.abs(approach(other)[order[edge[pair + 1] - 1]]))
     lying = np.zeros(len(most), np.bool_)
     lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
     latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
     stuck = (hard.gap[-1] == 0.0) & (np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0))
     latest[0, _ever_lower(at_once(hard), soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
     return np.asarray(latest, float)
+
+
+def lags(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], Array]:
+    """Return a function of pairs and approach speeds in m/s: the time in s by which such contacts may be late.
+
+    It is the duration of the contact, and the time in which its balls go as far as they may be behind, but no longer
+    than the run. 0 for contacts that do not end.
+    """
+    alone, span = Durations(soft.law or (), soft.scene), soft.time[-1] - soft.time[0]
+    behind = _behind(hard, soft, alone)
+
+    def lag(pair: Any, speed: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            late = alone(pair, speed) + np.fmin(behind[pair] / speed, span)
+        return np.asarray(np.nan_to_num(late, posinf=0.0))
+
+    return lag
 
 
 def _ever_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[int]:
@@ -253,23 +272,29 @@ def nudged(scene: Scene) -> Scene:
     return scene.replace(gap=scene.gap + 1e-12 * shift)
 
 
-def ties(run: Trajectory) -> bool:
-    """Whether balls touch at the start, or a ball takes part in two collisions at once."""
-    pair, time = run.contacts["pair"], run.contacts["t_begin"]
+def tied(run: Trajectory) -> Any:
+    """Whether the bodies of each pair touch at the start, or collide at the same time as a neighbouring pair does,
+    shape of the gaps."""
+    pair, time, found = run.contacts["pair"], run.contacts["t_begin"], run.scene.gap == 0.0
     order = np.lexsort([pair, time])
-    at_once = (np.diff(time[order]) == 0.0) & (np.abs(np.diff(pair[order])) == 1)
-    return bool((run.scene.gap == 0.0).any() or at_once.any())
+    at_once = np.flatnonzero((np.diff(time[order]) == 0.0) & (np.abs(np.diff(pair[order])) == 1))
+    found[pair[order[at_once]]] = found[pair[order[at_once + 1]]] = True
+    return found
 
 
 def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield options of `granular.edmd.simulate` for each other tie rule, if a run made with `options` has `ties`.
+    """Yield options of `granular.edmd.simulate` for each other tie rule, if pairs of a run made with `options` are
+    `tied`.
 
-    Such a rule may refuse the scene.
+    Poisson's rule does not go with balls that stick, the TC model or an elastic cut-off, and is slow for many bodies.
+    Any rule may refuse the scene.
     """
-    if hard.scene.n < 3 or not ties(hard):
+    if hard.scene.n < 3 or not tied(hard).any():
         return
     limit = min(options.get("max_events", EVENTS), MOST_OF_OTHERS * (len(hard.contacts) + hard.scene.n))
-    for name in RULES[: len(RULES) if hard.scene.n <= FEW else 2]:
+    by_itself = hard.scene.n <= FEW and hard.stats.get("merge_below") != math.inf and not (
+        options.get("collapse") == "merge" or options.get("tc") or options.get("elastic_below"))
+    for name in RULES if by_itself else RULES[:2]:
         if name != options.get("ties", "left"):
             yield {**options, "ties": name, "max_events": limit}
 

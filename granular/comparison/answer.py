@@ -24,9 +24,10 @@ import numpy as np
 
 from granular import _check, end_time
 from granular._reports import rounded
-from granular.comparison.numbers import Compared, smaller_radius
+from granular.comparison.checks import Checked
+from granular.comparison.numbers import smaller_radius
 from granular.measures import static_overlaps
-from granular.outcome import FAINT, SAME, PairOutcome
+from granular.outcome import FAINT, SAME
 from granular.trajectory import EARLY, Status
 
 
@@ -72,7 +73,7 @@ class Reason:
         return f"{self.answer.value}{self.words}."
 
 
-class Judged(Compared):
+class Judged(Checked):
     """Both runs of a scene, judged."""
 
     @cached_property
@@ -95,7 +96,7 @@ class Judged(Compared):
         return str(self.reasons[0])
 
 
-def _unfinished(report: Compared) -> Iterator[Reason]:
+def _unfinished(report: Checked) -> Iterator[Reason]:
     """Runs that stopped before their end: which, and what stopped them; what is so of hard spheres that never will."""
     soft, hard = report.soft, report.settled
     if soft.status not in EARLY and hard.status in EARLY and (so := _forever(report, range(report.scene.n_pairs))):
@@ -106,7 +107,7 @@ def _unfinished(report: Compared) -> Iterator[Reason]:
                                            f"{run.message.rstrip('.')}")
 
 
-def _judged(report: Compared, j: int) -> Reason:
+def _judged(report: Checked, j: int) -> Reason:
     """Return what is so of component `j`."""
     parts, error, unit = report.components, float(report.errors[j]), float(report.units[j])
     balls, pairs = (tuple(np.flatnonzero(of == j).tolist()) for of in (parts.of_ball, parts.of_pair))
@@ -144,11 +145,15 @@ def _judged(report: Compared, j: int) -> Reason:
     if not error <= SAME:
         alone = "" if overlap else ", though no contacts overlap in time"
         driven = "; at a driven wall timing is outcome" if report.scene.driven and not overlap else ""
-        return so(Answer.no, f": outcomes are off by {error:.2g} of the fastest impact{alone}{driven}")
+        leaves = _leaves(report, j)
+        off = f"{leaves}, off" if leaves else "outcomes are off"
+        return so(Answer.no, f": {off} by {error:.2g} of the fastest impact{alone}{driven}")
+    if not sinking and (check := report.unchecked(j)):
+        return so(Answer.undecided, f": {check}, so the answer could not be checked")
     return so(*(sinking or (Answer.yes, "")))
 
 
-def _yes(report: Compared, trivially: list[str]) -> Reason:
+def _yes(report: Checked, trivially: list[str]) -> Reason:
     """Say yes, which only a true error of at most `SAME` may: nan is none."""
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= SAME:
@@ -168,7 +173,7 @@ def _yes(report: Compared, trivially: list[str]) -> Reason:
     return Reason(Answer.yes, words, error=error)
 
 
-def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | None:
+def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | None:
     """Say what is so where soft spheres at rest sink under their weight, or hard ones rest and do not collide."""
     lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.levelled[1]
     log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
@@ -189,7 +194,7 @@ def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | N
     return (Answer.yes, f", trivially: nothing collides; {deepest}") if lying else None
 
 
-def _forever(report: Compared, pairs: Sequence[int]) -> str:
+def _forever(report: Checked, pairs: Sequence[int]) -> str:
     """Return the words for hard spheres that collide forever where soft ones part; empty if it is not so."""
     hard = report.hard
     if "verdict" not in hard.stats:
@@ -204,23 +209,26 @@ def _forever(report: Compared, pairs: Sequence[int]) -> str:
             f"soft ones part after {n} contact{'s' * (n != 1)}")
 
 
-def _other_counts(report: Compared, wrong: tuple[int, ...], of: int) -> str:
+def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
     """Pairs with other numbers of contacts."""
-    p = max((report.pairs[c] for c in reversed(wrong)), key=lambda p: float(np.nan_to_num(_miss(p), nan=-1.0)))
+    p = max((report.pairs[c] for c in reversed(wrong)), key=lambda p: abs(p.soft_contacts - p.hard_contacts))
     said = f"pair {p.pair} has {p.soft_contacts} contact{'s' * (p.soft_contacts != 1)}, not {p.hard_contacts}"
     many = f"{len(wrong)} of {of} pairs differ in contacts; " if len(wrong) > 1 else ""
     j = int(report.components.of_pair[p.pair])
-    if _miss(p) > SAME * report.units[j]:
-        return f"{many}{said}, and parts at {p.soft_v_rel:.4g} instead of {p.hard_v_rel:.4g} m/s"
-    return f"{many}{said}, and outcomes are off by {float(report.errors[j]):.2g} of the fastest impact"
+    off = f"outcomes are off by {float(report.errors[j]):.2g} of the fastest impact"
+    return f"{many}{said}, and {_leaves(report, j) or off}"
 
 
-def _miss(p: PairOutcome) -> float:
-    """How far the separation speeds of a pair are apart in m/s."""
-    return abs(p.soft_v_rel - p.hard_v_rel)
+def _leaves(report: Checked, j: int) -> str:
+    """Say which ball of component `j` leaves with other velocities; empty if none does."""
+    one = report.departure(j)
+    if one is None or not one.difference > SAME:
+        return ""
+    digits = 3 + 3 * (f"{one.soft_velocity:.3g}" == f"{one.hard_velocity:.3g}")
+    return f"ball {one.ball} leaves at {one.soft_velocity:.{digits}g} instead of {one.hard_velocity:.{digits}g} m/s"
 
 
-def _overlap(report: Compared, pairs: tuple[int, ...]) -> bool:
+def _overlap(report: Checked, pairs: tuple[int, ...]) -> bool:
     """Whether soft contacts of a component overlap in time."""
     of, log = set(pairs), report.counted[1].contacts["pair"]
     return any(int(log[o.lower]) in of for o in report.overlaps)

@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _check, edmd, end_time, isolation, measures, outcome, until as stop
+from granular import _check, edmd, end_time, measures, outcome, until as stop
 from granular.binary import LawRule, at_speed_or_nan
+from granular.episodes import Departure, Departures
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
-from granular.outcome import Components, PairOutcome, components, counted, differences, rests_apart, units
+from granular.outcome import Components, PairOutcome, components, counted, units
+from granular.resting import at_rest, rests_apart
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory
@@ -87,23 +89,6 @@ class Compared:
     def overlaps(self) -> tuple[Overlap, ...]:
         """Contacts of neighbouring pairs that share a span of time in the soft run: why the engines differ."""
         return measures.overlapping(self.counted[1])
-
-    @cached_property
-    def measures(self) -> dict[str, float]:
-        """The measures of `granular.measures` for these two runs, and the share of soft contacts that were isolated."""
-        hard, soft = self.counted
-        hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (hard, soft))
-        return {
-            "shared_impulse": measures.shared_impulse(self.soft),
-            "crowding": measures.crowding(hard, self.law),
-            "occupation": measures.occupation(soft),
-            "distance": math.nan if self._early else self._distance(self._apart[0]),
-            "predictability": math.nan if self._twin.status in EARLY else self._distance(
-                differences(*self._shifted)[0]),
-            "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
-            "isolated_share": isolation.isolated_share(self.levelled[1]),
-            "lag": float(self.soft.time[-1] - self.hard.time[-1]),
-        }
 
     @cached_property
     def groups(self) -> dict[str, float]:
@@ -203,20 +188,45 @@ class Compared:
     def error(self) -> float:
         """How far hard spheres are off, in closing speeds: the one number that the answer judges.
 
-        error = max over components of max( max_i |u_i(soft) - u_i(hard)|, max_c |v′_c(soft) - v′_c(hard)| ) / U
+        error = max over components, episodes E and balls i of |u(i, E, soft) - u(i, E, hard)| / U
 
-        over all balls i, walls left out, and pairs c of the component. u_i is the velocity with which ball i leaves the
-        last of its contacts, v′_c the separation speed of pair c at the end of its last contact, U the largest closing
-        speed of the component; see docs/concepts.md. 0 where nothing collides; nan where a run did not get to its end.
+        An episode is a group of soft contacts linked by common balls and overlaps in time, u the velocity with which a
+        ball leaves its last contact in it, U the largest closing speed of the component; see docs/concepts.md. The
+        largest difference of a pair that comes to rest counts if it is larger. 0 where nothing collides; nan where a
+        run did not get to its end.
         """
         return math.nan if self._early else float(self.errors.max(initial=0.0))
 
     @cached_property
     def errors(self) -> _check.Array:
         """The error of each component, in its unit; 0 where balls rest on each other from the start."""
-        moves = ~self.lying[self.components.of_pair]
-        off = self.components.largest(np.where(moves, self._apart[1], 0.0), self._apart[0]) / self.units
+        at_rest = np.zeros(self.scene.n_pairs)
+        at_rest[list(self.resting)] = list(self.resting.values())
+        off = np.maximum(self.components.largest(at_rest) / self.units, self._departures[1])
         return np.where(self.lying[:-1], 0.0, off)
+
+    @property
+    def deciding(self) -> Departure | None:
+        """The ball and the episode that decide the error; None if nothing collides, or a pair at rest decides."""
+        return self.departure(int(self.errors.argmax())) if self.error > 0.0 else None
+
+    def departure(self, j: int) -> Departure | None:
+        """The ball and the episode that decide the error of component `j`; None if it has none, or at rest."""
+        found, largest, which = self._departures
+        decides = self.errors[j] == largest[j] > 0.0
+        return found.departure(int(which[j]), float(self.units[j])) if decides else None
+
+    @cached_property
+    def _departures(self) -> tuple[Departures, _check.Array, Any]:
+        """All departures; of each component the largest difference in its unit, and the number of its departure."""
+        found = Departures(*self.levelled, self.components.weight(self.levelled[1]),
+                           lambda pair, speed: end_time.lags(*self.counted)(pair, speed))
+        part, largest = self.components.of_ball[found.ball], np.zeros(self.components.count + 1)
+        which = np.zeros(self.components.count + 1, np.int64)
+        off = np.nan_to_num(found.apart) / np.append(self.units, math.inf)[part]
+        order = np.argsort(off, kind="stable")
+        largest[part[order]], which[part[order]] = off[order], order  # the last assignment stays
+        return found, largest[:-1], which[:-1]
 
     @cached_property
     def lying(self) -> Any:
@@ -226,28 +236,10 @@ class Compared:
         return lies
 
     @cached_property
-    def tie_errors(self) -> dict[str, _check.Array]:
-        """How far balls leave, and come to rest, in units of their component, under each other tie rule; empty without
-        ties."""
-        return {name: self._apart_by_ties(run) for name, run in self._other_answers.items()}
-
-    @cached_property
-    def shift_errors(self) -> _check.Array:
-        """How far balls leave, in units of their component, from gaps shifted by 1e-12 of themselves."""
-        return self.components.largest(np.zeros(self.scene.n_pairs), differences(*self._shifted)[0]) / self.units
-
-    @cached_property
-    def shifts(self) -> _check.Array:
-        """D of hard spheres against themselves, gaps shifted by 1e-12 of themselves, of each component."""
-        mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
-        apart = differences(*self._shifted)[0]
-        return np.sqrt(self.components.total(mass * apart**2) / self.components.total(mass)) / self.units
-
-    @cached_property
     def resting(self) -> dict[int, float]:
         """Pairs whose last contact has no end in one of the runs, and how far in m/s the runs differ there."""
         hard, soft = self.levelled
-        rest = np.any(outcome.at_rest(hard, soft))
+        rest = np.any(at_rest(hard, soft))
         return dict(rests_apart(hard, soft, self.components.weight(soft))) if rest else {}
 
     @cached_property
@@ -271,42 +263,6 @@ class Compared:
         """A speed in m/s at which ε can be asked for."""
         return self.impact_speed if self.impact_speed > 0.0 else 1.0
 
-    @cached_property
-    def _apart(self) -> tuple[_check.Array, _check.Array]:
-        """Differences in m/s of the two runs, by balls and by pairs; where a pair rests, of all its contacts."""
-        balls, pairs = differences(*self.levelled)
-        for c, apart in self.resting.items():
-            pairs[c] = apart
-        return balls, pairs
-
-    @cached_property
-    def twin(self) -> Trajectory:
-        """The hard run from gaps shifted a little."""
-        most = end_time.MOST_OF_OTHERS * (self.hard.stats["events"] + self.scene.n)
-        options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], most)}
-        return edmd.simulate(end_time.nudged(self.scene), self.rule, **options)
-
-    @cached_property
-    def _twin(self) -> Trajectory:
-        return self._carried_on(self.twin, self.hard_options)
-
-    @cached_property
-    def _shifted(self) -> tuple[Trajectory, Trajectory]:
-        """The twin and the hard run, without contacts that are rounding or just at the end time."""
-        hard = self.settled
-        twin = hard if self._twin.status in EARLY else self._twin
-        return measures.before_the_end(*(counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard)))
-
-    @cached_property
-    def _other_answers(self) -> dict[str, Trajectory]:
-        found = {}
-        for options in end_time.others(self.settled, self.hard_options):
-            with suppress(ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
-                run = self._carried_on(edmd.simulate(self.scene, self.rule, **options), options)
-                if run.status not in EARLY:
-                    found[options["ties"]] = counted(outcome.at_once(run), self.soft)[0]
-        return found
-
     def _carried_on(self, run: Trajectory, options: Mapping[str, Any]) -> Trajectory:
         """The run of hard spheres; after a collapse with those that collide ever more slowly sticking."""
         if "verdict" in run.stats:
@@ -314,19 +270,6 @@ class Compared:
             with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
                 return edmd.simulate(run.scene, self.rule, **merging)
         return run
-
-    def _apart_by_ties(self, one: Trajectory) -> _check.Array:
-        """Largest difference of a run under another tie rule, in units of each component."""
-        hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
-        stuck = outcome.stuck_apart(one, hard, weight)
-        return self.components.largest(stuck, differences(one, hard)[0]) / self.units
-
-    def _distance(self, apart: _check.Array) -> float:
-        """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
-        mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
-        scale = float(mass @ np.append(self.units, 0.0)[of] ** 2)
-        return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
-
 
 def fall_together(scene: Scene) -> bool:
     """Whether balls fall on a floor, or meet it, all at one speed, without driven walls or other forces."""

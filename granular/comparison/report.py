@@ -53,7 +53,7 @@ def text(report: Judged) -> str:
     return "\n".join([
         report.verdict, *list(_why(report))[:2], "",
         f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}", "",
-        *_outcomes(report, FEW), *_known(MEASURES, {"error": report.error}),
+        *_deciding(report), *_counts(report), *_ends(report), *_known(MEASURES, {"error": report.error}),
         *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
         MORE,
     ])
@@ -66,7 +66,7 @@ def details(report: Judged) -> str:
     return "\n".join([
         report.verdict, *_why(report), "",
         str(report.scene), *_laws(report), "",
-        *_outcomes(report, MANY), *_account(report), "",
+        *_deciding(report), *_pairs(report), *_ends(report), *_account(report), "",
         *_known(MEASURES, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
         "groups: " + ", ".join(_known(GROUPS, report.groups)),
         *(f"warning: {w}" for w in warnings(report)),
@@ -153,6 +153,7 @@ def numbers(report: Judged) -> dict[str, Any]:
         "groups": report.groups,
         **isolation.numbers(report.soft),
         "error": report.error,
+        "deciding": None if report.deciding is None else asdict(report.deciding),
         **({} if math.isnan(report.drop) else {"drop": report.drop, "rises": report.rises}),
         "answer": report.answer.name,
         "reasons": [asdict(one) | {"answer": one.answer.name} for one in report.reasons],
@@ -198,21 +199,34 @@ def _eps(of: Any) -> str:
     return f"ε = {low:.6g}" + f" … {high:.6g}" * (high - low > SAME_RESTITUTION)
 
 
-def _outcomes(report: Judged, most: int) -> Iterator[str]:
-    """Both engines side by side; of the pairs as many as differ `most`."""
-    hard, soft = report.hard, report.soft
-    shown = sorted(sorted(report.pairs, key=_alike)[:most], key=lambda p: p.pair)
+def _deciding(report: Judged) -> Iterator[str]:
+    """Both engines side by side: the ball and the episode that decide the error."""
+    one = report.deciding
     yield _line("", "hard spheres", "soft spheres")
     yield _line("", "(event-driven)", "(Newton)")
-    for p in shown:
+    if one is not None:
+        yield _line(f"ball {one.ball} leaves, m/s", number(one.hard_velocity), number(one.soft_velocity),
+                    f"  off by {one.difference:.3g} U")
+        yield _line("at t, s", f"{one.hard_t:.9g}", f"{one.soft_t:.9g}",
+                    f"  episode {one.episode}, {one.contacts} contact{'s' * (one.contacts != 1)}")
+
+
+def _counts(report: Judged) -> Iterator[str]:
+    """Pairs with other numbers of contacts; all pairs if they are few."""
+    other = [p for p in report.pairs if p.hard_contacts != p.soft_contacts]
+    shown = sorted(other, key=lambda p: -abs(p.soft_contacts - p.hard_contacts))[:FEW]
+    for p in sorted(shown, key=lambda p: p.pair) if other else report.pairs[: FEW * (len(report.pairs) <= FEW)]:
         yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
-        yield _line(f"v_rel′ pair {p.pair}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
-                    "  still in contact at the stop" * p.ongoing)
-    if hidden := len(report.pairs) - len(shown):
-        yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
+    if hidden := len(other) - len(shown):
+        yield f"({hidden} more pair{'s' * (hidden > 1)} with other numbers of contacts)"
+
+
+def _ends(report: Judged) -> Iterator[str]:
+    """Numbers of contacts of both runs, how they ended, and how high the top ball rises."""
+    hard, soft = report.hard, report.soft
     yield _line("all contacts", len(report.settled.contacts), len(soft.contacts))
     if any(left := _left_out(report)):
-        yield _line("left out as rounding", *left, f"  slower than {FAINT:g} of the fastest impact")
+        yield _line("left out as rounding", *left, f"  slower than {FAINT:g} of U")
     because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
     yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
     if not math.isnan(report.drop):
@@ -223,6 +237,27 @@ def _outcomes(report: Judged, most: int) -> Iterator[str]:
                         f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
+
+
+def _pairs(report: Judged) -> Iterator[str]:
+    """Contacts and separation speeds of the pairs that differ most."""
+    shown = sorted(sorted(report.pairs, key=_alike)[:MANY], key=lambda p: p.pair)
+    for p in shown:
+        yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
+        yield _line(f"v_rel′ pair {p.pair}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
+                    "  still in contact at the stop" if p.ongoing else _meanwhile(report, p))
+    if hidden := len(report.pairs) - len(shown):
+        yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
+
+
+def _meanwhile(report: Judged, p: PairOutcome) -> str:
+    """Mark a separation speed at which another soft contact of the two balls is still running."""
+    soft, (below, above) = report.levelled[1], report.scene.neighbours
+    for c in {*below[above == p.pair].tolist(), *above[below == p.pair].tolist()}:
+        log = soft.of(c)
+        if ((log["t_begin"] < p.soft_t_f) & ~(log["t_end"] <= p.soft_t_f)).any():
+            return f"  pair {c} in contact"
+    return ""
 
 
 def _alike(p: PairOutcome) -> tuple[bool, float]:

@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from granular import md
 from granular._check import per_pair
 from granular._flight import rate_at_contact
 from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
 from granular.comparison.numbers import effective, is_drop
+from granular.end_time import followed
 from granular.outcome import at_once, counts, energy_left, order, separations
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
@@ -96,10 +98,10 @@ class Answer:
 
     @cached_property
     def v_rel(self) -> Any:
-        """Separation speeds of the soft run in m/s, contacts still running at its end followed to theirs."""
-        if np.isnan(self.soft.contacts["t_end"]).any():
-            return np.array([pair.soft_v_rel for pair in self.report.pairs])
-        return separations(self.soft)[0]
+        """Separation speeds in m/s after the last of the `contacts` of each pair in the soft run; those that are still
+        running at its end are followed to theirs."""
+        known = {name: x for name, x in self.case.options(md.simulate).items() if name in ("method", "dt", "engine")}
+        return separations(followed(self.soft, known))[0]
 
     @property
     def longest(self) -> Any:
@@ -167,8 +169,8 @@ RESULTS = {
     "hard_energy_left": Result("", "1", "E/E0, energy at the end over that at the start, hard",
                                lambda a: energy_left(a.hard)),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
-    "error": Result("", "1", "largest difference of a leaving velocity or separation speed, hard to soft, per "
-                    "fastest impact", lambda a: a.report.error),
+    "error": Result("", "1", "largest difference of a velocity with which a ball leaves an episode of contacts, "
+                    "hard to soft, per fastest impact", lambda a: a.report.error),
     "shared_impulse": _measure("shared_impulse", "φ: share of impulse exchanged while a neighbour is in contact"),
     "crowding": _measure("crowding", "p: share of hard collisions with a neighbour's within t_c"),
     "occupation": _measure("occupation", "Λ: share of time a pair is in contact"),

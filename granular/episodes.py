@@ -1,0 +1,183 @@
+"""Episodes of linked contacts, and the velocities with which balls leave them in two runs of one scene.
+May be skipped: the error of a comparison, contact by contact; docs/concepts.md has the definition.
+
+Contacts of soft spheres that share a ball and overlap in time are linked. An episode is a group of contacts joined by
+such links. States within an episode are intermediate; the velocities with which balls leave it are outcomes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granular._check import Array, typed
+from granular.outcome import approach, contact_displacements, counts
+from granular.resting import resting_in_both
+from granular.scene import Scene
+from granular.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A ball that leaves an episode of contacts, in both runs.
+
+    Attributes
+    ----------
+    ball, episode : int
+        The ball, and the episode, numbered from 0 by onset.
+    contacts : int
+        Number of soft contacts in the episode.
+    pairs : tuple of int
+        The pairs of these contacts, in ascending order.
+    hard_t, soft_t : float
+        Time in s at which the last contact of the ball in the episode ends.
+    hard_velocity, soft_velocity : float
+        Velocity of the ball in m/s at that time.
+    difference : float
+        Difference of the velocities over the unit U of the component. The hard ball is first carried in free flight
+        towards `soft_t` if that makes the difference smaller.
+    """
+
+    ball: int
+    episode: int
+    contacts: int
+    pairs: tuple[int, ...]
+    hard_t: float
+    soft_t: float
+    hard_velocity: float
+    soft_velocity: float
+    difference: float
+
+
+class Departures:
+    """All departures of balls from episodes that two runs have in common.
+
+    Parameters
+    ----------
+    hard, soft : Trajectory
+        Runs with the same contacts of every pair as far as they have them, see `granular.end_time.levelled`.
+    weight : (n-1,) array
+        Speed in m/s that weight gives during a contact, see `granular.outcome.Components.weight`.
+    lag : callable
+        ``lag(pair, speed)``: time in s by which contacts of these pairs at these approach speeds may be late.
+
+    Attributes
+    ----------
+    episode : array of int
+        Episode of every soft contact, numbered from 0 by onset.
+    ball, of : arrays of int
+        Ball and episode of every departure.
+    time, velocity : (2, m) arrays
+        Time in s and velocity in m/s of every departure, hard and soft.
+    apart : (m,) array
+        Difference in m/s of every departure; nan where a ball is compared at rest only.
+    """
+
+    def __init__(self, hard: Trajectory, soft: Trajectory, weight: Array, lag: Callable[[Any, Array], Array]) -> None:
+        scene, mate = hard.scene, mates(hard, soft)
+        met = mate >= 0
+        fastest = approach(soft)
+        np.maximum.at(fastest, mate[met], approach(hard)[met])
+        compared = ~resting_in_both(hard, soft)[soft.contacts["pair"]] | (
+            fastest > weight[soft.contacts["pair"]])  # the others are contacts of balls that settle
+        self.soft, self.episode = soft, episodes(soft, compared)
+        rows = np.flatnonzero(met & np.append(compared, False)[mate])
+        left = [_last_rows(hard, rows, self.episode[mate[rows]]),
+                _last_rows(soft, np.flatnonzero(compared), self.episode[compared])]
+        key, *found = np.intersect1d(left[0][0], left[1][0], assume_unique=True, return_indices=True)
+        (row, side), (last, flank) = ([of[i] for of in some] for (_, *some), i in zip(left, found, strict=True))
+        self.of, self.ball = np.divmod(key, scene.n)
+        self.time = np.array([hard.contacts["t_end"][row], soft.contacts["t_end"][last]])
+        self.velocity = np.array([hard.contacts["v_out"][row, side], soft.contacts["v_out"][last, flank]])
+        (begin, end), (u, v) = self.time, self.velocity
+        self.apart = np.abs(u - v)
+        if scene.fall.any() or scene.pendulum > 0.0:
+            late = lag(hard.contacts["pair"][row], approach(hard)[row])
+            carried = _carried(hard, u, self.ball, row, side, np.clip(end - begin, -late, late))
+            self.apart = np.fmin(self.apart, np.abs(carried - v))
+        self.apart[scene.is_wall[self.ball] | (end > _held_since(soft)[self.ball])] = np.nan
+
+    def departure(self, k: int, unit: float) -> Departure:
+        """Return the k-th departure, its difference in a unit in m/s."""
+        pair = self.soft.contacts["pair"][self.episode == self.of[k]]
+        (begin, end), (u, v) = self.time[:, k].tolist(), self.velocity[:, k].tolist()
+        return Departure(int(self.ball[k]), int(self.of[k]), len(pair), tuple(np.unique(pair).tolist()), begin, end,
+                         u, v, float(self.apart[k]) / unit)
+
+
+def episodes(soft: Trajectory, compared: Any) -> Any:
+    """Return the number of the episode of every contact of the log, counted from 0 by onset.
+
+    Of two contacts of neighbouring pairs that overlap in time, the later one begins during the last contact of the
+    other pair that has begun by then. So every contact has at most one such link to either side.
+    Contacts without end, and those that are not `compared`, have episodes of their own.
+    """
+    log, scene, size = soft.contacts, soft.scene, len(soft.contacts)
+    onset, links = np.empty(size, np.int64), []
+    onset[np.argsort(log["t_begin"], kind="stable")] = np.arange(size)
+    begin, end, pair = log["t_begin"], np.where(compared, log["t_end"], np.nan), log["pair"]
+    order = np.lexsort((onset, pair))
+    key = (pair * size + onset)[order]
+    for step in (-1, 1):
+        beside = (pair + step) % scene.n_pairs if scene.ring else pair + step
+        place = np.searchsorted(key, beside * size + onset) - 1
+        other = order[place]
+        linked = (place >= 0) & (pair[other] == beside) & (end[other] > begin) & (end == end)
+        links.append(np.array([onset[linked], onset[other[linked]]]))
+    return np.unique(_groups(size, *np.hstack(links)), return_inverse=True)[1][onset] if size else onset
+
+
+def _groups(size: int, one: Any, other: Any) -> Any:
+    """Return the smallest member of the group of each of `size` numbers, of which `one` and `other` are linked."""
+    least = np.arange(size)
+    while (least[one] != least[other]).any():
+        np.minimum.at(least, np.maximum(least[one], least[other]), np.minimum(least[one], least[other]))
+        while (least != least[least]).any():
+            least = least[least]
+    return least
+
+
+def mates(hard: Trajectory, soft: Trajectory) -> Any:
+    """Return the row of the soft contact with the same pair and number for every hard contact; -1 without one."""
+    (order, edge), (others, start) = hard.by_pair, soft.by_pair
+    pair = hard.contacts["pair"][order]
+    number, mate = np.arange(len(order)) - edge[pair], np.full(len(order), -1)
+    both = number < counts(soft)[pair]
+    mate[order[both]] = others[(start[pair] + number)[both]]
+    return mate
+
+
+def _last_rows(run: Trajectory, rows: Any, episode: Any) -> tuple[Any, Any, Any]:
+    """Return what stands for each ball of each episode, and the row and side of its contact that ends last."""
+    body = np.column_stack(run.scene.bodies(run.contacts["pair"][rows])).ravel()
+    key = np.repeat(episode, 2) * run.scene.n + body
+    order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))
+    last = order[np.append(np.diff(key[order]) != 0, True)] if len(order) else order
+    return key[last], rows[last // 2], last % 2
+
+
+def _held_since(soft: Trajectory) -> Array:
+    """Return the time in s from which each body rests on a wall, in contacts without end between both; inf if never."""
+    endless, since = np.isnan(soft.contacts["t_end"]), np.full(soft.scene.n_pairs, np.inf)
+    since[soft.contacts["pair"][endless]] = soft.contacts["t_begin"][endless]
+    held, wall = np.full((2, soft.scene.n), np.inf), soft.scene.is_wall
+    if wall[0]:
+        held[0, 1:] = np.maximum.accumulate(since)
+    if wall[-1]:
+        held[1, :-1] = np.maximum.accumulate(since[::-1])[::-1]
+    return np.asarray(held.min(axis=0))
+
+
+def _carried(hard: Trajectory, u: Array, ball: Any, row: Any, side: Any, elapsed: Array) -> Array:
+    """Return velocities in m/s of hard balls in free flight, so much time in s after they leave a contact with `u`."""
+    omega = hard.scene.pendulum
+    if omega == 0.0:
+        return np.asarray(u + hard.scene.fall[ball] * elapsed)
+    turn = omega * elapsed
+    return np.asarray(u * np.cos(turn) - omega * contact_displacements(hard)[row, side] * np.sin(turn))
+
+
+typed(globals(), Scene, Trajectory)
