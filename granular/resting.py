@@ -32,9 +32,10 @@ def resting_in_both(hard: Trajectory, soft: Trajectory) -> Any:
 def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
     """Yield pairs that come to rest in a contact without end, and how far in m/s the two runs differ there.
 
-    The contacts before it part alike; it begins alike in both; what one run still has from there on, as a ball that
-    bounces ever lower, begins no faster, and leaves the pair at rest too. Each is compared, the largest counts. Where
-    both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that settle.
+    A contact before it that the other run lacks counts in full; it begins alike in both; what one run still has from
+    there on, as a ball that bounces ever lower, begins no faster, and leaves the pair at rest too. The largest counts.
+    Where both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that
+    settle. How the contacts before it end is compared by episodes, see `granular.episodes`.
     """
     (never, sticks), still = at_rest(hard, soft), resting_in_both(hard, soft)
     for c in np.flatnonzero(never | sticks).tolist():
@@ -42,13 +43,13 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
         (closing, parting), (others, out) = runs if sticks[c] and not never[c] else runs[::-1]
         k = len(closing) - 1  # the number of the contact without end
         both = min(k, len(others))
-        apart = [*np.abs(parting[:both] - out[:both]), *np.maximum(np.abs(parting), closing)[both:k]]
+        apart = [*np.maximum(np.abs(parting), closing)[both:k]]
         apart += [abs(closing[k] - others[k]), *(others[k + 1 :] - closing[k])] if len(others) > k else [closing[k]]
         fastest = np.zeros(max(k + 1, len(others)))
         fastest[: k + 1] = closing
         fastest[: len(others)] = np.maximum(fastest[: len(others)], others)
         left = float(np.abs(np.nan_to_num(out[-1:])).max(initial=0.0))
-        yield c, max(left, float(np.max(apart, where=fastest > weight[c] * still[c], initial=0.0)))
+        yield c, max(left, float(np.max(apart, where=fastest[both:] > weight[c] * still[c], initial=0.0)))
 
 
 typed(globals(), Trajectory)

@@ -161,7 +161,9 @@ def _yes(report: Checked, trivially: list[str]) -> Reason:
     within = f"within {rounded(error, 1, up=True)} of the fastest impact" if error >= FAINT else "to rounding"
     agree = f"outcomes agree {within}"
     if len(trivially) == report.components.count:
-        words = max(trivially, default=", trivially: nothing collides")
+        touch = len(report.settled.contacts) + len(report.soft.contacts) > 0
+        nothing = ", trivially: balls touch, but no faster than rounding" if touch else ", trivially: nothing collides"
+        words = max(trivially, default=nothing)
     elif isolated == 1.0:
         words = f": every contact is binary (certified), and {agree}"
     elif report.measures["shared_impulse"] > FAINT:

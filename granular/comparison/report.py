@@ -24,6 +24,8 @@ FEW, MANY = 2, 8
 """Up to this many pairs are shown one by one, and in the whole report as many pairs or laws."""
 SAME_RESTITUTION = 1e-9
 """Values of ε closer than this are the same."""
+SHALLOWER = 0.5 ** np.arange(16)
+"""Shares of the largest overlap at which laws are checked for attraction."""
 LIGHTEST, HEAVIEST, FASTEST = 0.15, 23_000.0, 20_000.0
 """Densities in kg/m³ and speed of sound in m/s beyond those of all solids: aerographene has 0.16 and osmium 22 590, and
 diamond 18 000. None is too soft, for then overlaps are deep."""
@@ -76,7 +78,7 @@ def details(report: Judged) -> str:
 def warnings(report: Judged) -> list[str]:
     """What to mind: a rule that is not that of the laws, balls that were merged, and what no solid or no
     force law would bear."""
-    return [*_two_restitutions(report), *_merged(report), *_no_solid(report), *_extremes(report)]
+    return [*_two_restitutions(report), *_merged(report), *_attraction(report), *_no_solid(report), *_extremes(report)]
 
 
 def _two_restitutions(report: Judged) -> Iterator[str]:
@@ -94,6 +96,20 @@ def _merged(report: Judged) -> Iterator[str]:
         yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
     yield from (f"hard spheres run with {name} = {value:.3g} {unit}: what follows depends on it; see remedies()"
                 for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
+
+
+def _attraction(report: Judged) -> Iterator[str]:
+    """Force laws that pull at an overlap at rest that a contact reaches: engines clip that force to 0. A dashpot pulls
+    only while balls part."""
+    log, (kind, each) = report.soft.contacts, resolved(report.law, report.scene).in_pairs
+    depth = np.zeros(len(each))
+    np.maximum.at(depth, kind[log["pair"]], log["xi_max"])
+    for c, (law, deepest) in enumerate(zip(each, depth.tolist(), strict=True)):
+        pulls = [xi for xi in deepest * SHALLOWER if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
+        if pulls:
+            pair = int(np.flatnonzero(kind == c)[0])
+            yield (f"the law of pair {pair} pulls at an overlap of {max(pulls):.2g} m; a contact force is clipped to 0 "
+                   "there, so attraction is left out")
 
 
 def _no_solid(report: Judged) -> Iterator[str]:
