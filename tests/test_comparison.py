@@ -103,12 +103,43 @@ def test_pairs_that_are_shown_differ_most(seed):
     scene = gr.Scene([1.0] * 7, [0.1] * 7, rng.uniform(0.0, 1e-3, 6), rng.normal(0.0, 1.0, 7))
     report = gr.compare(scene, gr.LinearDashpot.from_restitution(0.8, k=1e6, pair=scene.pairs[0]))
     shown = {int(pair) for pair in re.findall(r"^contacts of pair (\d+)", str(report), re.MULTILINE)}
-    assert "(4 more pairs, which differ less)" in str(report)
+    other = {p.pair: abs(p.soft_contacts - p.hard_contacts) for p in report.pairs if p.soft_contacts != p.hard_contacts}
+    assert shown <= set(other)
+    assert len(shown) == min(2, len(other))
+    assert all(other[c] >= other[d] for c in shown for d in set(other) - shown)
+    hidden = len(other) - len(shown)
+    assert (f"({hidden} more pair{'s' * (hidden > 1)} with other numbers of contacts)" in str(report)) == (hidden > 0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_pairs_that_are_shown_in_details_differ_most(seed):
+    rng = np.random.default_rng(seed)
+    scene = gr.Scene([1.0] * 13, [0.1] * 13, rng.uniform(0.0, 1e-3, 12), rng.normal(0.0, 1.0, 13))
+    report = gr.compare(scene, gr.LinearDashpot.from_restitution(0.8, k=1e6, pair=scene.pairs[0]))
+    text = report.details()
+    shown = {int(pair) for pair in re.findall(r"^contacts of pair (\d+)", text, re.MULTILINE)}
+    assert "(4 more pairs, which differ less)" in text
     other = {p.pair for p in report.pairs if p.soft_contacts != p.hard_contacts}
-    assert len(shown & other) == min(2, len(other))
-    for group in (other, set(range(6)) - other):
+    assert len(shown & other) == min(8, len(other))
+    for group in (other, set(range(12)) - other):
         far = {p.pair: abs(p.soft_v_rel - p.hard_v_rel) for p in report.pairs if p.pair in group}
         assert all(far[c] >= far[d] for c in group & shown for d in group - shown if far[d] == far[d])
+    soft = report.levelled[1]
+    for p in (report.pairs[c] for c in shown):
+        (line,) = (line for line in text.splitlines() if line.startswith(f"v_rel′ pair {p.pair},"))
+        beside = [row for c in (p.pair - 1, p.pair + 1) for row in soft.of(c)]
+        running = any(row["t_begin"] < p.soft_t_f and not row["t_end"] <= p.soft_t_f for row in beside)
+        assert running == ("in contact" in line)
+
+
+def test_short_report_shows_the_ball_and_the_episode_that_decide(report):
+    text, one = str(report), report.deciding
+    assert (one.ball, one.episode, one.contacts, one.pairs) == (2, 0, 5, (0, 1))
+    assert "v_rel" not in text
+    assert "ball 2 leaves, m/s             5.91043         2.28181  off by 0.68 U\n" in text
+    assert "at t, s                    0.319294209     0.320000487  episode 0, 5 contacts\n" in text
+    assert "v_rel′ pair 1, m/s             3.72719        0.177282  pair 0 in contact\n" in report.details()
+    assert report.to_dict()["deciding"]["hard_velocity"] == one.hard_velocity
 
 
 def test_json_is_whole_and_strict(report, tmp_path):
