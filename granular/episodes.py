@@ -7,15 +7,14 @@ such links. States within an episode are intermediate; the velocities with which
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from granular._check import Array, typed
-from granular.outcome import approach, contact_displacements, counts
-from granular.resting import resting_in_both
+from granular.outcome import approach, carried, counts, last_contacts, partings
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 
@@ -85,8 +84,8 @@ class Departures:
             fastest > weight[soft.contacts["pair"]])  # the others are contacts of balls that settle
         self.soft, self.episode = soft, episodes(soft, compared)
         rows = np.flatnonzero(met & np.append(compared, False)[mate])
-        left = [_last_rows(hard, rows, self.episode[mate[rows]]),
-                _last_rows(soft, np.flatnonzero(compared), self.episode[compared])]
+        left = [last_contacts(hard, rows, self.episode[mate[rows]]),
+                last_contacts(soft, np.flatnonzero(compared), self.episode[compared])]
         key, *found = np.intersect1d(left[0][0], left[1][0], assume_unique=True, return_indices=True)
         (row, side), (last, flank) = ([of[i] for of in some] for (_, *some), i in zip(left, found, strict=True))
         self.of, self.ball = np.divmod(key, scene.n)
@@ -96,8 +95,8 @@ class Departures:
         self.apart = np.abs(u - v)
         if scene.fall.any() or scene.pendulum > 0.0:
             late = lag(hard.contacts["pair"][row], approach(hard)[row])
-            carried = _carried(hard, u, self.ball, row, side, np.clip(end - begin, -late, late))
-            self.apart = np.fmin(self.apart, np.abs(carried - v))
+            free = carried(hard, u, self.ball, np.clip(end - begin, -late, late), (row, side))
+            self.apart = np.fmin(self.apart, np.abs(free - v))
         self.apart[scene.is_wall[self.ball] | (end > _held_since(soft)[self.ball])] = np.nan
 
     def departure(self, k: int, unit: float) -> Departure:
@@ -150,15 +149,6 @@ def mates(hard: Trajectory, soft: Trajectory) -> Any:
     return mate
 
 
-def _last_rows(run: Trajectory, rows: Any, episode: Any) -> tuple[Any, Any, Any]:
-    """Return what stands for each ball of each episode, and the row and side of its contact that ends last."""
-    body = np.column_stack(run.scene.bodies(run.contacts["pair"][rows])).ravel()
-    key = np.repeat(episode, 2) * run.scene.n + body
-    order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))
-    last = order[np.append(np.diff(key[order]) != 0, True)] if len(order) else order
-    return key[last], rows[last // 2], last % 2
-
-
 def _held_since(soft: Trajectory) -> Array:
     """Return the time in s from which each body rests on a wall, in contacts without end between both; inf if never."""
     endless, since = np.isnan(soft.contacts["t_end"]), np.full(soft.scene.n_pairs, np.inf)
@@ -171,13 +161,42 @@ def _held_since(soft: Trajectory) -> Array:
     return np.asarray(held.min(axis=0))
 
 
-def _carried(hard: Trajectory, u: Array, ball: Any, row: Any, side: Any, elapsed: Array) -> Array:
-    """Return velocities in m/s of hard balls in free flight, so much time in s after they leave a contact with `u`."""
-    omega = hard.scene.pendulum
-    if omega == 0.0:
-        return np.asarray(u + hard.scene.fall[ball] * elapsed)
-    turn = omega * elapsed
-    return np.asarray(u * np.cos(turn) - omega * contact_displacements(hard)[row, side] * np.sin(turn))
+def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
+    """Whether the last contact of each pair has no end in the soft run; and in the hard one, where spheres stick.
+    Both have the shape of the gaps."""
+    sticks = np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0)
+    return np.isnan(partings(soft)) & (counts(soft) > 0), sticks & (counts(hard) < counts(soft))
+
+
+def resting_in_both(hard: Trajectory, soft: Trajectory) -> Any:
+    """Whether each pair that is `at_rest` in one run rests at the end of the other one too, shape of the gaps."""
+    never, sticks = at_rest(hard, soft)
+    parting = np.where(never, partings(hard), partings(soft))
+    still = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= hard.stats.get("merge_below", 0.0))
+    return (never | sticks) & still
+
+
+def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
+    """Yield pairs that come to rest in a contact without end, and how far in m/s the two runs differ there.
+
+    A contact before it that the other run lacks counts in full; it begins alike in both; what one run still has from
+    there on, as a ball that bounces ever lower, begins no faster, and leaves the pair at rest too. The largest counts.
+    Where both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that
+    settle. How the contacts before it end is compared by episodes, see `granular.episodes`.
+    """
+    (never, sticks), still = at_rest(hard, soft), resting_in_both(hard, soft)
+    for c in np.flatnonzero(never | sticks).tolist():
+        runs = [(approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel()) for run in (hard, soft)]
+        (closing, parting), (others, out) = runs if sticks[c] and not never[c] else runs[::-1]
+        k = len(closing) - 1  # the number of the contact without end
+        both = min(k, len(others))
+        apart = [*np.maximum(np.abs(parting), closing)[both:k]]
+        apart += [abs(closing[k] - others[k]), *(others[k + 1 :] - closing[k])] if len(others) > k else [closing[k]]
+        fastest = np.zeros(max(k + 1, len(others)))
+        fastest[: k + 1] = closing
+        fastest[: len(others)] = np.maximum(fastest[: len(others)], others)
+        left = float(np.abs(np.nan_to_num(out[-1:])).max(initial=0.0))
+        yield c, max(left, float(np.max(apart, where=fastest[both:] > weight[c] * still[c], initial=0.0)))
 
 
 typed(globals(), Scene, Trajectory)

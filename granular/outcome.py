@@ -91,12 +91,19 @@ def leaving(run: Trajectory) -> tuple[Array, Array]:
 
     The initial velocity, at the start, without contacts; nan where the last contact to begin has no end.
     """
-    u, log = run.scene.velocity.copy(), run.contacts
-    at = np.full(len(u), float(run.time[0]))
-    order = np.argsort(log["t_end"], kind="stable")  # nan is last
-    met = np.column_stack(run.scene.bodies(log["pair"][order])).ravel()
-    u[met], at[met] = log["v_out"][order].ravel(), np.repeat(log["t_end"][order], 2)  # the last assignment stays
+    u, at = run.scene.velocity.copy(), np.full(run.scene.n, float(run.time[0]))
+    body, row, side = last_contacts(run, np.arange(len(run.contacts)), np.zeros(len(run.contacts), np.int64))
+    u[body], at[body] = run.contacts["v_out"][row, side], run.contacts["t_end"][row]
     return u, at
+
+
+def last_contacts(run: Trajectory, rows: Any, group: Any) -> tuple[Any, Any, Any]:
+    """Return the number ``group * n + body`` of each body in each group of some rows of the log, and the row and side
+    of its contact that ends last; one without end is the last."""
+    key = np.repeat(group, 2) * run.scene.n + np.column_stack(run.scene.bodies(run.contacts["pair"][rows])).ravel()
+    order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))
+    last = order[np.append(np.diff(key[order]) != 0, np.ones(min(len(order), 1), np.bool_))]
+    return key[last], rows[last // 2], last % 2
 
 
 def leaving_velocities(run: Trajectory) -> Array:
@@ -250,32 +257,25 @@ def differences(one: Trajectory, other: Trajectory) -> Array:
     where a contact has no end.
     """
     (u, at), (v, then) = leaving(one), leaving(other)
-    apart = np.fmin(np.abs(u - v), np.abs(_carried(one, u, at, then) - v))
+    apart = np.fmin(np.abs(u - v), np.abs(carried(one, u, np.arange(len(u)), then - at) - v))
     apart[one.scene.is_wall] = math.nan
     return np.asarray(apart)
 
 
-def _carried(hard: Trajectory, u: Array, at: Array, then: Array) -> Array:
-    """Velocities (n,) in m/s of hard spheres that leave with `u` at times `at`, in free flight to the times `then`."""
+def carried(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any = None) -> Array:
+    """Velocities in m/s of hard balls in free flight, some time in s after they leave with `u`: by default their last
+    contacts, else those with the rows and sides `contact`."""
     scene, omega = hard.scene, hard.scene.pendulum
     if omega == 0.0:
-        return np.asarray(u + scene.fall * (then - at))
-    y, turn = scene.displacement.copy(), omega * (then - at)
-    body = np.column_stack(scene.bodies(hard.contacts["pair"]))
-    y[body.ravel()] = contact_displacements(hard).ravel()  # the last assignment stays
-    return np.asarray(u * np.cos(turn) - omega * y * np.sin(turn))
-
-
-def contact_displacements(hard: Trajectory) -> Array:
-    """Displacements in m of both pendula at every contact of hard spheres, shape of the velocities in the log."""
-    scene, omega, found = hard.scene, hard.scene.pendulum, np.zeros((len(hard.contacts), 2))
+        return np.asarray(u + scene.fall[ball] * elapsed)
+    of_contacts, turn = np.zeros((len(hard.contacts), 2)), omega * elapsed
     y, v, now = scene.displacement.copy(), scene.velocity.copy(), np.full(scene.n, float(hard.time[0]))
-    for row, at in zip(hard.contacts, found, strict=True):
+    for row, at in zip(hard.contacts, of_contacts, strict=True):
         for k, body in enumerate(scene.bodies(row["pair"])):
-            turn = omega * (row["t_begin"] - now[body])
-            at[k] = y[body] = y[body] * np.cos(turn) + v[body] * np.sin(turn) / omega
+            way = omega * (row["t_begin"] - now[body])
+            at[k] = y[body] = y[body] * np.cos(way) + v[body] * np.sin(way) / omega
             v[body], now[body] = row["v_out"][k], row["t_begin"]
-    return found
+    return np.asarray(u * np.cos(turn) - omega * (y[ball] if contact is None else of_contacts[contact]) * np.sin(turn))
 
 
 def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:

@@ -135,7 +135,8 @@ class ByHand:
         for r in self.hard:
             if ball in bodies(scene, r) and r.begin <= last[0].begin:
                 turn = omega * (r.begin - now)
-                y, w, now = y * math.cos(turn) + w / omega * math.sin(turn), r.after[bodies(scene, r).index(ball)], r.begin
+                y = y * math.cos(turn) + w / omega * math.sin(turn)
+                w, now = r.after[bodies(scene, r).index(ball)], r.begin
         return u * math.cos(omega * elapsed) - omega * y * math.sin(omega * elapsed)
 
     def lag(self, contact):
@@ -143,7 +144,8 @@ class ByHand:
         hard, soft = self.counted
         part = self.component(contact.pair, hard, soft)
         hard, soft = ([r for r in run if r.pair in part] for run in (hard, soft))
-        total = sum(self.lasting(r.pair, closing(r)) for r in hard) + sum(r.end - r.begin for r in soft if not endless(r))
+        total = sum(self.lasting(r.pair, closing(r)) for r in hard)
+        total += sum(r.end - r.begin for r in soft if not endless(r))
         fastest, speed = max(map(closing, [*hard, *soft])), closing(contact)
         span = float(self.report.soft.time[-1] - self.report.soft.time[0])
         return self.lasting(contact.pair, speed) + (min(fastest * total / speed, span) if speed > 0.0 else span)

@@ -176,7 +176,8 @@ def dashpots(scene, *constants):
 
 def test_an_intermediate_state_of_an_episode_does_not_decide():
     """Basketball and tennis ball: the basketball is faster before it meets the tennis ball, and nobody sees that."""
-    case = gr.cases.make("real-balls", lower="basketball", upper="tennis ball", pair_rule="lens", gap=0.0236, height=1.0)
+    case = gr.cases.make("real-balls", lower="basketball", upper="tennis ball", pair_rule="lens", gap=0.0236,
+                         height=1.0)
     report = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
     assert report.answer is gr.Answer.yes
     assert report.error == pytest.approx(0.00962, abs=1e-5)
@@ -209,7 +210,8 @@ def test_balls_pressed_together_in_flight_are_compared_when_they_leave_a_wall():
 def test_speeds_before_a_contact_without_end_are_compared_by_episodes():
     """Two balls that fall and come to rest: errors are those of what leaves, not of pairs within an episode."""
     rng, seen = np.random.default_rng(1_000_846), 0
-    scene = gr.Scene([INF, *np.exp(rng.uniform(-2.5, 2.5, 2))], [0.0, 0.05, 0.05], [0.02, 1e-3], [0.0] * 3, gravity=9.81)
+    scene = gr.Scene([INF, *np.exp(rng.uniform(-2.5, 2.5, 2))], [0.0, 0.05, 0.05], [0.02, 1e-3], [0.0] * 3,
+                     gravity=9.81)
     for k in (1e8, 1e9, 1e10):
         report = gr.compare(scene, dashpots(scene, (0.1, k), (0.1, k)), t_end=1.0)
         hand = ByHand(report)
@@ -272,7 +274,8 @@ def test_rules_that_options_exclude_are_no_checks(options):
 
 
 def test_separation_speed_of_a_sweep_is_that_of_the_contact_it_counts():
-    scene = gr.Scene([1.0] * 5 + [INF], [0.1] * 5 + [0.0], [0.1, 100.0, 0.1, 0.05, 0.02], [1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    scene = gr.Scene([1.0] * 5 + [INF], [0.1] * 5 + [0.0], [0.1, 100.0, 0.1, 0.05, 0.02],
+                     [1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     law = [gr.LinearDashpot(1e6), gr.LinearDashpot(1e4), *dashpots(scene, *[(0.8, 1e4)] * 5)[2:]]
     for end in (0.2, 0.205, 0.21, 0.22, 0.24):
         case = gr.Case(scene, law, t_end=end)

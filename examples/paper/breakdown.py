@@ -14,8 +14,8 @@ from validity import WRONG
 import granular as gr
 
 MEASURES = ("error", "shared_impulse", "crowding", "occupation", "distance", "predictability", "mass_centre_ratio")
-ERROR = r"error  $\max(|\Delta u_i|,\,|\Delta v_c'|)\,/\,U$"
-"""Label of `gr.Comparison.error`: largest difference of a leaving velocity u or a separation speed v′."""
+ERROR = r"error  $\max |\Delta u_i|\,/\,U$"
+"""Label of `gr.Comparison.error`: largest difference of a velocity with which a ball leaves an episode of contacts."""
 STACK = {"mass_ratio": 1.0 / 3.0, "speed": 3.0, "gravity": 0.0, "restitution": 0.95, "t_end": 100.0}
 COLUMN = {"speed": 1.0, "restitution": 0.95, "t_end": 100.0}
 """What is held of Kerwin's stacks, and of columns of equal balls that fall on a floor; neither has gravity."""

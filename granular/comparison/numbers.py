@@ -15,11 +15,10 @@ import numpy as np
 
 from granular import _check, edmd, end_time, measures, outcome, until as stop
 from granular.binary import LawRule, at_speed_or_nan
-from granular.episodes import Departure, Departures
+from granular.episodes import Departure, Departures, at_rest, rests_apart
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, units
-from granular.resting import at_rest, rests_apart
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory

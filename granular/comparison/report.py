@@ -55,7 +55,7 @@ def text(report: Judged) -> str:
     return "\n".join([
         report.verdict, *list(_why(report))[:2], "",
         f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}", "",
-        *_deciding(report), *_counts(report), *_ends(report), *_known(MEASURES, {"error": report.error}),
+        *_deciding(report), *_pairs(report, FEW), *_ends(report), *_known(MEASURES, {"error": report.error}),
         *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
         MORE,
     ])
@@ -68,7 +68,7 @@ def details(report: Judged) -> str:
     return "\n".join([
         report.verdict, *_why(report), "",
         str(report.scene), *_laws(report), "",
-        *_deciding(report), *_pairs(report), *_ends(report), *_account(report), "",
+        *_deciding(report), *_pairs(report, MANY, speeds=True), *_ends(report), *_account(report), "",
         *_known(MEASURES, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
         "groups: " + ", ".join(_known(GROUPS, report.groups)),
         *(f"warning: {w}" for w in warnings(report)),
@@ -227,16 +227,6 @@ def _deciding(report: Judged) -> Iterator[str]:
                     f"  episode {one.episode}, {one.contacts} contact{'s' * (one.contacts != 1)}")
 
 
-def _counts(report: Judged) -> Iterator[str]:
-    """Pairs with other numbers of contacts; all pairs if they are few."""
-    other = [p for p in report.pairs if p.hard_contacts != p.soft_contacts]
-    shown = sorted(other, key=lambda p: -abs(p.soft_contacts - p.hard_contacts))[:FEW]
-    for p in sorted(shown, key=lambda p: p.pair) if other else report.pairs[: FEW * (len(report.pairs) <= FEW)]:
-        yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
-    if hidden := len(other) - len(shown):
-        yield f"({hidden} more pair{'s' * (hidden > 1)} with other numbers of contacts)"
-
-
 def _ends(report: Judged) -> Iterator[str]:
     """Numbers of contacts of both runs, how they ended, and how high the top ball rises."""
     hard, soft = report.hard, report.soft
@@ -255,13 +245,14 @@ def _ends(report: Judged) -> Iterator[str]:
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
 
-def _pairs(report: Judged) -> Iterator[str]:
-    """Contacts and separation speeds of the pairs that differ most."""
-    shown = sorted(sorted(report.pairs, key=_alike)[:MANY], key=lambda p: p.pair)
+def _pairs(report: Judged, most: int, speeds: bool = False) -> Iterator[str]:
+    """Contacts, and separation speeds, of the pairs that differ `most`."""
+    shown = sorted(sorted(report.pairs, key=_alike)[:most], key=lambda p: p.pair)
     for p in shown:
         yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
-        yield _line(f"v_rel′ pair {p.pair}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
-                    "  still in contact at the stop" if p.ongoing else _meanwhile(report, p))
+        if speeds:
+            yield _line(f"v_rel′ pair {p.pair}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
+                        "  still in contact at the stop" if p.ongoing else _meanwhile(report, p))
     if hidden := len(report.pairs) - len(shown):
         yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
 
