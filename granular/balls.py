@@ -84,7 +84,7 @@ PRESETS = (
     ("steel ball", "small steel ball", 1e-3),
 )
 """Lower ball, upper ball, and a gap in m from which hard spheres are right within 1 % of the impact speed, dropped from
-1 m. On a basketball 1.1 and 1.8 % remain at any gap: its contact is so long that gravity acts during it, too."""
+1 m. On a basketball 0.7 to 1.8 % remain at any gap: its contact is so long that gravity acts during it, too."""
 
 RULES = ("lens", "series")
 """How two balls press on each other: see `contact`."""

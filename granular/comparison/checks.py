@@ -74,8 +74,7 @@ class Checked(Compared):
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory | str]:
-        """The hard run under each other tie rule, or why there is none. After a collapse balls stick, with which
-        Poisson's rule does not go: then it is not a check."""
+        """The hard run under each other tie rule, or why there is none."""
         found: dict[str, Trajectory | str] = {}
         for options in end_time.others(self.settled, self.hard_options):
             name = options["ties"]
@@ -84,10 +83,8 @@ class Checked(Compared):
             except (ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
                 found[name] = "refused the scene"
                 continue
-            if run.status not in EARLY:
-                found[name] = counted(outcome.at_once(run), self.soft)[0]
-            elif name != "poisson" or "verdict" not in run.stats:
-                found[name] = f"stopped early ({run.status.name})"
+            found[name] = f"stopped early ({run.status.name})" if run.status in EARLY else counted(
+                outcome.at_once(run), self.soft)[0]
         return found
 
     def unchecked(self, j: int) -> str:
