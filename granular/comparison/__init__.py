@@ -4,6 +4,7 @@ May be skipped: names of the package only.
 =============  =====================================================================================================
 `run`          `compare`, and `Comparison` as people have it
 `numbers`      both runs, and the numbers that tell them apart
+`checks`       hard runs under other tie rules and from shifted gaps: whether there is one answer
 `further`      both runs again, and past their stop: how high a ball rises, the ε that gives another outcome
 `answer`       the answer as a value, and the reasons of every component
 `report`       the table, and what JSON has of it

@@ -8,6 +8,7 @@ not uniquely        a ball leaves with another velocity under another tie rule, 
 not ball by ball    hard spheres from gaps shifted by 1e-12 of themselves part from themselves: beyond predictability
 no verdict          a soft contact was still running and cannot be followed
 no                  other numbers of contacts, an error above `SAME`, or soft balls at rest that sink
+no verdict          another tie rule, or the run from shifted gaps, was refused or stopped early
 yes                 the error is at most `SAME`, and what has no value is at rest in both runs
 ==================  ==================================================================================================
 """

@@ -45,6 +45,8 @@ class Comparison(Judged, Report):
         all. It ends at ten times the collisions.
     levelled : (2,) tuple of Trajectory
         Both runs without contacts that are rounding, those still running or to come at the end followed to theirs.
+    deciding : Departure or None
+        The ball and the episode of contacts that decide the error.
     answer : Answer
         May these collisions be treated as instantaneous?
     reasons : tuple of Reason
