@@ -1,4 +1,4 @@
-"""Contacts of a run as the judge reads them: rows of plain numbers, and what is counted of them."""
+"""Contact logs of a run as rows of plain numbers, for the reference judge."""
 
 from collections import namedtuple
 from itertools import zip_longest
@@ -12,15 +12,21 @@ def rows_of(run):
 
 
 def closing(row):
+    """Approach speed of a contact."""
     return row.before[0] - row.before[1]
 
 
 def parting(row):
+    """Separation speed of a contact; nan without an end."""
     return row.after[1] - row.after[0]
 
 
+def of_pair(rows, pair):
+    return [r for r in rows if r.pair == pair]
+
+
 def count(rows, pair):
-    return sum(r.pair == pair for r in rows)
+    return len(of_pair(rows, pair))
 
 
 def due(rows, latest, most):
@@ -34,12 +40,12 @@ def due(rows, latest, most):
     return kept
 
 
-def stuck_apart(one, other, pair, weight, together):
-    """Difference of a pair that is stuck at the end of two hard runs: as contacts close and part, or are missing."""
-    mine, far = [[r for r in rows if r.pair == pair] for rows in (one, other)], [0.0]
+def stuck_apart(one, other, pair, settling, together):
+    """Largest difference between the contacts of a pair that sticks at the end of both hard runs."""
+    mine, far = [of_pair(rows, pair) for rows in (one, other)], [0.0]
     if not all(rows and parting(rows[-1]) == 0.0 < together for rows in mine):
         return 0.0
     for r, o in zip_longest(*mine):
-        if max(closing(row) for row in (r, o) if row) > weight:
+        if max(closing(row) for row in (r, o) if row) > settling:
             far += [abs(sum(s * of(row) for s, row in ((1, r), (-1, o)) if row)) for of in (closing, parting)]
     return max(far)
