@@ -27,19 +27,23 @@ MAX_BODIES_OF_POISSON = 1000
 class Judge:
     """One scene, its laws and its end; without `t_end` both runs go on until no contact can follow."""
 
-    def __init__(self, scene, laws, rule, t_end=None, ties="left"):
+    def __init__(self, scene, laws, rule, t_end=None, ties="left", max_events=MAX_COLLISIONS):
         self.scene, self.laws, self.rule, self.t_end, self.ties = scene, laws, rule, t_end, ties
+        self.max_events = max_events
         self.known_durations, self.known_settling = {}, {}
         self.n, self.walls = scene.n, [math.isinf(m) for m in scene.mass]
         self.pairs = range(len(scene.gap))
         self.hard = self.collide(scene, t_end)
-        self.carried = self.continued_by_sticking(self.hard, t_end)
+        self.limit_hit = False
+        try:
+            self.carried = self.continued_by_sticking(self.hard, t_end)
+        except ValueError:  # rules for whole groups cannot stick
+            self.carried, self.limit_hit = self.hard, True
         self.soft = gr.md.simulate(scene, laws, t_end=t_end)
         self.length = float(self.soft.time[-1] - self.soft.time[0])
-        self.limit_hit = False
 
     def collide(self, scene, t_end, **options):
-        options = {"ties": self.ties, "max_events": MAX_COLLISIONS} | options
+        options = {"ties": self.ties, "max_events": self.max_events} | options
         return gr.edmd.simulate(scene, self.rule, t_end=t_end, **options)
 
     def continued_by_sticking(self, run, t_end, **options):
@@ -152,7 +156,7 @@ class Judge:
     def continued_hard(self, rows, latest, status):
         if status not in ("time", "until") or max(latest.values()) <= self.t_end:
             return rows
-        run = self.continued_by_sticking(self.hard, max(latest.values()), max_events=10 * MAX_COLLISIONS)
+        run = self.continued_by_sticking(self.hard, max(latest.values()), max_events=10 * self.max_events)
         self.limit_hit |= run.status.name in STOPPED_EARLY
         return self.joined_instants(rows_of(run))
 
@@ -410,7 +414,7 @@ class Judge:
         """Hard runs under the other tie rules and from shifted gaps; names of the rules that could not be run."""
         self.other_ties, self.failed_ties = {}, []
         rows = rows_of(self.carried)
-        limit = min(MAX_COLLISIONS, 10 * (len(rows) + self.n))
+        limit = min(self.max_events, 10 * (len(rows) + self.n))
         for ties in self.tie_rules() if self.has_ties(self.pairs) else ():
             options = {"ties": ties, "max_events": limit}
             try:
@@ -444,7 +448,7 @@ class Judge:
         scene = self.scene
         mean = float(scene.gap.mean()) or 1.0
         gap = [1e-12 * mean if self.balls_touch(c) else g * (1.0 + 1e-12 * (-1) ** c) for c, g in enumerate(scene.gap)]
-        limit = min(MAX_COLLISIONS, 10 * (self.hard.stats["events"] + self.n))
+        limit = min(self.max_events, 10 * (self.hard.stats["events"] + self.n))
         run = self.collide(scene.replace(gap=gap), self.t_end, max_events=limit)
         run = self.continued_by_sticking(run, self.t_end)
         if run.status.name in STOPPED_EARLY:

@@ -4,7 +4,7 @@ import math
 from collections import namedtuple
 
 Leaving = namedtuple("Leaving", "ball episode hard soft hard_time soft_time difference")
-"""One comparison of the error: a ball, its episode as a list of (pair, number), both velocities in m/s and times in s."""
+"""One comparison: a ball, its episode as a list of (pair, number), both velocities in m/s and both times in s."""
 
 
 def numbered(rows):

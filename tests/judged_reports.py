@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from itertools import pairwise
 
 from judged_episodes import episodes_of, last_contact, numbered, velocity_after
 from judged_rows import Contact, closing, count, parting
@@ -29,7 +30,7 @@ def is_complete(data):
     cut = data.get("rounding_contacts") or {}
     same = all(count(hard, c) == count(soft, c) for c in range(len(data["scene"]["gap"])))
     ended = all(isinstance(v, float) and math.isfinite(v) for r in (*hard, *soft) for v in (*r.after, r.end))
-    apart = all(b.begin - a.begin > 1e-9 * b.begin for a, b in zip(hard, hard[1:], strict=False))
+    apart = all(b.begin - a.begin > 1e-9 * b.begin for a, b in pairwise(hard))
     statuses = {data[run]["status"] for run in ("hard", "soft")}
     return same and ended and apart and not any(cut.values()) and statuses <= COMPLETE
 

@@ -130,3 +130,14 @@ def box_whose_walls_hide_a_wrong_flight():
     """Equal counts and equal last velocities; ball 1 flies back at -0.463 m/s (hard) and -0.698 m/s (soft)."""
     scene = gr.Scene([INF, 0.24, 0.93, INF], [0.0, 0.1, 0.1, 0.0], [0.2, 1e-4, 0.125], [0.0, 0.85, 0.97, 0.0])
     return scene, dashpots(scene, [0.02, 0.9, 0.02], 1.5e5), None, 1.5
+
+
+def ring_whose_episode_hides_a_wrong_flight():
+    """Ball 0 flies at -2.98 m/s (hard) and -1.49 m/s (soft) from ball 1 to ball 2, which absorbs its velocity.
+
+    Both contacts overlap with the long soft contact of balls 1 and 2: the flight lies within one episode.
+    """
+    scene = gr.Scene([1e-3, 1.0, 1000.0], [0.0] * 3, [0.09, 0.01, 0.04], [2.6, 1.0, 0.0], ring=True)
+    law = [gr.LinearDashpot.from_restitution(e, k=k, pair=pair)
+           for e, k, pair in zip((0.9, 0.34, 0.01), (1e4, 250.0, 1e4), scene.pairs, strict=True)]
+    return scene, law, None, 0.25

@@ -6,6 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 from judge import Judge, judged
+from scenes_of_outcomes import (
+    OUTCOME_KINDS,
+    basketball_and_tennis_ball,
+    box_whose_walls_hide_a_wrong_flight,
+    outcome_question,
+)
 from scenes_to_judge import KINDS, question
 
 import granular as gr
@@ -40,6 +46,29 @@ def test_the_judge_of_the_page_says_the_same_of_many(kind, batch):
     """Each batch is a case of its own, so that a soak can be taken up where it was left."""
     n = 48
     assert sum(same(kind, seed) for seed in range(n * batch, n * (batch + 1))) <= 0.02 * n
+
+
+def same_outcome(question):
+    """Compare report and judge on one question with its own rule and end."""
+    scene, law, rule, t_end = question
+    report = gr.compare(scene, law, *([rule] if rule else []), t_end=t_end, max_events=20_000)
+    own = Judge(scene, report.law, report.rule, t_end, max_events=20_000).judge()
+    assert report.answer.name == own.answer, (report.verdict, own)
+    if report.answer in (A.yes, A.no):
+        assert report.error == pytest.approx(own.error, rel=NUMBERS, abs=1e-6, nan_ok=True)
+
+
+@pytest.mark.thirds
+@pytest.mark.parametrize("kind", [kind for kind in OUTCOME_KINDS if kind not in ("threshold", "pile_hit")])
+def test_the_judge_of_the_page_gives_the_same_outcomes(kind):
+    for seed in range(4 if kind == "stack" else 12):
+        same_outcome(outcome_question(kind, seed))
+
+
+@pytest.mark.parametrize("question", [basketball_and_tennis_ball(), basketball_and_tennis_ball(0.01),
+                                      basketball_and_tennis_ball(0.1), box_whose_walls_hide_a_wrong_flight()])
+def test_the_judge_of_the_page_gives_the_same_for_known_outcomes(question):
+    same_outcome(question)
 
 
 def test_a_ring_that_is_cut_in_a_closer_look_at_a_cascade_can_be_gone_on_with():
