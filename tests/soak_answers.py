@@ -32,7 +32,7 @@ def all_questions(first=5000):
                 yield kind, seed
 
 
-def asked(kind, seed):
+def question_of(kind, seed):
     """Scene, laws, rule and end of a question of either generator."""
     if kind in OUTCOME_KINDS:
         return outcome_question(kind, seed)
@@ -42,7 +42,7 @@ def asked(kind, seed):
 
 def compared(kind, seed):
     """One question answered by the library and by the judge, as a record of the file."""
-    scene, law, rule, t_end = asked(kind, seed)
+    scene, law, rule, t_end = question_of(kind, seed)
     began = time.perf_counter()
     report = gr.compare(scene, law, *([rule] if rule else []), t_end=t_end, max_events=MAX_EVENTS)
     judge = Judge(scene, report.law, report.rule, t_end, max_events=MAX_EVENTS)
