@@ -33,7 +33,7 @@ def flight(ball, latest, key, end, next_duration, bodies):
 
 
 def wrong_flights(hard, soft, judge, unit):
-    """Long flights that differ by more than 0.01 U plus the acceleration times the lag, or exist in the soft run only."""
+    """Long flights that differ by more than 0.01 U plus the acceleration times the lag, or are in the soft run only."""
     found = []
     fastest = max((abs(v) for row in (*hard, *soft) for v in row.before), default=0.0)
     acceleration = judge.scene.gravity + judge.scene.pendulum * fastest
@@ -46,7 +46,7 @@ def wrong_flights(hard, soft, judge, unit):
                 long = min(h.end - h.begin, s.end - s.begin) > MIN_DURATIONS * s.contact_duration
                 if long and abs(h.velocity - s.velocity) > 0.01 * unit[ball] + acceleration * abs(h.begin - s.begin):
                     found.append((h, s))
-            elif s and s.end - s.begin > MIN_DURATIONS * s.contact_duration and None not in ends:
-                if abs(s.velocity) > 0.01 * unit[ball]:  # slower ones are the bounces of balls that settle
-                    found.append((h, s))
+            elif s and None not in ends:
+                fast = abs(s.velocity) > 0.01 * unit[ball]  # slower flights are bounces of balls that settle
+                found += [(h, s)] * (fast and s.end - s.begin > MIN_DURATIONS * s.contact_duration)
     return found
