@@ -108,6 +108,7 @@ def test_a_script_keeps_its_texts_and_patterns() -> None:
     """What is taken away is air: spaces, brackets round a lone name, the last semicolon."""
     source = 'export const a = (x) => { return "b ; }  const " + x - -x; };\nconst c = /[ ;]}"/.test(`d  ${a} ;}`);\n'
     plain = assemble._plain(source)
+    assert assemble._plain("let a = b === Infinity ? true : -Infinity;\n") == "let a=b===1/0?!0:-1/0;"
     assert assemble._plain("const a = (1 + b) * 2;\nlet c = [a, 3 % b];\n") == "let a=(1+b)*2,c=[a,3%b];"
     assert plain == 'let a=x=>{return"b ; }  const "+x - -x};let c=/[ ;]}"/.test(`d  ${a} ;}`);'
 

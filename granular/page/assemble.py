@@ -32,8 +32,11 @@ KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
 """Texts and patterns of a script, in which spaces count; templates are not nested."""
 SIGNS = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
-AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|\bconst\b")
-"""Spaces at the signs of a script, zeros before decimals, and its longest word that a shorter one can stand for."""
+SHORTER = {"const": "let", "Infinity": "1/0", "true": "!0", "false": "!1"}
+"""Words of a script with a shorter equivalent, unless they are names of properties."""
+AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|"
+                 rf"(?<![\w.])(?:{'|'.join(SHORTER)})(?![\w:])")
+"""Spaces at the signs of a script, zeros before decimals, and words of `SHORTER`."""
 LONE = re.compile(r"(?<![\w$])\((\w+)\)=>")
 """A single name for which a function needs no brackets."""
 JOINED = re.compile(r"(?<![^;{}\n])(let (?:[^;{}]|\{[^;{}]*\})*);let ")
@@ -115,7 +118,7 @@ def _tight(found: re.Match[str]) -> str:
     kept, signs, sign = found.groups()
     if signs:
         return re.sub(r";(?=\})", "", "".join(signs.split()))
-    return kept or sign or {"const": "let"}.get(found[0], "")
+    return kept or sign or SHORTER.get(found[0], "")
 
 
 def embedded(data: Mapping[str, Any]) -> str:

@@ -31,7 +31,7 @@ const inDrops = (run) => riseIn(run, lastOf(run)) / run.scene.drop;
 const inArrivals = (run) => (isEarly(run) ? NaN : exit(run) / run.scene.impact);
 const FALL = { measure: inDrops, measured: "in-drops", most: 10 };
 
-const CHANGES = { elastic: { eps: 1 }, soft: { k: 5e5 }, apart: { gap: 1e-2 }, touching: { gap: 0 } }; // of a scene's first preset
+const CHANGES = { elastic: { eps: 1 }, soft: { k: 5e5 }, apart: { gap: 1e-2 }, touching: { gap: 0 } }; // of the first preset of a scene
 
 // Presets of real balls are `offer`ed from the data of granular/balls.py.
 export const SETUPS = {
