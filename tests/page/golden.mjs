@@ -12,11 +12,11 @@ const TOLERANCE = 1e-9, STUCK = 1e-6; // hard spheres that have all but collapse
 // `follow`: how patiently rises are sought; those that are not decided are counted in `undecided`.
 export const undecided = [];
 
-export function check({ scene: name, values, ties, answer, kind, said, error, counts, soft, hard }, follow = 3000) {
+export function check({ scene: name, values, ties, answer, kind, said, error, leaves = null, counts, soft, hard }, follow = 3000) {
   const scene = sceneOf(name, values), { eps, k } = contactsIn(name, values), patience = { ...AT_LEISURE, follow }, report = compareEngines(scene, eps, k, { ties, patience });
   const runs = [["soft", soft], ["hard", hard]].flatMap(([engine, golden]) => compare(engine, report[engine], golden, scene));
-  const found = `${report.pairs.map((p) => [p.soft.contacts, p.hard.contacts])}`, other = counts && found !== `${counts}` ? [`counts ${found}, not ${counts}`] : [];
-  return [...runs, ...other, ...judged(report, answer, kind, said, error), ...(follow > 0 ? endsWrong(report) : [])];
+  const found = `${report.pairs.map((p) => [p.soft, p.hard])}`, other = counts && found !== `${counts}` ? [`counts ${found}, not ${counts}`] : [];
+  return [...runs, ...other, ...judged(report, answer, kind, said, error), ...departs(report, leaves), ...(follow > 0 ? endsWrong(report) : [])];
 }
 
 // What the last picture of the film shows otherwise than the rises say: heights are read off it in pixels, from where a ball
@@ -42,6 +42,14 @@ function judged(report, answer, kind, said, error) {
   if (bound < report.error * (1 - 1e-12) || bound > 2 * report.error || `${bound.toPrecision(1) * 1}` !== `${bound.toPrecision(12) * 1}` && verdict.within?.error) faults.push(`error ${report.error}, said ${bound}`);
   if (error !== null && !(Math.abs(report.error - error) < precision * Math.max(1, error))) faults.push(`error ${report.error}, not ${error}`);
   return faults;
+}
+
+// The ball that decides, and the velocities with which it leaves; of mirror images, which are off alike, either.
+function departs({ leaves: { apart, ball, soft, hard }, error, unit, scene: { impact } }, golden) {
+  if (!golden) return [];
+  const [other, u, v] = golden, pairs = ball === other ? [[soft, u], [hard, v]] : [[Math.abs(soft - hard), Math.abs(u - v)]];
+  const isSame = apart / unit === error && pairs.every(([x, y]) => Math.abs(x - y) < TOLERANCE * impact);
+  return isSame ? [] : [`ball ${ball} leaves at ${[soft, hard]}, not ${golden}`];
 }
 
 function compare(engine, run, golden, { impact, gravity }) {

@@ -127,8 +127,20 @@ def case(name, v, ties, rises=True):
         runs = {engine: run | {"rise": None} for engine, run in runs.items()}  # only the first bounce is asked there
     same = decided and not loose and abs(report.error - twin.error) < 1e-10 * max(1.0, report.error)  # nan is not
     counts = counts_of(report) if decided and counts_of(report) == counts_of(twin) else None
+    leaves = departure_of(report) if same and ball_of(report) == ball_of(twin) else None
     return {"scene": name, "values": v, "ties": ties, **told, "error": report.error if same else None,
-            "counts": counts, **runs}
+            "leaves": leaves, "counts": counts, **runs}
+
+
+def departure_of(report):
+    """Return the ball that decides an error above 1 %, and the velocities in m/s, soft and hard, with which it leaves."""
+    one = report.deciding
+    return [one.ball, one.soft_velocity, one.hard_velocity] if one and report.error > gr.outcome.SAME else None
+
+
+def ball_of(report):
+    """Return the ball that decides the error, or None."""
+    return report.deciding and report.deciding.ball
 
 
 def told_if_stuck_alike(name, v, ties):
@@ -161,8 +173,8 @@ def answer_of(report):
 
 
 KINDS = (
-    ("collide forever", "forever"), ("radius under their weight", "sinks"), ("No: outcomes are off", "off"),
-    (", not ", "counts"), ("though contacts overlap", "yes, overlap"),
+    ("collide forever", "forever"), ("radius under their weight", "sinks"), (", not ", "counts"), ("off by", "off"),
+    ("though contacts overlap", "yes, overlap"),
 )
 
 

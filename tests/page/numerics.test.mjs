@@ -2,6 +2,9 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
+import { compareEngines } from "../../granular/page/physics/outcome.mjs";
+import { contactsIn, sceneOf } from "../../granular/page/physics/setups.mjs";
+import { verdict } from "../../granular/page/physics/verdict.mjs";
 import { check, undecided } from "./golden.mjs";
 
 const all = JSON.parse(readFileSync(new URL("golden.json", import.meta.url), "utf8"));
@@ -24,4 +27,28 @@ test("a contact that is given up stays so, though the search for rises comes to 
   const untold = { status: null }; // what is told is what make_golden.py tells
   const one = { scene: "real-balls", values, ties: "left", answer: "no", kind: "off", said: null, error: 1, counts: [[2, 2], [1, 2]], soft: untold, hard: untold };
   assert.deepEqual(check(one), []);
+});
+
+// Settings of docs/concepts.md, "The answer", with the error, the ball that decides and its velocities, soft and hard.
+const BASE = ["three-balls", { gap: 1e-4, eps: 0.7, ratio: 10, k: 5e7, height: 0.6 }];
+const TENNIS = ["real-balls", { gap: 0.0236, height: 1, rule: 0, bounces: 1, m1: 0.624, r1: 0.119, t1: 0.012, e1: 0.82, air1: 1,
+  m2: 0.0577, r2: 0.033, t2: 0.005, e2: 0.78, air2: 1 }];
+const reportOf = ([name, values]) => {
+  const { eps, k } = contactsIn(name, values);
+  return compareEngines(sceneOf(name, values), eps, k);
+};
+
+for (const [called, setting, error, ball, velocities] of [["base case", BASE, 0.680, 2, [2.28181, 5.91043]], ["tennis ball", TENNIS, 0.0096, 1, [2.457, 2.379]]]) {
+  test(`the ${called} has the error of the documentation`, () => {
+    const { leaves, ...report } = reportOf(setting);
+    assert.ok(Math.abs(report.error - error) < 5e-5 + 5e-4 * error, report.error);
+    assert.equal(leaves.ball, ball);
+    [leaves.soft, leaves.hard].forEach((u, i) => assert.ok(Math.abs(u - velocities[i]) < 6e-4, u));
+  });
+}
+
+test("a check of the hard spheres that came to no end leaves a yes undecided, and a no as it is", () => {
+  for (const [setting, answer] of [[TENNIS, "undecided"], [BASE, "no"]]) {
+    assert.equal(verdict({ ...reportOf(setting), patience: {}, unchecked: true }).answer, answer);
+  }
 });

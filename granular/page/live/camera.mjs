@@ -3,7 +3,7 @@
 // From far the scale shows the whole flight, and balls are drawn larger than that where they would be specks (`larger`). From
 // near it shows the balls as large as they fit; where contacts are brief, paths and overlaps are drawn larger than the balls
 // (`times`). Radii keep their ratios in both; none is less than TINIEST pixels.
-import { max, min, sqrt } from "../physics/numbers.mjs";
+import { max, min, sqrt, sum } from "../physics/numbers.mjs";
 
 const TINIEST = 2, SMALL = 10, LARGE = 36, BELOW = 30, TOP = 40; // pixels
 const ROUND = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
@@ -55,8 +55,6 @@ export class Camera {
     return (this.tall - BELOW - pixels - rest) / this.scales(zoom)[0];
   }
 }
-
-const sum = (values) => values.reduce((a, b) => a + b, 0);
 
 // By how much wider a disc of radius r is for what is cut off, its area being kept.
 export function bulge({ r, below, above }) {

@@ -45,7 +45,7 @@ export class TimeCharts {
     const marks = hard.contacts.slice(0, 1500).map(({ begin, pair }) => `M${chart.x(this.clock(begin)).toFixed(1)} ${chart.y(pair) - 9}v8`);
     chart.add("path", { class: "soft-bar", d: bars.join("") });
     chart.add("path", { class: "hard-mark", d: marks.join("") });
-    const said = pairs.map((p) => `${shortName(scene, p.pair)}: ${plain("hard")} ${p.hard.contacts}, ${plain("soft")} ${p.soft.contacts}`).join("; ");
+    const said = pairs.map((p) => `${shortName(scene, p.pair)}: ${plain("hard")} ${p.hard}, ${plain("soft")} ${p.soft}`).join("; ");
     chart.finish(plain("timeline-said", { said }));
   }
 

@@ -74,7 +74,7 @@ export class Curve {
     this.drawn = points.length;
   }
 
-  // Where the verdict is yes.
+  // Where the error is at most 1 %.
   shade(xs) {
     const { chart } = this, y = chart.y(SAFE), left = chart.x(xs[0]);
     chart.add("rect", { class: "safe", x: left, y, width: chart.x(xs[1]) - left, height: chart.y(LOWEST) - y });

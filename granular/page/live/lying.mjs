@@ -3,7 +3,7 @@ import { set, svg, text } from "../shell/dom.mjs";
 import { face } from "./drawn.mjs";
 import { Lens } from "./lens.mjs";
 import { plain } from "./words.mjs";
-import { max, min } from "../physics/numbers.mjs";
+import { max, min, sum } from "../physics/numbers.mjs";
 
 export class Lying {
   constructor(engine, host) {
@@ -13,7 +13,7 @@ export class Lying {
   layout(report, film, { samples: { low, high, depth }, watched }, [w, tall]) {
     const { radius } = report.scene, unit = min(36, 0.25 * w, (0.3 * (w - 2 * lensSize(w, tall) - 28)) / radius.length) / max(...radius);
     Object.assign(this, { film, low, w, tall, watched, radii: radius.map((r) => r * unit) });
-    const length = w - (watched ? 2 * lensSize(w, tall) + 28 : 0), room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - 24;
+    const length = w - (watched ? 2 * lensSize(w, tall) + 28 : 0), room = length - 2 * sum(this.radii) - 24;
     const sinks = max(...depth.map((d, c) => d / (0.6 * min(this.radii[c], this.radii[c + 1]))));
     this.scale = min(room / (high - low), 1 / sinks);
     this.draw(report);

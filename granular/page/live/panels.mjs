@@ -46,12 +46,12 @@ export class Panels {
 const endNotes = ({ soft, hard }) => [isEarly(hard) ? say("early-hard") : "", isEarly(soft) ? say("early-soft") : ""].join(" ").trim();
 
 function figures({ scene, hard, soft, pairs, finals }, setup) {
-  const top = pairs[pairs.length - 1], last = scene.mass.length - 1;
+  const top = pairs.at(-1), last = scene.mass.length - 1;
   const number = (run) => digits(setup.measure(run), 3);
   const count = (run) => (isEarly(run) ? `${run.contacts.length}+` : String(run.contacts.length));
   const shared = soft.impulse > 0 ? round((100 * soft.shared) / soft.impulse) : 0;
   const parts = [
-    ["figure-contacts", count(hard), count(soft), say("figure-contacts-of", { hard: top.hard.contacts, soft: top.soft.contacts })],
+    ["figure-contacts", count(hard), count(soft), say("figure-contacts-of", top)],
     [`figure-${setup.measured}`, number(hard), number(soft), undecided(finals, last, scene) || (scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] }))],
   ];
   if (scene.gravity) {

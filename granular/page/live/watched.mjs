@@ -9,7 +9,7 @@ export function watchedPair(report, span) {
   const { scene, pairs, soft, hard } = report;
   if (scene.gap.length < 2 && scene.gravity > 0) return null;
   const between = pairs.filter(({ pair }) => scene.gravity === 0 || pair > 0);
-  const { pair } = between.reduce((most, p) => (p.soft.contacts >= most.soft.contacts ? p : most));
+  const { pair } = between.reduce((most, p) => (p.soft >= most.soft ? p : most));
   const mine = soft.contacts.filter((c) => c.pair === pair), times = timesOf(mine, span);
   const softly = times.map((t) => [t, softGaps(soft, t)[pair]]), hardly = times.map((t) => [t, hardGaps(hard, t)[pair]]);
   const hops = hopsOf(mine, softly), depth = softly.reduce((most, [, y]) => max(most, -y), 0);

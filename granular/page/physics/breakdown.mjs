@@ -1,7 +1,7 @@
 // The breakdown curve: the error, the very number the verdict goes by, over the gap. A sketch first, in an order that fills
 // evenly and without long runs; then those, and more where the number of soft contacts jumps or the curve bends. A
 // generator, so that a page can do it in slices of time, one point each.
-import { isEarly, pairOutcome } from "./measures.mjs";
+import { isEarly, ofPair } from "./measures.mjs";
 import { bothRuns } from "./outcome.mjs";
 import { abs, log10, max } from "./numbers.mjs";
 
@@ -33,7 +33,7 @@ function pointAt(x, scene, eps, k, maxSteps) {
   const { cut, hard, soft, forever, error } = bothRuns(scene, eps, k, { maxSteps, maxEvents: EVENTS });
   if (isEarly(soft) && maxSteps < LONG) return null;
   const missing = isEarly(soft) ? "soft" : isEarly(hard) || forever ? "hard" : "", known = missing ? NaN : error;
-  const contacts = isEarly(cut) ? NaN : pairOutcome(soft, scene.gap.length - 1).contacts;
+  const contacts = isEarly(cut) ? NaN : ofPair(soft, scene.gap.length - 1).length;
   return { x, error: known, y: log10(max(LEAST, known)), missing, contacts };
 }
 

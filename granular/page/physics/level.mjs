@@ -1,31 +1,32 @@
-// Both runs of a scene, cut at one end, go on until they have the same contacts (granular/end_time.py).
+// Both runs of a scene, cut at one end, go on until they have the same contacts (granular/end_time.py). With them the lag:
+// the time in s by which a contact of a pair at an approach speed may be late.
 import { goOnHard } from "./hard.mjs";
 import { approach, counts, first, inBoth, isOver, largest, ofPair, lasted } from "./measures.mjs";
 import { pairsOf } from "./scenes.mjs";
 import { goOnSoft } from "./soft.mjs";
-import { abs, max, min } from "./numbers.mjs";
+import { abs, max, min, sum } from "./numbers.mjs";
 
 export const AFTERWARDS = 20; // isolated durations
 
 export function levelled(hard, soft, eps, k) {
   const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), [own, some] = inBoth(hard, soft), n = counts(some);
-  const most = counts(own).map((m, c) => max(m, n[c])), late = [lateness(own, some, alone, most), lateness(some, own, alone, most)];
+  const lag = lagOf(own, some, alone), most = counts(own).map((m, c) => max(m, n[c])), late = [lateness(own, some, lag, most), lateness(some, own, lag, most)];
   const onward = goOnHard(own, hard.time + largest(late[0])), later = goOnSoft(some, soft.time + largest(late[1]));
   const until = patience(due(later, soft.time, late[1], most), soft.time, alone), runs = inBoth(onward, goOnSoft(later, largest(until)));
-  return [due(runs[0], hard.time, late[0], most), endless(due(runs[1], soft.time, late[1], most), until)];
+  return [due(runs[0], hard.time, late[0], most), endless(due(runs[1], soft.time, late[1], most), until), lag];
+}
+
+function lagOf(hard, soft, alone) {
+  const took = sum(soft.contacts.filter(isOver).map((c) => c.end - c.begin));
+  const delay = took + sum(hard.contacts.map((c) => alone[c.pair])), way = delay * largest([...soft.contacts, ...hard.contacts].map(approach));
+  const span = lasted(soft);
+  return (c, speed) => alone[c] + (speed > 0 ? min(way / speed, span) : span);
 }
 
 // By how many seconds the contacts that `run` has yet to make may be late, by pairs.
-function lateness(run, other, alone, most) {
-  const [soft, hard] = run.series ? [run, other] : [other, run];
-  const took = soft.contacts.filter(isOver).reduce((sum, c) => sum + c.end - c.begin, 0);
-  const delay = hard.contacts.reduce((sum, c) => sum + alone[c.pair], took), way = delay * largest([...soft.contacts, ...hard.contacts].map(approach));
-  const span = lasted(soft), n = counts(run);
-  return most.map((m, c) => {
-    if (n[c] >= m) return 0;
-    const speed = abs(approach(ofPair(other, c).at(-1)));
-    return alone[c] + (speed > 0 ? min(way / speed, span) : span);
-  });
+function lateness(run, other, lag, most) {
+  const n = counts(run);
+  return most.map((m, c) => (n[c] < m ? lag(c, abs(approach(ofPair(other, c).at(-1)))) : 0));
 }
 
 // The first contacts of every pair that begin in time.

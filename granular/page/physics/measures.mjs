@@ -1,7 +1,7 @@
 // What a run comes to, read from its contacts, and how far two runs differ (granular/outcome.py).
 import { settledRun } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
-import { abs, max, min, sqrt } from "./numbers.mjs";
+import { abs, max, min, sqrt, sum } from "./numbers.mjs";
 
 export const SAME = 0.01; // of the fastest impact
 const SHIFT = 1e-12, INSTANT = 1e-12, PERSISTENCE = 10; // of the gaps; of the time; another tie rule, in collisions of the first
@@ -11,7 +11,7 @@ export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(r
 export const riseIn = (run, i) => (isEarly(run) && run.status !== "collapse" ? NaN : run.apex[i]);
 export const approach = ({ vIn: [lower, upper] }) => lower - upper;
 export const isOver = (contact) => !Number.isNaN(contact.end);
-export const partingOf = ({ vOut: [lower, upper] }) => upper - lower;
+export const partingOf = ({ vOut: [lower, upper] }) => abs(upper - lower) || 0; // without end: 0
 export const largest = (values) => values.reduce((most, x) => (x > most ? x : most), 0);
 export const ofPair = (run, c) => run.contacts.filter((contact) => contact.pair === c);
 export const counts = (run) => run.scene.gap.map((_, c) => ofPair(run, c).length);
@@ -53,12 +53,6 @@ export function first(run, most) {
   return { ...run, contacts: run.contacts.filter(({ pair }) => seen[pair]++ < most[pair]) };
 }
 
-// Number of contacts of a pair, and its separation speed at the end of the last one.
-export function pairOutcome(run, c) {
-  const log = ofPair(run, c), last = log[log.length - 1];
-  return { contacts: log.length, speed: last ? partingOf(last) : NaN, end: last ? last.end : NaN, last };
-}
-
 // Velocity with which each body leaves the last of its contacts, and when: the initial one without contacts; NaN where one
 // has no end.
 function leaving({ scene, contacts }) {
@@ -71,24 +65,18 @@ function leaving({ scene, contacts }) {
 
 export const leavingVelocities = (run) => leaving(run).u;
 
-// Differences in m/s of the leaving velocities of all balls, and of the separation speeds of all pairs. Balls are compared
-// where their contacts end, or carried in free flight to one time, whichever is less; NaN where a contact has no end. What
-// one run has alone counts in full.
+// Differences in m/s of the leaving velocities of all balls. Balls are compared where their last contacts end, or carried in
+// free flight to one time, whichever is less; NaN where a contact has no end.
 export function differences(one, other) {
-  const { mass, gap, gravity } = one.scene, a = leaving(one), b = leaving(other);
-  const balls = mass.map((m, i) => {
+  const { mass, gravity } = one.scene, a = leaving(one), b = leaving(other);
+  return mass.map((m, i) => {
     const d = a.u[i] - b.u[i];
     return m === Infinity ? NaN : min(abs(d), abs(d + gravity * (a.at[i] - b.at[i])));
   });
-  const pairs = gap.map((_, c) => {
-    const [p, q] = [pairOutcome(one, c).speed, pairOutcome(other, c).speed];
-    return abs(Number.isNaN(p) ? q : Number.isNaN(q) ? p : p - q);
-  });
-  return { balls, pairs };
 }
 
 export function shifted(scene) {
-  const typical = scene.gap.reduce((a, b) => a + b) / scene.gap.length || 1;
+  const typical = sum(scene.gap) / scene.gap.length || 1;
   return { ...scene, gap: scene.gap.map((gap, c) => gap + SHIFT * (gap > 0 ? (c % 2 ? -gap : gap) : typical)) };
 }
 
@@ -97,7 +85,7 @@ export function shifted(scene) {
 export function ownDifference(hard, twin, unit) {
   const ends = hard.status === "time" && twin.status === "time", before = ends ? hard.time * (1 - 1e-9) : Infinity;
   const [one, other] = [twin, hard].map((run) => ({ ...run, contacts: run.contacts.filter((c) => c.begin < before) }));
-  const { balls } = differences(one, other), touched = new Set(hard.contacts.flatMap(({ pair }) => [pair, pair + 1]));
+  const balls = differences(one, other), touched = new Set(hard.contacts.flatMap(({ pair }) => [pair, pair + 1]));
   let off = 0, scale = 0;
   hard.scene.mass.forEach((m, i) => {
     if (m === Infinity || !touched.has(i)) return;
@@ -107,11 +95,11 @@ export function ownDifference(hard, twin, unit) {
   return { predictable: sqrt(off / scale), shift: largest(balls) / unit };
 }
 
-// Hard runs under the other tie rules that come to an end, by rule, where balls touch or collide at once.
+// Hard runs under the other tie rules, by rule, where balls touch or collide at once.
 export function otherAnswers(hard, eps, ties) {
   const { scene, contacts } = hard, maxEvents = PERSISTENCE * (contacts.length + scene.mass.length);
   const met = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && abs(c.pair - contacts[i - 1].pair) === 1);
   if (scene.mass.length < 3 || !(met || scene.gap.includes(0))) return [];
   const names = OTHERS.filter((name) => name !== ties);
-  return names.map((name) => [name, settledRun(scene, eps, { ties: name, maxEvents })]).filter(([, run]) => !isEarly(run));
+  return names.map((name) => [name, settledRun(scene, eps, { ties: name, maxEvents })]);
 }

@@ -6,3 +6,4 @@ export const max = Math.max;
 export const min = Math.min;
 export const round = Math.round;
 export const sqrt = Math.sqrt;
+export const sum = (values) => values.reduce((a, b) => a + b, 0);

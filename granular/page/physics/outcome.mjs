@@ -2,7 +2,7 @@
 import { errorsOf } from "./errors.mjs";
 import { findTops, settled, settledRun, simulateHard } from "./hard.mjs";
 import { levelled } from "./level.mjs";
-import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, riseIn, shifted } from "./measures.mjs";
+import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, riseIn, shifted } from "./measures.mjs";
 import { findApexes, simulateSoft } from "./soft.mjs";
 import { verdict } from "./verdict.mjs";
 
@@ -16,8 +16,8 @@ export const AT_LEISURE = { maxSteps: 60000, maxEvents: 20000, follow: 20000 };
 export function bothRuns(scene, eps, k, { ties = "left", record = false, maxSteps, maxEvents }) {
   const cut = simulateSoft(scene, eps, k, { record, maxSteps }), first = simulateHard(scene, eps, { ties, record, maxEvents });
   const whole = isEarly(cut) ? first : settled(first, eps, { ties, maxEvents }), isWhole = !isEarly(cut) && !isEarly(whole);
-  const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : inBoth(whole, cut);
-  const early = isEarly(hard) || isEarly(soft), off = errorsOf(hard, soft, eps, k), error = early ? NaN : off.error;
+  const [hard, soft, lag = () => 0] = isWhole ? levelled(whole, cut, eps, k) : inBoth(whole, cut);
+  const early = isEarly(hard) || isEarly(soft), off = errorsOf(hard, soft, eps, k, lag), error = early ? NaN : off.error;
   const n = isEarly(soft) || whole.status === "collapse" ? 0 : foreverAfter(first, cut, soft);
   return { first, whole, cut, hard, soft, early, ...off, error, forever: n };
 }
@@ -34,11 +34,10 @@ export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEI
   findTops(first, patience.follow);
   const once = (run) => inBoth(run, cut)[0], own = once(whole);
   const hard = first.status === "collapse" ? once(first) : both.hard;
-  const others = early ? [] : otherAnswers(whole, eps, ties).map(([name, run]) => [name, largest(differences(once(run), own).balls) / unit]);
+  const others = early ? [] : otherAnswers(whole, eps, ties).map(([name, run]) => [name, isEarly(run) ? NaN : largest(differences(once(run), own)) / unit]);
   const twin = settledRun(shifted(scene), eps, { ties });
   const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, isEarly(twin) ? own : once(twin), unit);
-  const pairs = scene.gap.map((_, c) => ({ pair: c, soft: pairOutcome(soft, c), hard: pairOutcome(both.hard, c) }));
-  const report = { ...both, scene, eps, k, hard, pairs, rule: ties, tieErrors: others, ...self, finals: { hard: finals(hard), soft: finals(soft) } };
+  const report = { ...both, scene, eps, k, hard, rule: ties, tieErrors: others, unchecked: isEarly(twin) || others.some(([, e]) => Number.isNaN(e)), ...self, finals: { hard: finals(hard), soft: finals(soft) } };
   return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...verdict({ ...report, patience }) };
 }
 

@@ -8,6 +8,9 @@ const PATIENT = 10000; // steps
 const UPRIGHT = { left: "lower", right: "upper" };
 const ANSWERS = { forever: "no", sinks: "no", counts: "no", off: "no", "yes, overlap": "yes" };
 
+// A ball has its number, a real one its kind.
+const ballName = ({ kinds, mass }, i) => (kinds?.[i] ? { say: `ball-${kinds[i]}` } : { say: "ball", n: mass[0] === Infinity ? i : i + 1 });
+
 // Two balls are told by their numbers, real ones by what they are.
 export const pairName = (scene, c) => {
   const [a, b] = [c, c + 1].map((i) => scene.kinds?.[i]);
@@ -45,21 +48,25 @@ function unpredictable({ predictable, shift, cut }) {
 }
 
 // Pairs that do not rest, with other numbers of contacts.
-function countsDiffer({ scene, pairs, wrong, unit, error }) {
+function countsDiffer(report) {
+  const { scene, pairs, wrong } = report, miss = ({ soft, hard }) => abs(soft - hard);
   if (!wrong.length) return null;
-  const p = wrong.map((c) => pairs[c]).reduce((most, one) => (miss(one) >= miss(most) ? one : most));
-  const many = wrong.length > 1 ? { say: "count-many", n: wrong.length, of: pairs.filter(({ soft, hard }) => soft.contacts + hard.contacts).length } : "";
-  const speeds = { say: "parting-speeds", soft: [p.soft.speed, "m/s"], hard: [p.hard.speed, "m/s"] };
-  const parting = miss(p) > SAME * unit ? speeds : { say: "parting-off", error: [error, "", 2] };
-  return ["counts", { say: "verdict-counts", pair: pairName(scene, p.pair), n: p.soft.contacts, hard: p.hard.contacts, many, parting, of: p.pair }];
+  const { pair: of, soft: n, hard } = wrong.reduce((most, one) => (miss(one) >= miss(most) ? one : most));
+  const many = wrong.length > 1 ? { say: "count-many", n: wrong.length, of: pairs.filter((p) => p.soft + p.hard).length } : "";
+  return ["counts", { say: "verdict-counts", pair: pairName(scene, of), n, hard, many, parting: parting(report), of }];
 }
 
-const miss = (p) => (Number.isNaN(p.soft.speed - p.hard.speed) ? -1 : abs(p.soft.speed - p.hard.speed));
+// The ball that leaves with other velocities, if one decides.
+function parting({ scene, error, leaves: { apart, ball, soft, hard }, unit }) {
+  return error > SAME && apart / unit === error ? { say: "parting-speeds", ball: ballName(scene, ball), soft: [soft, "m/s", 4], hard: [hard, "m/s", 4] } : "";
+}
 
-// Yes takes an error that is known, and small, and no ball that sinks where it rests.
-function outcomes({ error, sunk, cut }) {
-  if (!(error <= SAME)) return ["off", { say: "verdict-off", error: [error, "", 2] }];
+// Yes takes an error that is known, and small, no ball that sinks where it rests, and checks that came to their end.
+function outcomes(report) {
+  const { error, sunk, cut, unchecked } = report;
+  if (!(error <= SAME)) return ["off", { say: "verdict-off", error: [error, "", 2], parting: parting(report) }];
   if (sunk > SAME) return ["sinks", { say: "verdict-sinks", share: [sunk, "", 2] }];
+  if (unchecked) return ["undecided", { say: "verdict-unchecked" }];
   if (cut.shared > ROUNDING * cut.impulse) return ["yes, overlap", { say: "verdict-yes-overlap", within: within(error) }];
   return ["yes", { say: "verdict-yes", within: within(error) }];
 }
