@@ -75,7 +75,8 @@ def test_held_as_far_apart_as_is_offered_the_answer_is_yes(page, story) -> None:
         page.run(BALLS % f"{lower}+{upper}")
         settle(page)
         click(page, ".apart")
-        assert text(page, ".verdict-words").startswith("No, but nearly" if lower == "basketball" else "Yes"), gap
+        nearly = (lower, upper) == ("basketball", "table-tennis ball")  # gravity acts during the long contact, too
+        assert text(page, ".verdict-words").startswith("No, but nearly" if nearly else "Yes"), gap
 
 
 @pytest.mark.parametrize("language", ["en", "de", "fr", "es", "tr", "zh"])
