@@ -113,3 +113,21 @@ def test_closing_walls_and_an_elastic_ball_reach_the_limit_unbroken(engine):
     part = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=3.9, engine=engine)
     whole = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=3.99, engine=engine)
     assert gr.edmd.resume(part, t_end=3.99, engine=engine).velocity[-1].tolist() == whole.velocity[-1].tolist()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_closing_walls_with_forces_resume_bit_for_bit(seed):
+    """Elastic balls, some under gravity and forces; the run is cut between two halvings of the room."""
+    rng = np.random.default_rng([53, seed])
+    n = int(rng.integers(1, 4))
+    force = [0.0, *rng.normal(size=n), 0.0] if seed % 2 else None
+    scene = gr.Scene([INF, *rng.uniform(0.3, 2.0, n), INF], [0.0] * (n + 2), rng.uniform(0.1, 0.5, n + 1),
+                     [0.1, *rng.normal(size=n), -0.3], float(rng.choice([0.0, 9.81])), external_force=force)
+    meet = float(scene.gap.sum()) / 0.4
+    rule = gr.ConstantRestitution(1.0)
+    first = gr.edmd.simulate(scene, rule, t_end=0.8 * meet, max_events=20_000)
+    whole = gr.edmd.simulate(scene, rule, t_end=0.97 * meet, max_events=20_000)
+    if first.status is whole.status is gr.Status.time:
+        resumed = gr.edmd.resume(first, t_end=0.97 * meet)
+        assert resumed.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
+        assert np.concatenate([first.contacts, resumed.contacts]).tobytes() == whole.contacts.tobytes()

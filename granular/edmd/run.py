@@ -102,6 +102,9 @@ class Run:
         enclosed = bool(self.scene.is_wall[0] and self.scene.is_wall[-1])
         self.closing = Closing(self.scene, self.start) if enclosed else None
         self.horizon = math.inf if self.closing is None else self.closing.horizon  # s: no room for balls later
+        self.halvings = 0  # number of times that closing walls have halved the room
+        if self.horizon < math.inf and state.clock.length > 0.0:
+            self.halvings = round(math.log2(scales(self.scene)[2] / state.clock.length))
         single = ORDER[physics.options["ties"]] != GROUP and not enclosed
         self.keeps_rows = request.rows or watch is not None
         self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of times themselves
@@ -131,7 +134,7 @@ class Run:
         while last or time > self.request.start:
             if self.scene.driven and self.closing is not None:
                 self._meet_before(min(time, float(state.time(state.clock.window))))
-            halved = self.horizon if self.horizon == math.inf else self._halving(time)
+            halved = self.horizon if self.horizon == math.inf else self._halving()
             limit, before, late = max(state.tau(min(time, self.horizon, halved)), late), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
@@ -154,6 +157,7 @@ class Run:
                 due = math.inf if state.near is not None else self.queue.soonest()
                 if halved < min(time, self.horizon) and due > limit:
                     self.queue.shift_to(limit, whole=False, shrink=0.5)
+                    self.halvings += 1
                     continue
                 close, later = limit < due <= limit + 2.0 * math.ulp(time) < math.inf, due >= state.clock.window
                 if close and not later and state.time(due) <= time < self.horizon:
@@ -198,8 +202,8 @@ class Run:
         """Whether all balls are at rest on a wall."""
         return not (column(self.state.bodies, "is_free").any() or np.ptp(column(self.state.bodies, "fall_velocity")))
 
-    def _halving(self, time: float) -> float:
-        """Time in s at which closing undriven walls have halved the room again, if that is before `time`; else inf.
+    def _halving(self) -> float:
+        """Time in s at which closing undriven walls have halved the room again; inf if the clock cannot be re-based.
 
         The clock is re-based there, in a shorter window: a collision time with a rounding error of the first window
         would be uncertain by more than the time between two collisions.
@@ -207,9 +211,8 @@ class Run:
         assert self.closing is not None
         if self.scene.driven or not 0.0 < self.closing.after < math.inf or self.state.near is not None:
             return math.inf
-        meet = self.start + self.closing.after
-        halved = meet - self.closing.after * float(self.state.clock.length) / scales(self.scene)[2] * 0.5
-        return halved if halved < min(time, self.horizon) else math.inf
+        after = self.closing.after
+        return self.start + after - math.ldexp(after, -self.halvings - 1)
 
     def _meet_before(self, time: float) -> bool:
         """Return whether driven walls are now found to meet before `time`, as they were not yet."""

@@ -81,7 +81,7 @@ class State:
         scene, options, kind = physics.scene, physics.options, physics.has
         walls = wall_state.walls(scene, t_start) if "FORCED" in kind else None
         pairs, bodies = first(scene)
-        if scene.n <= FEW:  # remembered
+        if len(scene.mass) <= FEW:  # remembered
             pairs, bodies = copied(pairs), copied(bodies)
         pairs["eps"], frame = physics.eps, frame_velocity(scene)
         bodies["fall_velocity"] -= frame
@@ -232,9 +232,11 @@ class State:
     ) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one; or else to `tau` itself.
 
-        The window grows as balls slow down. It becomes shorter only if the mean gap does, by the factor `shrink`.
+        The window grows as balls slow down. It becomes shorter only if the mean gap does, by the factor `shrink`, a
+        power of two.
         """
         clock = self.clock
+        clock.length, clock.window = shrink * clock.length, shrink * clock.window
         if self.walls is not None:
             compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
             return
@@ -250,9 +252,7 @@ class State:
         self.run["now"] -= by
         self.scale(max(speed, clock.fall))
         if clock.speed > 0.0:
-            clock.length *= shrink
-            least = clock.window if shrink == 1.0 else 0.0
-            clock.window = max(least, span(clock.length, clock.speed, clock.strength))
+            clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
