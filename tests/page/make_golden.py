@@ -133,7 +133,7 @@ def case(name, v, ties, rises=True):
 
 
 def departure_of(report):
-    """Return the ball that decides an error above 1 %, and the velocities in m/s, soft and hard, with which it leaves."""
+    """Ball that decides an error above 1 %, and the velocities in m/s, soft and hard, with which it leaves."""
     one = report.deciding
     return [one.ball, one.soft_velocity, one.hard_velocity] if one and report.error > gr.outcome.SAME else None
 
