@@ -2,7 +2,8 @@
 May be skipped: the error of a comparison, contact by contact; docs/concepts.md has the definition.
 
 Contacts of soft spheres that share a ball and overlap in time are linked. An episode is a group of contacts joined by
-such links. States within an episode are intermediate; the velocities with which balls leave it are outcomes.
+such links. States within an episode are intermediate; the velocities with which balls leave it are outcomes. A ball
+also leaves an episode for each long free flight between two of its contacts.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array, typed
-from granular.outcome import approach, carried, counts, last_contacts, partings
+from granular.outcome import INSTANT, approach, carried, counts, last_contacts, partings
 from granular.scene import Scene
 from granular.trajectory import Trajectory
+
+LONG_FLIGHT = 5.0
+"""A flight within an episode is compared if it lasts longer than this number of durations of the contact before it."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Departure:
     pairs : tuple of int
         The pairs of these contacts, in ascending order.
     hard_t, soft_t : float
-        Time in s at which the last contact of the ball in the episode ends.
+        Time in s at which the contact that the ball leaves ends.
     hard_velocity, soft_velocity : float
         Velocity of the ball in m/s at that time.
     difference : float
@@ -86,9 +90,15 @@ class Departures:
         rows = np.flatnonzero(met & np.append(compared, False)[mate])
         left = [last_contacts(hard, rows, self.episode[mate[rows]]),
                 last_contacts(soft, np.flatnonzero(compared), self.episode[compared])]
-        key, *found = np.intersect1d(left[0][0], left[1][0], assume_unique=True, return_indices=True)
+        found = np.intersect1d(left[0][0], left[1][0], assume_unique=True, return_indices=True)[1:]
         (row, side), (last, flank) = ([of[i] for of in some] for (_, *some), i in zip(left, found, strict=True))
-        self.of, self.ball = np.divmod(key, scene.n)
+        twice = np.isin(np.arange(len(soft.contacts)), mate)
+        duration = (soft.contacts["t_end"] - soft.contacts["t_begin"])[mate[rows], None]
+        free = np.minimum(flights(hard, met)[rows], flights(soft, twice)[mate[rows]])
+        k, of = np.nonzero(free > LONG_FLIGHT * duration)
+        row, side, last, flank = map(np.append, (row, side, last, flank), (rows[k], of, mate[rows[k]], of))
+        self.of = self.episode[last]
+        self.ball = np.array(scene.bodies(soft.contacts["pair"][last]))[flank, np.arange(len(last))]
         self.time = np.array([hard.contacts["t_end"][row], soft.contacts["t_end"][last]])
         self.velocity = np.array([hard.contacts["v_out"][row, side], soft.contacts["v_out"][last, flank]])
         (begin, end), (u, v) = self.time, self.velocity
@@ -127,6 +137,26 @@ def episodes(soft: Trajectory, compared: Any) -> Any:
         linked = (place >= 0) & (pair[other] == beside) & (end[other] > begin) & (end == end)
         links.append(np.array([onset[linked], onset[other[linked]]]))
     return np.unique(_groups(size, *np.hstack(links)), return_inverse=True)[1][onset] if size else onset
+
+
+def flights(run: Trajectory, met: Any) -> Array:
+    """Return for how long in s both bodies of every contact of the log fly freely from its end on, (len(contacts), 2).
+
+    Not positive where another contact of the body is running, or where the next one is not `met` by the other run; inf
+    without a next contact. All hard contacts of a body in one instant have the flight that follows the instant.
+    """
+    log = run.contacts
+    body = np.column_stack(run.scene.bodies(log["pair"])).ravel()
+    begin, end = np.repeat(log["t_begin"], 2), np.repeat(log["t_end"], 2)
+    by_begin, by_end = np.lexsort((begin, body)), np.lexsort((end, body))
+    onset = np.where(np.repeat(met, 2), begin, -np.inf)[by_begin]
+    # a body is free after its j-th end if its contact j + 1 is the next to begin: only then all before it are over
+    free = np.append(onset[1:], np.inf)[: len(body)] - end[by_end]
+    free[np.diff(body[by_end], append=-1) != 0] = np.inf
+    if run.rule is not None:
+        over = np.where(np.abs(free) > INSTANT * (end[by_end] - run.time[0]), np.arange(len(body)), len(body))
+        free = free[np.minimum.accumulate(over[::-1])[::-1]]
+    return free[np.argsort(by_end)].reshape(-1, 2)
 
 
 def _groups(size: int, one: Any, other: Any) -> Any:

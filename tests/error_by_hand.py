@@ -113,8 +113,31 @@ class ByHand:
                 times = [r.end for r in last]
                 if self.rests_on_a_wall(ball, times[1]):
                     continue
-                u, v = (r.after[bodies(self.scene, r).index(ball)] for r in last)
-                yield Entry(ball, episode, times, (u, v), min(abs(u - v), abs(self.carried(ball, last, times, u) - v)))
+                yield self.entry(ball, episode, last)
+            for s in (r for r in soft if not endless(r)):
+                for h in (r for r in of_hard[episode] if r[:2] == s[:2]):
+                    yield from (self.entry(ball, episode, [h, s]) for ball in bodies(self.scene, s)
+                                if self.flies_long(ball, h, s) and not self.rests_on_a_wall(ball, s.end))
+
+    def entry(self, ball, episode, last):
+        times, (u, v) = [r.end for r in last], (r.after[bodies(self.scene, r).index(ball)] for r in last)
+        return Entry(ball, episode, times, (u, v), min(abs(u - v), abs(self.carried(ball, last, times, u) - v)))
+
+    def flies_long(self, ball, *contacts):
+        """Whether a ball flies freely for more than five durations of the soft contact in both runs."""
+        if math.isinf(self.scene.mass[ball]):
+            return False
+        for run, contact in zip((self.hard, self.soft), contacts, strict=True):
+            others = [r for r in run if ball in bodies(self.scene, r) and r is not contact]
+            later = contact.end + 1e-12 * contact.end
+            if any(r.begin <= later and not r.end <= later for r in others):
+                return False
+            onset, following = min(((r.begin, r[:2]) for r in others if r.begin > later), default=(math.inf, None))
+            both = all(following in [r[:2] for r in of] for of in (self.hard, self.soft))
+            long = onset - contact.end > 5.0 * (contacts[1].end - contacts[1].begin)
+            if not long or not (both or following is None):
+                return False
+        return True
 
     def rests_on_a_wall(self, ball, time):
         """Whether contacts without end reach from a wall to the ball, all begun before a time."""

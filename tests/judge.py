@@ -9,7 +9,7 @@ from collections import namedtuple
 from itertools import zip_longest
 
 from judged_checks import Checks
-from judged_episodes import Leaving, episodes_of, last_contact, numbered, velocity_after
+from judged_episodes import Leaving, episodes_of, free_time, last_contact, numbered, velocity_after
 from judged_rows import closing, count, of_pair, parting, stuck_apart
 from judged_runs import FOLLOWED_DURATIONS, MAX_COLLISIONS, STOPPED_EARLY
 
@@ -18,6 +18,7 @@ import granular as gr
 Judgement = namedtuple("Judgement", "answer error components deciding")
 Component = namedtuple("Component", "answer error unit deciding reason")
 ERROR_LIMIT = 0.01
+LONG_FLIGHT_DURATIONS = 5.0
 WORST_FIRST = ["no", "not_unique", "not_ball_by_ball", "undecided", "yes"]
 
 
@@ -35,15 +36,26 @@ class Judge(Checks):
         """Every ball that leaves an episode in both runs."""
         one, other = ({key: r for key, r in numbered(rows).items() if key[0] in pairs and key not in ignored}
                       for rows in (hard, soft))
-        endless = [r for r in other.values() if math.isnan(r.end)]
-        found = []
+        whole, found = [numbered(rows) for rows in (hard, soft)], []
         for episode in episodes_of(other, self.bodies, self.walls):
             for ball in sorted({b for c, _ in episode for b in self.bodies(c) if not self.walls[b]}):
-                h, s = (last_contact(contacts, episode, ball, self.bodies) for contacts in (one, other))
-                if h is None or any(ball in self.bodies(r.pair) and r.begin < s.end for r in endless):
-                    continue
-                found.append(self.leaving(ball, episode, h, s))
+                both = [[last_contact(contacts, episode, ball, self.bodies) for contacts in (one, other)]]
+                both += [[one[key], other[key]] for key in episode if key in one and ball in self.bodies(key[0])
+                         and self.flies_long(ball, key, *whole)]
+                found += [self.leaving(ball, episode, h, s) for h, s in both
+                          if h and not self.rests_on_a_wall(ball, soft, s.end)]
         return found
+
+    def flies_long(self, ball, key, hard, soft):
+        """Whether a long free flight of a ball follows a contact in both runs."""
+        flights = free_time(hard, soft, key, ball, self.bodies), free_time(soft, hard, key, ball, self.bodies)
+        return min(flights) > LONG_FLIGHT_DURATIONS * (soft[key].end - soft[key].begin)
+
+    def rests_on_a_wall(self, ball, soft, time):
+        """Whether contacts without end that have begun before a time reach from a wall to a ball."""
+        endless = {r.pair for r in soft if math.isnan(r.end) and r.begin < time}
+        below = self.walls[0] and all(c in endless for c in range(ball))
+        return below or (self.walls[-1] and all(c in endless for c in range(ball, self.n - 1)))
 
     def leaving(self, ball, episode, h, s):
         u, v = (velocity_after(row, ball, self.bodies) for row in (h, s))
@@ -86,8 +98,8 @@ class Judge(Checks):
                 apart.append(closing(o) - closing(rests[k]))
             elif o is None:
                 apart.append(max(abs(parting(r)), closing(r)) if nth < k else closing(r))
-            else:
-                apart.append(abs(parting(r) - parting(o)) if nth < k else abs(closing(r) - closing(o)))
+            elif nth >= k:  # how earlier contacts end is compared by episodes
+                apart.append(abs(closing(r) - closing(o)))
         out = parting(other[-1]) if other else 0.0
         return max([0.0 if math.isnan(out) else abs(out), *apart])
 

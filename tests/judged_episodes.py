@@ -52,3 +52,20 @@ def last_contact(contacts, keys, ball, bodies):
 
 def velocity_after(row, ball, bodies):
     return row.after[bodies(row.pair).index(ball)]
+
+
+def free_time(contacts, others, key, ball, bodies):
+    """How long a ball flies freely after a contact; 0 if another is running, or if the next is not among the `others`.
+
+    Hard contacts have no duration; those of the same instant end together.
+    """
+    end, following = contacts[key].end, []
+    for other, r in contacts.items():
+        if other == key or ball not in bodies(r.pair):
+            continue
+        if r.begin > end * (1.0 + 1e-12):
+            following.append((r.begin, other))
+        elif not r.end <= end * (1.0 + 1e-12):
+            return 0.0
+    onset, following = min(following, default=(math.inf, None))
+    return onset - end if following is None or following in others else 0.0

@@ -38,9 +38,8 @@ def test_error_and_episodes_are_those_of_plain_loops(kind):
             known += 1
         one = report.deciding
         if one is not None:
-            (entry,) = (e for e in hand.entries if (e.ball, e.episode) == (one.ball, one.episode))
-            assert entry.velocities == (one.hard_velocity, one.soft_velocity)
-            assert entry.times == [one.hard_t, one.soft_t]
+            found = [(e.velocities, e.times) for e in hand.entries if (e.ball, e.episode) == (one.ball, one.episode)]
+            assert ((one.hard_velocity, one.soft_velocity), [one.hard_t, one.soft_t]) in found
             linked += one.contacts > 1
     assert known > 2
     assert linked or kind not in ("free", "floor", "box", "drop", "touching")
