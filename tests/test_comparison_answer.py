@@ -195,3 +195,23 @@ def test_contact_of_hard_spheres_alone_is_not_called_nothing():
     away = gr.md.simulate(scene.replace(velocity=scene.velocity[::-1]), gr.Hertz(1e8), t_end=1.0)
     alone = replace(hit, soft=away)
     assert alone.verdict.startswith("No: pair 0 has 0 contacts, not 1")
+
+
+@pytest.mark.parametrize(("restitution", "k"), [(0.2, 1e5), (0.5, 1e7), (0.8, 1e6)])
+def test_an_end_far_beyond_a_collapse_changes_nothing(restitution, k):
+    """The run goes on at rest until t_end; lag, row and remedies belong to the time of the collapse."""
+    scene = gr.scenes.bouncing_ball(height=1.0)
+    law = gr.LinearDashpot.from_restitution(restitution, k, scene.pairs[0])
+    one, other = (gr.compare(scene, law, t_end=t_end) for t_end in (None, 30.0))
+    assert (other.hard.time[-1], other.hard.status) == (30.0, gr.Status.collapse)
+    assert other.answer is one.answer is gr.Answer.yes
+    assert (other.error, other.verdict) == (one.error, one.verdict)
+    for name in ("lag", "distance", "predictability", "isolated_share"):
+        assert other.measures[name] == pytest.approx(one.measures[name], abs=1e-12), name
+    assert abs(one.measures["lag"]) < 0.01
+    rows = [line.split()[:6] for report in (one, other) for line in str(report).splitlines() if "ended at" in line]
+    assert rows[0][:5] == rows[1][:5]
+    for row, again in zip(one.remedies().rows, other.remedies().rows, strict=True):
+        if row.status != "max_events":  # what bounces forever is cut off without t_end
+            assert (again.name, again.contacts, again.value) == (row.name, row.contacts, row.value)
+            assert again.error == pytest.approx(row.error, rel=1e-9, abs=1e-12)

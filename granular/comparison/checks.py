@@ -32,8 +32,18 @@ class Checked(Compared):
                 differences(*self._shifted)),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
             "isolated_share": isolation.isolated_share(self.levelled[1]),
-            "lag": float(self.soft.time[-1] - self.hard.time[-1]),
+            "lag": self._lag,
         }
+
+    @property
+    def _lag(self) -> float:
+        """Soft end time minus hard end time in s. After a collapse both are the times at which balls come to rest: the
+        time of the collapse, and the onset of the last soft contact without end."""
+        log, end = self.soft.contacts, float(self.soft.time[-1])
+        if "collapse_time" not in self.hard.stats:
+            return end - float(self.hard.time[-1])
+        rest = log["t_begin"][np.isnan(log["t_end"])]
+        return (float(rest.max()) if len(rest) else end) - float(self.hard.stats["collapse_time"])
 
     @cached_property
     def tie_errors(self) -> dict[str, _check.Array]:

@@ -234,7 +234,8 @@ def _ends(report: Judged) -> Iterator[str]:
     if any(left := _left_out(report)):
         yield _line("left out as rounding", *left, f"  slower than {FAINT:g} of U")
     because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
-    yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
+    at = hard.stats.get("collapse_time", hard.time[-1])
+    yield _line("ended at t, s", f"{at:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
     if not math.isnan(report.drop):
         asked = report.until.nth - 1 if isinstance(report.until, Contact) and report.until.pair == 0 else 1
         for bounce in sorted({1, max(1, asked)}):
