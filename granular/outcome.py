@@ -282,8 +282,7 @@ def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
     """How far in m/s two hard runs differ in pairs that end up stuck in both, contact by contact, shape of the gaps;
     what one run has alone counts in full, but for contacts of balls that settle."""
     apart, runs = np.zeros(one.scene.n_pairs), (one, other)
-    stuck = [(partings(run) == 0.0) & (run.stats.get("merge_below", 0.0) > 0.0) for run in runs]
-    for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
+    for c in np.flatnonzero((partings(one) == 0.0) & (partings(other) == 0.0)).tolist():
         speeds = np.zeros((2, max(run.count(c) for run in runs), 2))
         for run, of in zip(runs, speeds, strict=True):
             of[: run.count(c)] = np.column_stack([approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"])])

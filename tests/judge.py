@@ -11,7 +11,7 @@ from itertools import zip_longest
 from judged_checks import Checks
 from judged_episodes import Leaving, episodes_of, free_time, last_contact, numbered, velocity_after
 from judged_rows import closing, count, of_pair, parting, stuck_apart
-from judged_runs import FOLLOWED_DURATIONS, MAX_COLLISIONS, STOPPED_EARLY
+from judged_runs import COLLAPSED, FOLLOWED_DURATIONS, MAX_COLLISIONS, STOPPED_EARLY
 
 import granular as gr
 
@@ -155,8 +155,8 @@ class Judge(Checks):
     def depends_on_rounding(self, pairs, balls, unit):
         """Rules 2 and 3: tie rules and shifted gaps; None if the answer is unique."""
         settling = self.settling_speed(pairs)
-        for name, (logs, together) in self.other_ties.items() if self.has_ties(pairs) else ():
-            stuck = [stuck_apart(*logs, c, settling, together) for c in pairs]
+        for name, logs in self.other_ties.items() if self.has_ties(pairs) else ():
+            stuck = [stuck_apart(*logs, c, settling) for c in pairs]
             if max(*stuck, *(self.last_difference(*logs, b) for b in balls)) > ERROR_LIMIT * unit:
                 return "not_unique", f"ties={name}"
         moved = [0.0 if self.shifted is None else self.last_difference(*self.shifted, b) for b in balls]
@@ -182,7 +182,7 @@ class Judge(Checks):
         return deep > ERROR_LIMIT * min(sizes)
 
     def parts_where_hard_spheres_collide_forever(self, pairs, soft):
-        if self.hard.status.name not in ("collapse", "bounded") or "pairs" not in self.hard.stats:
+        if self.hard.status.name not in COLLAPSED or "pairs" not in self.hard.stats:
             return False
         first, last = self.hard.stats["pairs"]
         group = [c for c in pairs if (first <= c <= last if first <= last else c >= first or c <= last)]

@@ -40,10 +40,10 @@ def due(rows, latest, most):
     return kept
 
 
-def stuck_apart(one, other, pair, settling, together):
+def stuck_apart(one, other, pair, settling):
     """Largest difference between the contacts of a pair that sticks at the end of both hard runs."""
     mine, far = [of_pair(rows, pair) for rows in (one, other)], [0.0]
-    if not all(rows and parting(rows[-1]) == 0.0 < together for rows in mine):
+    if not all(rows and parting(rows[-1]) == 0.0 for rows in mine):
         return 0.0
     for r, o in zip_longest(*mine):
         if max(closing(row) for row in (r, o) if row) > settling:
