@@ -286,13 +286,13 @@ def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, A
     """Yield options of `granular.edmd.simulate` for each other tie rule, if pairs of a run made with `options` are
     `tied`.
 
-    Poisson's rule does not go with balls that stick, the TC model or an elastic cut-off, and is slow for many bodies.
-    Any rule may refuse the scene.
+    Poisson's rule is not defined for balls that stick, such as after a collapse, for the TC model and for an elastic
+    cut-off; it is slow for many bodies. Any rule may refuse the scene.
     """
     if hard.scene.n < 3 or not tied(hard).any():
         return
     limit = min(options.get("max_events", EVENTS), MOST_OF_OTHERS * (len(hard.contacts) + hard.scene.n))
-    by_itself = hard.scene.n <= FEW and hard.stats.get("merge_below") != math.inf and not (
+    by_itself = hard.scene.n <= FEW and "merge_below" not in hard.stats and not (
         options.get("collapse") == "merge" or options.get("tc") or options.get("elastic_below"))
     for name in RULES if by_itself else RULES[:2]:
         if name != options.get("ties", "left"):

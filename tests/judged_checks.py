@@ -4,7 +4,7 @@ import math
 
 from judged_episodes import velocity_after
 from judged_rows import rows_of
-from judged_runs import STOPPED_EARLY, Runs
+from judged_runs import COLLAPSED, STOPPED_EARLY, Runs
 
 MAX_BODIES_OF_POISSON = 1000
 
@@ -60,20 +60,23 @@ class Checks(Runs):
         for ties in self.tie_rules() if self.has_ties(self.pairs) else ():
             options = {"ties": ties, "max_events": limit}
             try:
-                run = self.continued_by_sticking(self.collide(self.scene, self.t_end, **options), self.t_end, **options)
+                run = self.collide(self.scene, self.t_end, **options)
+                if ties == "poisson" and run.status.name in COLLAPSED:
+                    continue
+                run = self.continued_by_sticking(run, self.t_end, **options)
             except (ValueError, ArithmeticError):
                 self.failed_ties.append(ties)
                 continue
             if run.status.name in STOPPED_EARLY:
                 self.failed_ties.append(ties)
             else:
-                together = min(one.stats.get("merge_below", 0.0) for one in (run, self.carried))
-                self.other_ties[ties] = self.comparable_logs(run, self.carried), together
+                self.other_ties[ties] = self.comparable_logs(run, self.carried)
         self.shifted = self.logs_from_shifted_gaps()
 
     def tie_rules(self):
         sticky = all(self.rule(1.0, pair) == 0.0 for pair in self.scene.pairs) if callable(self.rule) else False
-        poisson = [] if sticky or self.n > MAX_BODIES_OF_POISSON else ["poisson"]
+        undefined = sticky or self.hard.status.name in COLLAPSED
+        poisson = [] if undefined or self.n > MAX_BODIES_OF_POISSON else ["poisson"]
         return [ties for ties in ("left", "right", *poisson) if ties != self.ties]
 
     def comparable_logs(self, *runs):

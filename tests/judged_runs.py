@@ -10,6 +10,7 @@ from granular.scene import speed_scale
 ROUNDING, FOLLOWED_DURATIONS = 1e-12, 20.0
 MAX_COLLISIONS = 200_000
 """Limit of every run: balls that ride on a driven floor at an ε near 1 have millions of collisions."""
+COLLAPSED = {"collapse", "bounded"}
 STOPPED_EARLY = {"max_events", "max_steps", "unstable", "broken"}
 
 
@@ -37,7 +38,7 @@ class Runs:
 
     def continued_by_sticking(self, run, t_end, **options):
         """A hard run to `t_end`; after a collapse slow pairs stick."""
-        if run.status.name not in ("collapse", "bounded"):
+        if run.status.name not in COLLAPSED:
             return run if t_end == self.t_end else self.collide(run.scene, t_end, **options)
         slow = 1e-9 * max(closing(row) for row in rows_of(run))
         return self.collide(run.scene, t_end, collapse="merge", merge_below=slow, **options)

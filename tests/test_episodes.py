@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from error_by_hand import ByHand, contacts_of, episodes as by_loops
+from judge import Judge
+from scenes_of_outcomes import BounceThreshold, ring_whose_episode_hides_a_wrong_flight
 from scenes_to_judge import KINDS, question
 
 import granular as gr
 from granular.comparison.report import warnings
 from granular.episodes import _groups, episodes
+from granular.outcome import partings
 
 INF = math.inf
 
@@ -251,6 +254,40 @@ def test_only_components_with_ties_need_the_other_tie_rules(monkeypatch, status,
     far = gr.Scene([1.0] * 5, [0.1] * 5, [0.5, 0.5, 1e3, 0.1], [1.0, 0.0, -1.0, 1.0, 0.0])
     answers = {one.balls: one.answer for one in gr.compare(far, gr.LinearDashpot(1e7), t_end=1.0).reasons}
     assert answers == {(0, 1, 2): gr.Answer.undecided, (3, 4): gr.Answer.yes}
+
+
+def test_a_damped_pile_that_collapses_can_be_yes():
+    """The rule of Poisson cannot carry on a collapse, and is no check of it: the other order alone is."""
+    scene = gr.Scene([INF, 1.0, 0.033], [0.0, 0.05, 0.05], [0.07, 0.1], [0.0] * 3, 9.81)
+    law = dashpots(scene, (0.3, 1e9), (0.3, 3.3e7))
+    report = gr.compare(scene, law, t_end=1.5)
+    assert gr.edmd.simulate(scene, report.rule, ties="poisson", t_end=1.5).status is gr.Status.collapse
+    assert report.hard.status is gr.Status.collapse
+    assert set(report.tie_errors) == {"right"}
+    assert report.answer is gr.Answer.yes
+    assert Judge(scene, report.law, report.rule, 1.5).judge().answer == "yes"
+
+
+def test_long_flights_within_an_episode_are_compared():
+    scene, law, _, t_end = ring_whose_episode_hides_a_wrong_flight()
+    report = gr.compare(scene, law, t_end=t_end)
+    one = report.deciding
+    assert (report.answer, one.ball, one.contacts) == (gr.Answer.no, 0, 3)
+    assert (one.hard_velocity, one.soft_velocity) == pytest.approx((-2.98, -1.49), abs=0.01)
+    assert report.error == pytest.approx(ByHand(report).error_of([0, 1, 2], float(report.units[0])), rel=1e-9)
+
+
+@pytest.mark.parametrize("ties", ["left", "right"])
+def test_a_pile_under_a_rule_with_a_threshold_sticks_and_is_judged_alike(ties):
+    """Balls stick without merge_below: runs under two tie rules are compared contact by contact."""
+    for n, gap in ((2, 0.0), (2, 0.05), (3, 1e-3)):
+        scene = gr.Scene([INF, *[1.0] * n], [0.0, *[0.05] * n], [0.1, *[gap] * (n - 1)], [0.0] * (n + 1), 9.81)
+        report = gr.compare(scene, dashpots(scene, *[(0.5, 1e8)] * n), BounceThreshold(0.5, 0.3), t_end=1.5, ties=ties)
+        assert "merge_below" not in report.hard.stats
+        assert (partings(report.hard) == 0.0).all()
+        own = Judge(scene, report.law, report.rule, 1.5, ties=ties).judge()
+        assert report.answer.name == own.answer
+        assert report.error == pytest.approx(own.error, rel=1e-6)
 
 
 def test_a_shifted_run_that_stops_early_is_no_yes():
