@@ -118,20 +118,6 @@ def _endless(soft: Trajectory, until: Array) -> Trajectory:
     return replace(soft, contacts=log)
 
 
-def settled(soft: Trajectory) -> Trajectory:
-    """Return the run; one that ended as its balls were found to rest is gone on with until they have about settled."""
-    patience = float(_running(soft)[1].max(initial=0.0)) if soft.status is Status.resting else 0.0
-    return md.resume(soft, t_end=soft.time[-1] + patience) if patience > 0.0 and soft.state else soft
-
-
-def deepest(soft: Trajectory) -> Array:
-    """Largest overlap in m of the contact of each pair that has no end, shape of the gaps; nan without."""
-    log, found = soft.contacts, np.full(soft.scene.n_pairs, math.nan)
-    endless = np.isnan(log["t_end"])
-    found[log["pair"][endless]] = log["xi_max"][endless]
-    return found
-
-
 def first(run: Trajectory, most: Array) -> Trajectory:
     """Return the run with only the first contacts of every pair in its log, as many as `most` (n-1,) says."""
     order, edge = run.by_pair

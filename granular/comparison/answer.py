@@ -183,8 +183,7 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
     if not len(log) or not (report.scene.pull.any() or report.scene.driven):
         return None
     settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]
-    run = end_time.settled(report.soft)  # that balls rest is known before they have settled
-    depth = np.where(settled, np.fmax(log["xi_max"], end_time.deepest(run)[log["pair"]]), -run.gap[-1][log["pair"]])
+    depth = np.where(settled, log["xi_max"], -report.soft.gap[-1][log["pair"]])
     if report.soft.status is Status.resting:
         still = static_overlaps(report.soft)[log["pair"]]
         depth = np.fmax(still, np.where(settled | np.isnan(still), depth, 0.0))
