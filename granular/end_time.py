@@ -25,7 +25,7 @@ from granular._check import Array, typed
 from granular.drive import EVENTS
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
-from granular.outcome import approach, at_once, components, counted, counts, partings, strengths
+from granular.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
 from granular.scene import Scene
 from granular.scene.places import Closing
 from granular.trajectory import Status, Trajectory
@@ -143,7 +143,7 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     lying = np.zeros(len(most), np.bool_)
     lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
     latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
-    stuck = (hard.gap[-1] == 0.0) & (np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0))
+    stuck = (hard.gap[-1] == 0.0) & (np.abs(partings(hard)) <= sticking(hard))
     latest[0, _ever_lower(at_once(hard), soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
     return np.asarray(latest, float)
 

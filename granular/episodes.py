@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array, typed
-from granular.outcome import INSTANT, approach, carried, counts, last_contacts, partings
+from granular.outcome import INSTANT, approach, carried, counts, last_contacts, partings, sticking
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 
@@ -194,7 +194,7 @@ def _held_since(soft: Trajectory) -> Array:
 def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
     """Whether the last contact of each pair has no end in the soft run; and in the hard one, where spheres stick.
     Both have the shape of the gaps."""
-    sticks = np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0)
+    sticks = np.abs(partings(hard)) <= sticking(hard)
     return np.isnan(partings(soft)) & (counts(soft) > 0), sticks & (counts(hard) < counts(soft))
 
 
@@ -202,7 +202,7 @@ def resting_in_both(hard: Trajectory, soft: Trajectory) -> Any:
     """Whether each pair that is `at_rest` in one run rests at the end of the other one too, shape of the gaps."""
     never, sticks = at_rest(hard, soft)
     parting = np.where(never, partings(hard), partings(soft))
-    still = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= hard.stats.get("merge_below", 0.0))
+    still = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= sticking(hard))
     return (never | sticks) & still
 
 

@@ -76,6 +76,13 @@ def partings(run: Trajectory) -> Array:
     return separations(run)[0]
 
 
+def sticking(run: Trajectory) -> float:
+    """Speed in m/s up to which pairs of hard spheres that part are at rest: `merge_below`, 0 if the rule itself merges
+    balls, -1 if none merge. Balls may also leave one instant with the same velocity, and do not stick."""
+    rests = run.stats.get("merged", 0) + run.stats.get("settled", 0) > 0
+    return float(run.stats.get("merge_below", 0.0 if rests else -1.0))
+
+
 def separations(run: Trajectory) -> tuple[Array, Array]:
     """Separation speed in m/s and time in s at the end of the last contact of every pair; nan without one."""
     order, edge = run.by_pair
@@ -282,7 +289,8 @@ def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
     """How far in m/s two hard runs differ in pairs that end up stuck in both, contact by contact, shape of the gaps;
     what one run has alone counts in full, but for contacts of balls that settle."""
     apart, runs = np.zeros(one.scene.n_pairs), (one, other)
-    for c in np.flatnonzero((partings(one) == 0.0) & (partings(other) == 0.0)).tolist():
+    stuck = [(partings(run) == 0.0) & (sticking(run) >= 0.0) for run in runs]
+    for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
         speeds = np.zeros((2, max(run.count(c) for run in runs), 2))
         for run, of in zip(runs, speeds, strict=True):
             of[: run.count(c)] = np.column_stack([approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"])])

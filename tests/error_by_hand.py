@@ -62,7 +62,8 @@ class ByHand:
         self.report, self.scene = report, report.scene
         self.hard, self.soft = map(contacts_of, report.levelled)
         self.counted = tuple(map(contacts_of, report.counted))
-        self.below = report.levelled[0].stats.get("merge_below", 0.0)
+        stats = report.levelled[0].stats
+        self.below = stats.get("merge_below", 0.0 if stats.get("merged") or stats.get("settled") else -1.0)
         self.weight = report.components.weight(report.levelled[1]).tolist()
         self.rests = {c: rest for c in range(self.scene.n_pairs) if (rest := self.rest(c)) is not None}
         self.settling = {(r.pair, r.number) for r in [*self.hard, *self.soft] if self.settles(r)}

@@ -11,7 +11,7 @@ from itertools import zip_longest
 from judged_checks import Checks
 from judged_episodes import Leaving, episodes_of, free_time, last_contact, numbered, velocity_after
 from judged_rows import closing, count, of_pair, parting, stuck_apart
-from judged_runs import COLLAPSED, FOLLOWED_DURATIONS, MAX_COLLISIONS, STOPPED_EARLY
+from judged_runs import COLLAPSED, FOLLOWED_DURATIONS, MAX_COLLISIONS, STOPPED_EARLY, merging_speed
 
 import granular as gr
 
@@ -69,8 +69,7 @@ class Judge(Checks):
         h, s = of_pair(hard, pair), of_pair(soft, pair)
         if s and math.isnan(parting(s[-1])):
             return s, h
-        together = self.carried.stats.get("merge_below", 0.0)
-        if h and abs(parting(h[-1])) <= together and len(h) < len(s):
+        if h and abs(parting(h[-1])) <= merging_speed(self.carried) and len(h) < len(s):
             return h, s
         return None
 
@@ -86,7 +85,7 @@ class Judge(Checks):
         if not other:
             return self.hard.gap[-1][pair] == 0.0
         out = parting(other[-1])
-        return math.isnan(out) or abs(out) <= self.carried.stats.get("merge_below", 0.0)
+        return math.isnan(out) or abs(out) <= merging_speed(self.carried)
 
     def rest_difference(self, pair, rests, other, ignored):
         """The largest difference under *Rest* of a pair, in m/s."""
@@ -155,8 +154,8 @@ class Judge(Checks):
     def depends_on_rounding(self, pairs, balls, unit):
         """Rules 2 and 3: tie rules and shifted gaps; None if the answer is unique."""
         settling = self.settling_speed(pairs)
-        for name, logs in self.other_ties.items() if self.has_ties(pairs) else ():
-            stuck = [stuck_apart(*logs, c, settling) for c in pairs]
+        for name, (logs, merges) in self.other_ties.items() if self.has_ties(pairs) else ():
+            stuck = [stuck_apart(*logs, c, settling) if merges else 0.0 for c in pairs]
             if max(*stuck, *(self.last_difference(*logs, b) for b in balls)) > ERROR_LIMIT * unit:
                 return "not_unique", f"ties={name}"
         moved = [0.0 if self.shifted is None else self.last_difference(*self.shifted, b) for b in balls]

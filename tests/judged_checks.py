@@ -4,7 +4,7 @@ import math
 
 from judged_episodes import velocity_after
 from judged_rows import rows_of
-from judged_runs import COLLAPSED, STOPPED_EARLY, Runs
+from judged_runs import COLLAPSED, STOPPED_EARLY, Runs, merging_speed
 
 MAX_BODIES_OF_POISSON = 1000
 
@@ -70,7 +70,8 @@ class Checks(Runs):
             if run.status.name in STOPPED_EARLY:
                 self.failed_ties.append(ties)
             else:
-                self.other_ties[ties] = self.comparable_logs(run, self.carried)
+                merges = min(map(merging_speed, (run, self.carried))) >= 0.0
+                self.other_ties[ties] = self.comparable_logs(run, self.carried), merges
         self.shifted = self.logs_from_shifted_gaps()
 
     def tie_rules(self):

@@ -14,6 +14,12 @@ COLLAPSED = {"collapse", "bounded"}
 STOPPED_EARLY = {"max_events", "max_steps", "unstable", "broken"}
 
 
+def merging_speed(run):
+    """Separation speed up to which balls of a hard run stick; negative if the run merges none."""
+    merges = run.stats.get("merged", 0) or run.stats.get("settled", 0)
+    return run.stats.get("merge_below", 0.0 if merges else -1.0)
+
+
 class Runs:
     """One scene, its laws and its end; without `t_end` both runs go on until no contact can follow."""
 
@@ -132,8 +138,7 @@ class Runs:
     def sticks(self, rows, c):
         """Whether the bodies of a hard pair that have collided are at rest on each other at the end."""
         mine = of_pair(rows, c)
-        together = self.carried.stats.get("merge_below", 0.0)
-        return bool(mine) and self.carried.gap[-1][c] == 0.0 and abs(parting(mine[-1])) <= together
+        return bool(mine) and self.carried.gap[-1][c] == 0.0 and abs(parting(mine[-1])) <= merging_speed(self.carried)
 
     def lacks_lower_bounces(self, rows, others, c, of):
         """Whether the contacts that a pair lacks are those of a ball that bounces ever lower, or settles."""
