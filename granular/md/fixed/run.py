@@ -146,6 +146,8 @@ class Run:
                     return Pause.full
         if self.k > MOST_STEPS:
             raise self._beyond(self.k)
+        if self.engine == "auto":
+            self._compile_if_worth_it()
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
         most = 1 if self.request.singly else self.chunk
         begun, steps = process_time(), int(min(most, limit - self.k, self.request.max_steps - self.steps))
@@ -160,8 +162,6 @@ class Run:
             return Pause.unstable
         if self.contacts >= self.request.max_events:
             return Pause.work
-        if self.engine == "auto":
-            self._compile_if_worth_it()
         return Pause.full
 
     def _meets(self) -> float:
