@@ -252,7 +252,8 @@ def stability(
     chosen, extreme = _check.choices("methods", methods, METHODS, 1), _check.choices("axes", axes, tuple(AXES))
     plan, limit = planned(scene, {}, (), fixed), _check.number("error", error, above=0.0)
     case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
-    with shown(progress, on_progress, "runs") as tell:
+    with shown(progress, on_progress, "runs") as told:
+        tell = told or (lambda share, count: None)
         durations = _judged(case)[1].durations
         if not durations:
             raise ValueError(f"scene is {case.scene}: in this time no contact ends, and there is nothing to judge by.")
@@ -260,18 +261,19 @@ def stability(
             (f"{axis} × {factor:g}", AXES[axis][0], factor) for axis in extreme for factor in AXES[axis][1]
         ]
         rows, left_out, steps = list[Tried](), dict[str, str](), [*(min(durations) / n for n in STEPS), math.nan]
-        for done, (name, vary, factor) in enumerate(todo, 1):
+        settings = [(method, dt) for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]
+        for done, (name, vary, factor) in enumerate(todo):
             try:
                 one = vary(case, factor)
-                if done > 1 and one.scene == case.scene and _laws(one) == _laws(case):
+                if done > 0 and one.scene == case.scene and _laws(one) == _laws(case):
                     raise ValueError("nothing of the scene or its laws changes.")
                 judged = _judged(one)
-                rows += [_tried(one, (name, method, dt), judged, limit)
-                         for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]
+                for i, setting in enumerate(settings, 1):
+                    rows.append(_tried(one, (name, *setting), judged, limit))
+                    tell((done + i / len(settings)) / len(todo), len(rows))
             except REFUSED as refusal:
                 left_out[name] = str(refusal)
-            if tell is not None:
-                tell(done / len(todo), len(rows))
+                tell((done + 1) / len(todo), len(rows))
     return Stability(plan.subject.title, limit, min(durations), tuple(rows), left_out)
 
 
