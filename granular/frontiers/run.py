@@ -25,7 +25,7 @@ from granular.trajectory import Status, Trajectory
 ALIKE = 1e-3
 """Error of the default method, in units of the impact speed, from which on a reference is that of another scene."""
 LONG = 0.2
-"""Seconds after which a run is not repeated any more."""
+"""Seconds in all after which a run is not repeated any more."""
 
 
 @_check.face
@@ -55,7 +55,8 @@ def frontier(
         Some of located, verlet, symplectic-euler, rk4, gear5, edmd, dop853, lsoda, radau, dop853+events,
         lsoda+events, radau+events; default all. The last six are scipy's.
     repeats : int
-        Runs of which the fastest counts, after one that warms up; a run of more than 0.2 s is not repeated.
+        Maximum number of runs of each setting, of which the fastest counts. After 0.2 s in all a run is not repeated.
+        Each method first runs once at its cheapest setting, which is not timed.
     reference : Reference, optional
         What `granular.reference.solve` gave for the same scene, law and stop condition; computed if not given.
 
@@ -101,12 +102,15 @@ def frontier(
             level = rounding_level(task)
             _check_reference(truth, run, level)
             tried = [*filter(None, (peer(task, name) if name in PEERS else own(task, name) for name in chosen))]
-            todo = [(method, setting) for method in tried for setting in method.settings]
+            todo = sum(len(method.settings) for method in tried)
             rows: list[Row] = []
-            for method, setting in todo:
-                rows.append(_row(task, method, setting, count, level))
-                if tell is not None:
-                    tell(len(rows) / len(todo), len(rows))
+            for method in tried:
+                for setting in method.settings[:1]:  # warms up, at the cheapest setting
+                    method.run(setting)
+                for setting in method.settings:
+                    rows.append(_row(task, method, setting, count, level))
+                    if tell is not None:
+                        tell(len(rows) / todo, len(rows))
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.setting_name for method in tried},
         expected_orders(task, chosen), level, machine(),
@@ -127,15 +131,15 @@ def _nothing(scene: Scene) -> str:
 
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:
-    """Run one method at one setting, first to warm up."""
-    outcome, times = method.run(setting), [0.0]
-    while len(times) <= repeats and times[-1] <= LONG:
+    """Run one method at one setting, as often as it takes to time it."""
+    times: list[float] = []
+    while len(times) < repeats and sum(times) <= LONG:
         begin = time.thread_time()
-        method.run(setting)
+        outcome = method.run(setting)
         times.append(time.thread_time() - begin)
     v_error, t_error, wrong = errors(task.truth, outcome.contacts(), task.scene.n_pairs)
     return Row(method=method.name, setting=setting, velocity_error=v_error, time_error=t_error, wrong_count=wrong,
-               rounding=v_error <= NEAR * level and not wrong, seconds=min(times[1:]), work=outcome.work,
+               rounding=v_error <= NEAR * level and not wrong, seconds=min(times), work=outcome.work,
                unit=outcome.unit, status=outcome.status)
 
 
