@@ -156,7 +156,7 @@ def flights(run: Trajectory, met: Any) -> Array:
     if run.rule is not None:
         over = np.where(np.abs(free) > INSTANT * (end[by_end] - run.time[0]), np.arange(len(body)), len(body))
         free = free[np.minimum.accumulate(over[::-1])[::-1]]
-    return free[np.argsort(by_end)].reshape(-1, 2)
+    return np.asarray(free[np.argsort(by_end)].reshape(-1, 2))
 
 
 def _groups(size: int, one: Any, other: Any) -> Any:

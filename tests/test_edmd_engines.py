@@ -115,7 +115,7 @@ def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monk
     run = edmd.simulate(scene, ConstantRestitution(1.0), t_end=1e6, max_events=110_000, log=False)
     assert run.stats["engine"] == "sorted"
     with pytest.raises(ImportError, match="engine is 'compiled': numba is not installed: pip install"):
-        edmd.simulate(scene, ConstantRestitution(1.0), engine="compiled")
+        edmd.simulate(scene, ConstantRestitution(1.0), t_end=1.0, engine="compiled")
 
 
 def test_numba_told_not_to_compile_is_as_if_it_were_not_there() -> None:

@@ -141,7 +141,7 @@ def test_balls_wedged_between_walls() -> None:
     end = edmd.simulate(scene, ConstantRestitution(0.5), ties="poisson", max_events=1000)
     assert np.abs(end.velocity[-1]).max() <= 1.0
     with pytest.raises(ValueError, match=r"wedged between two walls .* use ties='poisson'"):
-        edmd.simulate(scene, ConstantRestitution(1.0), ties="reflect")
+        edmd.simulate(scene, ConstantRestitution(1.0), ties="reflect", t_end=1.0)
     closing = scene.replace(velocity=[1.0, 0.0, 0.0, -1.0])
     stopped = edmd.simulate(closing, ConstantRestitution(0.5), ties="poisson")
     assert stopped.status is Status.collapse

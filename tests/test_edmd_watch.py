@@ -274,10 +274,10 @@ def test_pairs_of_all_sizes_share_their_contacts(monkeypatch):
 def test_misuse_is_a_sentence(watch, kind, sentence):
     scene = gr.scenes.three_balls()
     with pytest.raises(kind, match=sentence):
-        gr.edmd.simulate(scene, ELASTIC, watch=watch)
+        gr.edmd.simulate(scene, ELASTIC, t_end=1.0, watch=watch)
     half = gr.edmd.simulate(scene, ELASTIC, max_events=2)
     with pytest.raises(kind, match=sentence):
-        gr.edmd.resume(half, watch=watch)
+        gr.edmd.resume(half, t_end=1.0, watch=watch)
 
 
 def test_the_sentence_says_how_many_and_where_and_that_it_is_no_proof():

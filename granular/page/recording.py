@@ -181,7 +181,7 @@ def filled(run: Trajectory, most: int) -> Trajectory:
 
 def _instants(run: Trajectory) -> Iterator[Array]:
     """Times of rows and contacts, with some between them if paths are curved; and without those between."""
-    corners = np.union1d(run.time, run.contacts["t_begin"])
+    corners = np.union1d(run.time, np.append(run.contacts["t_begin"], run.stats.get("collapse_time", run.time[-1])))
     scene = run.scene
     if scene.gravity or scene.pendulum or scene.external_force is not None:
         between = corners[:-1, None] + np.diff(corners)[:, None] * np.arange(EACH) / EACH
@@ -197,7 +197,11 @@ def _rows(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Arra
     near = CLOSE * float(np.ptp(run.position, axis=0).max(initial=0.0))
     at = dict(zip(run.time.tolist(), range(len(run.time)), strict=True))
     now, x, v, gap = instants[0], run.position[0], run.velocity[0], run.gap[0]
+    rest = run.stats.get("collapse_time", math.inf)
     for t in instants.tolist():
+        if rest <= t and rest < run.time[-1]:  # all balls are at rest on a wall
+            yield t, run.position[-1] - run.velocity[-1] * (run.time[-1] - t), run.velocity[-1], run.gap[-1]
+            continue
         there, v = _flown(scene, x, v, t - now)
         now, x, gap = t, there, gap + scene.across(there - x)
         if met < len(log) and instants[0] < log["t_begin"][met] <= t:
