@@ -43,6 +43,8 @@ HUNG: bool = False
 """Balls are pendula."""
 RING: bool = False
 """Balls stand on a ring; the last one touches the first."""
+FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING"})
+"""The names of the flags, which any kernel may leave unread."""
 on_making: list[Callable[[], object]] = []
 """Who wants to know, once, that machine code is about to be made, which takes a while."""
 MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "nogil": True}
@@ -88,10 +90,19 @@ def specialised(function: F, **instead: Any) -> F:
 
 
 def fitted(function: F, **instead: Any) -> F:
-    """Return a twin of a kernel as `specialised` does, or the kernel itself if it reads none of the names."""
+    """Return a twin of a kernel as `specialised` does, or the kernel itself if it reads none of the names.
+
+    Raises
+    ------
+    TypeError
+        If a name is neither a flag nor read by the kernel, by a kernel that it calls or by a replacement.
+    """
     if not instead:
         return function
     read = _read_below(function).union(*(_read_below(value) for value in instead.values() if _is_kernel(value)))
+    if unknown := instead.keys() - read - FLAGS:
+        raise TypeError(f"{function.__name__} cannot be specialised for {min(unknown)}: no kernel in it reads that "
+                        "name.")
     known = sorted((name, value) for name, value in instead.items() if name in read)
     twin: F = _specialised(function, tuple((name, value, repr(value)) for name, value in known))
     return twin

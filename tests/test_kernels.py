@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from granular import _held, _kernels, _records
-from granular._kernels import compiled, have_numba, kernel, specialised
+from granular._kernels import compiled, fitted, have_numba, kernel, specialised
 from granular.edmd import motion
 
 SCALE, SHIFT = 2.0, 1
@@ -87,6 +87,9 @@ def test_what_does_not_mention_the_name_is_not_copied():
 def test_a_name_that_nobody_reads_is_refused():
     with pytest.raises(TypeError, match="outer cannot be specialised for SCALES: no kernel in it reads that name"):
         specialised(outer, SCALES=1.0)
+    with pytest.raises(TypeError, match="outer cannot be specialised for DRIVE: no kernel in it reads that name"):
+        fitted(outer, DRIVE=True)
+    assert fitted(outer, DRIVEN=True) is outer
 
 
 @pytest.mark.parametrize(("work", "memory", "disk", "pays"), [

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular._kernels import fitted, kernel
+from granular._kernels import _read_below, fitted, kernel
 from granular.md.located import run as located_run
 from granular.md.located.records import BY_PIECES
 
@@ -227,13 +227,18 @@ def beside_a_plate(seed):
                     ceiling=path), law
 
 
+def by_pieces(kernel, **flags):
+    """The kernel, fitted, in which no contact is solved at once."""
+    return fitted(kernel, **flags, **{"happen_at_once": never for _ in {"happen_at_once"} & _read_below(kernel)})
+
+
 def test_what_is_certified_as_isolated_is(monkeypatch):
     alone = 0
     for seed in range(20):
         scene, law = beside_a_plate(seed)
         runs = [run(scene, law, 0.0, 0.01, max_steps=2000, max_events=40)]
         with monkeypatch.context() as patch:
-            patch.setattr(located_run, "fitted", lambda kernel, **flags: fitted(kernel, **flags, happen_at_once=never))
+            patch.setattr(located_run, "fitted", by_pieces)
             runs.append(run(scene, law, 0.0, 0.01, max_steps=2000, max_events=40))
         if any(r.status is not gr.Status.time for r in runs):
             continue

@@ -32,11 +32,11 @@ Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swi
 
 
 @cache
-def kernels(how: Integrator, force: Any, has: tuple[tuple[str, bool], ...]) -> Code:
-    """Return the kernels of an integrator and a force, as they fit a scene and a run that have this."""
+def kernels(how: Integrator, force: Any, logged: bool, damped: bool, flags: tuple[tuple[str, bool], ...]) -> Code:
+    """Return the kernels of an integrator and a force, specialised for the flags of a scene."""
     fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force,
-                           **dict(has)}
-    return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **fit),
+                           "LOGGED": logged, "DAMPED": damped, **dict(flags)}
+    return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **dict(flags)),
                 window.glide, window.time_to_touch, window.swing, window.time_to_touch_hung)
 
 
@@ -138,8 +138,7 @@ class Stepper:
 
     def _kernels(self, force: Any) -> Code:
         damped = force is not contact_force.power or bool(np.any(self.physics.given[window.GAMMA]))
-        has = ("LOGGED", self.physics.logged), ("DAMPED", damped), *self.flags.items()
-        return kernels(self.integrator, force, has)
+        return kernels(self.integrator, force, self.physics.logged, damped, tuple(self.flags.items()))
 
     def _fall(self) -> Array:
         """Acceleration of every ball without contacts in m/s²."""
