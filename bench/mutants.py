@@ -2,7 +2,7 @@
 
     python bench/mutants.py            make each of them in a copy of the package: is it found?
     python bench/mutants.py 3 17       these two
-    python bench/mutants.py --check    whether each of them can still be made
+    python bench/mutants.py --check    whether each of them can still be made, and its test files exist
 
 The test files named for a mistake run until the first failure; a run that takes more than `LIMIT` seconds of processor
 time counts as a failure, for a mistake may make a loop that never ends. Exit code 1 if a mistake is not found. Run it
@@ -83,9 +83,8 @@ MUTANTS = [
     ("md/located", "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push",
      "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull", SHAKEN),
     # what is said of two runs
-    ("outcome.py", 'order = np.argsort(rank, kind="stable")', "order = np.arange(len(rank))", JUDGE),
+    ("outcome.py", 'order = np.argsort(log["t_end"], kind="stable")', "order = np.arange(len(log))", JUDGE),
     ("outcome.py", 'log["impulse"] / run.scene.pairs.m_eff[log["pair"]]', "approach(run)", JUDGE),
-    ("outcome.py", "begins[1:] &= ~met[:-1]", "begins[1:] &= met[:-1]", JUDGE),
     ("outcome.py", "of_ball[scene.is_wall] = count", "pass", JUDGE),
     ("outcome.py", "fastest > weight[c] * still", "fastest > -1.0", JUDGE),
     ("end_time.py", 'kept = nth < most[run.contacts["pair"]]', 'kept = nth <= most[run.contacts["pair"]]', JUDGE),
@@ -103,6 +102,20 @@ def home(package: Path, place: str, old: str) -> Path:
     if len(found) != 1:
         raise ValueError(f"granular/{place} has {len(found)} times {old!r}: one is needed.")
     return found[0]
+
+
+def checked() -> list[Path]:
+    """Return the file of every mistake.
+
+    Raises
+    ------
+    ValueError
+        If a mistake has no file or several, or names a test file that does not exist.
+    """
+    named = {name for *_, tests in MUTANTS for name in tests.split()}
+    if lost := sorted(name for name in named if not (ROOT / "tests" / f"{name}.py").is_file()):
+        raise ValueError(f"tests/ has no {', '.join(lost)}.")
+    return [home(ROOT / "granular", place, old) for place, old, *_ in MUTANTS]
 
 
 def killed(copy: Path, place: str, old: str, new: str, tests: str) -> str:
@@ -151,6 +164,6 @@ def main(numbers: list[int]) -> int:
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["--check"]:
-        print("\n".join(str(home(ROOT / "granular", place, old)) for place, old, *_ in MUTANTS))
+        print("\n".join(map(str, checked())))
     else:
         sys.exit(main([int(text) for text in sys.argv[1:]]))

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,8 @@ from same_bits import ROOT, unpacked
 import granular as gr
 
 ROUNDS = 9
+SCHEDULES = ("granular.studies.sweeps.schedule", "granular.sweeps.schedule")
+"""Where the limits of sweeps are defined, by version; a tree without any of these modules cannot be timed."""
 Work = Callable[[], Any]
 
 
@@ -51,14 +52,18 @@ def again(work: Work, times: int = 30) -> Work:
     return lambda: [work() for _ in range(times)]
 
 
+def place(name: str) -> Path:
+    """File of a module of the package."""
+    return Path(str(gr.__file__)).parent.parent.joinpath(*name.split(".")).with_suffix(".py")
+
+
 def sweeps_at_once() -> None:
     """Have sweeps solve many cells in one compiled call at once, whatever machine code has to be made."""
-    for name in ("granular.sweeps.schedule", "granular.sweeps.batch"):
-        with suppress(ImportError):
-            schedule: Any = import_module(name)
-            for limit in ("LOADING", "MAKING"):
-                if hasattr(schedule, limit):
-                    setattr(schedule, limit, 0.0)
+    name = next(name for name in SCHEDULES if place(name).exists())
+    schedule: Any = import_module(name)
+    for limit in ("LOADING", "MAKING"):
+        getattr(schedule, limit)  # an `AttributeError` here, rather than limits that are lifted in one tree only
+        setattr(schedule, limit, 0.0)
 
 
 def calls() -> dict[str, Work]:

@@ -6,7 +6,6 @@ Nothing is fetched: no fonts, scripts or formulas from elsewhere, so the pages w
 import gc
 import re
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -38,20 +37,8 @@ if (HERE.parent / "examples").exists():
 MADE = HERE / "_made"
 pages.write(MADE)
 
-
-def is_documentable(page: Path) -> bool:
-    """Whether the modules that a page of the reference describes can be imported."""
-    try:
-        for name in re.findall(r"automodule:: (\S+)", page.read_text(encoding="utf-8")):
-            import_module(name)
-    except ImportError:
-        return False
-    return True
-
-
 exclude_patterns = ["_build", "_examples", "_made", "jupyter_execute", "gallery/**.ipynb", "**/.ipynb_checkpoints"]
 exclude_patterns += ["**/sg_execution_times.rst", "sg_execution_times.rst"]
-exclude_patterns += [f"api/{page.name}" for page in (HERE / "api").glob("*.md") if not is_documentable(page)]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_url_schemes = {"http": None, "https": None, "mailto": None, "page": {"url": "page/index.html#{{path}}"}}
 """A link such as (page:scene=three-balls&eps=0.7) opens the teaching page in that state."""
@@ -109,18 +96,6 @@ html_theme_options = {
 }
 html_sidebars = {"index": [], "reading": [], "defence-of-design": []}
 
-PLANNED = ("frontier", "stability", "paper", "page", "adiabatic", "gallery/index")
-"""Pages that may not have been written (or generated) yet: links to them become plain text until they are."""
-
-
-def leave_out_planned(app: Any, docname: str, source: list[str]) -> None:
-    """Take pages that do not exist out of lists of contents and links."""
-    for page in PLANNED:
-        if page not in app.env.found_docs and page != docname:
-            source[0] = re.sub(rf"^{page}\n", "", source[0], flags=re.MULTILINE)
-            source[0] = re.sub(rf"\[([^\]]+)\]\((?:\.\./)?{page}(?:\.md)?(?:#[^)]*)?\)", r"\1", source[0])
-
-
 EMPHASIS = re.compile(r"(``.*?``|`[^`]+`|(?<![\w*])\*\w[^*|]*\*(?![\w*]))")
 
 
@@ -160,7 +135,6 @@ def _escaped(line: str) -> str:
 
 def setup(app: Any) -> None:
     """Connect the helpers above."""
-    app.connect("source-read", leave_out_planned)
     app.connect("doctree-resolved", gallery.describe)
     if QUICK:
         app.connect("builder-inited", lambda app: setattr(app.builder, "search", False))

@@ -31,10 +31,14 @@ PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"MAKING_
 their limits."""
 
 
+HERE = Path(__file__).parent
+assert [name for name in (*MAKERS, *TAKERS) if not (HERE / f"{name}.py").is_file()] == []
+
+
 @cache
 def turn():
     """Which third of the cases marked `thirds` this commit runs; the first without git."""
-    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True,
+    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=HERE, capture_output=True, text=True,
                           check=False)
     return int(done.stdout.strip() or "0", 16) % 3
 

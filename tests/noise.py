@@ -14,6 +14,7 @@ import dataclasses
 import os
 import sys
 from functools import wraps
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -41,6 +42,11 @@ def from_outside():
         frame = frame.f_back
     name = frame.f_globals["__name__"]
     return not name.startswith("granular.") or name.startswith(RECIPES)
+
+
+def there(prefix):
+    """Whether a module of that name, or modules below it, can be imported."""
+    return find_spec(prefix.removesuffix(".")) is not None
 
 
 def after(cls, change):
@@ -81,6 +87,8 @@ def move_coefficients(law):
 
 def _patch():
     import granular as gr
+
+    assert [name for name in (*RECIPES, *PASSED_THROUGH) if not there(name)] == []
 
     if KIND == 1:
         after(gr.Scene, move_state)

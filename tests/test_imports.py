@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 
@@ -43,6 +44,7 @@ def test_edmd_run_loads_nothing_heavy():
 
 
 def test_a_comparison_loads_neither_pictures_nor_files_nor_studies():
+    assert [name for name in IDLE if not find_spec(f"granular.{name}").has_location] == []
     code = (
         "import sys, granular as gr; "
         "print(gr.compare(gr.scenes.three_balls(), gr.LinearDashpot(5e7, 100.0), until=gr.until.contact(0, 2))); "

@@ -229,7 +229,8 @@ def beside_a_plate(seed):
 
 def by_pieces(kernel, **flags):
     """The kernel, fitted, in which no contact is solved at once."""
-    return fitted(kernel, **flags, **{"happen_at_once": never for _ in {"happen_at_once"} & _read_below(kernel)})
+    more = {"happen_at_once": never} if "happen_at_once" in _read_below(kernel) else {}
+    return fitted(kernel, **flags, **more)
 
 
 def test_what_is_certified_as_isolated_is(monkeypatch):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import granular as gr
+from bench import mutants
 from granular._about import EXTRAS, NAME, install
 from granular.cli import info
 from granular.page.assemble import LIVE, PLAYER, _needed
@@ -79,6 +80,10 @@ def test_what_contributing_names_is_there():
     named = set(re.findall(r"[\w.-]+/[\w./-]*\w", text)) | set(re.findall(r"\]\(([^)#]+)", text))
     assert {"README.md", ".ci/run", "bench/paired.py", "docs/reading.md"} <= named
     assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
+def test_every_mutant_has_one_place_and_its_tests_exist():
+    assert len(mutants.checked()) == len(mutants.MUTANTS) > 30
 
 
 def test_a_change_is_one_whole_line():

@@ -19,7 +19,7 @@ from granular.cases.case import Option
 from granular.cli import output
 from granular.cli.parser import Command
 
-FOLDER = Path(__file__).parents[1]
+FOLDER = Path(__file__).parents[__name__.count(".") - 1]
 REMEDY = f"uninstall it and install {NAME} again (--force-reinstall --no-deps), or give each an environment of its own"
 
 
