@@ -9,14 +9,10 @@ May be skipped: the public names, and where they stand.
 (1, 4)
 """
 
-import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from granular import _moved, until
 from granular._about import VERSION
-from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
-from granular.scene import Pair, Scene
-from granular.trajectory import Status, Trajectory
+from granular._lazy import attributes
 
 if TYPE_CHECKING:
     from granular import (
@@ -31,48 +27,64 @@ if TYPE_CHECKING:
         measures,
         scenes,
         theory,
+        until,
         walls,
         waves,
     )
     from granular.binary import restitution_of
-    from granular.cases import Case
-    from granular.comparison import Answer, Comparison, compare
+    from granular.cases.case import Case
+    from granular.comparison.answer import Answer
+    from granular.comparison.run import Comparison, compare
     from granular.extremes import stability
-    from granular.frontiers import frontier
+    from granular.frontiers.run import frontier
     from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
-    from granular.sweeps import Sensitivity, ensemble, sensitivity, sweep
-    from granular.thresholds import Threshold, threshold
-
-load = Trajectory.load
+    from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
+    from granular.scene import Pair, Scene
+    from granular.sweeps.ensembles import ensemble
+    from granular.sweeps.gradients import Sensitivity
+    from granular.sweeps.run import sweep
+    from granular.sweeps.sensitivities import sensitivity
+    from granular.thresholds.result import Threshold
+    from granular.thresholds.run import threshold
+    from granular.trajectory import Status, Trajectory, load
 
 __version__ = VERSION
-
 __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair",
     "PowerLaw", "Scene", "Sensitivity", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold",
-    "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases",
-    "compare", "edmd", "ensemble", "export", "frontier", "load", "materials", "md", "measures", "restitution_of",
-    "scenes", "sensitivity", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
+    "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary",
+    "cases", "compare", "edmd", "ensemble", "export", "frontier", "load", "materials", "md", "measures",
+    "restitution_of", "scenes", "sensitivity", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
 ]
-
-_HOMES = {
-    "Answer": "comparison", "Case": "cases", "Comparison": "comparison", "compare": "comparison",
-    "restitution_of": "binary", "frontier": "frontiers", "stability": "extremes", "sweep": "sweeps",
-    "Sensitivity": "sweeps", "ensemble": "sweeps", "sensitivity": "sweeps",
-    "Threshold": "thresholds", "threshold": "thresholds", "Hertz": "laws", "LinearDashpot": "laws",
-    "MatchedEnd": "laws", "PowerLaw": "laws", "TsujiHertz": "laws", "ViscoelasticHertz": "laws", "WaltonBraun": "laws",
-}
-"""Where names stand that are no modules."""
-
 __dir__ = __all__.copy
-sys.meta_path.append(_moved.Moved())
-
-
-def __getattr__(name: str) -> Any:
-    """Load engines, laws and upper floors when they are first asked for: a run of one engine does not need the rest."""
-    from importlib import import_module
-
-    if name not in __all__:
-        raise AttributeError(f"module 'granular' has no attribute {name!r}")
-    module = import_module(f"granular.{_HOMES.get(name, name)}")
-    return getattr(module, name) if name in _HOMES else module
+__getattr__ = attributes(__name__, {
+    "granular.adiabatic": "adiabatic",
+    "granular.balls": "balls",
+    "granular.binary": "binary restitution_of",
+    "granular.cases": "cases",
+    "granular.cases.case": "Case",
+    "granular.comparison.answer": "Answer",
+    "granular.comparison.run": "Comparison compare",
+    "granular.edmd": "edmd",
+    "granular.export": "export",
+    "granular.extremes": "stability",
+    "granular.frontiers.run": "frontier",
+    "granular.laws": "Hertz LinearDashpot MatchedEnd PowerLaw TsujiHertz ViscoelasticHertz WaltonBraun",
+    "granular.materials": "materials",
+    "granular.md": "md",
+    "granular.measures": "measures",
+    "granular.rules": "ConstantRestitution TabulatedRestitution ThorntonRestitution",
+    "granular.scene": "Pair Scene",
+    "granular.scenes": "scenes",
+    "granular.sweeps.ensembles": "ensemble",
+    "granular.sweeps.gradients": "Sensitivity",
+    "granular.sweeps.run": "sweep",
+    "granular.sweeps.sensitivities": "sensitivity",
+    "granular.theory": "theory",
+    "granular.thresholds.result": "Threshold",
+    "granular.thresholds.run": "threshold",
+    "granular.trajectory": "Status Trajectory load",
+    "granular.until": "until",
+    "granular.walls": "walls",
+    "granular.waves": "waves",
+})

@@ -358,3 +358,6 @@ def grouped(key: Any, n: int) -> tuple[Any, Any]:
     """Positions in the array `key` of whole numbers, ordered by key, and where in that each key 0 … n-1 begins."""
     order = np.argsort(key, kind="stable")
     return order, np.searchsorted(key[order], np.arange(n + 1))
+
+
+load = Trajectory.load

@@ -11,6 +11,7 @@ import scenes_at_random
 import granular as gr
 from granular import cases
 from granular._describe import from_json, scene_to_json
+from granular.cases import ready
 from granular.laws import LinearDashpot
 from granular.scene.places import fitted
 from granular.sweeps.plan import planned
@@ -206,7 +207,7 @@ def test_scenes_of_a_shaken_plate():
 def test_an_impact_on_a_wall_is_at_most_as_fast_as_both():
     case = cases.make("bouncing-ball", plate=Sine(1e-2, 50.0), height=1.0, law="ViscoelasticHertz", restitution=0.8)
     fall, wall = math.sqrt(2.0 * 9.81), 2.0 * math.pi * 50.0 * 1e-2
-    assert cases.ready.first_impact_speed(case.scene) == pytest.approx(fall + wall, rel=0.2)
+    assert ready.first_impact_speed(case.scene) == pytest.approx(fall + wall, rel=0.2)
     assert gr.scene.speed_scale(case.scene) == pytest.approx(fall + wall, rel=1e-3)
 
 

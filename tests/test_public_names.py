@@ -9,15 +9,10 @@ import dataclasses
 import inspect
 import json
 import re
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
-import pytest
-
 import granular as gr
-from granular import _moved
 from granular.sweeps.results import RESULTS
 from granular.trajectory import CONTACT
 
@@ -86,23 +81,6 @@ def test_nothing_public_is_lost_or_unlisted():
     new = {key: [x for x in inner if x not in stored.get(key, [])] for key, inner in now.items()}
     assert {key: inner for key, inner in lost.items() if inner or key not in now} == {}, "lost"
     assert {key: inner for key, inner in new.items() if inner} == {}, f"not listed yet: python {__file__}"
-
-
-@pytest.mark.parametrize(("old", "now"), _moved.NOW.items())
-def test_a_module_that_has_moved_is_found_under_its_old_name(old, now, monkeypatch):
-    monkeypatch.setitem(_moved.NOW, old, now)
-    monkeypatch.delitem(sys.modules, f"granular.{old}", raising=False)
-    with pytest.warns(DeprecationWarning, match=f"granular.{old} is now granular.{now}"):
-        found = import_module(f"granular.{old}")
-    assert found is import_module(f"granular.{now}")
-    assert found.__spec__.name == found.__name__ == f"granular.{now}"
-
-
-def test_a_module_is_an_attribute_of_its_room_as_it_was():
-    code = ("import granular as gr, warnings; warnings.simplefilter('ignore'); assert gr.walls.panels.Panels; "
-            "assert gr.walls.sine.Sine is gr.walls.Sine; assert gr.laws.power.PowerLaw is gr.PowerLaw; "
-            "assert gr.waves.space_time.picture; assert not hasattr(gr.laws, 'nothing')")
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 import granular as gr
-from granular import cases
+from granular.cases import ready
 from granular.cli import main, parser
 from granular.edmd import physics, ties
 from granular.md.fixed import integrators
@@ -102,8 +102,8 @@ def test_a_scene_is_a_function_and_a_line(monkeypatch, capsys):
         """
         return gr.Scene([float("inf"), 1.0, float("inf")], [0.0, 0.01, 0.0], [0.1, 0.1], [0.0, 1.0, -speed])
 
-    template = cases.ready.Template(piston, None, lambda scene: 0.15)
-    monkeypatch.setitem(cases.ready.TEMPLATES, "piston", template)
+    template = ready.Template(piston, None, lambda scene: 0.15)
+    monkeypatch.setitem(ready.TEMPLATES, "piston", template)
     for engine in ("edmd", "md"):
         assert main(["run", "piston", "--speed", "0.2", "--restitution", "1", "--engine", engine]) == 0
         assert "-1.4" in capsys.readouterr().out

@@ -8,6 +8,7 @@ import pytest
 
 from granular import cases, edmd, scenes
 from granular.binary import restitution
+from granular.cases import ready
 from granular.cases.ready import first_impact_speed
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
@@ -198,7 +199,7 @@ def test_a_first_impact_is_as_fast_as_that_of_a_pair_alone_also_of_one_that_part
 
 def test_a_viscoelastic_ball_thrown_up_has_its_restitution_where_it_lands():
     scene = Scene([math.inf, 1.0], [0.0, 0.1], [1.0], [0.0, 5.0], gravity=9.81)
-    (law,), _ = cases.ready.of_restitution(scene, 0.7, law="ViscoelasticHertz")
+    (law,), _ = ready.of_restitution(scene, 0.7, law="ViscoelasticHertz")
     assert restitution(law, scene.pairs[0], math.sqrt(25.0 + 2.0 * 9.81)) == pytest.approx(0.7, rel=1e-6)
 
 

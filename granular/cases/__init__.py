@@ -2,8 +2,19 @@
 May be skipped: names of the package only.
 """
 
-from granular.cases.case import Case
-from granular.cases.ready import about, make, names, options
-from granular.cases.toml import dumps, load, loads, save
+from typing import TYPE_CHECKING
+
+from granular._lazy import attributes
+
+if TYPE_CHECKING:
+    from granular.cases.case import Case
+    from granular.cases.ready import about, make, names, options
+    from granular.cases.toml import dumps, load, loads, save
 
 __all__ = ["Case", "about", "dumps", "load", "loads", "make", "names", "options", "save"]
+__dir__ = __all__.copy
+__getattr__ = attributes(__name__, {
+    "granular.cases.case": "Case",
+    "granular.cases.ready": "about make names options",
+    "granular.cases.toml": "dumps load loads save",
+})

@@ -16,8 +16,19 @@ May be skipped: names of the package only.
 =============  =====================================================================================================
 """
 
-from granular.binary import LawRule
-from granular.comparison.answer import Answer, Reason
-from granular.comparison.run import Comparison, compare
+from typing import TYPE_CHECKING
+
+from granular._lazy import attributes
+
+if TYPE_CHECKING:
+    from granular.binary import LawRule
+    from granular.comparison.answer import Answer, Reason
+    from granular.comparison.run import Comparison, compare
 
 __all__ = ["Answer", "Comparison", "LawRule", "Reason", "compare"]
+__dir__ = __all__.copy
+__getattr__ = attributes(__name__, {
+    "granular.binary": "LawRule",
+    "granular.comparison.answer": "Answer Reason",
+    "granular.comparison.run": "Comparison compare",
+})

@@ -2,6 +2,15 @@
 May be skipped: names of the package only.
 """
 
-from granular.md.simulation import events, resume, simulate
+from typing import TYPE_CHECKING
+
+from granular._lazy import attributes
+
+if TYPE_CHECKING:
+    from granular.md.simulation import events, resume, simulate
 
 __all__ = ["events", "resume", "simulate"]
+__dir__ = __all__.copy
+__getattr__ = attributes(__name__, {
+    "granular.md.simulation": "events resume simulate",
+})

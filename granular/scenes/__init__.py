@@ -5,10 +5,9 @@ Everywhere the lowest (leftmost) body comes first, masses and radii of spheres a
 number for `gap` means the same gap in every pair between balls.
 """
 
-from functools import partial
 from typing import TYPE_CHECKING
 
-from granular._moved import attribute
+from granular._lazy import attributes
 from granular.scenes.falling import ball_stack, bouncing_ball, column, real_balls, three_balls, vibrated_column
 
 if TYPE_CHECKING:
@@ -20,9 +19,7 @@ __all__ = [
     "pendulum_cradle", "real_balls", "ring_gas", "three_balls", "vibrated_column",
 ]
 __dir__ = __all__.copy
-_HOMES = {
-    "chain": "rows", "compressed_chain": "rows", "gas": "gases", "heated_gas": "gases", "newtons_cradle": "rows",
-    "pendulum_cradle": "rows", "ring_gas": "gases",
-}
-"""Scenes that are loaded when they are first asked for."""
-__getattr__ = partial(attribute, "scenes", _HOMES)
+__getattr__ = attributes(__name__, {
+    "granular.scenes.gases": "gas heated_gas ring_gas",
+    "granular.scenes.rows": "chain compressed_chain newtons_cradle pendulum_cradle",
+})

@@ -8,25 +8,17 @@ the scene put it, and moves at its own velocity + m'(t_start).
 from __future__ import annotations
 
 import math
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from granular import _check
-from granular._moved import attribute
-
-if TYPE_CHECKING:
-    from granular.walls.formulas import Piecewise, Sine
-    from granular.walls.motion import Motion
-    from granular.walls.panels import Panels
-    from granular.walls.thermal import Thermal
+from granular.walls.formulas import Piecewise, Sine
+from granular.walls.motion import Motion
+from granular.walls.panels import Panels
+from granular.walls.thermal import Thermal
 
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]
-__dir__ = __all__.copy
-_HOMES = {"Motion": "motion", "Panels": "panels", "Piecewise": "formulas", "Sine": "formulas", "Thermal": "thermal"}
-"""Most scenes have no such wall: its kind is loaded when it is first asked for."""
-__getattr__ = partial(attribute, "walls", _HOMES)
 
 
 def of_kind(motion: Any, *kinds: str) -> bool:

@@ -2,9 +2,6 @@
 May be skipped: names of the package only.
 """
 
-from functools import partial
-
-from granular._moved import attribute
 from granular.waves.bands import (
     band_edges,
     crossing_time,
@@ -22,4 +19,3 @@ __all__ = [
     "Pulse", "SolitaryWave", "band_edges", "crossing_time", "decay", "dispersion", "matched_end", "modes", "picture",
     "pulse", "solitary", "sound_speed", "stiffness",
 ]
-__getattr__ = partial(attribute, "waves", {})
