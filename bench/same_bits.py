@@ -32,6 +32,7 @@ from same_bits_special import SPECIAL
 ROOT = Path(__file__).resolve().parent.parent
 ROUNDING = 1e-9
 FAMILIES = PLAIN | SPECIAL
+RAISED = "raised"
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan|inf")
 
 
@@ -40,7 +41,7 @@ def outcome(run: Callable[[], Any]) -> dict[str, Any]:
     try:
         got = run()
     except Exception as error:
-        return {"raised": f"{type(error).__name__}: {error}"}
+        return {RAISED: f"{type(error).__name__}: {error}"}
     if hasattr(got, "contacts") and hasattr(got, "stats"):
         got = kept(got)
     return got if isinstance(got, dict) else {"value": got}
@@ -109,9 +110,12 @@ class Row:
     rounding: int = 0
     largest: float = 0.0
     different: list[str] = field(default_factory=list)
+    raised: list[str] = field(default_factory=list)
 
-    def add(self, seed: int, here: dict[str, Any], there: dict[str, Any]) -> None:
+    def add(self, family: str, seed: int, here: dict[str, Any], there: dict[str, Any]) -> None:
         """Judge one run."""
+        if said := [one[RAISED] for one in (here, there) if RAISED in one and not known(family, one[RAISED])]:
+            self.raised.append(f"seed {seed} raised {said[0]}")
         far = {name: difference(here.get(name), there.get(name)) for name in here | there}
         worst = max(far, key=far.__getitem__)
         if far[worst] == 0.0:
@@ -138,13 +142,13 @@ def main() -> int:
     table: dict[str, Row] = {}
     here, there = in_tree(ROOT, given), in_tree(unpacked(given.ref), given)
     for (family, seed, ours), (_, _, theirs) in zip(here, there, strict=True):
-        table.setdefault(family, Row()).add(seed, ours, theirs)
-    print(f"{'family':36}{'same':>7}{'rounding':>10}{'largest':>10}{'different':>11}")
+        table.setdefault(family, Row()).add(family, seed, ours, theirs)
+    print(f"{'family':36}{'same':>7}{'rounding':>10}{'largest':>10}{'different':>11}{'raised':>8}")
     for family, row in table.items():
-        print(f"{family:36}{row.same:7}{row.rounding:10}{row.largest:10.1e}{len(row.different):11}")
-        for one in row.different[:5]:
+        print(f"{family:36}{row.same:7}{row.rounding:10}{row.largest:10.1e}{len(row.different):11}{len(row.raised):8}")
+        for one in row.different[:5] + row.raised[:5]:
             print(f"    {one}")
-    return int(any(row.different for row in table.values()))
+    return int(any(row.different or row.raised for row in table.values()))
 
 
 if __name__ == "__main__":

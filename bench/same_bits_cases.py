@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,8 @@ GASES = (60, 1000, 120_000)
 """Numbers of balls; from 1e5 on compiled hard spheres run in blocks."""
 POWERS = 6
 """How many of the laws the located method can compile: the first ones."""
+REFERENCES = ("granular.reference", "granular.studies.reference", "bench.reference")
+"""Where the reference solver is, by version."""
 METHODS = ("verlet", "symplectic-euler", "rk4", "gear5")
 Case = tuple[str, int, Callable[[], Any]]
 """Family, seed, and what to run."""
@@ -211,9 +215,16 @@ def cells(over: Any, options: Any) -> Any:
 
 def solved(scene: Any, law: Any) -> Any:
     """The solution of the slow solver, in few digits."""
-    from granular import reference, until
+    from granular import until
 
+    reference = import_module(next(filter(is_module, REFERENCES)))
     return repr(reference.solve(scene, law, until=until.separated(), digits=20))
+
+
+def is_module(name: str) -> bool:
+    """Whether a module can be found; its packages are looked up first, as `find_spec` would import them."""
+    folders = [".".join(name.split(".")[: i + 1]) for i in range(name.count("."))]
+    return all(map(find_spec, folders)) and find_spec(name) is not None
 
 
 def light_ball(ratio: float, eps: float) -> Any:

@@ -38,14 +38,29 @@ PLACES = {
 """What a file may ask for, and where it stands: nothing else is ever made from a file, no function above all."""
 WORDS = {place: word for kind in PLACES.values() for word, place in kind.items()}
 """The words of the places."""
-OLDER = WORDS | {
-    "granular.laws.power:PowerLaw": "power-law",
-    "granular.laws.walton_braun:WaltonBraun": "walton-braun",
-    "granular.laws.matched_end:MatchedEnd": "matched-end",
-    "granular.walls.sine:Sine": "sine",
-    "granular.walls.piecewise:Piecewise": "piecewise",
-}
-"""Those, and the places of releases whose files called these classes by them: until format 2."""
+OLDER = {f"granular.{place}": word for place, word in {
+    "laws.dashpot:LinearDashpot": "linear-dashpot",
+    "laws.hertz:Hertz": "hertz",
+    "laws.hertz:ViscoelasticHertz": "viscoelastic-hertz",
+    "laws.hertz:TsujiHertz": "tsuji-hertz",
+    "laws.springs:PowerLaw": "power-law",
+    "laws.springs:WaltonBraun": "walton-braun",
+    "laws.statics:MatchedEnd": "matched-end",
+    "rules:ConstantRestitution": "constant-restitution",
+    "rules:TabulatedRestitution": "tabulated-restitution",
+    "rules:ThorntonRestitution": "thornton-restitution",
+    "binary:LawRestitution": "law-restitution",
+    "walls.formulas:Sine": "sine",
+    "walls.formulas:Piecewise": "piecewise",
+    "walls.panels:Panels": "panels",
+    "walls.thermal:Thermal": "thermal",
+    "laws.power:PowerLaw": "power-law",
+    "laws.walton_braun:WaltonBraun": "walton-braun",
+    "laws.matched_end:MatchedEnd": "matched-end",
+    "walls.sine:Sine": "sine",
+    "walls.piecewise:Piecewise": "piecewise",
+}.items()}
+"""The places by which files of formats 1 and 2 named these classes, without the name of the package: a fixed list."""
 
 
 def to_json(physics: Any) -> dict[str, Any]:
