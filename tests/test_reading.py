@@ -1,13 +1,11 @@
-"""The reading path is there, all other files say that they may be skipped, the house is drawn as it stands, and what
-is to be added is added where the page says."""
+"""The reading path is there, all other files say that they may be skipped, and what is to be added is added where
+the page says."""
 
 from __future__ import annotations
 
 import ast
 import re
 import sys
-import tomllib
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,7 +19,6 @@ from granular.md.fixed import integrators
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "reading.md").read_text(encoding="utf-8")
-LAYERS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
 PATH = {name: int(lines) for name, lines in re.findall(r"^\| `([\w/]+\.py)` \| (\d+) \|", PAGE, re.MULTILINE)}
 FILES = {str(file.relative_to(ROOT / "granular")): file for file in sorted((ROOT / "granular").rglob("*.py"))}
 
@@ -46,17 +43,6 @@ def test_a_file_is_on_the_path_or_says_why_it_may_be_skipped(name):
 def test_files_that_the_page_names_are_there():
     named = set(re.findall(r"`((?:\w+/)*\w+\.py)`", PAGE)) - PATH.keys()
     assert named <= FILES.keys() | {"tests/test_public_names.py"}
-
-
-def test_the_house_is_drawn_floor_by_floor():
-    drawing = re.search(r"```text\n(.*?)```", PAGE, re.DOTALL)[1].splitlines()
-    at = {}
-    for number, line in enumerate(drawing):
-        rooms = re.findall(r"│ (\w+)/", line) if line[0] in "│┌└" else re.findall(r"\w+", line[:34])
-        at |= dict.fromkeys(rooms, number)
-    floors = [{at.pop(room.strip().removeprefix("granular.")) for room in layer.split("|")} for layer in LAYERS]
-    assert not at, "rooms that are on no floor"
-    assert all(max(above) < min(below) for above, below in pairwise(floors))
 
 
 def test_an_integrator_is_a_row_of_a_table(monkeypatch):
