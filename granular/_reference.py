@@ -1,4 +1,4 @@
-"""What numba is told of tuples that are `granular._held`: a type that is one word, and how their fields are read.
+"""What numba is told of tuples that are `held`: a type that is one word, and how their fields are read.
 May be skipped: faster, same results.
 
 `granular._kernels` loads it together with numba.

@@ -24,9 +24,11 @@ MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_loc
 TAKERS = ("test_costs", "test_costs_hard", "test_levels", "test_sweeps", "test_sweeps_cases", "test_sweeps_saved",
           "test_sweeps_ways")
 """Files that need much of it: the other worker must not come to them while it is being made."""
-PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"MAKING_LOOK": math.inf},
-            "md.fixed.run": {"MAKING": math.inf}, "edmd.run": {"VERY_LONG": math.inf},
-            "sweeps.schedule": {"MAKING": math.inf}, "_progress": {"PATIENCE": TIMEOUT_MAX}}
+PATIENCE = {
+    "granular.md.located.run": {"MAKING": math.inf}, "granular.md.located.pace": {"MAKING_LOOK": math.inf},
+    "granular.md.fixed.run": {"MAKING": math.inf}, "granular.edmd.run": {"VERY_LONG": math.inf},
+    "granular.sweeps.schedule": {"MAKING": math.inf}, "granular._progress": {"PATIENCE": TIMEOUT_MAX},
+}
 """How long "auto" waits before it makes machine code, and progress before it is shown, by modules and the names of
 their limits."""
 
@@ -71,7 +73,7 @@ def no_code_for_its_own_sake():
     with pytest.MonkeyPatch.context() as patch:
         for name, constants in PATIENCE.items():
             for constant, value in constants.items():
-                patch.setattr(importlib.import_module(f"granular.{name}"), constant, value)
+                patch.setattr(importlib.import_module(name), constant, value)
         yield
 
 

@@ -1,7 +1,7 @@
 """Derivatives of outcomes at random scenes by solvers of many digits, and what `gr.sensitivity` says of them.
 
-Soft spheres are judged by `granular.reference`, hard ones by a solver of a page: central differences at 2⁻³⁰ of the
-parameter. What the solvers have in common with the package is the scene as given, no more.
+Soft spheres are judged by `granular.reference`, hard ones by a solver of a page: central differences at
+2⁻³⁰ of the parameter. What the solvers have in common with the package is the scene as given, no more.
 """
 
 import json

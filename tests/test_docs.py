@@ -33,7 +33,8 @@ PAGES = [page for page, text in TEXTS.items()
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("granular.frontiers.methods._engine", lambda *_: "plain")  # 35 s of compiling for one table
+    # 35 s of compiling for one table
+    monkeypatch.setattr("granular.frontiers.methods._engine", lambda *_: "plain")
     names: dict = {"__name__": "page"}
     for code, shown in BLOCK.findall(TEXTS[page]):
         printed = io.StringIO()

@@ -60,8 +60,8 @@ def here(path, monkeypatch, capsys):
     import matplotlib.pyplot as plt
 
     plt.switch_backend("Agg")
-    for module in ("_kernels", "edmd.simulation"):
-        monkeypatch.setattr(f"granular.{module}.no_compiler", lambda: "it would take longer than the example")
+    for module in ("granular._kernels", "granular.edmd.simulation"):
+        monkeypatch.setattr(f"{module}.no_compiler", lambda: "it would take longer than the example")
     runpy.run_path(str(path), run_name="__main__")
     plt.close("all")
     return capsys.readouterr().out

@@ -113,7 +113,8 @@ def rewritten(files, tmp_path, name="hard_floor", *, signed=True, **changes):
 CALLS = [
     {"class": "granular._describe:import_module", "fields": {"name": "payload"}},
     {"class": "granular.cli:main", "fields": {"argv": ["compare", "three-balls", "--json", "victim.json"]}},
-    {"class": "granular.walls.motion:Motion", "fields": {"function": {"class": "granular.cli:main", "fields": {}}}},
+    {"class": "granular.walls.motion:Motion",
+     "fields": {"function": {"class": "granular.cli:main", "fields": {}}}},
     {"class": "granular.nosuch:foo", "fields": {}}, {"class": "noclass", "fields": {}},
     {"class": "hertz", "fields": {"k": 1.0}},
 ]

@@ -2,10 +2,10 @@
 May be skipped: rarer, walls that shake.
 
 A pair at a driven wall closes with pull + m'', m the wall's motion towards the balls. In flight it follows the wall's
-own path, of which the next touch is certified (`granular.walls.hits`). In an island the power series of m'' is added
-to that of the acceleration of its overlap; a piece ends at the latest where the panel of the path does, an EDGE, at
-which the velocity of the wall may jump. Every path is read at the time start + t + tail, with t + tail the run's own
-clock, so late starts cost no digits.
+own path, of which the next touch is certified (`granular.walls.hits`).
+In an island the power series of m'' is added to that of the acceleration of its overlap; a piece ends at the latest
+where the panel of the path does, an EDGE, at which the velocity of the wall may jump. Every path is read at the time
+start + t + tail, with t + tail the run's own clock, so late starts cost no digits.
 
 `pair.wall` is the number of the wall from 1 on, 0 of every other pair. Scenes without driven walls are run by kernels
 in which DRIVEN is false, so that nothing of this is asked, nor compiled.
