@@ -2,7 +2,8 @@
 
 Writes ``granular/reference/verification.json``: every answer from a solver of 34 digits, printed
 with 17 (`granular.reference`), and its condition number κ = Σ |∂ln answer / ∂ln input| over all
-inputs that are not 0, by central differences of the engine. The solitary wave is the fixed point of `granular.waves`, right to 13 digits.
+inputs that are not 0, by central differences of the engine.
+The solitary wave is the fixed point of `granular.waves`, right to 13 digits.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ from importlib.util import find_spec
 import pytest
 
 IDLE = (
-    "granular._saved_run", "granular._describe", "granular._figures", "granular._files", "granular._films",
+    "granular._saved_run", "granular._describe", "granular._figures", "granular._files",
+    "granular._films",
     "granular.cases.case", "granular.cases.ready", "granular.comparison.captions", "granular.comparison.figure",
     "granular.comparison.film", "granular.comparison.view", "granular.frontiers", "granular.page",
     "granular.reference", "granular.sweeps", "granular.thresholds", "granular.waves",
