@@ -92,7 +92,8 @@ MUTANTS = [
      JUDGE),
     ("end_time.py", "late = alone(pair, speed) + np.fmin(", "late = 0.0 * np.fmin(", JUDGE),
     ("comparison", "    if not error <= SAME:\n        alone", "    if error > 0.1:\n        alone", JUDGE),
-    ("measures.py", "return -after / before if before != 0.0", "return after / before if before != 0.0", JUDGE),
+    ("measures.py", "return -after / before if before != 0.0", "return after / before if before != 0.0",
+     JUDGE),
     ("isolation.py", 'return float(run.stats["isolated"] / run.stats["contacts"])', "return 1.0", "test_fronts"),
 ]
 

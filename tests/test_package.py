@@ -9,6 +9,7 @@ import pytest
 
 import granular as gr
 from bench import mutants
+from granular import _kernels
 from granular._about import EXTRAS, NAME, install
 from granular.cli import info
 from granular.page.assemble import LIVE, PLAYER, _needed
@@ -65,7 +66,7 @@ def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatc
 
 
 def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
-    assert (info.numba().startswith("kept in ")) == info._kernels.have_numba()
+    assert (info.numba().startswith("kept in ")) == _kernels.have_numba()
 
     def nowhere():
         raise RuntimeError("no locator available")
