@@ -8,7 +8,6 @@ from collections import Counter
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from threading import TIMEOUT_MAX
 
 import pytest
 from machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
@@ -27,10 +26,9 @@ TAKERS = ("test_costs", "test_costs_hard", "test_levels", "test_sweeps", "test_s
 PATIENCE = {
     "granular.md.located.run": {"MAKING": math.inf}, "granular.md.located.pace": {"MAKING_LOOK": math.inf},
     "granular.md.fixed.run": {"MAKING": math.inf}, "granular.edmd.run": {"VERY_LONG": math.inf},
-    "granular.sweeps.schedule": {"MAKING": math.inf}, "granular._progress": {"PATIENCE": TIMEOUT_MAX},
+    "granular.sweeps.schedule": {"MAKING": math.inf},
 }
-"""How long "auto" waits before it makes machine code, and progress before it is shown, by modules and the names of
-their limits."""
+"""How long "auto" waits before it makes machine code, by modules and the names of their limits."""
 
 
 HERE = Path(__file__).parent
