@@ -23,6 +23,7 @@ from bench.stability.contact import meeting
 from bench.stability.hard import rational_run
 from bench.stability.long import limits
 from bench.stability.study import deadline, judge as judge_any
+from granular import extremes
 from granular.trajectory import Trajectory
 
 judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
@@ -278,7 +279,7 @@ def test_the_page_holds_the_tables(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("bench.stability.__main__.PAGE", page)
     monkeypatch.setattr("bench.stability.__main__.measured", lambda *_: stability("edmd", "ties", quick=True))
     monkeypatch.setattr("bench.stability.__main__.FIGURE", tmp_path / "figure.png")
-    monkeypatch.setattr(gr, "stability", lambda scene: gr.extremes.stability(scene, axes=(), methods="located"), False)
+    monkeypatch.setattr(gr, "stability", lambda scene: extremes.stability(scene, axes=(), methods="located"), False)
     monkeypatch.setattr(docs_data, "store", lambda name, data=None: stored.append(name))
     main([])
     text = page.read_text("utf-8")

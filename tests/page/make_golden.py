@@ -12,6 +12,7 @@ from unittest.mock import patch
 import numpy as np
 
 import granular as gr
+from granular import outcome as outcomes
 
 CASES = 500
 RULES = ("right", "random", "newton", "poisson", "reflect")
@@ -145,13 +146,13 @@ def ball_of(report):
 
 def told_if_stuck_alike(name, v, ties):
     """Return the answer as if balls that stick under two tie rules stuck alike."""
-    with patch.object(gr.outcome, "stuck_apart", lambda one, *_: np.zeros(one.scene.n_pairs)):
+    with patch.object(outcomes, "stuck_apart", lambda one, *_: np.zeros(one.scene.n_pairs)):
         return answer_of(compared(name, v, ties))
 
 
 def part_at_rounding(report):
     """Whether hard spheres carried on after a collapse end at less than the speed at which they stick, but not at 0."""
-    slow = np.abs(gr.outcome.partings(report.levelled[0])) / gr.measures.fastest_approach(report.hard)
+    slow = np.abs(outcomes.partings(report.levelled[0])) / gr.measures.fastest_approach(report.hard)
     return report.settled is not report.hard and bool(((slow > 0.0) & (slow < 1e-8)).any())
 
 
@@ -188,7 +189,7 @@ def outcome(report, engine, rises):
     last = float(np.nanmax(np.append(log["t_end"], log["t_begin"])))
     order = np.argsort(log["t_begin"], kind="stable") if engine == "hard" else np.lexsort([log["pair"], log["t_begin"]])
     sequence = "".join(str(c) for c in log["pair"][order])
-    u = none_for_nan(gr.outcome.leaving_velocities(run))
+    u = none_for_nan(outcomes.leaving_velocities(run))
     return {"status": "ended", "velocity": u, "sequence": sequence, "rise": rise, "span": last}
 
 
