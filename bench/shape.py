@@ -4,6 +4,8 @@
 
 * statements: nodes of the syntax tree that are statements, docstrings apart; code lines: without docstrings, comments
   and blank lines; docstrings: their share of all lines. Functions are measured without their docstrings too.
+* longest chain: modules of which each imports the next, imports inside functions and names that a package loads lazily
+  counted, those for types alone not; what `granular` itself loads lazily is left out.
 * rings: groups of modules that import each other, imports inside functions and for types alone counted.
 * on the way of …: files that the interpreted run of a scene of `walks` goes through, from the public call on.
 * loaded: statements of all files of the package that `compare` of three dashpot balls imports.
@@ -54,7 +56,8 @@ def measure(tree: Path) -> dict[str, Any]:
     length = {name: text.count("\n") for name, text in files.items()}
     long = {f"{name}:{node.name}": lines for name, node in functions if (lines := of_body(node)) > LONG}
     imported = sum(isinstance(node, ast.Import | ast.ImportFrom) for one in parsed.values() for node in ast.walk(one))
-    entries = [path for path in (tree / "granular").iterdir() if path.name[0] != "_" and path.suffix in ("", ".py")]
+    entries = [path for path in (tree / "granular").iterdir() if path.suffix in ("", ".py")
+               and path.name != "__pycache__"]
     path = reading_path(tree)
     return {
         "statements": sum(said.values()),
@@ -63,10 +66,11 @@ def measure(tree: Path) -> dict[str, Any]:
         f"  below {SHORT_FILE} lines, __init__ apart": sum(
             lines < SHORT_FILE for name, lines in length.items() if not name.endswith("__init__.py")),
         f"  above {LONG_FILE} lines": sum(lines > LONG_FILE for lines in length.values()),
+        "longest chain of imports": len(chain := longest_chain(imports(parsed, types=False))),
         "rings of imports": len(rings := list(cycles(imports(parsed)))),
         **{f"files on the way of {what}": len(files_on_the_way(prepare, tree)) for what, prepare in WALKS.items()},
         "statements loaded by compare": sum(said[name] for name in loaded(tree)),
-        "entries of granular/ without underscore": len(entries),
+        "entries of granular/": len(entries),
         "  rooms among them": sum(one.is_dir() for one in entries),
         f"functions above {LONG} lines": len(long),
         "reading path, lines": sum(length[name] for name in path),
@@ -80,6 +84,7 @@ def measure(tree: Path) -> dict[str, Any]:
         "  of them public": sum(name in faces for name in wide),
         "wide": {name + (" (public)" if name in faces else ""): n for name, n in wide.items()},
         "long": long,
+        "chain": chain,
         "rings": [" ".join(sorted(ring)) for ring in rings],
     }
 
@@ -150,21 +155,49 @@ def public_faces(tree: Path) -> set[str]:
     return faces
 
 
-def imports(parsed: dict[str, ast.Module]) -> dict[str, set[str]]:
-    """Which modules every module imports, wherever the import stands."""
+def imports(parsed: dict[str, ast.Module], types: bool = True) -> dict[str, set[str]]:
+    """Which modules every module imports, wherever the import stands.
+
+    Without `types`, imports below TYPE_CHECKING do not count. The modules of a call of `attributes`, by which a package
+    loads names lazily, do, but for those of `granular` itself.
+    """
     modules = {name.removesuffix(".py").removesuffix("/__init__").replace("/", "."): tree
                for name, tree in parsed.items()}
     found: dict[str, set[str]] = {}
     for name, tree in modules.items():
         given: set[str] = set()
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Import):
+        for node in ast.walk(tree) if types else at_run_time(tree):
+            if isinstance(node, ast.Call) and name != "granular" and getattr(node.func, "id", "") == "attributes":
+                given |= {key.value for one in node.args if isinstance(one, ast.Dict) for key in one.keys
+                          if isinstance(key, ast.Constant)}
+            elif isinstance(node, ast.Import):
                 given |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module:
                 inner = {f"{node.module}.{alias.name}" for alias in node.names}
                 given |= {one if one in modules else node.module for one in inner}
         found[name] = given & modules.keys() - {name}
     return found
+
+
+def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
+    """Nodes of a syntax tree that are executed, those below TYPE_CHECKING left out."""
+    yield node
+    skipped = node.body if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING" else []
+    for child in ast.iter_child_nodes(node):
+        if child not in skipped:
+            yield from at_run_time(child)
+
+
+def longest_chain(graph: dict[str, set[str]]) -> list[str]:
+    """The longest chain of modules without a repetition, of a graph without rings."""
+    below: dict[str, list[str]] = {}
+
+    def chain(name: str) -> list[str]:
+        if name not in below:
+            below[name] = [name, *max(map(chain, sorted(graph[name])), key=len, default=[])]
+        return below[name]
+
+    return max(map(chain, sorted(graph)), key=len)
 
 
 def cycles(graph: dict[str, set[str]]) -> Iterator[set[str]]:
@@ -211,13 +244,14 @@ def of_commit(ref: str) -> dict[str, Any]:
 def table(columns: dict[str, dict[str, Any]]) -> str:
     """The figures side by side, then what is wide and what is a ring."""
     lines = [f"{'':46}" + "".join(f"{title:>14}" for title in columns)]
-    rows = [name for name in next(iter(columns.values())) if name not in ("wide", "long", "rings")]
+    rows = [name for name in next(iter(columns.values())) if name not in ("wide", "long", "rings", "chain")]
     lines += [f"{name:46}" + "".join(f"{column[name]!s:>14}" for column in columns.values()) for name in rows]
     for title, column in columns.items():
         lines += ["", f"{title}: functions with more than {MANY} parameters"]
         lines += [f"  {n:3} {name}" for name, n in sorted(column["wide"].items(), key=lambda item: -item[1])]
         lines += ["", f"{title}: functions of more than {LONG} lines"]
         lines += [f"  {n:3} {name}" for name, n in sorted(column["long"].items(), key=lambda item: -item[1])]
+        lines += ["", f"{title}: longest chain of imports", *(f"  {name}" for name in column["chain"])]
         lines += ["", f"{title}: rings of imports", *(f"  {ring}" for ring in column["rings"])]
     return "\n".join(lines)
 
