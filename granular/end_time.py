@@ -29,7 +29,7 @@ from granular.outcome import approach, at_once, components, counted, counts, par
 from granular.scene import Scene
 from granular.scene.places import Closing
 from granular.trajectory import Status, Trajectory
-from granular.walls import ends
+from granular.walls.common import ends
 
 PATIENCE = 20.0
 """A contact still running at the end of a run is followed for so many of its isolated durations."""

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check, walls as walls_module
+from granular import _check
 from granular._check import Array, ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
+from granular.walls import common
 
 
 @_check.face
@@ -87,8 +88,8 @@ class Scene(ByNumbers):
         self.__dict__.update(
             gravity=_check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in"),
             origin=_check.number("origin", origin), external_force=external_forces(external_force, walls),
-            floor=walls_module.checked("floor", floor, bool(walls[0])),
-            ceiling=walls_module.checked("ceiling", ceiling, bool(walls[-1])),
+            floor=common.checked("floor", floor, bool(walls[0])),
+            ceiling=common.checked("ceiling", ceiling, bool(walls[-1])),
             pendulum=_check.number("pendulum", pendulum, at_least=0.0),
         )
         self.__dict__["rest_gap"] = rest_gaps(rest_gap, self.pendulum, len(walls))
@@ -175,7 +176,7 @@ class Scene(ByNumbers):
         return self._ends(thermal=True)
 
     def _ends(self, thermal: bool) -> tuple[Any, Any]:
-        floor, ceiling = (one if one and walls_module.of_kind(one, "Thermal") is thermal else None
+        floor, ceiling = (one if one and common.of_kind(one, "Thermal") is thermal else None
                           for one in (self.floor, self.ceiling))
         return floor, ceiling
 
@@ -293,7 +294,7 @@ class Scene(ByNumbers):
 
     def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far a wall has moved in m beside its constant velocity, and how fast in m/s."""
-        return walls_module.moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
+        return common.moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
 
     @property
     def _fall(self) -> float:
