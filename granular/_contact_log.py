@@ -11,7 +11,8 @@ import numpy as np
 
 from granular._check import Array
 from granular._records import FEW, raw
-from granular.scene import Scene, positions, velocities
+from granular.scene.places import positions, velocities
+from granular.scene.state import Scene
 
 CONTACT = np.dtype(
     [

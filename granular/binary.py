@@ -16,12 +16,15 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check, md
+from granular import _check
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import held, resolved
+from granular.md.simulation import simulate
 from granular.rules import ConstantRestitution, Rule
-from granular.scene import Pair, Pairs, Scene, checked, checked_pair
+from granular.scene.pair import Pair, Pairs, checked_pair
+from granular.scene.places import checked
+from granular.scene.state import Scene
 
 __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
 __dir__ = __all__.copy
@@ -301,7 +304,7 @@ def _bounce(law: Any, pair: Pair, v: float) -> Collision:
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
     # the law sees the very pair that was asked about
     scene.__dict__["pairs"] = Pairs(np.array([pair.m_eff]), np.array([pair.r_eff]), pair.index)
-    run = md.simulate(scene, law, max_events=8, max_steps=MAX_STEPS)
+    run = simulate(scene, law, max_events=8, max_steps=MAX_STEPS)
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
     if not math.isfinite(contact["force_max"]):
         raise _no_numbers(v)
@@ -317,7 +320,7 @@ def _bounce(law: Any, pair: Pair, v: float) -> Collision:
     if eps > 1.0 + 1e-9:
         raise ValueError(f"law is {law!r}: a contact at {v!r} m/s gains energy, its restitution is {eps!r}; a force "
                          "that is no larger while the bodies part than while they approach is needed.")
-    at_end = md.simulate(scene, law, t_end=float(contact["t_end"]), log=False)
+    at_end = simulate(scene, law, t_end=float(contact["t_end"]), log=False)
     duration, xi_max, force_max = (float(contact[name]) for name in ("duration", "xi_max", "force_max"))
     return _in_range(Collision(min(eps, 1.0), duration, xi_max, force_max, max(0.0, -float(at_end.gap[-1][0]))), v)
 

@@ -16,12 +16,12 @@ import numpy as np
 from granular import _check, _files
 from granular._progress import shown
 from granular._reports import HARD, PAGE, Report, aligned, canvas, number
-from granular.cases import Case
+from granular.cases.case import Case
 from granular.frontiers.methods import Task, contacts_of, errors
 from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.reference import Reference
+from granular.reference.events import Reference
 from granular.sweeps.plan import planned
 from granular.sweeps.results import REFUSED
 from granular.sweeps.subject import SceneLike

@@ -23,11 +23,12 @@ from granular._reports import cores
 from granular.cases.case import Option
 from granular.cli import ends, output
 from granular.cli.parser import Command, offered
-from granular.sweeps import axis, ensemble, sensitivity, sweep
-from granular.sweeps.ensembles import BOTH
+from granular.sweeps.ensembles import BOTH, ensemble
 from granular.sweeps.results import RESULTS, STATUS
-from granular.sweeps.run import DEFAULT
+from granular.sweeps.run import DEFAULT, sweep
 from granular.sweeps.schedule import end_with_parent
+from granular.sweeps.sensitivities import sensitivity
+from granular.sweeps.subject import axis
 
 WORTH_POOL = 20_000
 """Cells from which on several processes are started."""

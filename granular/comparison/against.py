@@ -5,15 +5,18 @@ May be skipped: differences of rows.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular._check import Array, of_kind
-from granular.comparison.answer import Judged
 from granular.comparison.further import with_rows
 from granular.outcome import SAME
 from granular.scene.places import speed_scale
 from granular.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from granular.comparison.answer import Judged
 
 MANY = 12
 """Balls that are shown one by one: of more, those farthest from soft spheres."""

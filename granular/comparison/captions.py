@@ -6,15 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular._reports import PREFIXES, shortened, unit_of
-from granular.comparison.answer import Judged
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.scene import Scene
+
+if TYPE_CHECKING:
+    from granular.comparison.answer import Judged
 
 SAME = 1e-9
 """Numbers whose relative difference is less are one number."""

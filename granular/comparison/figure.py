@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from granular import _files
 from granular._check import Array
 from granular._figures import NAMED, SMALL, head, world_lines
 from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
-from granular.comparison.answer import Judged
 from granular.comparison.captions import pair_name, parameters
 from granular.comparison.further import with_rows
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
 from granular.trajectory import EARLY, Trajectory, points
+
+if TYPE_CHECKING:
+    from granular.comparison.answer import Judged
 
 THIN = 1.5
 """Least width in points of what marks a contact, however short it is beside the span that is drawn."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,12 +21,14 @@ from granular._check import Array
 from granular._figures import COLOURS, NAMED
 from granular._films import Page, blank, check, pace, paces, radii, save, stage
 from granular._reports import GREY
-from granular.comparison.answer import Judged
 from granular.comparison.captions import number, parameters
 from granular.comparison.figure import FEW, both, draw_runs, force_curve, timeline
 from granular.comparison.further import Onward, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
 from granular.trajectory import EARLY, Trajectory, points
+
+if TYPE_CHECKING:
+    from granular.comparison.answer import Judged
 
 FREEZE, HOLD = 0.9, 1.2  # how long in s the film stops at the floor, and at its end
 SHORTEST, LONGEST = 0.2, 6.0  # a flight lasts so many s at least; it and the fall are shown for so many at most

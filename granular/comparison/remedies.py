@@ -7,14 +7,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from granular import _check, edmd, end_time, measures
 from granular._reports import Report, aligned, number, problem
-from granular.comparison.answer import Judged
 from granular.outcome import SAME, energy_left
 from granular.rules import ConstantRestitution
 from granular.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from granular.comparison.answer import Judged
 
 __all__ = ["Remedies", "Remedy"]
 SLOW = 0.01

@@ -7,18 +7,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular import isolation, measures
 from granular._reports import named_pairs, number, pairs_by_law, problem, shortened
-from granular.comparison.answer import Judged
 from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
 from granular.outcome import FAINT, PairOutcome
 from granular.trajectory import Status, Trajectory
 from granular.until import Contact
+
+if TYPE_CHECKING:
+    from granular.comparison.answer import Judged
 
 FEW, MANY = 2, 8
 """Up to this many pairs are shown one by one, and in the whole report as many pairs or laws."""

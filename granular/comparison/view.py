@@ -9,16 +9,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular._check import Array
 from granular._figures import FAR, MARGIN, Span
 from granular._reports import GREY, HARD, SOFT, unit_of
-from granular.comparison.answer import Judged
 from granular.comparison.captions import pair_name
 from granular.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from granular.comparison.answer import Judged
 
 LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
 MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last

@@ -16,12 +16,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from granular._check import Array, is_own, takes
-from granular.scene import Pair
+
+if TYPE_CHECKING:
+    from granular.scene import Pair
 
 Form = tuple[float, float, float, float]
 """(k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇."""

@@ -25,7 +25,9 @@ import numpy as np
 
 from granular._check import Array, is_own, per_pair
 from granular.laws.contact_law import PairLaw, instance, resolve
-from granular.scene import Pairs, Scene, speed_scale
+from granular.scene.pair import Pairs
+from granular.scene.places import speed_scale
+from granular.scene.state import Scene
 
 __all__ = ["check_deepest", "checked", "finite", "no_number"]
 

@@ -19,9 +19,9 @@ from granular._contact_log import Event, one_by_one
 from granular._limits import check_end
 from granular.drive import Request, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
-from granular.md import located
-from granular.scene import Scene, checked
-from granular.scene.places import Closing, fitted
+from granular.md.located import run as located
+from granular.scene.places import Closing, checked, fitted
+from granular.scene.state import Scene
 from granular.trajectory import Status, Trajectory
 
 SHORTEST = 1e-60
@@ -190,7 +190,7 @@ def _requested(
     check_end(scene, t_end, options["until"], options["max_events"], dented=lambda: _dented(scene, laws),
               elastic=lambda: endless and laws.elastic)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
-    _check.choice("disturbed", disturbed, located.run.DISTURBED)
+    _check.choice("disturbed", disturbed, located.DISTURBED)
     return request
 
 

@@ -18,8 +18,8 @@ import numpy as np
 from granular import _check, _files
 from granular._describe import by_words
 from granular._kernels import have_numba
-from granular.cases import Case, ready
-from granular.cases.case import checked_run
+from granular.cases import ready
+from granular.cases.case import Case, checked_run
 from granular.sweeps.identity import identity
 from granular.sweeps.results import RESULTS, STATUS, Result
 from granular.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of

@@ -17,12 +17,12 @@ from granular import md
 from granular._check import per_pair
 from granular._flight import rate_at_contact
 from granular.binary import restitution
-from granular.cases import Case
-from granular.comparison import Comparison, compare
+from granular.cases.case import Case
 from granular.comparison.numbers import effective, is_drop
 from granular.end_time import followed
+from granular.comparison.run import Comparison, compare
 from granular.outcome import at_once, counts, energy_left, order, separations
-from granular.scene import Scene
+from granular.scene.state import Scene
 from granular.trajectory import Status, Trajectory
 
 NOT_RUN, MISUSE = -1, 8

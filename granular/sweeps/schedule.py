@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import islice
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,10 +28,12 @@ from granular.cases.ready import first_impact_speed
 from granular.laws.contact_law import resolve
 from granular.md.located import many
 from granular.scene import Scene, velocities
-from granular.sweeps.plan import Plan
 from granular.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
 from granular.sweeps.subject import Values
 from granular.until import LEVELS
+
+if TYPE_CHECKING:
+    from granular.sweeps.plan import Plan
 
 LOADING, MAKING = 0.7, 12.0
 """Seconds that it takes to load the machine code from the disk, and to make it."""

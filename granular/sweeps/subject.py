@@ -26,10 +26,10 @@ import numpy as np
 from granular import _check, cases, md
 from granular._describe import scene_to_json
 from granular.binary import restitution
-from granular.cases import Case, build, ready
-from granular.cases.case import descriptions, options_of, parameters_of, whole
+from granular.cases import build, ready
+from granular.cases.case import Case, descriptions, options_of, parameters_of, whole
 from granular.cases.toml import of_tables, tables_of
-from granular.scene import Scene
+from granular.scene.state import Scene
 
 Values = np.ndarray[Any, np.dtype[Any]]
 

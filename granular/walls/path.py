@@ -8,11 +8,14 @@ kernels return, is ``side·m``: the motion towards the balls, at a floor and at 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular._kernels import kernel, rare
-from granular._records import Record, Records
+
+if TYPE_CHECKING:
+    from granular._records import Record, Records
 
 SPLIT = 134217729.0
 EDGE = 2.0**-96

@@ -15,14 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from granular._check import Array
 from granular._records import copied
-from granular.laws.contact_law import Form, PairLaw
-from granular.laws.kinds import SceneLaws
 from granular.md.located.records import (
     DAMPED,
     DASHPOT,
@@ -36,7 +34,12 @@ from granular.md.located.records import (
     STEEPEST,
     VISCOELASTIC,
 )
-from granular.scene import Scene, speed_scale
+from granular.scene.places import speed_scale
+
+if TYPE_CHECKING:
+    from granular.laws.contact_law import Form, PairLaw
+    from granular.laws.kinds import SceneLaws
+    from granular.scene.state import Scene
 
 NODES = 40
 """Points of the quadratures: their errors are rounding."""

@@ -45,7 +45,7 @@ from granular.md.located.records import (
     TABLES,
 )
 from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
-from granular.scene import Scene
+from granular.scene.state import Scene
 
 Fields = namedtuple("Fields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,12 +24,14 @@ from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, 
 from granular._kernels import DRIVEN, HUNG, kernel
 from granular._records import packed, plain
 from granular.md.located.records import ORDER
-from granular.scene import Scene
 from granular.scene.places import driven_walls
 from granular.walls import path
 from granular.walls.gap import after
 from granular.walls.hits import first_hit, pressing_bounds
 from granular.walls.path import PANEL, TERMS, WALL, edge_jump, expansion, to_edge, total, wall_at
+
+if TYPE_CHECKING:
+    from granular.scene import Scene
 
 Walls = namedtuple("Walls", "start wall panels path push")
 """Time in s at which the run's own clock is 0; records `WALL` of the driven walls and `PANEL` of all their panels; for
