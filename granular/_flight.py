@@ -8,6 +8,7 @@ two pendula that hang apart by d at rest it is Ω² (d - gap): these flights are
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from granular._kernels import kernel
 
@@ -89,3 +90,10 @@ def hung_rate_at_contact(gap: float, rate: float, omega: float, d: float) -> flo
     """Return the (negative) rate with which a gap between pendula closes, from the state and not from the time."""
     square = rate * rate - omega * omega * (2.0 * d - gap) * gap
     return -math.sqrt(square) if square > 0.0 else 0.0
+
+
+@kernel
+def swung(body: Any, omega: float, dt: float) -> tuple[float, float]:
+    """Return velocity and `fall` of a body that has swung freely for a time `dt` after its clock."""
+    cosine, sine = math.cos(omega * dt), math.sin(omega * dt)
+    return body.v * cosine - body.fall / omega * sine, body.fall * cosine + body.v * omega * sine

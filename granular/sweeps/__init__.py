@@ -9,8 +9,7 @@ May be skipped: many runs of the same engines.
 `plan`           what is asked of every cell, as a value that travels to other processes; the data set, and its file
 `schedule`       batches, on this process or on any ``concurrent.futures.Executor``; many cells in one compiled call
 `run`            `sweep` itself; boundaries between contact counts, by bisection
-`slopes`         the derivative of results by one parameter: differences of runs with the same order of events
-`gradients`      derivatives by many parameters, condition numbers, what is uncertain: as numbers and as a table
+`gradients`      derivatives by one parameter or many, condition numbers, what is uncertain: as numbers and as a table
 `sensitivities`  `sensitivity`, which finds them
 `ensembles`      both engines over many draws: do their means agree?
 ===============  =====================================================================================================

@@ -18,10 +18,9 @@ from granular._progress import shown
 from granular.cases import Case
 from granular.outcome import SAME, approach, components
 from granular.sweeps import schedule
-from granular.sweeps.gradients import Sensitivity
+from granular.sweeps.gradients import Sensitivity, Slope, Start, slope
 from granular.sweeps.plan import Ask, Plan, named, planned
 from granular.sweeps.results import Answer
-from granular.sweeps.slopes import Slope, Start, slope
 from granular.sweeps.subject import SceneLike, numbers_in, shared
 
 TRUSTED = 1e-8

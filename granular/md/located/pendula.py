@@ -15,17 +15,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular._flight import swung
 from granular._kernels import kernel
 from granular.md.located.ledger import NODES, POINTS, WEIGHTS, pace
 from granular.md.located.pieces import elapsed, since, tick, value
 from granular.md.located.records import ACTIVE
-
-
-@kernel
-def swung(body: Any, omega: float, dt: float) -> tuple[float, float]:
-    """Return velocity and `fall` of a body that has swung freely for a time `dt` after its clock."""
-    cosine, sine = math.cos(omega * dt), math.sin(omega * dt)
-    return body.v * cosine - body.fall / omega * sine, body.fall * cosine + body.v * omega * sine
 
 
 @kernel

@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import time_to_contact
+from granular._flight import swung, time_to_contact
 from granular._kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.located.contacts import change_branch, pushes
 from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_once, read, run_off, tally, tally_island
 from granular.md.located.log import follow
-from granular.md.located.pendula import swung
 from granular.md.located.pieces import fly, force_returns, in_contact, piece_time, power, since, tau_at, tick, value
 from granular.md.located.records import (
     ACTIVE,

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import hung_after
+from granular._flight import hung_after, swung
 from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
 from granular._records import leaf, replay
 from granular.md.located.contacts import DISTURBED, is_awaited
@@ -27,7 +27,7 @@ from granular.md.located.ledger import book_at_once, keep_solo
 from granular.md.located.log import velocity_now
 from granular.md.located.one_contact.maps import encounter, of_pendula, peaks, peaks_of_pendula
 from granular.md.located.one_contact.tables import WANTED, table_of, tabled, tabled_peaks
-from granular.md.located.pendula import impulse_of_pendula, shift, swung
+from granular.md.located.pendula import impulse_of_pendula, shift
 from granular.md.located.pieces import DRIFT, ULP, predict, since, tick
 from granular.md.located.records import (
     BEGIN,
