@@ -4,31 +4,29 @@ import inspect
 import pickle
 import re
 from enum import EnumType
-from importlib import import_module
 
 import pytest
 
 import granular as gr
+from granular import laws
 
-ROOMS = ["adiabatic", "balls", "binary", "cases", "edmd", "export", "laws", "materials", "md", "scenes", "theory",
-         "until", "walls", "waves", "measures"]
+MODULES = [gr, laws, *(getattr(gr, name) for name in gr.__all__ if inspect.ismodule(getattr(gr, name)))]
 OPTIONS = r"is no option of|has no parameter|is no parameter of"
 """Functions that pass options on name their receiver."""
 
 
 def public():
-    """Public callables of the package and of its rooms, except for those that pass options on."""
-    for title in ["granular", *(f"granular.{room}" for room in ROOMS)]:
-        module = import_module(title)
+    """Public callables of the package and of its public modules, except for those that pass options on."""
+    for module in MODULES:
         names = getattr(module, "__all__", None) or [
             name for name, thing in vars(module).items()
-            if name[0] != "_" and getattr(thing, "__module__", "") == title]
+            if name[0] != "_" and getattr(thing, "__module__", "") == module.__name__]
         for name in names:
             thing = getattr(module, name)
             odd = inspect.ismodule(thing) or isinstance(thing, EnumType) or getattr(thing, "_is_protocol", False)
             if callable(thing) and not odd and all(
                     p.kind is not p.VAR_KEYWORD for p in inspect.signature(thing).parameters.values()):
-                yield pytest.param(thing, id=f"{title}.{name}")
+                yield pytest.param(thing, id=f"{module.__name__}.{name}")
 
 
 @pytest.mark.parametrize("function", list(public()))
