@@ -83,11 +83,10 @@ MUTANTS = [
     ("md/located", "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push",
      "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull", SHAKEN),
     # what is said of two runs
-    ("outcome.py", 'order = np.argsort(log["t_end"], kind="stable")', "order = np.arange(len(log))",
-     JUDGE),
+    ("outcome.py", 'order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))',
+     'order = np.argsort(key, kind="stable")', JUDGE),
     ("outcome.py", 'log["impulse"] / run.scene.pairs.m_eff[log["pair"]]', "approach(run)", JUDGE),
     ("outcome.py", "of_ball[scene.is_wall] = count", "pass", JUDGE),
-    ("outcome.py", "fastest > weight[c] * still", "fastest > -1.0", JUDGE),
     ("end_time.py", 'kept = nth < most[run.contacts["pair"]]', 'kept = nth <= most[run.contacts["pair"]]',
      JUDGE),
     ("end_time.py", "late = alone(pair, speed) + np.fmin(", "late = 0.0 * np.fmin(", JUDGE),

@@ -19,8 +19,8 @@ from granular._flight import rate_at_contact
 from granular.binary import restitution
 from granular.cases.case import Case
 from granular.comparison.numbers import effective, is_drop
-from granular.end_time import followed
 from granular.comparison.run import Comparison, compare
+from granular.end_time import followed
 from granular.outcome import at_once, counts, energy_left, order, separations
 from granular.scene.state import Scene
 from granular.trajectory import Status, Trajectory
