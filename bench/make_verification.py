@@ -1,7 +1,7 @@
 """Make the reference answers for other people's codes: ``python -m bench.make_verification`` (some minutes).
 
 Writes ``granular/reference/verification.json``: every answer from a solver of 34 digits, printed
-with 17 (`granular.reference`), and its condition number κ = Σ |∂ln answer / ∂ln input| over all
+with 17 (`bench.reference`), and its condition number κ = Σ |∂ln answer / ∂ln input| over all
 inputs that are not 0, by central differences of the engine.
 The solitary wave is the fixed point of `granular.waves`, right to 13 digits.
 """
@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular import reference
+from bench import reference
 from granular.laws import dashpot
+from granular.reference import verification
 
-FILE = Path(reference.__file__).with_name("verification.json")
+FILE = Path(verification.__file__).with_suffix(".json")
 STEP = 1e-5
 """Relative step of the differences for condition numbers."""
 DIGITS, WAVE_DIGITS = 17, 13

@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+ROOT = Path(__file__).resolve().parent.parent
+sys.path += [str(ROOT / "tests"), str(ROOT)]  # `bench.reference` is not in the unpacked old tree
 LIMITS = {"max_events": 80, "max_steps": 3000}
 GASES = (60, 1000, 120_000)
 """Numbers of balls; from 1e5 on compiled hard spheres run in blocks."""
 POWERS = 6
 """How many of the laws the located method can compile: the first ones."""
-REFERENCES = ("granular.reference", "granular.studies.reference", "bench.reference")
-"""Where the reference solver is, by version."""
+REFERENCES = ("granular.reference.taylor", "bench.reference.taylor")
+"""Where the solver of 34 digits is, by version; its package has `solve`."""
 METHODS = ("verlet", "symplectic-euler", "rk4", "gear5")
 Case = tuple[str, int, Callable[[], Any]]
 """Family, seed, and what to run."""
@@ -217,7 +218,7 @@ def solved(scene: Any, law: Any) -> Any:
     """The solution of the slow solver, in few digits."""
     from granular import until
 
-    reference = import_module(next(filter(is_module, REFERENCES)))
+    reference = import_module(next(filter(is_module, REFERENCES)).rpartition(".")[0])
     return repr(reference.solve(scene, law, until=until.separated(), digits=20))
 
 

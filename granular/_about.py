@@ -5,7 +5,7 @@ May be skipped: names, no physics.
 NAME = "granular-collisions"
 """For pip: the package index has another `granular`, which installs a folder of the same name."""
 VERSION = "0.2.0"
-EXTRAS = {"fast": "numba", "plot": "matplotlib", "sweep": "xarray netCDF4 pandas", "peers": "mpmath"}
+EXTRAS = {"fast": "numba", "plot": "matplotlib", "sweep": "xarray netCDF4 pandas"}
 """Packages that only some tasks need, by the extra that installs them."""
 
 

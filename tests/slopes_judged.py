@@ -1,6 +1,6 @@
 """Derivatives of outcomes at random scenes by solvers of many digits, and what `gr.sensitivity` says of them.
 
-Soft spheres are judged by `granular.reference`, hard ones by a solver of a page: central differences at
+Soft spheres are judged by `bench.reference`, hard ones by a solver of a page: central differences at
 2⁻³⁰ of the parameter. What the solvers have in common with the package is the scene as given, no more.
 """
 
@@ -15,8 +15,8 @@ from own_laws import OwnDashpot
 from scenes_to_judge import KINDS, end_of, laws_of, scene_of
 
 import granular as gr
+from bench.reference import taylor
 from granular.laws.contact_law import resolve
-from granular.reference import taylor
 from granular.scene.places import fitted, speed_scale
 from granular.sweeps.plan import planned
 

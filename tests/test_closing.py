@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import reference
+from bench import reference
 from granular.scene.places import MARGIN, Closing, fitted
 
 LAW = gr.LinearDashpot(1e4, 1.0)

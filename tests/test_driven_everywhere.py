@@ -5,10 +5,10 @@ import math
 import pytest
 
 import granular as gr
+from bench.reference import solve
 from granular.frontiers import methods
 from granular.frontiers.methods import Task, peer
 from granular.laws.kinds import checked
-from granular.reference import solve
 from granular.walls import Motion, Sine
 
 pytest.importorskip("xarray")
@@ -56,7 +56,6 @@ def test_up_to_which_shaking_contacts_are_isolated():
 
 
 def test_error_against_run_time_of_a_driven_scene(monkeypatch):
-    pytest.importorskip("mpmath")
     monkeypatch.setattr(methods, "_engine", lambda task, name: "plain")  # errors are asked for, not times
     scene = gr.scenes.bouncing_ball(0.005, plate=Sine.from_acceleration(2.0, 50.0, phase=1.0))
     law = gr.LinearDashpot.from_restitution(0.6, k=1e3, pair=scene.pairs[0])

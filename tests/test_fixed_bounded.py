@@ -7,7 +7,7 @@ import pytest
 from test_md_fixed_engines import ALL, in_windows, same
 
 import granular as gr
-from granular import reference
+from bench import reference
 
 pytest.importorskip("mpmath")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import reference
+from bench import reference
 from granular.md.fixed.integrators import INTEGRATORS
 
 pytest.importorskip("mpmath")

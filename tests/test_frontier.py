@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import granular as gr
+from bench.reference import solve
 from granular import cases, cli, reference
 from granular._reports import duration
 from granular.cli import output
 from granular.frontiers import Frontier, Row
 from granular.frontiers.methods import METHODS, Task, contacts_of, errors, expected_orders, own
 
-pytest.importorskip("mpmath")
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
 
 
@@ -38,7 +38,8 @@ def coarse():
 @pytest.fixture(scope="module")
 def report(coarse):
     scene, law, end = scene_and_law()
-    truth = reference.solve(scene, law, **end, digits=24)
+    pytest.importorskip("mpmath")
+    truth = solve(scene, law, **end, digits=24)
     return gr.frontier(scene, law, **end, methods=QUICK, repeats=1, reference=truth)
 
 
@@ -124,7 +125,7 @@ def test_nonlinear_laws_have_a_tolerance_and_laws_with_memory_no_solver_without_
 
 def test_the_table_says_what_it_is_about(report):
     text = str(report)
-    for words in ("reference: Taylor series", "its error", "WRONG", "(rounding)", "min(p, 1+s)", "fastest other"):
+    for words in ("reference: Taylor series", "its error", "WRONG", "(not resolved)", "min(p, 1+s)", "fastest other"):
         assert words in text
     hard = dataclasses.replace(report, rows=tuple(row for row in report.rows if row.method == "edmd"))
     assert "order in" in text
@@ -164,8 +165,20 @@ def test_misuse_is_one_sentence(options, sentence):
         gr.frontier(scene, law, **(end | options))
 
 
+def test_errors_below_that_of_the_reference_are_not_resolved(coarse):
+    scene, law, end = scene_and_law()
+    report = gr.frontier(scene, law, **end, methods=("located",), repeats=1)
+    (located,) = report.rows
+    assert located.velocity_error < report.floor == report.reference.velocity_error < 1e-9
+    assert located.rounding
+    text = str(report)
+    assert f"errors below {report.floor:.1g} are not resolved" in text
+    assert "1e-09" in text
+    assert "\n1e-12 " not in text
+
+
 def test_no_scene_is_one_sentence():
-    for call in (gr.frontier, reference.solve):
+    for call in (gr.frontier, reference.solve, solve):
         with pytest.raises(TypeError, match=r"scene is None: a granular\.Scene is needed"):
             call(None, gr.LinearDashpot(1e6))
 
@@ -198,7 +211,7 @@ def test_command_measures_the_first_contacts_of_a_scene_that_only_its_time_ends(
 @pytest.mark.parametrize("line", ["compressed-chain --ends walls", "bouncing-ball --height 0"])
 def test_command_says_at_once_that_no_contact_ends(line, capsys, monkeypatch):
     """And nothing else; the reference would follow a ball at rest forever."""
-    monkeypatch.setattr(reference.taylor, "solve", lambda *a: pytest.fail("it was solved"))
+    monkeypatch.setattr(reference.restarted, "solve", lambda *a, **b: pytest.fail("it was solved"))
     assert cli.main(["frontier", *line.split()]) == 2
     err = capsys.readouterr().err
     assert err.startswith("granular: scene is Scene(")

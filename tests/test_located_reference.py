@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from condition import response
 
+from bench.reference import solve
 from granular import until
 from granular.laws import LinearDashpot, ViscoelasticHertz
 from granular.md import simulate as run
-from granular.reference import solve
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 

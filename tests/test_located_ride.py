@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import reference
+from bench import reference
 
 G = 9.81
 

@@ -43,15 +43,15 @@ def test_every_file_of_the_package_is_read_by_it():
 
 def test_info_says_what_is_missing_and_who_else_is_there(granular, monkeypatch):
     monkeypatch.setattr(info, "packages_distributions", lambda: OTHER)
-    versions = {"granular": "0.24.2", "mpmath": None}
+    versions = {"granular": "0.24.2", "matplotlib": None}
     monkeypatch.setattr("granular._files.version_of", lambda name: versions.get(name, "1.0"))
     code, out, _ = granular("info --json found.json")
     assert code == 0
     assert out.startswith(f"{NAME} {gr.__version__}, in {info.FOLDER}\n")
-    assert f"extra peers  mpmath missing: {install('peers')}\n" in out
+    assert f"extra plot   matplotlib missing: {install('plot')}\n" in out
     assert out.endswith(f"granular 0.24.2 installs a package granular too: {info.REMEDY}\n")
     found = json.loads(Path("found.json").read_text(encoding="utf-8"))
-    assert (found["others"], found["extras"]["peers"]) == (["granular 0.24.2"], {"mpmath": None})
+    assert (found["others"], found["extras"]["plot"]) == (["granular 0.24.2"], {"matplotlib": None})
 
 
 def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatch):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import reference
+from bench import reference
 from granular.laws.kinds import resolved
 from granular.reference import restarted
 from granular.reference.events import ACTIVE, DORMANT, OPEN, roused

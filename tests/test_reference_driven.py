@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import reference
+from bench import reference
+from bench.reference.taylor import Taylor
 from granular.laws import resolve
 from granular.laws.kinds import resolved
 from granular.reference import restarted
 from granular.reference.events import Run
-from granular.reference.taylor import Taylor
 
 pytest.importorskip("mpmath")
 from driven_scenes import MP, ONE_RADIAN, riding, scenes, shaken, steady

@@ -15,7 +15,7 @@ from granular.sweeps.results import RESULTS
 BASE = {"restitution": 0.47161184434617386, "k0": -0.090383271761978587, "k1": 0.033030260394309959,
         "m1": 0.089938689133708453, "m2": -0.03258567776603971, "gap": -0.11418653828802672,
         "gravity": 0.14599421671320871}
-"""∂v_rel′/∂ln p of the base scene by the series of `granular.reference`, 34 digits; v_rel′ is this:"""
+"""∂v_rel′/∂ln p of the base scene by the series of `bench.reference`, 34 digits; v_rel′ is this:"""
 V_REL = 0.1772824106910799050307819
 SPEEDS = ("v_rel[1]", "v_final")
 ROWS = slopes_judged.rows()

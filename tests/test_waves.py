@@ -8,10 +8,10 @@ import pytest
 from steel_chains import FORCE, RADIUS, laws_of, steel
 
 import granular as gr
+from bench.reference import solve
 from granular import cases, waves
 from granular.laws.contact_law import resolve
 from granular.laws.statics import overlap_under, stiffness_at
-from granular.reference import solve
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class Row:
     wrong_count : bool
         Some pair has more or fewer contacts than it should.
     rounding : bool
-        The error of velocities is what one unit in the last digit of the scene's numbers would make.
+        The error of velocities is below the floor of the report (see `Frontier.floor`), so it is not resolved.
     seconds : float
         Shortest processor time of the repeated runs, after a first run that does not count.
     work, unit : int, str
@@ -113,6 +113,12 @@ class Frontier(Report):
     rounding_level: float = 0.0
     machine: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def floor(self) -> float:
+        """Smallest resolved error of velocities in impact speeds: the larger of eight times the rounding level and the
+        estimated error of the reference."""
+        return floor(self.reference, self.rounding_level)
+
     @cached_property
     def clock_digit(self) -> float:
         """One unit in the last digit of the end time, in units of the longest contact: no log of times is better."""
@@ -130,7 +136,7 @@ class Frontier(Report):
     def order(self, method: str) -> float:
         """Measured order: the slope of log(error of velocities) over log(setting), by regression; nan if unknown.
 
-        Points at rounding level and points with wrong contacts are left out, and so is the coarsest quarter.
+        Points below the floor and points with wrong contacts are left out, and so is the coarsest quarter.
         """
         rows = [row for row in self.of(method) if row.good and not row.rounding and row.velocity_error > 0.0]
         rows = rows[len(rows) // 4 :] if len(rows) > FEWEST else rows
@@ -150,7 +156,8 @@ class Frontier(Report):
             aligned([["method", "setting", "error of v", "error of t", "contacts", "run time", "work"],
                      *(_row(row, self.dials[row.method]) for row in self.rows)], "<>>><><"),
             *([aligned(orders, "<>")] if len(orders) > 1 else []),
-            aligned([["error of v below", "located", "fastest other"], *(_goal(self, goal) for goal in GOALS)], "<><"),
+            aligned([["error of v below", "located", "fastest other"],
+                     *(_goal(self, goal) for goal in GOALS if goal >= self.floor)], "<><"),
         ])
 
     def _numbers(self) -> dict[str, Any]:
@@ -165,7 +172,7 @@ class Frontier(Report):
                 "contacts": [{"pair": row.pair} | {name: _digits(getattr(row, name)) for name in OF_A_CONTACT}
                              for row in truth.contacts],
             },
-            "rounding_level": self.rounding_level,
+            "rounding_level": self.rounding_level, "floor": self.floor,
             "rows": [asdict(row) | {"dial": self.dials[row.method]} for row in self.rows],
             "orders": {name: dict(zip(("textbook", "expected"), self.orders.get(name, (None, None)), strict=True))
                        | {"measured": self.order(name)} for name in self.methods},
@@ -176,13 +183,18 @@ class Frontier(Report):
         figure, ((left, right),) = canvas(7.1, 4.4, 1, 2, sharex=True, sharey=True)
         _errors(left, self, "velocity_error", "impact speed")
         left.set_title("velocities after the last contacts", fontsize=8.5)
-        _shade(left, NEAR * self.rounding_level, "rounding")
+        _shade(left, self.floor, "not resolved")
         _errors(right, self, "time_error", "longest contact")
         right.set_title("onset and end of contacts", fontsize=8.5)
-        _shade(right, self.clock_digit, "last digit of the clock")
+        _shade(right, np.fmax(self.clock_digit, self.reference.time_error), "not resolved")
         _legend(figure, self)
         figure.suptitle(_title(self), fontsize=8, x=0.01, ha="left")
         return _files.write_figure(path, figure, dpi=130)
+
+
+def floor(reference: Reference, rounding_level: float) -> float:
+    """See `Frontier.floor`. The error of a reference can be unknown (nan)."""
+    return float(np.fmax(NEAR * rounding_level, reference.velocity_error))
 
 
 def laws(report: Frontier) -> str:
@@ -196,14 +208,15 @@ def _origin(report: Frontier) -> str:
     return (
         f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
         f"{truth.time_error:.1g} of the longest contact; {len(truth.contacts)} contacts\n"
-        f"errors below {report.rounding_level:.1g} × {NEAR:g} are rounding: the scene's numbers have no more digits\n"
+        f"errors below {report.floor:.1g} are not resolved: rounding of the scene's numbers is "
+        f"{report.rounding_level:.1g} × {NEAR:g}\n"
         f"run on {on.get('processor')}, {on.get('cores')} cores, Python {on.get('python')}, numpy {on.get('numpy')}, "
         f"scipy {on.get('scipy')}, numba {on.get('numba')}"
     )
 
 
 def _row(row: Row, dial: str) -> list[str]:
-    notes = [row.status] * (row.status in ("stopped", "failed", "unstable")) + ["rounding"] * row.rounding
+    notes = [row.status] * (row.status in ("stopped", "failed", "unstable")) + ["not resolved"] * row.rounding
     return [
         row.method, f"{dial} {row.setting:.1e}" if dial else "-",
         *(number(x, ".1e", "-") for x in (row.velocity_error, row.time_error)),

@@ -10,12 +10,20 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from functools import reduce
 from itertools import pairwise
 from typing import Any
 
-from granular.reference.series import Number, value
 from granular.scene import Scene
 from granular.walls import Panels, Piecewise, Sine, Thermal
+
+Number = Any
+"""A float, or an mpmath number of the context that computes."""
+
+
+def value(p: Sequence[Number], x: Number) -> Number:
+    """The polynomial Σ p_j x^j."""
+    return reduce(lambda total, a: total * x + a, reversed(p), 0 * x)
 
 
 class Harmonic:
@@ -127,17 +135,6 @@ def paths(mp: Any, scene: Scene) -> dict[int, Path]:
     """Return how the walls of a scene move, by their bodies; those at constant speed are left out."""
     ends = zip((0, scene.n - 1), scene.motions, strict=True)
     return {body: path(mp, motion) for body, motion in ends if motion is not None}
-
-
-def displacements(mp: Any, scene: Scene) -> list[Number]:
-    """Of pendula, from where they rest; none without pendula."""
-    if scene.rest_gap is None:
-        return []
-    walls, out = scene.is_wall.tolist(), [mp.mpf(scene.origin)]
-    for gap, rest in zip(scene.gap.tolist(), scene.rest_gap.tolist(), strict=True):
-        out.append(out[-1] + mp.mpf(gap) - mp.mpf(rest))
-    fixed = out[walls.index(True)] if any(walls) else mp.zero
-    return [mp.zero if wall else y - fixed for wall, y in zip(walls, out, strict=True)]
 
 
 class Heat:

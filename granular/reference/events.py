@@ -14,8 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 from granular import until as stop
-from granular.reference.driven import Heat
-from granular.reference.series import Number, first_rise_of_parabola
+from granular.reference.driven import Heat, Number
 
 OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
 """No overlap · a force acts · overlap, but the force is clipped to zero · touching at rest."""
@@ -124,6 +123,23 @@ class Logbook:
     def contacts(self) -> tuple[ReferenceContact, ...]:
         """All contacts in the order in which they began."""
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
+
+
+def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
+    """First x ≥ 0, however late, at which p_0 + p_1 x + p_2 x² comes from below zero to zero, or None.
+
+    `mp` is an mpmath context, or `math` for floats.
+    """
+    c, b, a = p
+    if c == 0 and b < 0:  # the root at 0 has been dealt with
+        return -b / a if a > 0 else None
+    if c > 0 or (c == 0 and (b > 0 or a > 0)):
+        return 0 * c
+    square = b * b - 4 * a * c
+    if c == 0 or square < 0 or (b <= 0 and a <= 0):
+        return None
+    root = mp.sqrt(square)
+    return 2 * c / (-b - root) if b > 0 else (root - b) / (2 * a)
 
 
 def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:

@@ -2,7 +2,7 @@
 
 A scene starts as `scenes.generate` starts that of the same seed, bit for bit, with at most five balls; then the line is
 closed, its walls are heated (one of two may be driven in place of that), or its balls are hung. They are judged by
-`granular.reference` in 20 digits, as driven ones are; and by themselves: samples, runs that go on, momentum,
+`bench.reference` in 20 digits, as driven ones are; and by themselves: samples, runs that go on, momentum,
 the sum of the gaps, a ring that is turned and boosted.
 """
 

@@ -1,4 +1,4 @@
-"""Seeded soft scenes with driven walls and forces, judged by `granular.reference` in 20 digits.
+"""Seeded soft scenes with driven walls and forces, judged by `bench.reference` in 20 digits.
 
 A scene starts as `scenes.generate` starts that of the same seed, bit for bit, with at most three balls; if it has no
 wall, its first body becomes one. Then walls are driven, in every way, at one end or both, soon or late; forces pull.
@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 import granular as gr
+from bench import reference
+from bench.reference.series import fraction
 from fuzz.judge import FALLS_SHORT, SHIFT, SHIFTS, Verdict, shift
 from fuzz.scenes import Case, _between, _start
-from granular import reference
 from granular.laws.kinds import checked
-from granular.reference.series import fraction
 
 MOST = 7
 """Contacts of a scene."""

@@ -1,5 +1,4 @@
 """Newton's equation by Taylor series in many digits: slow, and written without a look at the engines it judges.
-May be skipped: it measures ourselves.
 
 State: overlaps ξ of the pairs and velocities v of the bodies, as mpmath numbers in SI units. A step is a power series
 in x, the time by the clock of one pair: dt/dx = u^(q-1) with u = ξ^(1/q). Then du/dx = ξ̇/q: u goes through zero
@@ -17,22 +16,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from bench.reference.series import Course, Force, Piece, Power, first_rise, product_term, touch, work
 from granular import until as stop
-from granular.reference.driven import Path, displacements, heats, paths
-from granular.reference.events import ACTIVE, CLOSED, DORMANT, OPEN, Reference, Run, Watch
-from granular.reference.series import (
-    Course,
-    Force,
-    Number,
-    Piece,
-    Power,
-    first_rise,
-    first_rise_of_parabola,
-    product_term,
-    touch,
-    value,
-    work,
-)
+from granular.reference.driven import Number, Path, heats, paths, value
+from granular.reference.events import ACTIVE, CLOSED, DORMANT, OPEN, Reference, Run, Watch, first_rise_of_parabola
 
 GUARD = 8
 """Digits carried beyond those asked for."""
@@ -348,3 +335,14 @@ class Taylor:
             stored = 2 * g * mp.power(g / (a.k * w), 1 / a.p) if pressed else (
                 2 * w * a.k * mp.power(max(a.xi, 0), a.p + 1) / (a.p + 1))
             self.speed = max(self.speed, abs(self.now(c, "rate")), mp.sqrt(stored))
+
+
+def displacements(mp: Any, scene: Any) -> list[Number]:
+    """Of pendula, from where they rest; none without pendula."""
+    if scene.rest_gap is None:
+        return []
+    walls, out = scene.is_wall.tolist(), [mp.mpf(scene.origin)]
+    for gap, rest in zip(scene.gap.tolist(), scene.rest_gap.tolist(), strict=True):
+        out.append(out[-1] + mp.mpf(gap) - mp.mpf(rest))
+    fixed = out[walls.index(True)] if any(walls) else mp.zero
+    return [mp.zero if wall else y - fixed for wall, y in zip(walls, out, strict=True)]

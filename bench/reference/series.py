@@ -1,6 +1,5 @@
 """Power series as lists of mpmath numbers, the first root of a polynomial, certified; the series of a step: of
 overlaps, velocities, forces and walls.
-May be skipped: it measures ourselves.
 """
 
 from __future__ import annotations
@@ -9,11 +8,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
 from typing import Any
 
-Number = Any
-"""An mpmath number of the context that computes."""
+from granular.reference.driven import Number, value
 
 
 def product_term(mp: Any, a: Sequence[Number], b: Sequence[Number], n: int) -> Number:
@@ -57,11 +54,6 @@ class Power:
             total = (self.alpha + 1) * mp.fdot(self.jy[1:], back) - j * mp.fdot(self.y[1:], back)
             self.f.append(total / (j * self.y[0]))
         return self.f[-1]
-
-
-def value(p: Sequence[Number], x: Number) -> Number:
-    """The polynomial Σ p_j x^j."""
-    return reduce(lambda total, a: total * x + a, reversed(p), 0 * x)
 
 
 def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
@@ -117,23 +109,6 @@ def _newton(
             return new
         x = new
     return x
-
-
-def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
-    """First x ≥ 0, however late, at which p_0 + p_1 x + p_2 x² comes from below zero to zero, or None.
-
-    `mp` is an mpmath context, or `math` for floats.
-    """
-    c, b, a = p
-    if c == 0 and b < 0:  # the root at 0 has been dealt with
-        return -b / a if a > 0 else None
-    if c > 0 or (c == 0 and (b > 0 or a > 0)):
-        return 0 * c
-    square = b * b - 4 * a * c
-    if c == 0 or square < 0 or (b <= 0 and a <= 0):
-        return None
-    root = mp.sqrt(square)
-    return 2 * c / (-b - root) if b > 0 else (root - b) / (2 * a)
 
 
 @dataclass
