@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.sweeps.identity import identity
+from granular.sweeps.plan import planned, question
 
 GAPS = {"gap": [1e-4, 1e-3]}
-EPS = 0.7
 
 
 def made(gap, eps=0.7):
@@ -26,31 +25,27 @@ def from_text(text, **scope):
     return here["it"]
 
 
-EDITS = [
-    ("def it(gap): return made(gap, 0.7)", "def it(gap): return made(gap, 0.3)"),
-    ("it = lambda gap: made(gap, 0.7)", "it = lambda gap: made(gap, 0.3)"),
-    ("EPS = 0.7\ndef it(gap): return made(gap, EPS)", "EPS = 0.3\ndef it(gap): return made(gap, EPS)"),
-    ("def of(gap): return made(gap, 0.7)\ndef it(gap): return of(gap)",
-     "def of(gap): return made(gap, 0.3)\ndef it(gap): return of(gap)"),
-    ("def of(eps):\n  def it(gap): return made(gap, eps)\n  return it\nit = of(0.7)",
-     "def of(eps):\n  def it(gap): return made(gap, eps)\n  return it\nit = of(0.3)"),
-    ("def it(gap, eps=0.7): return made(gap, eps)", "def it(gap, eps=0.3): return made(gap, eps)"),
-    ("def it(gap):\n  a = lambda: 0.7\n  return made(gap, a())",
-     "def it(gap):\n  a = lambda: 0.3\n  return made(gap, a())"),
-    ("class Of:\n  def case(self, gap): return made(gap, 0.7)\nit = Of().case",
-     "class Of:\n  def case(self, gap): return made(gap, 0.3)\nit = Of().case"),
-]
+OWN = {
+    "function": "def it(gap): return made(gap, 0.7)",
+    "lambda": "it = lambda gap: made(gap, 0.7)",
+    "method": "class Of:\n  def case(self, gap): return made(gap, 0.7)\nit = Of().case",
+    "partial": "from functools import partial\nit = partial(made, eps=0.7)",
+}
 
 
-@pytest.mark.parametrize(("first", "then"), EDITS)
-def test_a_function_that_was_edited_asks_something_else(first, then, tmp_path) -> None:
-    file = tmp_path / "a.nc"
-    before = gr.sweep(from_text(first), GAPS, "v_rel", save=file)
-    again = gr.sweep(from_text(first), GAPS, "v_rel", save=file)  # the same script once more: nothing is solved
+@pytest.mark.parametrize("text", OWN.values(), ids=OWN)
+def test_an_own_function_is_continued_only_with_the_same_key(text, tmp_path) -> None:
+    file, keyed = tmp_path / "a.nc", tmp_path / "b.nc"
+    gr.sweep(from_text(text), GAPS, "v_rel", save=file)
+    for key, sentence in ((None, "may have changed since; give a key"), ("1", "it holds another sweep")):
+        with pytest.raises(ValueError, match=sentence):
+            gr.sweep(from_text(text), GAPS, "v_rel", save=file, key=key)
+    before, solved = gr.sweep(from_text(text), GAPS, "v_rel", save=keyed, key="1"), []
+    again = gr.sweep(from_text(text), GAPS, "v_rel", save=keyed, key="1", on_progress=lambda *done: solved.append(done))
     assert np.array_equal(before.v_rel, again.v_rel)
+    assert not solved
     with pytest.raises(ValueError, match="it holds another sweep"):
-        gr.sweep(from_text(then), GAPS, "v_rel", save=file)
-    assert not np.array_equal(gr.sweep(from_text(then), GAPS, "v_rel").v_rel, before.v_rel)
+        gr.sweep(from_text(text), GAPS, "v_rel", save=keyed, key="2")
 
 
 LAW = """
@@ -63,37 +58,57 @@ it = gr.Case(scene, Own(), t_end=0.05)
 
 
 @pytest.mark.parametrize("frozen", ["", "@dataclass(frozen=True)\n"])
-def test_a_law_is_its_code_and_not_its_address(frozen, tmp_path) -> None:
-    file = tmp_path / "a.nc"
-    soft, same, stiff = (from_text(LAW.format(frozen=frozen, k=k)) for k in (5e5, 5e5, 5e6))
-    before = gr.sweep(soft, GAPS, "duration", save=file)
-    assert np.array_equal(gr.sweep(same, GAPS, "duration", save=file).duration, before.duration)
-    with pytest.raises(ValueError, match="it holds another sweep"):
-        gr.sweep(stiff, GAPS, "duration", save=file)
+def test_an_own_law_is_continued_only_with_a_key(frozen, tmp_path) -> None:
+    file, (soft, same) = tmp_path / "a.nc", (from_text(LAW.format(frozen=frozen, k=5e5)) for _ in range(2))
+    before = gr.sweep(soft, GAPS, "duration", save=file, key="k = 5e5")
+    assert np.array_equal(gr.sweep(same, GAPS, "duration", save=file, key="k = 5e5").duration, before.duration)
+    for key, sentence in ((None, "Own.*may have changed since"), ("k = 5e6", "it holds another sweep")):
+        with pytest.raises(ValueError, match=sentence):
+            gr.sweep(same, GAPS, "duration", save=file, key=key)
 
 
-def test_a_result_is_its_code_and_an_array_all_its_entries(tmp_path) -> None:
-    one, two = from_text("def it(case): return 1.0"), from_text("def it(case): return 2.0")
-    gr.sweep("three-balls", GAPS, one, save=tmp_path / "a.nc")
-    with pytest.raises(ValueError, match="it holds another sweep"):
-        gr.sweep("three-balls", GAPS, two, save=tmp_path / "a.nc")
+def test_code_is_found_wherever_it_takes_part() -> None:
+    scene, law = gr.scenes.three_balls(), gr.Hertz(1e9)
+    shaken = gr.scenes.bouncing_ball(plate=gr.walls.Motion(lambda t: 0.0 * t))
+    within = gr.restitution_of(from_text(LAW.format(frozen="@dataclass(frozen=True)\n", k=5e5)).law)
+    for case, asked, many in [
+        (gr.Case(scene, law, gr.ConstantRestitution(0.5), gr.until.contact(0, 2)), ("contacts",), 0),
+        (gr.Case(scene, law, gr.restitution_of(law)), ("contacts",), 0),
+        (gr.Case(shaken, law, t_end=1.0), ("contacts",), 1),
+        (gr.Case(scene, law, lambda speed, pair: 0.5), ("contacts",), 1),
+        (gr.Case(scene, law, within), ("contacts",), 1),
+        (gr.Case(scene, law), (counted,), 1),
+        (made, ("contacts",), 1),
+        (gr.scenes.three_balls, ("contacts",), 0),
+    ]:
+        text, own = question(planned(case, {}, asked, {}))
+        assert len(own) == many, text
+        assert "0x" not in text
+
+
+def test_numbers_of_laws_and_all_entries_of_arrays_are_in_the_text() -> None:
+    def asked(case, **fixed):
+        return question(planned(case, {}, ("contacts",), fixed))[0]
+
+    scene = gr.scenes.three_balls()
+    assert asked(gr.Case(scene, gr.Hertz(1e9))) == asked(gr.Case(scene, gr.Hertz(1e9)))
+    assert asked(gr.Case(scene, gr.Hertz(1e9))) != asked(gr.Case(scene, gr.Hertz(1.1e9)))
     still = np.zeros(1200)
     moved = still.copy()
     moved[600] = 1.0
-    assert identity(still) != identity(moved)
-    assert identity([partial(made, eps=0.7)]) != identity([partial(made, eps=0.3)])
+    case = gr.Case(scene, gr.Hertz(1e9))
+    assert asked(case, gap=still) != asked(case, gap=moved)
 
 
-def test_what_holds_itself_or_is_met_often_is_read_once() -> None:
-    loop: list = [1.0]
-    loop.append(loop)
-    assert identity(loop) == [1.0, "itself"]
-    text = "def f0(x): return x\n" + "".join(
-        f"def f{i}(x): return f{i - 1}(x) + f{max(i - 2, 0)}(x)\n" for i in range(1, 60)) + "it = f59"
-    assert len(str(identity(from_text(text)))) < 20_000  # and not 2^59 times as much
-    assert identity(gr.compare) == "granular.comparison.run.compare"
-    assert identity(np.random.default_rng(1)) == identity(np.random.default_rng(1))
-    assert identity(np.random.default_rng(1)) != identity(np.random.default_rng(2))
+def test_a_file_that_names_laws_by_older_places_is_continued(tmp_path) -> None:
+    case, file = gr.Case(gr.scenes.three_balls(), gr.Hertz(1e9), until=gr.until.contact(0, 2)), tmp_path / "a.nc"
+    data = gr.sweep(case, {"gravity": [9.8, 9.9]}, "contacts", save=file)
+    older = data.attrs["question"].replace('"Hertz"', '"granular.laws.springs.Hertz"')
+    assert older != data.attrs["question"]
+    data.assign_attrs(question=older).to_netcdf(file, engine="netcdf4")
+    solved: list = []
+    gr.sweep(case, {"gravity": [9.8, 9.9]}, "contacts", save=file, on_progress=lambda *done: solved.append(done))
+    assert not solved
 
 
 def test_an_interruption_before_the_first_answer_leaves_no_file(tmp_path) -> None:

@@ -8,19 +8,21 @@ import inspect
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property, reduce
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular import _check, _files
-from granular._describe import by_words
+from granular._describe import by_words, scene_to_json, to_json
 from granular._kernels import have_numba
 from granular.cases import ready
 from granular.cases.case import Case, checked_run
-from granular.sweeps.identity import identity
+from granular.scene import Scene
 from granular.sweeps.results import RESULTS, STATUS, Result
 from granular.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
 
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 
 Ask = str | Callable[[Case], float]
+PLACE = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
+"""How earlier versions named classes of this package: by their modules, which may have moved since."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,8 @@ class Plan:
         Whether many cells may be run in one compiled call.
     key : bytes
         Tells plans apart, whatever process they are in.
+    version : str or None
+        Text by which the caller identifies functions and classes of their own, in a file.
     """
 
     subject: Subject
@@ -60,6 +66,7 @@ class Plan:
     run: Mapping[str, Any]
     at_once: bool = True
     key: bytes = field(default_factory=lambda: os.urandom(16))
+    version: str | None = None
 
     @property
     def results(self) -> dict[str, Result]:
@@ -193,19 +200,39 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
                            {"units": result.units, "long_name": name.replace("_", " "), "comment": result.about})
         if result.dim:
             coordinates[result.dim] = result.dim, np.arange(array.shape[1]), {"comment": "counted from the bottom"}
-    about = {"title": f"granular sweep of {plan.subject.title}", "question": question(plan),
+    about = {"title": f"granular sweep of {plan.subject.title}", "question": question(plan)[0],
              "provenance": json.dumps(_files.provenance())}
     data: xarray.Dataset = xarray_().Dataset(variables, coordinates, about | notes)
     return data
 
 
-def question(plan: Plan) -> str:
-    """What is asked, as text: two sweeps with the same question and axes have the same answers."""
+def question(plan: Plan) -> tuple[str, list[Any]]:
+    """Text of the case, the parameters and the results, and the objects of the caller that it only names.
+
+    Without such objects, sweeps with the same text and axes have the same answers.
+    """
+    own: list[Any] = []
+
+    def described(value: Any) -> Any:
+        if isinstance(value, (np.generic, np.ndarray)):
+            return value.tolist()
+        if isinstance(value, Mapping):
+            return dict(value)
+        if isinstance(value, Scene):
+            own.extend(motion for motion in value.motions if motion is not None and "fields" not in to_json(motion))
+            return scene_to_json(value)
+        kind = value if isinstance(value, (type, FunctionType)) else type(value)
+        of_package = kind.__module__.partition(".")[0] == "granular"
+        if of_package and is_dataclass(value) and kind is not value:
+            return [kind.__name__, {one.name: getattr(value, one.name) for one in fields(value)}]
+        own.extend([value] * (not of_package or kind is not value))
+        return kind.__qualname__
+
     words = {"scene": plan.subject.text, "fixed": plan.fixed, "over": plan.names, "results": list(plan.results),
              "run": plan.run}
-    if own := [one for one in (plan.subject.source, *plan.asked) if callable(one)]:
-        words["functions"] = own
-    return json.dumps(identity(words), sort_keys=True)
+    given = {"functions": [one for one in (plan.subject.source, *plan.asked) if callable(one)], "key": plan.version}
+    words |= {name: one for name, one in given.items() if one not in ([], None)}
+    return json.dumps(words, sort_keys=True, default=described), own
 
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
@@ -228,7 +255,7 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
     Raises
     ------
     ValueError
-        If the file holds the answers to another question, or is of a later version.
+        If the file belongs to another sweep or to a later version, or if code of the caller takes part without a key.
     """
     name = _files.checked_path("save", path)
     _files.check_ending(name, ".nc")
@@ -236,9 +263,13 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
     if not os.path.isfile(name):
         return {}, {}
     with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:
-        asked, notes = by_words(str(stored.attrs.get("question"))), stored.attrs
+        asked, notes = PLACE.sub(r'"\1"', by_words(str(stored.attrs.get("question")))), stored.attrs
         _files.check_format(name, _format(notes))
-        if asked != question(plan) or not all(_same(stored, axis, array) for axis, array in over.items()):
+        text, own = question(plan)
+        if own and plan.version is None:
+            raise ValueError(f"save is {name!r}: it exists, and {own[0]!r} may have changed since; give a key that "
+                             "changes with your code, another name, or remove the file.")
+        if asked != text or not all(_same(stored, axis, array) for axis, array in over.items()):
             raise ValueError(f"save is {name!r}: it holds another sweep; give another name, or remove it.")
         shape = tuple(map(len, over.values()))
         columns = {one: _column(stored, one, shape, plan, name) for one in ("status", *plan.results)}

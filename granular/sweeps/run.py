@@ -47,6 +47,7 @@ def sweep(
     refine: str | None = None,
     precision: float = 1e-6,
     save: str | PathLike[str] | None = None,
+    key: str | None = None,
     executor: Executor | None = None,
     workers: int | None = None,
     on_progress: Callable[[float, int], object] | None = None,
@@ -79,6 +80,9 @@ def sweep(
     save : path, optional
         A netCDF file for the result. It is written every half minute as well as at the end or on interruption; if it
         is there already, only the cells it lacks are solved.
+    key : str, optional
+        Identifies functions and classes of your own in the file, such as ``"version 2"``; change it whenever you change
+        them. Without a key, an existing file is refused if a scene, law, rule, wall or result of your own takes part.
     executor : concurrent.futures.Executor, optional
         Where to run: a ``ProcessPoolExecutor``, ``client.get_executor()`` of dask, an ``MPIPoolExecutor``; default
         this process. The result is the same, bit for bit.
@@ -109,7 +113,8 @@ def sweep(
     xarray_()
     varied = checked(over)
     asked = _check.several("results", results, "a name or function, or several,")
-    plan = planned(scene, varied, tuple(asked), fixed, run)
+    version = _check.of_kind("key", key, str | None, "a text")
+    plan = replace(planned(scene, varied, tuple(asked), fixed, run), version=version)
     check_names(plan, save)
     if refine is not None:
         _check.choice("refine", refine, list(varied))

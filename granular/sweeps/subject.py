@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 from granular import _check, cases, md
-from granular._describe import scene_to_json
 from granular.binary import restitution
 from granular.cases import build, ready
 from granular.cases.case import Case, descriptions, options_of, parameters_of, whole
@@ -189,10 +188,9 @@ def subject_of(given: SceneLike) -> Subject:
     """Return what is swept, or raise if it is nothing of the kind."""
     case = Case(given, None) if isinstance(given, Scene) else given
     if isinstance(case, Case):
-        text = vars(case) | {"scene": scene_to_json(case.scene)}
         about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)),
                        **_WALLS)
-        return Subject(case.about or str(case.scene), case, replace, about, text)
+        return Subject(case.about or str(case.scene), case, replace, about, vars(case))
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
         return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title,
