@@ -15,8 +15,8 @@ import matplotlib
 import numpy as np
 
 import granular as gr
-from granular._kernels import have_numba
-from granular._reports import COLUMN, GREY, HARD, SOFT, canvas, style
+from granular._engine.kernels import have_numba
+from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
 HOT, COLD = 2.0, 1.0

@@ -13,7 +13,7 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._reports import COLUMN, GREY, HARD, SOFT, canvas, style
+from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "driven.png"
 EPS, G, FREQUENCY, RATIO = 0.5, 9.81, 50.0, 100.0

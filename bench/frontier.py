@@ -17,7 +17,7 @@ import docs_data  # before `bench`, which it makes importable
 
 from bench.reference import solve
 from granular import Hertz, LinearDashpot, Scene, ViscoelasticHertz, cases, scenes, until
-from granular._reports import duration
+from granular._engine.reports import duration
 from granular.frontiers import Frontier, frontier as with_any_reference
 from granular.frontiers.result import LOOKS
 

@@ -12,7 +12,7 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._reports import COLUMN, GREY, HARD, SOFT, canvas, style
+from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 from granular.outcome import separations
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "isolation.png"

@@ -13,7 +13,7 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._reports import COLUMN, GREY, HARD, SOFT, canvas, style
+from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
 LAW, FORCE, DIMER = gr.Hertz(9.75758e9), 20.0, 0.5

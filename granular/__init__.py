@@ -11,8 +11,8 @@ May be skipped: the public names, and where they stand.
 
 from typing import TYPE_CHECKING
 
-from granular._about import VERSION
-from granular._lazy import attributes
+from granular._engine.about import VERSION
+from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
     from granular import (

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from granular._check import Array
-from granular._records import FEW, raw
+from granular._engine.check import Array
+from granular._engine.records import FEW, raw
 from granular.scene.places import positions, velocities
 from granular.scene.state import Scene
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _files
-from granular._check import Array
-from granular._reports import HARD, SOFT, canvas, unit_of
+from granular._engine import files
+from granular._engine.check import Array
+from granular._engine.reports import HARD, SOFT, canvas, unit_of
 from granular.scene import Scene
 from granular.scene.places import points
 
@@ -84,7 +84,7 @@ def plot(run: Any, path: str | PathLike[str] | None = None) -> Any:
     for axis, span in zip(panels[:, 0], spans, strict=True):
         draw_paths(axis, run, span)
         axis.set_xlabel(span.named)
-    return _files.write_figure(path, figure, dpi=200)
+    return files.write_figure(path, figure, dpi=200)
 
 
 def words(run: Any) -> tuple[str, str]:

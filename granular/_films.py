@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from granular import _files
-from granular._check import Array, choice, number, optional, whole
+from granular._engine import files
+from granular._engine.check import Array, choice, number, optional, whole
+from granular._engine.reports import duration
 from granular._figures import COLOURS, INK, Span, draw_paths, engine, head, paths, spans_of, words
-from granular._reports import duration
 from granular.scene import Scene
 
 ENDINGS = (".gif", ".mp4")
@@ -158,7 +158,7 @@ def radii(scene: Scene) -> Array:
 def save(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps: int) -> None:
     """Write a film, whole or not at all."""
     write = _save_gif if check_film(path) == ".gif" else _save_mp4
-    _files.write(path, lambda draft: write(pictures, draft, fps))
+    files.write(path, lambda draft: write(pictures, draft, fps))
 
 
 def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:

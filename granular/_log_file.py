@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from granular._contact_log import Rows, contacts
-from granular._files import checked_path, is_stream
+from granular._engine.files import checked_path, is_stream
 
 
 class LogFile:

@@ -15,8 +15,8 @@ from zlib import crc32
 
 import numpy as np
 
-from granular import _check, _files
-from granular._describe import from_json, to_json
+from granular._engine import check, files
+from granular._engine.describe import from_json, to_json
 from granular.scene import Scene
 from granular.scene.places import fitted
 
@@ -49,14 +49,14 @@ CHANGED = "it was changed after it was saved"
 
 def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run to one ``.npz`` file, whole or not at all."""
-    _files.check_ending(path, ".npz")
+    files.check_ending(path, ".npz")
     words, arrays = packed(run)
 
     def fill(draft: str) -> None:
         with open(draft, "wb") as file:
             (np.savez_compressed if compressed else np.savez)(file, words=np.array(said(words)), **arrays)
 
-    _files.write(path, fill)
+    files.write(path, fill)
 
 
 def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -74,7 +74,7 @@ def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         log, arrays["contacts"] = run.contacts, run.contacts[:0]
         arrays |= {name: log[name[9:]].astype(kind, order="C") for name, kind in OF_HARD.items()}
     words = {
-        "format": _files.FORMAT,
+        "format": files.FORMAT,
         "status": run.status.name,
         "message": run.message,
         "stats": {name: value for name, value in run.stats.items() if isinstance(value, (*PLAIN, tuple))},
@@ -123,27 +123,27 @@ def read(
     """Return what `write` has written by the names of `Trajectory`, the status by its name, one of `statuses`; contacts
     are records `log`. Raise as `Trajectory.load`.
     """
-    name = _files.checked_source("path", path)
+    name = files.checked_source("path", path)
     try:
         with open(name, "rb") as file:
             if name.lower().endswith(".nc"):
                 stored = _of_netcdf(name, log)
             else:
-                _check_heads(_files.heads(file), log)
-                stored = _files.arrays(file)
+                _check_heads(files.heads(file), log)
+                stored = files.arrays(file)
         words = _words(str(stored.pop("words")))
-        _files.check_format(name, words.get("format", 1), words.keys() - WORDS.keys() - OTHERS.keys())
+        files.check_format(name, words.get("format", 1), words.keys() - WORDS.keys() - OTHERS.keys())
         _check_words(words, stored, statuses)
         if "contacts.pair" in stored:
             stored["contacts"] = _hard_log(stored, log)
         _check_rows(stored, words["status"])
         return _made(words, stored, law, rule)
-    except (_files.Foreign, RecursionError):
+    except (files.Foreign, RecursionError):
         raise ValueError(
             f"path is {name!r}: it is not a run saved by granular, or is cut short; "
             "a file written by Trajectory.save is needed."
         ) from None
-    except _files.Later:
+    except files.Later:
         raise
     except (TypeError, ValueError) as error:
         kind = TypeError if isinstance(error, TypeError) else ValueError
@@ -152,21 +152,21 @@ def read(
 
 def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
     """The arrays that the tables of a netCDF file and its checkpoint hold, as an ``.npz`` file would have them."""
-    xarray = _check.optional("xarray", "a file that ends in .nc")
-    _check.optional("netCDF4", "a file that ends in .nc")
+    xarray = check.optional("xarray", "a file that ends in .nc")
+    check.optional("netCDF4", "a file that ends in .nc")
     try:
         data = xarray.open_dataset(name, engine="netcdf4", decode_cf=False)
     except (OSError, ValueError, RuntimeError):
-        raise _files.Foreign from None
+        raise files.Foreign from None
     with data:
-        most = _files.DENSEST * os.path.getsize(name) + _files.ROOM
+        most = files.DENSEST * os.path.getsize(name) + files.ROOM
         if data.nbytes > most or any(data[one].dtype.kind not in "fiu" for one in data.variables if one != "side"):
-            raise _files.Foreign
+            raise files.Foreign
         table = {key: data[key].values for key in data.variables if key not in ("side", "mass", "radius")}
     try:
         file = BytesIO(table.pop("checkpoint").tobytes())
-        _files.heads(file)  # looks at what is there before any of it is read
-        stored = _files.arrays(file)
+        files.heads(file)  # looks at what is there before any of it is read
+        stored = files.arrays(file)
         columns = {key: table.pop("contact_pair" if key == "pair" else key) for key in log.names or ()}
         stored = table | stored
         if "contacts" in stored:  # of hard spheres, without rows
@@ -176,22 +176,22 @@ def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
             for key, values in columns.items():
                 stored["contacts"][key] = values
     except (KeyError, ValueError):
-        raise _files.Foreign from None
+        raise files.Foreign from None
     _check_heads({key: (value.dtype, value.shape) for key, value in stored.items()}, log)
     return stored
 
 
-def _check_heads(heads: Mapping[str, _files.Head], log: np.dtype[Any]) -> None:
+def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
     """Raise unless a file holds the arrays of a run, each of its kind and of the size that the others ask for."""
     if not heads.keys() >= NEEDED or any(len(heads[name][1]) != 1 for name in ("scene.mass", "time")):
-        raise _files.Foreign
+        raise files.Foreign
     n, t = heads["scene.mass"][1][0], heads["time"][1][0]
     size = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
     kinds = {"contacts": log, "scene.ring": np.dtype(bool)} | {name: np.dtype(OF_HARD[name]) for name in OF_HARD}
     if heads.keys() & OF_HARD.keys() and not heads.keys() >= OF_HARD.keys():
         raise ValueError(f"its log lacks columns; {CHANGED}.")
     for name, (dtype, shape) in heads.items():
-        shown = _files.plain_text(name, 60)
+        shown = files.plain_text(name, 60)
         if name == "words":
             good = dtype.kind == "U" and shape == () and dtype.itemsize <= 4 * (MOST_WORDS + OF_PAIR * size["p"])
         elif name.startswith("state."):  # looked at closely where the run goes on
@@ -204,7 +204,7 @@ def _check_heads(heads: Mapping[str, _files.Head], log: np.dtype[Any]) -> None:
         else:
             raise ValueError(f"it holds {shown}, unknown to this version; a later granular reads it.")
         if not good:
-            raise ValueError(f"{shown} is an array of shape {_files.plain_text(str(shape), 60)} and kind "
+            raise ValueError(f"{shown} is an array of shape {files.plain_text(str(shape), 60)} and kind "
                              f"{dtype.kind!r}, which a run of {n} bodies and {t} rows has not; {CHANGED}.")
 
 
@@ -222,20 +222,20 @@ def _words(text: str) -> dict[str, Any]:
     try:
         words = json.loads(text)
     except ValueError:
-        raise _files.Foreign from None
+        raise files.Foreign from None
     kinds: dict[str, Any] = WORDS | OTHERS
     if not isinstance(words, dict) or not words.keys() >= WORDS.keys():
-        raise _files.Foreign
+        raise files.Foreign
     for name in kinds.keys() & words.keys():
         if not isinstance(words[name], kinds[name]):
-            raise ValueError(f"its {name} is {_files.plain_text(repr(words[name]), 60)}; {CHANGED}.")
+            raise ValueError(f"its {name} is {files.plain_text(repr(words[name]), 60)}; {CHANGED}.")
     return words
 
 
 def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: Collection[str]) -> None:
     """Raise what is wrong with words beside those for laws, rules and walls."""
-    _check.refuse({
-        f"its status is {_files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} is needed.":
+    check.refuse({
+        f"its status is {files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} is needed.":
             words["status"] not in statuses,
         f"it has both laws and rules, or neither; {CHANGED}.": (words["law"] is None) is (words["rule"] is None),
     })
@@ -243,10 +243,10 @@ def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: 
         several = value if isinstance(value, list) else [value]
         pair = name != "first_disturbed" or (len(several) == 2 and not any(isinstance(one, str) for one in several))
         if not pair or not all(isinstance(one, PLAIN) for one in several):
-            raise ValueError(f"its number {_files.plain_text(repr(name), 60)} is "
-                             f"{_files.plain_text(repr(value), 60)}; {CHANGED}.")
+            raise ValueError(f"its number {files.plain_text(repr(name), 60)} is "
+                             f"{files.plain_text(repr(value), 60)}; {CHANGED}.")
     walls, signed = len(words.get("walls", (None, None))), words.get("format", 1) > 2 or "digest" in words
-    _check.refuse({
+    check.refuse({
         f"it has {walls} walls: a floor and a ceiling, or None, are needed.": walls != 2,
         f"its numbers do not belong together; {CHANGED}.": signed and words.get("digest") != _digest(words, stored),
     })
@@ -280,8 +280,8 @@ def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: A
         "law": _revived("law", words["law"], law, scene),
         "rule": _revived("rule", words["rule"], rule, scene),
         "status": words["status"],
-        "message": _files.plain_text(words["message"]),
-        "stats": {_files.plain_text(name): tuple(value) if isinstance(value, list) else value for name, value in stats},
+        "message": files.plain_text(words["message"]),
+        "stats": {files.plain_text(name): tuple(value) if isinstance(value, list) else value for name, value in stats},
         "state": state if words["rule"] is not None or "creeping" in state else {},  # md was not to be gone on from
     }
 
@@ -299,10 +299,10 @@ def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...
     if stored is None:
         return None
     if given is not None:
-        return _check.per_pair(name, given, scene.n_pairs)
+        return check.per_pair(name, given, scene.n_pairs)
     try:
         made = [from_json(name, one) for one in stored] if isinstance(stored, list) else from_json(name, stored)
-        return _check.per_pair(name, made, scene.n_pairs)
+        return check.per_pair(name, made, scene.n_pairs)
     except LookupError as own:
         fix = f"your own {name} is not stored; pass load(path, {name}=...)"
         raise ValueError(f"{name} in the file is {own}: {fix}.") from None

@@ -21,8 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, md, until
-from granular._flight import rate_at_contact, time_to_contact
+from granular import md, until
+from granular._engine import check
+from granular._engine.flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as checked_scene
@@ -36,7 +37,7 @@ LIGHTER = 2.0**-60
 moves as it did, to the last bit; no smaller, or rest could not be told from rounding."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False)
 class AdiabaticSolution:
     """How the light ball fares; made by `contacts`. The clock is 0 as the lower ball first touches the floor.
@@ -66,7 +67,7 @@ class AdiabaticSolution:
 
     t10: float
     v10: float
-    contacts: _check.Array
+    contacts: check.Array
     floor_end: float
     floor_again: float
     t_f: float
@@ -87,7 +88,7 @@ class AdiabaticSolution:
         return self.v2 - self.v1
 
 
-@_check.face
+@check.face
 def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSolution:
     """Return the contacts of a light upper ball with the lower one, up to the second floor contact.
 
@@ -108,7 +109,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
     TypeError, ValueError
         If the scene is another one, or a law is not linear.
     """
-    limit = _check.whole("max_steps", max_steps, at_least=1)
+    limit = check.whole("max_steps", max_steps, at_least=1)
     laws = _light_laws(scene, law)
     t10, touch = _first_touch(scene)
     first = md.simulate(touch, laws, until=until.contact(0, 2), max_steps=limit)
@@ -138,7 +139,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
 def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     """The linear laws of both contacts, the upper one for a ball `LIGHTER`; raise what does not fit."""
     walls = checked_scene(scene).is_wall.tolist()
-    _check.refuse({
+    check.refuse({
         f"scene is {scene}: a floor and two balls are needed, as in granular.scenes.three_balls().":
             walls != [True, False, False],
         f"scene is {scene}: a floor at constant velocity and no forces are needed; for others use granular.md.":
@@ -151,14 +152,14 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
             raise ValueError(f"law of pair {pair.index} is {one.law!r}: a linear law is needed, such as LinearDashpot; "
                              "for others use granular.md.")
         k, _, gamma, _ = one.form
-        laws.append(LinearDashpot(_check.number(f"k of pair {pair.index}", k, above=0.0) * factor,
-                                  _check.number(f"gamma of pair {pair.index}", gamma, at_least=0.0) * factor))
+        laws.append(LinearDashpot(check.number(f"k of pair {pair.index}", k, above=0.0) * factor,
+                                  check.number(f"gamma of pair {pair.index}", gamma, at_least=0.0) * factor))
     return laws
 
 
 def _first_touch(scene: Scene) -> tuple[float, Scene]:
     """Time in s to the first floor contact, and the scene there as the floor sees it, with an upper ball `LIGHTER`."""
-    _check.every("gap", scene.gap, scene.gap >= 0.0, "balls that do not overlap yet are needed")
+    check.every("gap", scene.gap, scene.gap >= 0.0, "balls that do not overlap yet are needed")
     (floor, upper), (fall, follow) = scene.gap.tolist(), scene.across(scene.velocity).tolist()
     t10 = time_to_contact(floor, fall, scene.gravity)
     if t10 == math.inf:

@@ -16,14 +16,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular import _check
+from granular._engine import check
 from granular.laws.dashpot import damping_ratio, duration as scaled_duration
 
 __all__ = ["BALLS", "PRESETS", "RULES", "Ball", "Contact", "contact", "named"]
 __dir__ = __all__.copy
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Ball:
     """A ball and its bounce on a hard, flat floor.
@@ -51,10 +51,10 @@ class Ball:
 
     def __post_init__(self) -> None:
         for name in ("mass", "radius", "duration"):
-            _check.number(name, getattr(self, name), above=0.0)
-        _check.number("restitution", self.restitution, above=0.0, at_most=1.0)
-        _check.number("spread", self.spread, at_least=1.0)
-        _check.truth("filled", self.filled)
+            check.number(name, getattr(self, name), above=0.0)
+        check.number("restitution", self.restitution, above=0.0, at_most=1.0)
+        check.number("spread", self.spread, at_least=1.0)
+        check.truth("filled", self.filled)
 
     @property
     def stiffness(self) -> float:
@@ -90,7 +90,7 @@ RULES = ("lens", "series")
 """How two balls press on each other: see `contact`."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Contact:
     """Stiffness in N/m and restitution of the contact of two balls."""
@@ -99,13 +99,13 @@ class Contact:
     restitution: float
 
 
-@_check.face
+@check.face
 def named(ball: str | Ball, what: str = "ball") -> Ball:
     """Return a ball of `BALLS` by its name, or the ball itself; `what` it is called where it is neither."""
-    return ball if isinstance(ball, Ball) else BALLS[_check.choice(what, ball, list(BALLS))]
+    return ball if isinstance(ball, Ball) else BALLS[check.choice(what, ball, list(BALLS))]
 
 
-@_check.face
+@check.face
 def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact:
     """Return what two balls do to each other, from what each does on a floor.
 
@@ -125,7 +125,7 @@ def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact
     soft_one, soft_two = 1.0 / one.stiffness, 1.0 / two.stiffness
     lost = (1.0 - one.restitution**2) * soft_one + (1.0 - two.restitution**2) * soft_two
     eps = math.sqrt(1.0 - lost / (soft_one + soft_two))
-    if _check.choice("rule", rule, RULES) == "lens" and one.filled:
+    if check.choice("rule", rule, RULES) == "lens" and one.filled:
         patch = soft_one * (one.radius + two.radius) / two.radius
         return Contact(1.0 / (patch if two.filled else patch + soft_two), eps)
     return Contact(1.0 / (soft_one + soft_two), eps)

@@ -16,7 +16,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
+from granular._engine import check
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import held, resolved
@@ -37,7 +37,7 @@ STUCK = 1e-9
 """Part of the impact speed that may be left, downwards, of a contact that takes all of it."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Collision:
     """What one isolated contact does.
@@ -61,7 +61,7 @@ class Collision:
     xi_end: float
 
 
-@_check.face
+@check.face
 def collision(law: Any, pair: Pair, speed: float) -> Collision:
     """Return the isolated contact of `pair` under `law` at impact speed `speed` in m/s.
 
@@ -90,19 +90,19 @@ def restitution(law: Any, pair: Pair, speed: float) -> float: ...
 
 
 @overload
-def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array: ...
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array: ...
 
 
-@_check.face
-def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array:
+@check.face
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array:
     """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`.
 
     For an array of speeds, an array of the same shape.
     """
     known = _resolved(law, pair)
-    if _check.is_one(speed):
+    if check.is_one(speed):
         return at_speed(known, _speed(speed))
-    speeds = _check.array("speed", speed, ...)
+    speeds = check.array("speed", speed, ...)
     return np.array([at_speed(known, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
 
 
@@ -158,7 +158,7 @@ class Stuck(ValueError):
     """A contact damped so strongly that the bodies stop and do not part."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class LawRestitution:
     """The collision rule made from force laws: ε as a function of impact speed and pair.
@@ -185,7 +185,7 @@ class LawRestitution:
             return 0.0
 
 
-@_check.face
+@check.face
 def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule:
     """Return the collision rule of a force law, or of a list with one law per pair.
 
@@ -195,13 +195,13 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     for one in laws:
         instance("law", one)
     if scene is not None:
-        known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], checked(scene).n_pairs), scene)
+        known = resolved(check.per_pair("law", laws if len(laws) > 1 else laws[0], checked(scene).n_pairs), scene)
         if None not in map(steady, known.each):
             return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)
 
 
-@_check.face
+@check.face
 class LawRule(LawRestitution):
     """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
 
@@ -222,7 +222,7 @@ def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
-@_check.face
+@check.face
 def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:
     """Return a copy of `law` whose `field` is chosen so that an isolated contact has restitution `target`.
 
@@ -236,7 +236,7 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     """
     from scipy.optimize import brentq
 
-    goal = _check.number("target", target, above=0.0, at_most=1.0)
+    goal = check.number("target", target, above=0.0, at_most=1.0)
     known, v = _resolved(law, pair), _speed(speed)
     if not isinstance(field, str) or field not in getattr(law, "__dataclass_fields__", ()):
         raise ValueError(f"field is {field!r}: {type(law).__name__} has no such field; name the damping of the law.")
@@ -258,7 +258,7 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
 
 
 def _speed(value: Any) -> float:
-    return _check.number("speed", value, above=0.0)
+    return check.number("speed", value, above=0.0)
 
 
 def _resolved(law: Any, pair: Pair) -> PairLaw:

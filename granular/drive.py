@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from granular import _check, until as stop
+from granular import until as stop
 from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order, one_by_one
-from granular._progress import Told, shown
+from granular._engine import check
+from granular._engine.progress import Told, shown
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
 from granular.trajectory import Status, Trajectory
@@ -35,7 +36,7 @@ class Request(NamedTuple):
     start: float
     end: float
     until: stop.Until | None
-    samples: _check.Array | int | str | None
+    samples: check.Array | int | str | None
     log: bool
     stream: str | PathLike[str] | None
     max_events: int
@@ -52,11 +53,11 @@ class Request(NamedTuple):
 
 
 def requested(
-    scene: Scene, start: float, t_end: float | None, *, max_steps: int = _check.LARGEST, progress: bool = False,
+    scene: Scene, start: float, t_end: float | None, *, max_steps: int = check.LARGEST, progress: bool = False,
     **given: Any,
 ) -> Request:
     """Check the options that all engines share."""
-    end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
+    end = math.inf if t_end is None else check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
     if end < end - start == math.inf:
         raise ValueError(f"t_end is {t_end!r}: a time is needed to which numbers reach from t_start = {start!r}.")
     log = given["log"]
@@ -66,17 +67,17 @@ def requested(
         end=end,
         until=stop.checked(given["until"], scene),
         samples=_sample_times(given["samples"], start, end),
-        log=stream is not None or _check.truth("log", log),
+        log=stream is not None or check.truth("log", log),
         stream=stream,
-        max_events=EVENTS if given["max_events"] is None else _check.whole("max_events", given["max_events"]),
-        on_event=_check.callback("on_event", given["on_event"], "row"),
+        max_events=EVENTS if given["max_events"] is None else check.whole("max_events", given["max_events"]),
+        on_event=check.callback("on_event", given["on_event"], "row"),
         told=shown(progress, given["on_progress"], end=end, start=start),
-        max_steps=_check.whole("max_steps", max_steps, at_least=1),
+        max_steps=check.whole("max_steps", max_steps, at_least=1),
         singly=isinstance(given["until"], stop.LEVELS) or given["on_event"] is one_by_one,
     )
 
 
-def _sample_times(samples: Any, start: float, end: float) -> _check.Array | int | str | None:
+def _sample_times(samples: Any, start: float, end: float) -> check.Array | int | str | None:
     """Return the times of the rows in s, or None for the first and the last; what only the run itself can tell, rows
     about its contacts or a number of them without an end, as it is.
 
@@ -88,17 +89,17 @@ def _sample_times(samples: Any, start: float, end: float) -> _check.Array | int 
     if samples is None:
         return None
     if isinstance(samples, str):
-        return _check.choice("samples", samples, ("contacts",))
-    if _check.is_one(samples):
+        return check.choice("samples", samples, ("contacts",))
+    if check.is_one(samples):
         fix = "give None for the first and the last row"
-        count = _check.whole("samples", samples, at_least=2, at_most=_check.MOST, fix=fix)
+        count = check.whole("samples", samples, at_least=2, at_most=check.MOST, fix=fix)
         return count if end == math.inf else np.linspace(start, end, count)
-    times = _check.array("samples", samples)
+    times = check.array("samples", samples)
     if len(times) == 0:
         raise ValueError("samples is empty: at least one time is needed; give None for the first and the last row.")
     inside = (times >= start) & (times <= end) & np.isfinite(times)
-    _check.every("samples", times, inside, f"a time from {start:g} to {end:g} s is needed")
-    _check.every("samples", times[1:], np.diff(times) >= 0.0, "times must not decrease", "sort them")
+    check.every("samples", times, inside, f"a time from {start:g} to {end:g} s is needed")
+    check.every("samples", times[1:], np.diff(times) >= 0.0, "times must not decrease", "sort them")
     return times
 
 
@@ -121,10 +122,10 @@ def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Traject
     return solve(request._replace(samples=times if end in (request.end, start) else times[:-1]))
 
 
-def _about(log: Rows, start: float, end: float) -> _check.Array:
+def _about(log: Rows, start: float, end: float) -> check.Array:
     """Times in s about each contact, its onset and end among them; before an instant the last number before it."""
-    if len(log) * len(AROUND) > _check.MOST:
-        raise ValueError(f"samples is 'contacts': {len(log)} contacts would give more than {_check.MOST} rows; give a "
+    if len(log) * len(AROUND) > check.MOST:
+        raise ValueError(f"samples is 'contacts': {len(log)} contacts would give more than {check.MOST} rows; give a "
                          "number of rows, or a t_end or until that stops earlier.")
     begin, over = log["t_begin"], np.where(np.isnan(log["t_end"]), end, log["t_end"])
     spread = (begin[:, None] + (over - begin)[:, None] * AROUND).ravel()
@@ -161,11 +162,11 @@ class Row(NamedTuple):
 
     time: float
     elapsed: float
-    gap: _check.Array
-    velocity: _check.Array | None = None
-    rate: _check.Array | None = None
-    force: _check.Array | None = None
-    ledger: _check.Array | None = None
+    gap: check.Array
+    velocity: check.Array | None = None
+    rate: check.Array | None = None
+    force: check.Array | None = None
+    ledger: check.Array | None = None
 
 
 class End(NamedTuple):
@@ -312,7 +313,7 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
     return drive(run)
 
 
-def _alike(one: _check.Array, other: _check.Array, scale: float = 0.0) -> bool:
+def _alike(one: check.Array, other: check.Array, scale: float = 0.0) -> bool:
     """Whether numbers are equal apart from the rounding of another release, relative to the largest or to `scale`."""
     return bool(np.abs(one - other).max() <= SAME * max(float(np.abs(other).max()), scale))
 

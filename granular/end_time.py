@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from granular import edmd, md
-from granular._check import Array, typed
+from granular._engine.check import Array, typed
 from granular.drive import EVENTS
 from granular.isolation import Durations
 from granular.laws.kinds import resolved

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array, typed
+from granular._engine.check import Array, typed
 from granular.outcome import INSTANT, approach, carried, counts, last_contacts, partings, sticking
 from granular.scene import Scene
 from granular.trajectory import Trajectory

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files
-from granular._progress import shown
-from granular._reports import HARD, PAGE, Report, aligned, canvas, number
+from granular._engine import check, files
+from granular._engine.progress import shown
+from granular._engine.reports import HARD, PAGE, Report, aligned, canvas, number
 from granular.cases.case import Case
 from granular.frontiers.methods import Task, contacts_of, errors
 from granular.frontiers.run import rounding_level
@@ -109,7 +109,7 @@ class Tried:
         return SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, repr=False)
 class Stability(Report):
     """What became of a scene in the extreme, by every method and step; print it, `plot` it, save it with `to_json`.
@@ -150,7 +150,7 @@ class Stability(Report):
         (_, *methods), *lines = self.table()
         ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
         figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
-        blues = _check.optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
+        blues = check.optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
         colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD}
         for (y, x), sign in np.ndenumerate(np.array([" ".join(line[1:]).split() for line in lines])):
             axis.fill_between([x, x + 1], y, y + 1, color=colours.get(sign, "white"), lw=0)
@@ -160,7 +160,7 @@ class Stability(Report):
         axis.set(xlim=(0, ends[-1]), xticks=0.5 * (ends[1:] + ends[:-1]), xticklabels=methods, ylim=(len(lines), 0),
                  yticks=np.arange(len(lines)) + 0.5, yticklabels=[line[0] for line in lines])
         figure.suptitle(self._about(), fontsize=7.5, x=0.01, ha="left")
-        return _files.write_figure(path, figure, dpi=150)
+        return files.write_figure(path, figure, dpi=150)
 
     def _about(self) -> str:
         return (f"{self.title}: right digits of the velocities, of the impact speed\n"
@@ -186,7 +186,7 @@ class Stability(Report):
         return "\n".join([self._about(), "", aligned(lines, "<>"), "", *told])
 
 
-@_check.face
+@check.face
 def stability(
     scene: SceneLike,
     axes: str | Sequence[str] = tuple(AXES),
@@ -249,8 +249,8 @@ def stability(
     >>> report.of("located", "stiffness × 1e+08")[0].verdict
     'right'
     """
-    chosen, extreme = _check.choices("methods", methods, METHODS, 1), _check.choices("axes", axes, tuple(AXES))
-    plan, limit = planned(scene, {}, (), fixed), _check.number("error", error, above=0.0)
+    chosen, extreme = check.choices("methods", methods, METHODS, 1), check.choices("axes", axes, tuple(AXES))
+    plan, limit = planned(scene, {}, (), fixed), check.number("error", error, above=0.0)
     case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
     with shown(progress, on_progress, "runs") as told:
         tell = told or (lambda share, count: None)

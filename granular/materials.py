@@ -21,13 +21,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from granular import _check
+from granular._engine import check
 
 __all__ = ["MATERIALS", "Material", "aluminium", "both", "brass", "glass", "named", "nylon", "rubber", "steel"]
 __dir__ = __all__.copy
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Material:
     """What a body is made of; it unpacks to (young, poisson), which a law's `from_material` begins with.
@@ -50,9 +50,9 @@ class Material:
     young_range: tuple[float, float]
 
     def __post_init__(self) -> None:
-        _check.number("poisson", self.poisson, at_least=0.0, at_most=0.5)
+        check.number("poisson", self.poisson, at_least=0.0, at_most=0.5)
         for name in ("young", "density"):
-            _check.number(name, getattr(self, name), above=0.0)
+            check.number(name, getattr(self, name), above=0.0)
 
     def __iter__(self) -> Iterator[float]:
         return iter((self.young, self.poisson))
@@ -74,14 +74,14 @@ MATERIALS = {"steel": steel, "glass": glass, "brass": brass, "aluminium": alumin
 """Materials by name."""
 
 
-@_check.face
+@check.face
 def named(material: str | Material) -> Material:
     """Return a material of `MATERIALS` by its name, or the material itself."""
     return material if isinstance(material, Material) else MATERIALS[
-        _check.choice("material", material, list(MATERIALS))]
+        check.choice("material", material, list(MATERIALS))]
 
 
-@_check.face
+@check.face
 def both(lower: str | Material, upper: str | Material) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (young, poisson) of the contact of two materials, each (lower, upper), for a law's `from_material`."""
     one, two = named(lower), named(upper)

@@ -21,9 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, walls
-from granular._check import Array
+from granular import walls
 from granular._contact_log import is_logged
+from granular._engine import check
+from granular._engine.check import Array
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach
@@ -44,7 +45,7 @@ ACCOUNT = {
 """The parts of a `balance` in words."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Overlap:
     """Two contacts of neighbouring pairs that share a span of time: the reason why the engines differ.
@@ -203,7 +204,7 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     harmonically Γ = A ω²/g and ω/ω₀ of its own contact, the larger ones if there are two.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
-    speed = speed if isinstance(speed, float) and math.isnan(speed) else _check.number("speed", speed, at_least=0.0)
+    speed = speed if isinstance(speed, float) and math.isnan(speed) else check.number("speed", speed, at_least=0.0)
     slope = resolved(laws, scene).column(lambda law: law.impact_stiffness(speed))
     omega = np.sqrt(slope / scene.pairs.m_eff)
     slower = np.full(scene.n_pairs, math.inf) if len(below) else omega
@@ -252,7 +253,7 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     """
     scene = run.scene
     at_walls = [c for c, end in ((0, 0), (scene.n_pairs - 1, -1)) if scene.is_wall[end]]
-    if _check.whole("pair", pair) not in at_walls:
+    if check.whole("pair", pair) not in at_walls:
         raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, {' or '.join(map(str, at_walls))}."
                          if at_walls else f"run is of {scene}: one with a wall is needed.")
     log, side = run.of(pair), int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
@@ -308,4 +309,4 @@ def _distance(times: Array, others: Array) -> Array:
     return np.minimum(left, np.abs(others[np.minimum(at, len(others) - 1)] - times))
 
 
-_check.typed(globals(), Scene, Trajectory)
+check.typed(globals(), Scene, Trajectory)

@@ -13,7 +13,7 @@ from zlib import crc32
 
 import numpy as np
 
-from granular._check import Array, typed
+from granular._engine.check import Array, typed
 from granular.isolation import Durations
 from granular.trajectory import Trajectory
 

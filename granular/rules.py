@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
+from granular._engine import check
 from granular.scene import Pair, checked_pair
 
 Rule = Callable[[float, Pair], float]
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class ConstantRestitution:
     """The same coefficient of restitution at every speed.
@@ -45,10 +45,10 @@ class ConstantRestitution:
 
     def __init__(self, restitution: float | Sequence[float]) -> None:
         name, fix = "restitution", "1 is elastic, 0 sticks"
-        if isinstance(restitution, float) or _check.is_one(restitution):
-            value: Any = _check.number(name, restitution, at_least=0.0, at_most=1.0, fix=fix)
+        if isinstance(restitution, float) or check.is_one(restitution):
+            value: Any = check.number(name, restitution, at_least=0.0, at_most=1.0, fix=fix)
         else:
-            values = _check.array(name, restitution)
+            values = check.array(name, restitution)
             if len(values) == 0:
                 raise ValueError("restitution is empty: one number for all pairs, or one per pair, is needed.")
             value = tuple(_unit(values, fix).tolist())
@@ -59,7 +59,7 @@ class ConstantRestitution:
         return self.restitution if isinstance(self.restitution, float) else self.restitution[pair.index]
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False)
 class TabulatedRestitution:
     """A table of restitution over impact speed, from experiment or from a force law.
@@ -80,12 +80,12 @@ class TabulatedRestitution:
         With the entry that is wrong.
     """
 
-    speed: _check.Array
-    restitution: _check.Array
+    speed: check.Array
+    restitution: check.Array
 
     def __init__(self, speed: Any, restitution: Any) -> None:
-        v = _check.rising("speed", speed, "a speed must be finite and not negative", at_least=0.0)
-        e = _unit(_check.array("restitution", restitution, v.shape, fix="one per speed"))
+        v = check.rising("speed", speed, "a speed must be finite and not negative", at_least=0.0)
+        e = _unit(check.array("restitution", restitution, v.shape, fix="one per speed"))
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
     def __call__(self, speed: float, pair: Pair) -> float:
@@ -97,7 +97,7 @@ class TabulatedRestitution:
         return float(e[k - 1] + (e[k] - e[k - 1]) * ((speed - v[k - 1]) / (v[k] - v[k - 1])))
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class ThorntonRestitution:
     """Spheres that are elastic up to a limiting contact pressure and yield beyond it, without rate effects.
@@ -123,7 +123,7 @@ class ThorntonRestitution:
     yield_speed: float
 
     def __post_init__(self) -> None:
-        _check.number("yield_speed", self.yield_speed, above=0.0)
+        check.number("yield_speed", self.yield_speed, above=0.0)
 
     @classmethod
     def from_material(cls, young: float, poisson: float, yield_pressure: float, pair: Pair) -> ThorntonRestitution:
@@ -141,11 +141,11 @@ class ThorntonRestitution:
         pair : Pair
             Supplies m_eff and r_eff.
         """
-        nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
-        modulus = _check.number("young", young, above=0.0) / (2.0 * (1.0 - nu * nu))
-        pressure = _check.number("yield_pressure", yield_pressure, above=0.0)
+        nu = check.number("poisson", poisson, at_least=0.0, at_most=0.5)
+        modulus = check.number("young", young, above=0.0) / (2.0 * (1.0 - nu * nu))
+        pressure = check.number("yield_pressure", yield_pressure, above=0.0)
         at = f"r_eff of pair {checked_pair(pair).index}"
-        r_eff = _check.number(at, pair.r_eff, above=0.0, fix="point particles cannot yield")
+        r_eff = check.number(at, pair.r_eff, above=0.0, fix="point particles cannot yield")
         shape = math.sqrt(8.0 * math.pi / 15.0 * r_eff**3 * pressure / pair.m_eff)
         return cls((0.5 * math.pi * pressure / modulus) ** 2 * shape)
 
@@ -158,9 +158,9 @@ class ThorntonRestitution:
         return math.sqrt(1.2 * (1.0 - r * r / 6.0) / math.sqrt(depth))
 
 
-def _unit(values: _check.Array, fix: str = "") -> _check.Array:
+def _unit(values: check.Array, fix: str = "") -> check.Array:
     """Return coefficients of restitution if all of them are such, else raise."""
-    _check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
+    check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
     return values
 
 
@@ -179,25 +179,25 @@ def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
 
 def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
     """Spread one rule over all `pairs`, or check a list with one per pair; raise if it does not fit."""
-    rules = _check.per_pair("rule", rule, len(pairs))
+    rules = check.per_pair("rule", rule, len(pairs))
     for one in different(rules):
         if not callable(one):
             fix = "granular.ConstantRestitution(0.7) is one" if not isinstance(one, (int, float)) else (
                 f"write granular.ConstantRestitution({one})")
             raise TypeError(f"rule is {one!r}: a callable of (speed, pair) is needed; {fix}.")
-        if _check.is_own(one):
-            _check.takes("rule", one, "speed", "pair")
+        if check.is_own(one):
+            check.takes("rule", one, "speed", "pair")
             continue
         for name, least in (("restitution", 1), ("laws", 2)):  # one law stands for all pairs
             if isinstance(several := getattr(one, name, None), tuple) and len(several) >= least:
-                _check.per_pair(name, several, len(pairs))
+                check.per_pair(name, several, len(pairs))
     return rules
 
 
 def elastic(rules: Sequence[Rule]) -> bool:
     """Return whether all rules declare ε = 1 at every speed. A callable of the caller declares nothing."""
     for rule in different(rules):
-        if _check.is_own(rule):
+        if check.is_own(rule):
             return False
         if hasattr(rule, "laws"):  # a `granular.binary.LawRestitution`, which loads far more than this
             from granular.laws.contact_law import dissipative_traits

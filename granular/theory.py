@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
+from granular._engine import check
 from granular.laws import dashpot
 
 __all__ = [
@@ -37,7 +37,7 @@ __all__ = [
 ]
 __dir__ = __all__.copy
 
-@_check.face
+@check.face
 @dataclass(frozen=True, slots=True)
 class TwoBallDrop:
     """Two balls dropped on a floor as the independent-collision model sees them; made by `two_ball_drop`.
@@ -70,7 +70,7 @@ class TwoBallDrop:
     v_rel_after: float
 
 
-@_check.face
+@check.face
 def two_ball_drop(
     mass_ratio: float,
     restitution: float | Sequence[float],
@@ -103,17 +103,17 @@ def two_ball_drop(
         v1′ = |v10| (ε01 - μ (1 + ε12 + ε01 ε12)) / (1 + μ) - g (t12 - t10)
         v2′ = |v10| (ε01 + ε12 + ε01 ε12 - μ) / (1 + μ) - g (t12 - t10).
     """
-    mu = _check.number("mass_ratio", mass_ratio, at_least=0.0)
+    mu = check.number("mass_ratio", mass_ratio, at_least=0.0)
     e01, e12 = _restitutions(restitution, 2).tolist()
-    g = _check.number("gravity", gravity, at_least=0.0)
-    h = _check.number("drop", drop, at_least=0.0)
-    v0 = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    g = check.number("gravity", gravity, at_least=0.0)
+    h = check.number("drop", drop, at_least=0.0)
+    v0 = check.number("speed", speed, at_least=0.0, fix="downwards is built in")
     impact = math.sqrt(v0 * v0 + 2.0 * g * h)
     if impact == 0.0:
         raise ValueError(f"drop is {drop!r} and speed is {speed!r} with gravity {gravity!r}: the balls never meet the "
                          "floor; one of drop (with gravity) and speed must be positive.")
     t10 = 2.0 * h / (v0 + impact)
-    delay = _check.number("gap", gap, at_least=0.0) / ((1.0 + e01) * impact)
+    delay = check.number("gap", gap, at_least=0.0) / ((1.0 + e01) * impact)
     fall = g * delay
     return TwoBallDrop(
         t10=t10,
@@ -129,7 +129,7 @@ def two_ball_drop(
     )
 
 
-@_check.face
+@check.face
 def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
     """Return ε_eff, the common ε with which the independent-collision model gives the relative velocity v_r′.
 
@@ -143,13 +143,13 @@ def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
     impact_speed : float
         |v10| > 0 in m/s.
     """
-    v10 = _check.number("impact_speed", impact_speed, above=0.0)
-    x = _check.number("v_rel_after", v_rel_after, at_least=0.0, fix="balls that still approach have no ε_eff") / v10
+    v10 = check.number("impact_speed", impact_speed, above=0.0)
+    x = check.number("v_rel_after", v_rel_after, at_least=0.0, fix="balls that still approach have no ε_eff") / v10
     return 2.0 * x / (1.0 + math.sqrt(1.0 + 4.0 * x))
 
 
-@_check.face
-def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> _check.Array:
+@check.face
+def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> check.Array:
     """Return the velocity of each ball of a stack right after the ball below (the floor) has hit it.
 
     In units of the speed at which the stack meets the floor; the last entry is the top ball's launch:
@@ -166,7 +166,7 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
     restitution : float or (N,) array
         ε in [0, 1], one for all contacts or one per contact, floor first.
     """
-    m = _check.positive("masses", masses, "mass")
+    m = check.positive("masses", masses, "mass")
     eps = _restitutions(restitution, len(m))
     w = [float(eps[0])]
     for mu, e in zip(m[1:] / m[:-1], eps[1:], strict=True):
@@ -174,24 +174,24 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
     return np.array(w)
 
 
-@_check.face
+@check.face
 def stack_limit(n: int, restitution: float = 1.0) -> float:
     """Return v_N/v of a stack of `n` balls, each far lighter than the one below: (1 + ε)^N - 1, at most 2^N - 1."""
-    count = _check.whole("n", n, at_least=1)
-    return float((1.0 + _check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
+    count = check.whole("n", n, at_least=1)
+    return float((1.0 + check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
 
 
-@_check.face
+@check.face
 def rise(velocity_ratio: float) -> float:
     """Return how high a ball rises in units of the drop height h: (v′/v)², 0 if it does not rise.
 
     A ball that leaves at 3 v rises to 9 h, one at 7 v to 49 h: the limits of stacks of two and three balls.
     """
-    ratio = max(0.0, _check.number("velocity_ratio", velocity_ratio))
+    ratio = max(0.0, check.number("velocity_ratio", velocity_ratio))
     return ratio * ratio
 
 
-@_check.face
+@check.face
 def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     """Return the velocity of the last ball of a chain at rest, per striker velocity, by one collision after another.
 
@@ -204,26 +204,26 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     restitution : float
         ε in [0, 1] of all contacts.
     """
-    m = _check.positive("masses", masses, "mass")
-    eps = _check.number("restitution", restitution, at_least=0.0, at_most=1.0)
+    m = check.positive("masses", masses, "mass")
+    eps = check.number("restitution", restitution, at_least=0.0, at_most=1.0)
     return float(np.prod((1.0 + eps) / (1.0 + m[1:] / m[:-1])))
 
 
-@_check.face
-def best_masses(first: float, last: float, n: int) -> _check.Array:
+@check.face
+def best_masses(first: float, last: float, n: int) -> check.Array:
     """Return the `n` masses from `first` to `last` in kg that make the last ball fastest: a geometric progression.
 
     True of stacks and of chains at rest, for every ε: each factor 1/(1 + m[k+1]/m[k]) is log-concave in ln m.
     """
-    a = _check.number("first", first, above=0.0)
-    b = _check.number("last", last, above=0.0)
-    count = _check.whole("n", n, at_least=2)
-    masses: _check.Array = a * np.power((b / a) ** (1.0 / (count - 1)), np.arange(count, dtype=np.float64))
+    a = check.number("first", first, above=0.0)
+    b = check.number("last", last, above=0.0)
+    count = check.whole("n", n, at_least=2)
+    masses: check.Array = a * np.power((b / a) ** (1.0 / (count - 1)), np.arange(count, dtype=np.float64))
     masses[-1] = b
     return masses
 
 
-@_check.face
+@check.face
 def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     """Return (number of collisions, v_N/v) of the geometric chain that makes the last ball fastest.
 
@@ -237,8 +237,8 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     restitution : float
         ε in (0, 1) of all contacts.
     """
-    half = 0.5 * math.log(_check.number("total_ratio", total_ratio, above=1.0))
-    eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
+    half = 0.5 * math.log(check.number("total_ratio", total_ratio, above=1.0))
+    eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
     if eps == 1.0:
         raise ValueError("restitution is 1.0: a value below 1 is needed; the velocity grows with every ball, to √R.")
     lost = -math.log1p(-0.5 * (1.0 - eps))  # ln 2 - ln(1 + ε) of each collision, beside ln cosh x of unequal masses
@@ -258,32 +258,32 @@ def _log_cosh(x: float) -> float:
     return math.log1p(2.0 * math.sinh(0.5 * x) ** 2)
 
 
-@_check.face
+@check.face
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
     """Return (time in s, path in m) until a ball dropped from `height` in m has come to rest on hard ground.
 
     T = √(2h/g) (1 + ε)/(1 - ε), path = h (1 + ε²)/(1 - ε²): infinitely many bounces in finite time, for ε in [0, 1).
     """
-    h = _check.number("height", height, at_least=0.0)
-    g = _check.number("gravity", gravity, above=0.0)
-    eps = _check.number("restitution", restitution, at_least=0.0, at_most=1.0)
+    h = check.number("height", height, at_least=0.0)
+    g = check.number("gravity", gravity, above=0.0)
+    eps = check.number("restitution", restitution, at_least=0.0, at_most=1.0)
     if eps == 1.0:
         raise ValueError("restitution is 1.0: a value below 1 is needed; an elastic ball bounces forever.")
     return math.sqrt(2.0 * h / g) * (1.0 + eps) / (1.0 - eps), h * (1.0 + eps * eps) / ((1.0 - eps) * (1.0 + eps))
 
 
-@_check.face
+@check.face
 def most_collisions(masses: Sequence[float]) -> int:
     """Return the largest number of collisions of three elastic balls on a line, masses in kg left to right.
 
     ⌈π/θ⌉ with tan θ = √(m2 (m1 + m2 + m3) / (m1 m3)): a billiard in a wedge of angle θ (Galperin 1981).
     """
-    m1, m2, m3 = _check.positive("masses", masses, "mass", shape=(3,)).tolist()
+    m1, m2, m3 = check.positive("masses", masses, "mass", shape=(3,)).tolist()
     turns = math.pi / math.atan(math.sqrt(m2 / m1 * ((m1 + m2 + m3) / m3)))
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
 
 
-@_check.face
+@check.face
 def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
     """Return the ε that a contact has when a DEM code is asked for one: what codes do with the number differs.
 
@@ -317,9 +317,9 @@ def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
 
     The α that gives exactly ε under clipped forces is √5 ζ(ε): `TsujiHertz.from_restitution`.
     """
-    zeta = CONVENTIONS[_check.choice("convention", convention, list(CONVENTIONS))](
-        _check.number("restitution", restitution, above=0.0, at_most=1.0))
-    return dashpot.restitution(zeta) if _check.truth("clipped", clipped) else dashpot.restitution_pulling(zeta)
+    zeta = CONVENTIONS[check.choice("convention", convention, list(CONVENTIONS))](
+        check.number("restitution", restitution, above=0.0, at_most=1.0))
+    return dashpot.restitution(zeta) if check.truth("clipped", clipped) else dashpot.restitution_pulling(zeta)
 
 
 def _of_logarithm(eps: float) -> float:
@@ -352,7 +352,7 @@ CONVENTIONS: dict[str, Callable[[float], float]] = {
 """Damping ratio ζ by the ε asked for, see `obtained`."""
 
 
-def _restitutions(restitution: float | Sequence[float], n: int) -> _check.Array:
-    eps = _check.array("restitution", np.full(n, restitution) if _check.is_one(restitution) else restitution, (n,))
-    _check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
+def _restitutions(restitution: float | Sequence[float], n: int) -> check.Array:
+    eps = check.array("restitution", np.full(n, restitution) if check.is_one(restitution) else restitution, (n,))
+    check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
     return eps

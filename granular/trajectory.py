@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array, face, whole
 from granular._contact_log import CONTACT as CONTACT, PublicWhenRead, given_by_walls
+from granular._engine.check import Array, face, whole
 from granular.laws.kinds import resolved
 from granular.scene import Scene
 from granular.scene.places import points as scene_points
@@ -334,7 +334,7 @@ class Trajectory(PublicWhenRead):
         return cls(**read | {"status": Status[read["status"]]})
 
     def _repr_html_(self) -> str:
-        from granular._reports import abridged, html
+        from granular._engine.reports import abridged, html
         end = zip(self.position[-1].tolist(), self.velocity[-1].tolist(), strict=True)
         rows = [[str(i), f"{x:.6g}", f"{v:.6g}"] for i, (x, v) in enumerate(end)]
         return html(repr(self), [["body", "position / m", "velocity / (m/s)"], *abridged(rows)])

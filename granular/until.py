@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from granular import _check
+from granular._engine import check as _check
 
 if TYPE_CHECKING:
     from granular.scene import Scene

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular._kernels import have_numba
+from granular._engine.kernels import have_numba
 
 INF = math.inf
 QUEUES = pytest.mark.parametrize("engine", [

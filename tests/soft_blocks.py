@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._records import leaf
+from granular._engine.records import leaf
 from granular.md.located.contacts import pushes
 from granular.md.located.records import ACTIVE, DORMANT
 from granular.md.located.system import to_plain

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular._kernels import kernel, specialised
+from granular._engine.kernels import kernel, specialised
 from granular.md.located import blocks
 from granular.md.located.records import BY_PIECES
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular._kernels import compiled, have_numba
+from granular._engine.kernels import compiled, have_numba
 from granular.scene import positions, velocities
 from granular.walls.thermal import threefry
 

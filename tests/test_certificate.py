@@ -17,7 +17,7 @@ import scenes_at_random as at_random
 from soft_twin import twin
 
 import granular as gr
-from granular._flight import rate_at_contact
+from granular._engine.flight import rate_at_contact
 from granular.laws.kinds import checked
 from granular.md.located import blocks, plan
 from granular.md.located.one_contact import tables

@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from granular import _progress as line, cli
+from granular import cli
+from granular._engine import progress as line
 
 
 class Terminal(io.StringIO):
@@ -84,18 +85,18 @@ def test_where_tqdm_is_installed_and_the_user_watches_there_is_a_bar(notebook, m
 
 
 def test_who_watches_is_told_once_that_machine_code_is_made(monkeypatch):
-    from granular import _kernels
-    from granular._roots import first_up_crossing
+    from granular._engine import kernels
+    from granular._engine.roots import first_up_crossing
 
     pytest.importorskip("numba")
     said = io.StringIO()
     said.isatty = lambda: True
     monkeypatch.setattr(sys, "stderr", said)
-    monkeypatch.setattr(_kernels, "on_making", [cli._say_compiling])
-    _kernels.compiled.cache_clear()
+    monkeypatch.setattr(kernels, "on_making", [cli._say_compiling])
+    kernels.compiled.cache_clear()
     for known in (True, False, False):
-        monkeypatch.setattr(_kernels, "on_disk", lambda function, inline, known=known: known)
-        _kernels.compiled(first_up_crossing)
+        monkeypatch.setattr(kernels, "on_disk", lambda function, inline, known=known: known)
+        kernels.compiled(first_up_crossing)
         assert bool(said.getvalue()) is not known
-        _kernels.compiled.cache_clear()
+        kernels.compiled.cache_clear()
     assert said.getvalue().count("compiling, once") == 1

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import _kernels
 from granular._contact_log import contacts
+from granular._engine import kernels
 from granular.edmd import hanging, run as runs, wall_state
 from granular.edmd.records import ROW
 from granular.edmd.sorted_queue import SortedQueue
@@ -65,7 +65,7 @@ def test_a_run_of_two_collisions_calls_little_of_this_package(engine, most) -> N
 def test_what_a_scene_has_not_is_not_asked_for(monkeypatch) -> None:
     """No walls that move, no pendula; kernels are fitted once for all runs of a kind; few rows are made for few."""
     found, rows, made = calls("sorted"), SortedQueue.rows, []
-    idle = (_kernels.fitted, _kernels.no_compiler, gr.Scene.heat.fget, hanging.swing_off, wall_state.ledger,
+    idle = (kernels.fitted, kernels.no_compiler, gr.Scene.heat.fget, hanging.swing_off, wall_state.ledger,
             wall_state.walls)
     assert {place(function.__code__) for function in idle}.isdisjoint(found)
     monkeypatch.setattr(SortedQueue, "rows", lambda self, n: made.append(rows(self, n)) or made[-1])

@@ -10,7 +10,7 @@ import scenes_at_random
 
 import granular as gr
 from granular import cases
-from granular._describe import from_json, scene_to_json
+from granular._engine.describe import from_json, scene_to_json
 from granular.cases import ready
 from granular.laws import LinearDashpot
 from granular.scene.places import fitted

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from whole_states import check_queue
 
 from granular import edmd
-from granular._records import column
+from granular._engine.records import column
 from granular.edmd import collapse, compiled_queue as blocks
 from granular.edmd.compiled_queue import TreeQueue
 from granular.edmd.physics import checked

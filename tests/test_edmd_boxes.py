@@ -11,7 +11,7 @@ import scenes_at_random as random
 from scipy.interpolate import CubicHermiteSpline
 
 import granular as gr
-from granular._kernels import have_numba
+from granular._engine.kernels import have_numba
 from granular.scene.places import flaw
 from granular.walls import Motion, Piecewise, Sine, Thermal
 

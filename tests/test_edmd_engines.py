@@ -13,7 +13,7 @@ from scenes_at_random import HARD, gas, scenes
 
 import granular as gr
 from granular import edmd
-from granular._kernels import fitted
+from granular._engine.kernels import fitted
 from granular.edmd import run as runs
 from granular.edmd.compiled_queue import loop
 from granular.rules import ConstantRestitution

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular import _files, cases, cli
+from granular import cases, cli
+from granular._engine import files
 from granular.cli import ends
 
 ASKING = [signal.Signals(one) for one in ends.ASKING]
@@ -85,7 +86,7 @@ def test_an_interrupt_at_any_moment_of_writing_leaves_no_draft(tmp_path, monkeyp
         monkeypatch.setattr(os, name, then(getattr(os, name)))
     fill = then(lambda draft: Path(draft).write_bytes(b"new"))
     with pytest.raises(KeyboardInterrupt):
-        _files.write(tmp_path / "a", fill if when == "filled" else lambda draft: Path(draft).write_bytes(b"new"))
+        files.write(tmp_path / "a", fill if when == "filled" else lambda draft: Path(draft).write_bytes(b"new"))
     assert os.listdir(tmp_path) == ["a"] * (when == "moved")
 
 

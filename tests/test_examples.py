@@ -60,7 +60,7 @@ def here(path, monkeypatch, capsys):
     import matplotlib.pyplot as plt
 
     plt.switch_backend("Agg")
-    for module in ("granular._kernels", "granular.edmd.simulation"):
+    for module in ("granular._engine.kernels", "granular.edmd.simulation"):
         monkeypatch.setattr(f"{module}.no_compiler", lambda: "it would take longer than the example")
     runpy.run_path(str(path), run_name="__main__")
     plt.close("all")

@@ -195,7 +195,7 @@ def test_rows_about_contacts_of_a_run_that_goes_on():
 def test_rows_that_cannot_be_told(monkeypatch):
     with pytest.raises(ValueError, match="samples is 'impacts': one of contacts is needed"):
         ENGINES["hard"](FLOOR, t_end=1.0, samples="impacts")
-    monkeypatch.setattr("granular._check.MOST", 20)
+    monkeypatch.setattr("granular._engine.check.MOST", 20)
     with pytest.raises(ValueError, match=r"samples is 'contacts': .* contacts would give more than 20 rows"):
         ENGINES["hard"](FLOOR, t_end=1.0, samples="contacts")
 

@@ -11,7 +11,7 @@ import pytest
 import granular as gr
 from bench.reference import solve
 from granular import cases, cli, reference
-from granular._reports import duration
+from granular._engine.reports import duration
 from granular.cli import output
 from granular.frontiers import Frontier, Row
 from granular.frontiers.methods import METHODS, Task, contacts_of, errors, expected_orders, own

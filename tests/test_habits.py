@@ -7,7 +7,7 @@ import pkgutil
 import pytest
 
 import granular as gr
-from granular import _reports
+from granular._engine import reports
 
 SCENE = gr.scenes.three_balls()
 LAW = gr.LinearDashpot(5e7, 100.0)
@@ -47,7 +47,7 @@ def test_html_of_scene_and_run_has_a_row_for_every_body(report):
 
 
 def test_html_is_escaped():
-    shown = _reports.html("<b>", [["a&b"]], "</pre><script>")
+    shown = reports.html("<b>", [["a&b"]], "</pre><script>")
     assert "&lt;b&gt;" in shown
     assert "a&amp;b" in shown
     assert "<script" not in shown

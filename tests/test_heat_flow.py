@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular._kernels import have_numba
+from granular._engine.kernels import have_numba
 
 KNOWN = json.loads((Path(__file__).parent / "reference" / "heat_flow.json").read_text(encoding="utf-8"))
 EQUAL, ALTERNATING, SOFT = KNOWN["equal_masses"], KNOWN["alternating_masses"], KNOWN["soft_over_hard"]

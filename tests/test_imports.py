@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import pytest
 
 IDLE = (
-    "granular._saved_run", "granular._describe", "granular._figures", "granular._files",
+    "granular._saved_run", "granular._engine.describe", "granular._figures", "granular._engine.files",
     "granular._films",
     "granular.cases.case", "granular.cases.ready", "granular.comparison.captions", "granular.comparison.figure",
     "granular.comparison.film", "granular.comparison.view", "granular.frontiers", "granular.page",

@@ -10,8 +10,8 @@ import types
 import numpy as np
 import pytest
 
-from granular import _held, _kernels, _records
-from granular._kernels import compiled, fitted, have_numba, kernel, specialised
+from granular._engine import held, kernels, records as _records
+from granular._engine.kernels import compiled, fitted, have_numba, kernel, specialised
 from granular.edmd import motion
 
 SCALE, SHIFT = 2.0, 1
@@ -97,12 +97,12 @@ def test_a_name_that_nobody_reads_is_refused():
     (1000, False, False, True),
 ])
 def test_machine_code_must_pay(work, memory, disk, pays, monkeypatch):
-    from granular import _kernels
+    from granular._engine import kernels
 
-    monkeypatch.setattr(_kernels, "have_numba", lambda: True)
-    monkeypatch.setattr(_kernels, "in_memory", lambda function, inline: memory)
-    monkeypatch.setattr(_kernels, "on_disk", lambda function, inline: disk)
-    assert _kernels.worth(_kernels.kernel, work, 50, 500) is pays
+    monkeypatch.setattr(kernels, "have_numba", lambda: True)
+    monkeypatch.setattr(kernels, "in_memory", lambda function, inline: memory)
+    monkeypatch.setattr(kernels, "on_disk", lambda function, inline: disk)
+    assert kernels.worth(kernels.kernel, work, 50, 500) is pays
 
 
 @pytest.mark.parametrize("disk", [False, True])
@@ -111,17 +111,17 @@ def test_machine_code_must_pay(work, memory, disk, pays, monkeypatch):
 def test_who_goes_over_when_it_is_due_takes_at_most_twice_as_long_as_the_better_choice(length, disk, runs, monkeypatch):
     """A run of that many seconds interpreted, in looks of 0.1 s, at once or in several runs; compiled it takes no
     time beside loading (1 s) or making (33 s)."""
-    from granular import _kernels
+    from granular._engine import kernels
 
     clock, made = [0.0], [False]
-    monkeypatch.setattr(_kernels, "process_time", lambda: clock[0])
-    monkeypatch.setattr(_kernels, "have_numba", lambda: True)
-    monkeypatch.setattr(_kernels, "in_memory", lambda function, inline=False: made[0])
-    monkeypatch.setattr(_kernels, "on_disk", lambda function, inline: disk)
-    monkeypatch.setattr(_kernels.Toll, "spent", {})
+    monkeypatch.setattr(kernels, "process_time", lambda: clock[0])
+    monkeypatch.setattr(kernels, "have_numba", lambda: True)
+    monkeypatch.setattr(kernels, "in_memory", lambda function, inline=False: made[0])
+    monkeypatch.setattr(kernels, "on_disk", lambda function, inline: disk)
+    monkeypatch.setattr(kernels.Toll, "spent", {})
     price = 1.0 if disk else 33.0
     for _ in range(runs):
-        toll, left = _kernels.Toll(_kernels.kernel, 1.0, 33.0), length / runs
+        toll, left = kernels.Toll(kernels.kernel, 1.0, 33.0), length / runs
         while left > 0.0 and not made[0]:
             clock[0] += min(left, 0.1)
             left -= min(left, 0.1)
@@ -179,7 +179,7 @@ def test_machine_code_is_made_where_nothing_can_be_kept(monkeypatch):
     monkeypatch.setattr("numba.core.dispatcher.Dispatcher.enable_caching", nowhere)
     one = kernel(types.FunctionType(inner.__code__, globals()))
     assert compiled(one).stats.cache_path is None
-    assert not _kernels.on_disk(one)
+    assert not kernels.on_disk(one)
 
 
 def test_who_asks_while_another_thread_loads_numba_waits_for_it(tmp_path):
@@ -187,7 +187,7 @@ def test_who_asks_while_another_thread_loads_numba_waits_for_it(tmp_path):
     program = """
 import sys, threading, time
 sys.path.insert(0, sys.argv[1])
-from granular._kernels import have_numba
+from granular._engine.kernels import have_numba
 loading = threading.Thread(target=__import__, args=["numba"])
 loading.start()
 while "numba" not in sys.modules:
@@ -199,15 +199,15 @@ assert have_numba()
 
 
 def test_what_never_happens_is_left_out_of_machine_code():
-    plain, forced = motion.predicted, _kernels.fitted(motion.predicted, FORCED=True)
-    left = [set(_kernels._globals_read(_kernels._without_dead_branches(one))) for one in (plain, forced)]
+    plain, forced = motion.predicted, kernels.fitted(motion.predicted, FORCED=True)
+    left = [set(kernels._globals_read(kernels._without_dead_branches(one))) for one in (plain, forced)]
     assert left[1] - left[0] >= {"opening", "next_wall_hit"}
     assert not (left[0] | left[1]) & {"FORCED", "HUNG", "hung"}
 
 
 @pytest.mark.parametrize("source", ["edited", "missing"])
 def test_code_stays_as_it_was_loaded_where_its_source_is_no_longer_that(source, monkeypatch):
-    forced = _kernels.fitted(motion.predicted, FORCED=True)
+    forced = kernels.fitted(motion.predicted, FORCED=True)
     lines, first = inspect.getsourcelines(forced.__code__)
 
     def read(code):
@@ -215,8 +215,8 @@ def test_code_stays_as_it_was_loaded_where_its_source_is_no_longer_that(source, 
             raise OSError
         return [line.replace("rate < 0.0", "rate < 9.0") for line in lines], first
 
-    monkeypatch.setattr(_kernels, "getsourcelines", read)
-    assert _kernels._without_dead_branches(forced) is forced.__code__
+    monkeypatch.setattr(kernels, "getsourcelines", read)
+    assert kernels._without_dead_branches(forced) is forced.__code__
 
 
 def test_a_tournament_knows_who_is_due_first_and_of_ties_the_lowest_key():
@@ -240,6 +240,6 @@ def test_a_tournament_knows_who_is_due_first_and_of_ties_the_lowest_key():
 
 def test_machine_code_that_takes_records_otherwise_is_not_ours(monkeypatch):
     """What is kept on the disk has a name that changes with how tuples are held."""
-    ours = _kernels._checksum.__wrapped__(outer)
-    monkeypatch.setattr(_kernels, "version", lambda: _held.version() + 1)
-    assert _kernels._checksum.__wrapped__(outer) != ours
+    ours = kernels._checksum.__wrapped__(outer)
+    monkeypatch.setattr(kernels, "version", lambda: held.version() + 1)
+    assert kernels._checksum.__wrapped__(outer) != ours

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular._kernels import _read_below, fitted, kernel
+from granular._engine.kernels import _read_below, fitted, kernel
 from granular.md.located import run as located_run
 from granular.md.located.records import BY_PIECES
 

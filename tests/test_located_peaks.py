@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from granular._roots import workspace
+from granular._engine.roots import workspace
 from granular.md.located.pieces import heading, summit, value
 from granular.md.located.records import ORDER
 

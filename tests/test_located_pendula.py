@@ -7,7 +7,7 @@ import pytest
 from soft_twin import distance, twin
 
 import granular as gr
-from granular._flight import hung, hung_after, hung_rate_at_contact
+from granular._engine.flight import hung, hung_after, hung_rate_at_contact
 
 CRADLE = gr.Scene([1.0] * 5, [0.1] * 5, [1.0, 0.0, 0.0, 0.0], [0.0] * 5, pendulum=1.0, origin=-1.0)
 DASHPOT = gr.LinearDashpot.from_restitution(0.9, 1e6, CRADLE.pairs[0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from soft_blocks import check_blocks
 
-from granular._kernels import have_numba
+from granular._engine.kernels import have_numba
 from granular.drive import Pause, requested
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.kinds import checked

@@ -10,7 +10,7 @@ import pytest
 from scenes_at_random import OwnHertz, scene
 
 import granular as gr
-from granular._kernels import have_numba
+from granular._engine.kernels import have_numba
 
 LAWS: list[Any] = [
     gr.LinearDashpot(1e5, 5.0), gr.Hertz(1e7), gr.ViscoelasticHertz(1e7, 1e3), gr.TsujiHertz(1e7, 0.3),

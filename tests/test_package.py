@@ -9,8 +9,8 @@ import pytest
 
 import granular as gr
 from bench import mutants
-from granular import _kernels
-from granular._about import EXTRAS, NAME, install
+from granular._engine import kernels
+from granular._engine.about import EXTRAS, NAME, install
 from granular.cli import info
 from granular.page.assemble import LIVE, PLAYER, _needed
 
@@ -44,7 +44,7 @@ def test_every_file_of_the_package_is_read_by_it():
 def test_info_says_what_is_missing_and_who_else_is_there(granular, monkeypatch):
     monkeypatch.setattr(info, "packages_distributions", lambda: OTHER)
     versions = {"granular": "0.24.2", "matplotlib": None}
-    monkeypatch.setattr("granular._files.version_of", lambda name: versions.get(name, "1.0"))
+    monkeypatch.setattr("granular._engine.files.version_of", lambda name: versions.get(name, "1.0"))
     code, out, _ = granular("info --json found.json")
     assert code == 0
     assert out.startswith(f"{NAME} {gr.__version__}, in {info.FOLDER}\n")
@@ -66,13 +66,13 @@ def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatc
 
 
 def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
-    assert (info.numba().startswith("kept in ")) == _kernels.have_numba()
+    assert (info.numba().startswith("kept in ")) == kernels.have_numba()
 
     def nowhere():
         raise RuntimeError("no locator available")
 
-    monkeypatch.setattr("granular._kernels.no_compiler", str)
-    monkeypatch.setattr("granular._kernels.load_numba", nowhere)
+    monkeypatch.setattr("granular._engine.kernels.no_compiler", str)
+    monkeypatch.setattr("granular._engine.kernels.load_numba", nowhere)
     assert "set NUMBA_CACHE_DIR" in info.numba()
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 import granular as gr
-from granular import _progress
+from granular._engine import progress
 
 GAS, LAW, RULE = gr.scenes.gas(20), gr.LinearDashpot(1e4, 1.0), gr.ConstantRestitution(0.99)
 CRADLE, STEEL = gr.scenes.newtons_cradle(2), gr.Hertz(1e9)
@@ -60,7 +60,7 @@ def test_function_of_other_arguments_is_refused_at_once(verb):
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_shows_how_far_it_is(verb, monkeypatch, capsys):
-    monkeypatch.setattr(_progress, "INTERVAL", 0.0)
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
     told = []
     VERBS[verb](on_progress=lambda reached, count: told.append((reached, count)), progress=True)
     lines = capsys.readouterr().err.splitlines()

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from granular._kernels import compiled, have_numba
-from granular._roots import NEVER, first_up_crossing, workspace
+from granular._engine.kernels import compiled, have_numba
+from granular._engine.roots import NEVER, first_up_crossing, workspace
 
 DEGREE = 20
 WORK = workspace(DEGREE + 4)

@@ -15,7 +15,7 @@ import saved_scenes
 from saved_scenes import ALL
 
 import granular as gr
-from granular import _describe, _files
+from granular._engine import describe, files as _files
 from granular.cli import main
 from granular.edmd import wall_state
 from granular.page import assemble, player_page
@@ -69,7 +69,7 @@ def test_the_table_holds_all_that_is_public_and_nothing_that_is_a_function(files
     names = ["force", "__call__", "panels", "drawn"]
     physics = [one for one in public if dataclasses.is_dataclass(one) and any(map(vars(one).__contains__, names))]
     places = {f"{one.__module__}:{one.__qualname__}" for one in physics if one is not gr.walls.Motion}
-    assert places | {"granular.binary:LawRestitution"} == _describe.WORDS.keys()
+    assert places | {"granular.binary:LawRestitution"} == describe.WORDS.keys()
     moved = gr.Trajectory.load(files / "soft_motion.npz").scene.floor
     assert isinstance(moved, gr.walls.Panels)
     assert moved.displacement(0.1) == pytest.approx(saved_scenes.MOTION.displacement(0.1), rel=1e-13)
@@ -111,7 +111,7 @@ def rewritten(files, tmp_path, name="hard_floor", *, signed=True, **changes):
 
 
 CALLS = [
-    {"class": "granular._describe:import_module", "fields": {"name": "payload"}},
+    {"class": "granular._engine.describe:import_module", "fields": {"name": "payload"}},
     {"class": "granular.cli:main", "fields": {"argv": ["compare", "three-balls", "--json", "victim.json"]}},
     {"class": "granular.walls.motion:Motion",
      "fields": {"function": {"class": "granular.cli:main", "fields": {}}}},

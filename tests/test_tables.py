@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench.stability.report import markdown
-from granular._reports import Report, aligned, duration, number, unit_of
+from granular._engine.reports import Report, aligned, duration, number, unit_of
 
 ROWS = [["name", "error"], ["verlet", "1e-3"], ["é", ""]]
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from granular._kernels import compiled
-from granular._records import LAST, NODE, column, copied, leaf, one, packed, plain, play, replay, tournament
+from granular._engine.kernels import compiled
+from granular._engine.records import LAST, NODE, column, copied, leaf, one, packed, plain, play, replay, tournament
 
 FIELDS = np.dtype([("x", float), ("hits", int), ("series", float, (3,))], align=True)
 

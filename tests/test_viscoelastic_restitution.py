@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 import granular as gr
-from granular._kernels import compiled, have_numba
+from granular._engine.kernels import compiled, have_numba
 from granular.laws.viscoelastic_restitution import (
     PADE_B4,
     PADE_C1,

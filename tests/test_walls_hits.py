@@ -9,8 +9,8 @@ from numpy.polynomial import Polynomial
 from walls_at_random import INF, G, any_gap, records, scenes, spline
 
 import granular as gr
-from granular import _kernels
-from granular._records import one, plain
+from granular._engine import kernels
+from granular._engine.records import one, plain
 from granular.walls import Motion, Piecewise, Sine
 from granular.walls.gap import NOISE, after
 from granular.walls.hits import first_hit, lift_off, pressing_bounds
@@ -206,10 +206,10 @@ def test_first_hits_on_paths_with_corners(side):
 
 
 @pytest.mark.soak
-@pytest.mark.skipif(not _kernels.have_numba(), reason="numba is not installed")
+@pytest.mark.skipif(not kernels.have_numba(), reason="numba is not installed")
 def test_plain_and_compiled_give_the_same_bits():
     t, cubic = spline()
-    fast = {f: _kernels.compiled(f) for f in (wall_at, after, first_hit, lift_off, pressing_bounds, expansion, phase)}
+    fast = {f: kernels.compiled(f) for f in (wall_at, after, first_hit, lift_off, pressing_bounds, expansion, phase)}
     for rng, sine, side, now, tail, pull in scenes(40, 8):
         for wall, time in ((sine, now), (Piecewise(cubic), float(rng.uniform(t[0], t[-1])))):
             w, p = wall.panels(time, time).records(side)

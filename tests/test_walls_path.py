@@ -10,7 +10,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from walls_at_random import INF, G, records, spline
 
-from granular._records import plain
+from granular._engine.records import plain
 from granular.walls import Motion, Panels, Piecewise, Sine, path
 from granular.walls.hits import first_hit
 from granular.walls.path import expansion, phase, wall_at

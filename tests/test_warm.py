@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from granular import _kernels, cases
+from granular import cases
+from granular._engine import kernels
 from granular.cli import info, warm
 from granular.md.located import many
 
@@ -82,11 +83,11 @@ def test_warm_refuses_where_there_is_no_compiler_or_nowhere_to_keep_code(granula
     def nowhere():
         raise RuntimeError("no locator available")
 
-    monkeypatch.setattr(_kernels, "no_compiler", str)
-    monkeypatch.setattr(_kernels, "load_numba", nowhere)
+    monkeypatch.setattr(kernels, "no_compiler", str)
+    monkeypatch.setattr(kernels, "load_numba", nowhere)
     code, out, err = granular("warm")
     assert (code, out) == (2, "")
     assert err == ("granular: nothing is kept, every process compiles anew: numba can write nowhere; "
                    "set NUMBA_CACHE_DIR to a folder that it can\n")
-    monkeypatch.setattr(_kernels, "no_compiler", lambda: "numba is not installed: pip install it")
+    monkeypatch.setattr(kernels, "no_compiler", lambda: "numba is not installed: pip install it")
     assert granular("warm") == (2, "", "granular: numba is not installed: pip install it\n")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from granular._records import plain
+from granular._engine.records import plain
 from granular.walls import Sine
 
 G = 9.81

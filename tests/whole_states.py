@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from granular._records import packed, plain
+from granular._engine.records import packed, plain
 from granular.edmd.compiled_queue import BlockQueue
 from granular.edmd.motion import predicted
 from granular.edmd.physics import rank

@@ -11,7 +11,8 @@ from typing import Any
 
 from bench.reference import taylor
 from bench.reference.series import fraction
-from granular import _check, reference, until as stop
+from granular import reference, until as stop
+from granular._engine import check
 from granular.laws.contact_law import Form, PairLaw
 from granular.reference import Reference, ReferenceContact
 from granular.reference.events import distance
@@ -41,7 +42,7 @@ def solve(
     Reference
         Contacts as mpmath numbers (floats for laws without a power series), with estimated errors.
     """
-    whole = _check.whole("digits", digits, at_least=20, at_most=200)
+    whole = check.whole("digits", digits, at_least=20, at_most=200)
     problem = reference.checked_problem(scene, law, until, t_end, t_start)
     forms = [power_series(one) for one in problem.laws]
     if None in forms:

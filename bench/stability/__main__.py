@@ -17,8 +17,8 @@ from bench import docs_data
 from bench.stability import AXES, StabilityReport, stability
 from bench.stability.cell import BOTH, FIXED, Result
 from bench.stability.report import BAD, markdown
-from granular import _check
-from granular._progress import Progress
+from granular._engine import check
+from granular._engine.progress import Progress
 
 PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
 FIGURE = PAGE.parent / "figures" / "stability-three-balls.png"
@@ -74,7 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--json", metavar="FILE", help="write every cell")
     given = parser.parse_args(arguments)
     try:
-        _check.known(given.axes, AXES, "axis")
+        check.known(given.axes, AXES, "axis")
     except ValueError as error:
         parser.error(str(error))
     whole = not (given.axes or given.quick)

@@ -11,7 +11,7 @@ from typing import Any, Concatenate, ParamSpec
 import numpy as np
 
 from granular import edmd, md
-from granular._kernels import have_numba
+from granular._engine.kernels import have_numba
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.rules import ConstantRestitution
 from granular.scene import Scene

@@ -17,7 +17,7 @@ from bench.stability import own, truth
 from bench.stability.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, at_wall, judged_by
 from bench.stability.contact import MADE
 from granular import laws as built_in, md, scenes, until
-from granular._check import Array
+from granular._engine.check import Array
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.rules import ConstantRestitution
 from granular.scene import Scene

@@ -8,7 +8,7 @@ from typing import Any
 
 from bench.stability.cell import BOTH, Result, Verdict
 from bench.stability.long import Drift, StabilityLimit
-from granular._reports import Report, Rows, aligned, number
+from granular._engine.reports import Report, Rows, aligned, number
 
 BAD = (Verdict.wrong, Verdict.crashed, Verdict.limit)
 SHOWN = 20

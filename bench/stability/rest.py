@@ -11,7 +11,7 @@ import numpy as np
 
 from bench.stability.cell import BOTH, ELASTIC, Again, Cell, Truth, at_wall, judged_by
 from granular import scenes, until
-from granular._check import Array
+from granular._engine.check import Array
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory

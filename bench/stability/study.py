@@ -13,8 +13,9 @@ from contextlib import contextmanager
 from bench.stability import contact, driven, hard, line, long, rest
 from bench.stability.cell import FIXED, METHODS, SOFT, Cell, Result, Verdict, repeat
 from bench.stability.report import StabilityReport
-from granular import _check, edmd, md
-from granular._kernels import have_numba
+from granular import edmd, md
+from granular._engine import check
+from granular._engine.kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
@@ -89,8 +90,8 @@ def stability(
     """
     who = _named("methods", methods, METHODS)
     where = _named("axes", axes, tuple(AXES))
-    _check.callback("on_progress", on_progress, "reached", "count")
-    limit = _check.number("seconds", seconds, above=0.0)
+    check.callback("on_progress", on_progress, "reached", "count")
+    limit = check.number("seconds", seconds, above=0.0)
     if not quick:
         warm_up(who, "driven" in where)
     chosen = [pair for axis in where for pair in _chosen(AXES[axis](), who, quick)]
@@ -121,7 +122,7 @@ def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple
     chosen = (given,) if isinstance(given, str) else tuple(given)
     if not chosen:
         raise ValueError(f"{name} is empty: at least one of {', '.join(known)} is needed.")
-    return tuple(dict.fromkeys(_check.choice(name, one, known) for one in chosen))
+    return tuple(dict.fromkeys(check.choice(name, one, known) for one in chosen))
 
 
 class OutOfTime(Exception):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bench.stability.cell import Again, Truth, judged_by
-from granular._check import Array
+from granular._engine.check import Array
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 

@@ -16,7 +16,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from granular import _check, laws, materials, rules, walls
+from granular import laws, materials, rules, walls
+from granular._engine import check
 from granular.cases.case import parameters_of
 from granular.scene import Pair
 
@@ -136,7 +137,7 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
         if clash := {"young", "poisson"} & given.keys():
             raise ValueError(f"keys material and {min(clash)} are both given: one of the two ways is needed.")
         of_material = [name for name, kind in LAWS.items() if hasattr(kind, "from_material")]
-        _check.choice("type of a law of a material", given.get("type"), of_material)
+        check.choice("type of a law of a material", given.get("type"), of_material)
         one = given.pop("material")
         names = one if isinstance(one, list) else [one, one]
         if len(names) != 2:
@@ -201,7 +202,7 @@ def call(ways: Sequence[Way], values: Mapping[str, Any], **held: Any) -> Any:
     for way, each, least in zip(ways, keys, needed, strict=True):
         if set(least) <= values.keys() <= {p.name for p in each}:
             return way(**values, **{p.name: held[p.name] for p in parameters(way) if p.name in held})
-    _check.known(values, dict.fromkeys(p.name for each in keys for p in each), "key")
+    check.known(values, dict.fromkeys(p.name for each in keys for p in each), "key")
     sets = " or ".join("(" + ", ".join(least) + ")" for least in needed)
     raise ValueError(f"the keys given are ({', '.join(values)}): {sets} is needed.")
 
@@ -220,6 +221,6 @@ def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> 
     """Make what ``type`` of a table says, of its other keys."""
     if "type" not in table:
         raise ValueError(f"key 'type' is missing; needed is one of {', '.join(types)}.")
-    kind = types[_check.choice("type", table["type"], list(types))]
+    kind = types[check.choice("type", table["type"], list(types))]
     ways = [kind] + [getattr(kind, name) for name in CONSTRUCTORS if hasattr(kind, name)]
     return call(ways, {key: value for key, value in table.items() if key != "type"}, **held)

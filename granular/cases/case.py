@@ -13,7 +13,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from granular import _check
+from granular._engine import check
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 from granular.until import Until
@@ -79,7 +79,7 @@ def summary(function: Callable[..., Any]) -> str:
     return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """A scene, how its balls touch, and when to stop: the same question to both engines.
@@ -110,7 +110,7 @@ class Case:
     about: str = ""
 
     def __post_init__(self) -> None:
-        _check.of_kind("scene", self.scene, Scene, "a granular.Scene")
+        check.of_kind("scene", self.scene, Scene, "a granular.Scene")
         checked_run(self.run)
 
     def __repr__(self) -> str:
@@ -132,7 +132,7 @@ class Case:
             For misuse: among others an option the engine does not know, or ``"md"`` for a case without force law.
         """
         simulate = engine_named(engine)
-        _check.known(changes, keyword_options(simulate) | HELD, f"option of {engine}.simulate", TypeError)
+        check.known(changes, keyword_options(simulate) | HELD, f"option of {engine}.simulate", TypeError)
         return simulate(self.scene, self.physics(engine), **self.options(simulate) | changes)
 
     def options(self, run: Callable[..., Any]) -> dict[str, Any]:
@@ -155,15 +155,15 @@ class Case:
 
 def checked_run(run: Any) -> Mapping[str, Any]:
     """Return options of the engines, or raise for what none of them knows."""
-    if _check.of_kind("run", run, Mapping, "a mapping of options to values"):
-        _check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINES)),
+    if check.of_kind("run", run, Mapping, "a mapping of options to values"):
+        check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINES)),
                      "option of a run", TypeError)
     return run  # type: ignore[no-any-return]
 
 
 def engine_named(engine: str) -> Callable[..., Trajectory]:
     """Return the `simulate` of one engine."""
-    simulate: Callable[..., Trajectory] = import_module(f"granular.{_check.choice('engine', engine, ENGINES)}").simulate
+    simulate: Callable[..., Trajectory] = import_module(f"granular.{check.choice('engine', engine, ENGINES)}").simulate
     return simulate
 
 

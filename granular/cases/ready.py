@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, balls, materials, scenes, until, walls, waves
+from granular import balls, materials, scenes, until, walls, waves
+from granular._engine import check
 from granular.cases import build
 from granular.cases.case import Case, Option, options_of, summary
 from granular.laws import Hertz, LinearDashpot
@@ -68,9 +69,9 @@ def of_restitution(
         The rule is None where restitution depends on speed: then it is to be taken from the laws.
     """
     known = list(WAYS) if material is None else [name for name in WAYS if "Hertz" in name]
-    way = WAYS[_check.choice("law" if material is None else "law of a material", law, known)]
+    way = WAYS[check.choice("law" if material is None else "law of a material", law, known)]
     needs = {parameter.name for parameter in build.parameters(way)}
-    k, speed = _check.number("stiffness", stiffness, above=0.0), first_impact_speed(scene)
+    k, speed = check.number("stiffness", stiffness, above=0.0), first_impact_speed(scene)
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
     of = None if material is None else materials.named(material)
 
@@ -79,13 +80,13 @@ def of_restitution(
         values = {"restitution": e, "k": stiff, "k_load": stiff, "speed": speed}
         return build.call([way], {key: value for key, value in values.items() if key in needs}, pair=pair)
 
-    laws = build.each_pair(made, _check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
+    laws = build.each_pair(made, check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
     return laws, None if "speed" in needs else ConstantRestitution(eps)
 
 
 def _elastic_hertz(restitution: float, k: float) -> Hertz:
     """Hertz's law, which has one restitution."""
-    _check.number("restitution", restitution, at_least=1.0, at_most=1.0,
+    check.number("restitution", restitution, at_least=1.0, at_most=1.0,
                   fix="Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped")
     return Hertz(k)
 
@@ -108,7 +109,7 @@ def of_balls(
     pair_rule : {"lens", "series"}
         How the two press on each other.
     """
-    _check.choice("pair_rule", pair_rule, balls.RULES)
+    check.choice("pair_rule", pair_rule, balls.RULES)
     floor = balls.named(lower, "lower")
     each = [floor, floor if upper is None else balls.contact(lower, upper, pair_rule)][: scene.n_pairs]
     laws = [LinearDashpot.from_restitution(one.restitution, one.stiffness, pair)
@@ -198,7 +199,7 @@ TEMPLATES = {
 }
 
 
-@_check.face
+@check.face
 def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None = None, **options: Any) -> Case:
     """Make a ready-made case.
 
@@ -220,7 +221,7 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
         For an unknown name or option (with a suggestion), or a bad value.
     """
     shapes, touches = shaping(name), _touching(name)
-    _check.known(options, shapes | touches, f"option of {name}", TypeError)
+    check.known(options, shapes | touches, f"option of {name}", TypeError)
     of_scene = {key: value for key, value in options.items() if key in shapes}
     case = bare(name, of_scene, t_end)
     case = touching(name, case, **{key: value for key, value in options.items() if key in touches})
@@ -238,10 +239,10 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
     """Return the case of that name without its contacts: a scene of these parameters, and when to stop."""
     template = _named(name)
     if template.pressed is not None:
-        _check.known(of_scene, shaping(name), f"parameter of {name}")
+        check.known(of_scene, shaping(name), f"parameter of {name}")
     untouched = {} if template.pressed is None else {"law": None}
     scene = build.call([template.make], build.walled(of_scene) | untouched)
-    end = template.t_end(scene) if t_end is None else _check.number("t_end", t_end, at_least=0.0)
+    end = template.t_end(scene) if t_end is None else check.number("t_end", t_end, at_least=0.0)
     if end is not None and not math.isfinite(end):
         raise ValueError(f"the end time of {name} is beyond the range of numbers; give t_end, or use other units.")
     return Case(scene, None, None, template.until, end, about=about(name))
@@ -271,7 +272,7 @@ def is_whole(name: str) -> bool:
     return template.pressed is not None or template.touch is not of_restitution
 
 
-@_check.face
+@check.face
 def names() -> list[str]:
     """Names of the ready-made cases."""
     return list(TEMPLATES)
@@ -284,13 +285,13 @@ def is_file(scene: Any) -> bool:
     return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
 
 
-@_check.face
+@check.face
 def about(name: str) -> str:
     """Return what a ready-made case is, in one line."""
     return summary(_named(name).make)
 
 
-@_check.face
+@check.face
 def options(name: str) -> list[Option]:
     """Return the options of a ready-made case: those of its scene, then those of the contacts, with its defaults."""
     template = _named(name)
@@ -310,4 +311,4 @@ def _touching(name: str) -> set[str]:
 
 
 def _named(name: str) -> Template:
-    return TEMPLATES[_check.choice("scene", name, names())]
+    return TEMPLATES[check.choice("scene", name, names())]

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, until
-from granular._files import checked_path, write_text
+from granular import until
+from granular._engine import check
+from granular._engine.files import checked_path, write_text
 from granular.cases import build, ready
 from granular.cases.build import LAWS, RULES, WALLS, law, name_of, place, rule_of
 from granular.cases.case import Case, checked_run
@@ -33,7 +34,7 @@ STIFFNESS = ("k", "k_load")
 Table = dict[str, Any]
 
 
-@_check.face
+@check.face
 def load(path: str | PathLike[str]) -> Case:
     """Read a case from a TOML file.
 
@@ -91,10 +92,10 @@ def load(path: str | PathLike[str]) -> Case:
         return of_tables(tables_of(path), str(Path(path).parent))
 
 
-@_check.face
+@check.face
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file; see `load`."""
-    return of_tables(_parsed(_check.of_kind("text", text, str, "the text of a TOML file", "for a file use load")))
+    return of_tables(_parsed(check.of_kind("text", text, str, "the text of a TOML file", "for a file use load")))
 
 
 def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
@@ -123,7 +124,7 @@ def _parsed(text: str) -> dict[str, Any]:
 def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     """Make a case of the tables of a file in a folder."""
     for key in tables:
-        _check.choice("table or key", key, TABLES)
+        check.choice("table or key", key, TABLES)
     if "scene" not in tables:
         raise ValueError("table [scene] is missing: it names a ready-made scene or gives mass, radius, gap, velocity.")
     with place("[scene]"):
@@ -135,10 +136,10 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
             base = ready.pressed(given.pop("name"), replace(base, law=laws), given)
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
-        t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
+        t_end = check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
         stop = stop_condition(run.pop("until"), base.scene) if "until" in run else base.until
         checked_run(run)
-    about = _check.of_kind("about", tables.get("about", base.about), str, "a text in quotes")
+    about = check.of_kind("about", tables.get("about", base.about), str, "a text in quotes")
     return Case(base.scene, laws, rule, stop, t_end, run, about)
 
 
@@ -146,7 +147,7 @@ def _base(table: Mapping[str, Any]) -> Case:
     """The ready-made case that [scene] names, or a bare one around its arrays."""
     if "name" not in table:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
-    name = _check.choice("name", table["name"], ready.names())
+    name = check.choice("name", table["name"], ready.names())
     return ready.of_table(name, {key: value for key, value in table.items() if key != "name"})
 
 
@@ -160,13 +161,13 @@ def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
             with place(f"[[law]] of pair {pair.index}" if each else "[law]"):
                 return build.law(_table(table), pair)
 
-        of_pairs = _check.per_pair("[[law]]", tables["law"], scene.n_pairs)
+        of_pairs = check.per_pair("[[law]]", tables["law"], scene.n_pairs)
         laws, rule = build.each_pair(made, of_pairs, scene.pairs), build.rule_of(of_pairs)
     if "rule" in tables:
         given = tables["rule"]
         with place("[rule]"):
             rules = [build.rule(_table(one)) for one in (given if isinstance(given, list) else [given])]
-            rule = _check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(given, list) else rules[0]
+            rule = check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(given, list) else rules[0]
     if laws is None and rule is None:
         raise ValueError("table [law] is missing: give a force law, or at least a [rule] for hard spheres.")
     return laws, rule
@@ -176,7 +177,7 @@ def stop_condition(value: Any, scene: Scene) -> until.Until | None:
     """Return the condition of `granular.until` that a table says, a contact if it has no `type`, or a word."""
     if value == "separated":
         return until.separated()
-    _check.of_kind("until", value, Mapping, '"separated" or a table such as { pair = 0, nth = 2 }')
+    check.of_kind("until", value, Mapping, '"separated" or a table such as { pair = 0, nth = 2 }')
     ways = {way.__name__: way for way in (until.contact, until.force, until.speed, until.position)}
     with place("until"):
         condition: until.Until = build.of_type(ways, {"type": "contact", **value})
@@ -189,7 +190,7 @@ def _table(value: Any) -> Mapping[str, Any]:
     return value
 
 
-@_check.face
+@check.face
 def save(case: Case, path: str | PathLike[str]) -> None:
     """Write a case to a TOML file, whole or not at all.
 
@@ -204,10 +205,10 @@ def save(case: Case, path: str | PathLike[str]) -> None:
     write_text(path, dumps(case))
 
 
-@_check.face
+@check.face
 def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
-    scene = _check.of_kind("case", case, Case, "a granular.Case").scene
+    scene = check.of_kind("case", case, Case, "a granular.Case").scene
     tables: dict[str, Table | list[Table]] = {"scene": _scene(scene)}
     tables |= _by_restitution(case) or _each("law", case.law, LAWS) | _each("rule", case.rule, RULES)
     tables["run"] = {"until": _stop(case.until), "t_end": case.t_end, **case.run}
@@ -260,7 +261,7 @@ def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
     rule = case.rule
     if case.law is None or not isinstance(rule, ConstantRestitution):
         return {}
-    laws = _check.per_pair("law", case.law, case.scene.n_pairs)
+    laws = check.per_pair("law", case.law, case.scene.n_pairs)
     tables = [_of_restitution(one, rule(0.0, pair), pair) for one, pair in zip(laws, case.scene.pairs, strict=True)]
     return _joined("law", tables) if all(tables) and rule_of(tables) == rule else {}
 

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 import granular
-from granular._about import VERSION
-from granular._files import plain_text
-from granular._kernels import on_making
+from granular._engine.about import VERSION
+from granular._engine.files import plain_text
+from granular._engine.kernels import on_making
 from granular.cli import ends
 from granular.trajectory import Status
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import granular
-from granular import _files, _flight, _kernels
-from granular._about import EXTRAS, NAME, VERSION, install
-from granular._reports import Report
+from granular._engine import files, flight, kernels
+from granular._engine.about import EXTRAS, NAME, VERSION, install
+from granular._engine.reports import Report
 from granular.cases.case import Option
 from granular.cli import output
 from granular.cli.parser import Command
@@ -34,7 +34,7 @@ class Installation(Report):
     others: list[str]
 
     def __str__(self) -> str:
-        core = ", ".join(f"{name} {_files.version_of(name)}" for name in ("numpy", "scipy", "sortedcontainers"))
+        core = ", ".join(f"{name} {files.version_of(name)}" for name in ("numpy", "scipy", "sortedcontainers"))
         lines = [f"{NAME} {VERSION}, in {self.folder}", f"Python {platform.python_version()}, {core}"]
         for extra, packages in self.extras.items():
             found = ", ".join(f"{name} {version or 'missing'}" for name, version in packages.items())
@@ -58,7 +58,7 @@ class Info(Command):
 
     @staticmethod
     def run(given: argparse.Namespace) -> None:
-        extras = {extra: {name: _files.version_of(name) for name in names.split()} for extra, names in EXTRAS.items()}
+        extras = {extra: {name: files.version_of(name) for name in names.split()} for extra, names in EXTRAS.items()}
         output.deliver(Installation(str(FOLDER), numba(), extras, others()), given)
         if getattr(granular, "__version__", None) != VERSION:
             raise ImportError(overwritten())
@@ -74,10 +74,10 @@ def numba() -> str:
 
 def kept() -> str:
     """Return the folder in which numba keeps machine code; raise if there is no compiler, or no such folder."""
-    if why := _kernels.no_compiler():
+    if why := kernels.no_compiler():
         raise ImportError(why)
     try:
-        return str(_kernels.load_numba().njit(cache=True)(_flight.gap_after).stats.cache_path)
+        return str(kernels.load_numba().njit(cache=True)(flight.gap_after).stats.cache_path)
     except RuntimeError:
         raise OSError("nothing is kept, every process compiles anew: numba can write nowhere; "
                       "set NUMBA_CACHE_DIR to a folder that it can") from None
@@ -86,7 +86,7 @@ def kept() -> str:
 def others() -> list[str]:
     """Return names and versions of other distributions that install a package `granular`."""
     names = set(packages_distributions().get("granular", ())) - {NAME}
-    return [f"{name} {_files.version_of(name)}" for name in sorted(names)]
+    return [f"{name} {files.version_of(name)}" for name in sorted(names)]
 
 
 def overwritten() -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 import granular as gr
 from granular import cases
-from granular._reports import aligned
+from granular._engine.reports import aligned
 from granular.cases.case import ENGINES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.cli import output

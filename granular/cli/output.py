@@ -10,8 +10,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from granular import _files
-from granular._check import optional
+from granular._engine import files as _files
+from granular._engine.check import optional
 from granular.cases.ready import is_file
 from granular.export import files
 

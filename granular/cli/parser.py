@@ -14,8 +14,9 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any, NoReturn
 
-from granular import _check, cases
-from granular._about import VERSION
+from granular import cases
+from granular._engine import check
+from granular._engine.about import VERSION
 from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
 from granular.cases.toml import stop_condition
@@ -104,7 +105,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         for name in COMMANDS:
             commands.add_parser(name, help=_about(_command(name)).rstrip("."))
         top.parse_args([command])
-    _check.known([command], COMMANDS, "command")
+    check.known([command], COMMANDS, "command")
     chosen = _command(command)
     of_scene = chosen.USAGE.startswith("SCENE")
     target, rest = _target(rest) if of_scene else (None, rest)
@@ -115,7 +116,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     _add(parser, chosen.TITLE, offered)
     found, extra = top.parse_known_args([command, *rest])
     flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if extra else []
-    _check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, f"option of {parser.prog}")
+    check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, f"option of {parser.prog}")
     if extra:
         raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:
@@ -166,7 +167,7 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     for k, word in enumerate(rest):
         if (k == 0 and not word.startswith("-")) or word in cases.names() or word.lower().endswith(".toml"):
             if not is_file(word):
-                _check.choice("scene", word, cases.names())
+                check.choice("scene", word, cases.names())
             return word, [*rest[:k], *rest[k + 1 :]]
     return None, list(rest)
 

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._reports import cores
+from granular._engine import check
+from granular._engine.reports import cores
 from granular.cases.case import Option
 from granular.cli import ends, output
 from granular.cli.parser import Command, offered
@@ -61,7 +61,7 @@ class Sweep(Command):
             raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
         usual = cores() if math.prod(map(len, over.values())) >= WORTH_POOL else 1
         workers = usual if given.workers is None else given.workers
-        _check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
+        check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
         with processes(workers) as executor:
             data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
                          workers=given.workers, progress=True, **given.given, **given.run)
@@ -92,7 +92,7 @@ class Sensitivity(Command):
         words = [word.strip().partition("=") for word in given.uncertainty]
         one = len(words) == 1 and not words[0][1]
         uncertain = words[0][0] if one else {name: value for name, _, value in words}
-        _check.whole("workers", given.workers, at_least=1, at_most=MOST_WORKERS)
+        check.whole("workers", given.workers, at_least=1, at_most=MOST_WORKERS)
         with processes(given.workers) as executor:
             report = sensitivity(given.target, given.result or ("v_rel",), given.over, uncertain or None,
                                  executor=executor, progress=True, **given.given, **given.run)

@@ -7,8 +7,8 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 
-from granular import _files
-from granular._reports import aligned
+from granular._engine import files
+from granular._engine.reports import aligned
 from granular.cases.case import Option
 from granular.cli.parser import Command
 from granular.reference import verification
@@ -72,7 +72,7 @@ def _checked(given: argparse.Namespace) -> int:
     first = next((one for one in bad if one.word == "wrong"), None)
     print(f"{given.case}: of {len(found)} answers {many}.")
     if first is not None:
-        print(f"First wrong: {first.answer.run}: {first.answer.quantity}: {_files.plain_text(first.theirs)} instead of "
+        print(f"First wrong: {first.answer.run}: {first.answer.quantity}: {files.plain_text(first.theirs)} instead of "
               f"{first.answer.value} {first.answer.unit}, off by {first.off:.1e} of it.")
     for one in [one for one in found if one.word != "right"][:SHOWN]:
         off = "" if one.word == "missing" else f" by {one.off:.1e}"

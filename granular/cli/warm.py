@@ -1,7 +1,7 @@
 """Machine code made once, before anybody has to wait for it: for images, classes, test servers.
 May be skipped: the command, no physics.
 
-A kernel is compiled once for each set of flags that a scene has (`granular._kernels`): the scenes here have all
+A kernel is compiled once for each set of flags that a scene has (`granular._engine.kernels`): the scenes here have all
 sets of them that ready-made scenes have.
 """
 
@@ -13,8 +13,9 @@ from functools import partial
 from time import process_time
 from typing import Any
 
-from granular import _check, cases
-from granular._kernels import load_numba
+from granular import cases
+from granular._engine import check
+from granular._engine.kernels import load_numba
 from granular.cases.case import Option
 from granular.cli import info
 from granular.cli.parser import Command
@@ -50,7 +51,7 @@ class Warm(Command):
 
     @staticmethod
     def run(given: argparse.Namespace) -> None:
-        _check.known(given.scenes, SCENES, "scene that code is made for")
+        check.known(given.scenes, SCENES, "scene that code is made for")
         print(f"machine code is kept in {info.kept()}")
         for name in given.scenes or SCENES:
             for kind, make in ways(cases.make(name)).items():

@@ -18,7 +18,7 @@ May be skipped: names of the package only.
 
 from typing import TYPE_CHECKING
 
-from granular._lazy import attributes
+from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
     from granular.binary import LawRule

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular._check import Array, of_kind
+from granular._engine.check import Array, of_kind
 from granular.comparison.further import with_rows
 from granular.outcome import SAME
 from granular.scene.places import speed_scale

@@ -23,8 +23,9 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import _check, end_time
-from granular._reports import rounded
+from granular import end_time
+from granular._engine import check as _check
+from granular._engine.reports import rounded
 from granular.comparison.checks import Checked
 from granular.comparison.numbers import smaller_radius
 from granular.measures import static_overlaps

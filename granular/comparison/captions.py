@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._reports import PREFIXES, shortened, unit_of
+from granular._engine.reports import PREFIXES, shortened, unit_of
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.scene import Scene

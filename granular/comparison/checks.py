@@ -9,7 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import _check, edmd, end_time, isolation, measures, outcome
+from granular import edmd, end_time, isolation, measures, outcome
+from granular._engine import check
 from granular.comparison.numbers import Compared
 from granular.outcome import counted, differences
 from granular.trajectory import EARLY, Trajectory
@@ -46,19 +47,19 @@ class Checked(Compared):
         return (float(rest.max()) if len(rest) else end) - float(self.hard.stats["collapse_time"])
 
     @cached_property
-    def tie_errors(self) -> dict[str, _check.Array]:
+    def tie_errors(self) -> dict[str, check.Array]:
         """How far balls leave, and come to rest, in units of their component, under each other tie rule; empty without
         ties."""
         return {name: self._apart_by_ties(run) for name, run in self._other_answers.items()
                 if not isinstance(run, str)}
 
     @cached_property
-    def shift_errors(self) -> _check.Array:
+    def shift_errors(self) -> check.Array:
         """How far balls leave, in units of their component, from gaps shifted by 1e-12 of themselves."""
         return self.components.largest(np.zeros(self.scene.n_pairs), differences(*self._shifted)) / self.units
 
     @cached_property
-    def shifts(self) -> _check.Array:
+    def shifts(self) -> check.Array:
         """D of hard spheres against themselves, gaps shifted by 1e-12 of themselves, of each component."""
         mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
         apart = differences(*self._shifted)
@@ -110,13 +111,13 @@ class Checked(Compared):
         failed = [(name, why) for name, why in self._other_answers.items() if isinstance(why, str)]
         return f"the run with ties={failed[0][0]!r} {failed[0][1]}" if failed else ""
 
-    def _apart_by_ties(self, one: Trajectory) -> _check.Array:
+    def _apart_by_ties(self, one: Trajectory) -> check.Array:
         """Largest difference of a run under another tie rule, in units of each component."""
         hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
         stuck = outcome.stuck_apart(one, hard, weight)
         return self.components.largest(stuck, differences(one, hard)) / self.units
 
-    def _distance(self, apart: _check.Array) -> float:
+    def _distance(self, apart: check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
         mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
         scale = float(mass @ np.append(self.units, 0.0)[of] ** 2)

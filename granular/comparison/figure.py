@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _files
-from granular._check import Array
+from granular._engine import files
+from granular._engine.check import Array
+from granular._engine.reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular._figures import NAMED, SMALL, head, world_lines
-from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular.comparison.captions import pair_name, parameters
 from granular.comparison.further import with_rows
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
@@ -56,7 +56,7 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     axes[0].legend(*axes[-1].get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3,
                    frameon=False, borderaxespad=0.2, **SMALL)
     figure.align_ylabels(panels[:, 0])
-    return _files.write_figure(path, figure, dpi=200)
+    return files.write_figure(path, figure, dpi=200)
 
 
 def both(report: Judged, times: Array) -> dict[str, Trajectory]:

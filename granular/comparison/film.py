@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._check import Array
+from granular._engine.check import Array
+from granular._engine.reports import GREY
 from granular._figures import COLOURS, NAMED
 from granular._films import Page, blank, check, pace, paces, radii, save, stage
-from granular._reports import GREY
 from granular.comparison.captions import number, parameters
 from granular.comparison.figure import FEW, both, draw_runs, force_curve, timeline
 from granular.comparison.further import Onward, apexes

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, edmd, md
+from granular import edmd, md
+from granular._engine import check
 from granular.scene import Scene, speed_scale
 from granular.trajectory import EARLY, Status, Trajectory
 from granular.until import Separated
@@ -34,7 +35,7 @@ STEPS = 10 * MOST
 Flight = tuple[float, float, float]
 
 
-def roots(function: Callable[[float], float], grid: _check.Array, scale: float) -> tuple[float, ...]:
+def roots(function: Callable[[float], float], grid: check.Array, scale: float) -> tuple[float, ...]:
     """Where a function that may jump is zero: on the grid, but for rounding, or between two of its points; a jump
     across is left out."""
     from scipy.optimize import brentq
@@ -49,7 +50,7 @@ def roots(function: Callable[[float], float], grid: _check.Array, scale: float) 
     return tuple(sorted(found))
 
 
-def with_rows(report: Any, engine: str, times: _check.Array, further: bool = False) -> Trajectory:
+def with_rows(report: Any, engine: str, times: check.Array, further: bool = False) -> Trajectory:
     """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
     is to go `further`."""
     hard = engine == "hard"
@@ -78,7 +79,7 @@ class Onward:
         return run if self.engine == "hard" or "creeping" in run.state else md.simulate(
             run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
 
-    def run(self, t_end: float, samples: _check.Array | None = None) -> Trajectory:
+    def run(self, t_end: float, samples: check.Array | None = None) -> Trajectory:
         """What follows, up to `t_end` in s."""
         run, start = self.before, float(self.before.time[-1])
         if self.engine == "soft":
@@ -89,7 +90,7 @@ class Onward:
             t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
             merge_below=MERGED * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
-    def heights(self, times: _check.Array) -> _check.Array:
+    def heights(self, times: check.Array) -> check.Array:
         """Heights (len(times), n) in m above the lowest body, radii taken out, at times in s, which increase; nan from
         where the run is given up."""
         early = times <= self.before.time[-1]
@@ -108,7 +109,7 @@ class Rises(tuple[float, float]):
 
     def __call__(self, bounce: int = 1) -> Rises:
         """Return the same after that contact with the floor, 1 the first."""
-        return rises(self.report, _check.whole("bounce", bounce, at_least=1))
+        return rises(self.report, check.whole("bounce", bounce, at_least=1))
 
 
 def rises(report: Any, bounce: int = 1) -> Rises:
@@ -118,7 +119,7 @@ def rises(report: Any, bounce: int = 1) -> Rises:
     return found
 
 
-def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> _check.Array:
+def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> check.Array:
     """When in s, and how high in m, each of these bodies is at its apex after that contact with the floor, (count, 2).
 
     A ball that comes to rest has no time, and the height 0; nan where it cannot be told.

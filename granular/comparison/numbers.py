@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _check, edmd, end_time, measures, outcome, until as stop
+from granular import edmd, end_time, measures, outcome, until as stop
+from granular._engine import check
 from granular.binary import LawRule, at_speed_or_nan
 from granular.episodes import Departure, Departures, at_rest, rests_apart
 from granular.laws.kinds import resolved
@@ -80,7 +81,7 @@ class Compared:
         return components(*self.levelled)
 
     @cached_property
-    def units(self) -> _check.Array:
+    def units(self) -> check.Array:
         """Largest closing speed in m/s of each component, see `granular.outcome.units`."""
         return units(*self.levelled, self.components)
 
@@ -169,8 +170,8 @@ class Compared:
             raise ValueError(f"observable is None: at {why}; give a function of the run, such as a mean height.")
         from granular.comparison.further import roots
 
-        _check.callback("observable", observable, "run")
-        fractions = np.linspace(0.0, 1.0, _check.whole("resolution", resolution, at_least=2, at_most=_check.MOST))
+        check.callback("observable", observable, "run")
+        fractions = np.linspace(0.0, 1.0, check.whole("resolution", resolution, at_least=2, at_most=check.MOST))
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel
 
@@ -197,7 +198,7 @@ class Compared:
         return math.nan if self._early else float(self.errors.max(initial=0.0))
 
     @cached_property
-    def errors(self) -> _check.Array:
+    def errors(self) -> check.Array:
         """The error of each component, in its unit; 0 where balls rest on each other from the start."""
         at_rest = np.zeros(self.scene.n_pairs)
         at_rest[list(self.resting)] = list(self.resting.values())
@@ -216,7 +217,7 @@ class Compared:
         return found.departure(int(which[j]), float(self.units[j])) if decides else None
 
     @cached_property
-    def _departures(self) -> tuple[Departures, _check.Array, Any]:
+    def _departures(self) -> tuple[Departures, check.Array, Any]:
         """All departures; of each component the largest difference in its unit, and the number of its departure."""
         found = Departures(*self.levelled, self.components.weight(self.levelled[1]),
                            lambda pair, speed: end_time.lags(*self.counted)(pair, speed))

@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from granular import _check, edmd, end_time, measures
-from granular._reports import Report, aligned, number, problem
+from granular import edmd, end_time, measures
+from granular._engine import check
+from granular._engine.reports import Report, aligned, number, problem
 from granular.outcome import SAME, energy_left
 from granular.rules import ConstantRestitution
 from granular.trajectory import Status, Trajectory
@@ -102,11 +103,11 @@ class Remedies(Report):
 def table(report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
           ) -> Remedies:
     """See `Comparison.remedies`."""
-    measure, soft = _check.callback("observable", observable, "run") or energy_left, report.soft
+    measure, soft = check.callback("observable", observable, "run") or energy_left, report.soft
     duration = float(measures.durations(report.hard, report.law).min(initial=math.inf))
     slow = SLOW * measures.fastest_approach(report.hard)
     tc, merge, elastic = (
-        report.hard_options[name] or usual if given[name] is None else _check.number(name, given[name], above=0.0)
+        report.hard_options[name] or usual if given[name] is None else check.number(name, given[name], above=0.0)
         for name, usual in (("tc", duration), ("merge_below", slow), ("elastic_below", slow)))
 
     def row(name: str, setting: float = 0.0, rule: Any = report.rule, **remedy: Any) -> Remedy:

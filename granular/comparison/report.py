@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import isolation, measures
-from granular._reports import named_pairs, number, pairs_by_law, problem, shortened
+from granular._engine.reports import named_pairs, number, pairs_by_law, problem, shortened
 from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
 from granular.outcome import FAINT, PairOutcome

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from granular import _check, edmd, md, until as stop
+from granular import edmd, md, until as stop
+from granular._engine import check
+from granular._engine.progress import shown
+from granular._engine.reports import Report
 from granular._limits import check_end
-from granular._progress import shown
-from granular._reports import Report
 from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from granular.comparison.remedies import Remedies
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Judged, Report):
     """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
@@ -161,7 +162,7 @@ class Comparison(Judged, Report):
         film.animate(self, path, seconds, fps, whole=whole, charts=charts)
 
 
-@_check.face
+@check.face
 def compare(
     scene: Scene,
     law: Any,

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._check import Array
+from granular._engine.check import Array
+from granular._engine.reports import GREY, HARD, SOFT, unit_of
 from granular._figures import FAR, MARGIN, Span
-from granular._reports import GREY, HARD, SOFT, unit_of
 from granular.comparison.captions import pair_name
 from granular.trajectory import Status, Trajectory
 

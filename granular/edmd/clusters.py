@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import math
 
-from granular._kernels import FORCED, HUNG, RING, kernel, rare
-from granular._records import Record, Records
+from granular._engine.kernels import FORCED, HUNG, RING, kernel, rare
+from granular._engine.records import Record, Records
 from granular.edmd.driven import presses, rate_of
 from granular.edmd.hanging import swing_together
 from granular.edmd.motion import NOISE, carry, total

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
-from granular._flight import time_to_contact
-from granular._records import Records, column
+from granular._engine.check import Array
+from granular._engine.flight import time_to_contact
+from granular._engine.records import Records, column
 from granular.edmd.clusters import press_again
 from granular.edmd.physics import Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log

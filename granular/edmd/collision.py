@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from granular._kernels import FORCED, HUNG, RING, kernel, rare
-from granular._records import Record, Records
+from granular._engine.kernels import FORCED, HUNG, RING, kernel, rare
+from granular._engine.records import Record, Records
 from granular.edmd.clusters import (
     at_rest,
     ball_is_stuck,

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import FORCED, compiled, kernel, specialised
-from granular._records import Record, Records, copied, leaf, one, packed, raw, replay, tournament
+from granular._engine.kernels import FORCED, compiled, kernel, specialised
+from granular._engine.records import Record, Records, copied, leaf, one, packed, raw, replay, tournament
 from granular.edmd.clusters import rest
 from granular.edmd.motion import predicted
 from granular.edmd.physics import LEFT, MASK, RANDOM, rank

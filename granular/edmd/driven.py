@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from granular._kernels import kernel, rare
-from granular._records import Record, Records
+from granular._engine.kernels import kernel, rare
+from granular._engine.records import Record, Records
 from granular.edmd.records import AT_CEILING, AT_FLOOR, BOTH, Walls
 from granular.walls.gap import after, state
 from granular.walls.hits import first_hit, lift_off, opens

@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular._engine.records import column
 from granular._limits import raised
-from granular._records import column
 from granular.edmd.motion import LATEST
 from granular.trajectory import Status
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from granular._engine.records import plain
 from granular._levels import shown
-from granular._records import plain
 from granular.edmd.motion import velocities
 from granular.edmd.zoom import soonest
 from granular.until import Level, Speed

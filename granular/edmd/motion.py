@@ -8,7 +8,7 @@ What collisions leave of a velocity is rounded. `noise` (m²/s²) is the square 
 margin: a collision passes it on as it does velocities, and adds its own. Two balls that close more slowly than that
 are not known to close at all, and do not collide; velocities that were given are exact.
 
-What stands behind `if FORCED`, `if HUNG` or `if RING` is for scenes that are not plain, see `granular._kernels`,
+What stands behind `if FORCED`, `if HUNG` or `if RING` is for scenes that are not plain, see `granular._engine.kernels`,
 and may be skipped: walls that shake and forces (`driven`), pendula (`hanging`), and rings. A ring of n balls is a line
 of n pairs and n + 1 bodies, the last of which is the first once more: what happens to one of these two happens to the
 other, and the neighbours of a pair are counted round. Its velocities are relative to the centre of mass.
@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import math
 
-from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact, time_to_contact
-from granular._kernels import FORCED, HUNG, RING, kernel
-from granular._records import Record, Records
+from granular._engine.flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact, time_to_contact
+from granular._engine.kernels import FORCED, HUNG, RING, kernel
+from granular._engine.records import Record, Records
 from granular.edmd.driven import beside, next_wall_hit, opening, rate_at_wall, rate_of, take_wall_velocity
 from granular.edmd.records import FREE, Walls
 

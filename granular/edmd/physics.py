@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, rules
-from granular._kernels import kernel
+from granular import rules
+from granular._engine import check
+from granular._engine.kernels import kernel
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene
 from granular.scene.places import remembered
@@ -90,16 +91,16 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
     """Return the physics of a run, or raise what is wrong with the scene, a rule or an option."""
     check_scene(scene)
     given = rules.checked(rule, scene.gap)
-    merging = _check.choice("collapse", collapse, ("stop", "merge")) == "merge"
+    merging = check.choice("collapse", collapse, ("stop", "merge")) == "merge"
     below = 0.01 * scales(scene)[0] if merging else 0.0
     if merge_below is not None:
         if not merging:
             raise ValueError(f"merge_below is {merge_below!r}: it needs collapse='merge'.")
-        below = _check.number("merge_below", merge_below, above=0.0)
-    _check.choice("ties", options["ties"], tuple(ORDER))
-    options["seed"] = _check.whole("seed", options["seed"])
+        below = check.number("merge_below", merge_below, above=0.0)
+    check.choice("ties", options["ties"], tuple(ORDER))
+    options["seed"] = check.whole("seed", options["seed"])
     for name in ("tc", "elastic_below"):
-        options[name] = _check.number(name, options[name], at_least=0.0)
+        options[name] = check.number(name, options[name], at_least=0.0)
     physics = Physics(scene, given, options | {"merge_below": below})
     if physics.eps.max() == 0.0:
         physics.options["merge_below"] = math.inf
@@ -111,18 +112,18 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
 def check_scene(scene: Scene) -> None:
     """Raise what is wrong with a scene for hard spheres."""
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
-    _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
+    check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     size, fix = np.abs(scene.velocity), "use other units"
     need = f"0 or a size from {SMALLEST:g} to {LARGEST:g} is needed"
-    _check.every("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall, SIZE, fix)
-    _check.every("gap", scene.gap, scene.gap <= LARGEST, SIZE, fix)
-    _check.every("velocity", scene.velocity, (size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)), need, fix)
+    check.every("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall, SIZE, fix)
+    check.every("gap", scene.gap, scene.gap <= LARGEST, SIZE, fix)
+    check.every("velocity", scene.velocity, (size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)), need, fix)
     for name, one in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
         if not (one == 0.0 or SMALLEST <= one <= LARGEST):
-            _check.every(name, np.array([one]), np.zeros(1, bool), need, fix)
+            check.every(name, np.array([one]), np.zeros(1, bool), need, fix)
     if scene.rest_gap is not None:
-        _check.every("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST, SIZE, fix)
-    _check.refuse({
+        check.every("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST, SIZE, fix)
+    check.refuse({
         "ring is True: hard spheres on a ring take no external_force, which would press them together in mid-air; use "
         "granular.md.": scene.ring and scene.external_force is not None,
         "gap is 0 for all pairs: on a ring there must be room to move; give some gaps.":
@@ -135,7 +136,7 @@ def check_scene(scene: Scene) -> None:
                              f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")
 
 
-def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
+def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
     """Raise what is wrong with options, and rules of restitution `eps`, that are good each for itself."""
     ties = options["ties"]
     merges, lasts, spares = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
@@ -194,7 +195,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
     return max(speed, fall), fall, length, strength
 
 
-def shares(scene: Scene) -> tuple[_check.Array, _check.Array]:
+def shares(scene: Scene) -> tuple[check.Array, check.Array]:
     """Return m_eff/m_lower and m_eff/m_upper of each pair: shares of its bodies in a change of its relative velocity.
 
     The smaller is computed, the other is 1 minus it.

@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from granular._check import Array
-from granular._records import Records, column
+from granular._engine.check import Array
+from granular._engine.records import Records, column
 
 DIGITS = 60
 """Digits in which collisions are followed."""

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from granular._check import LARGEST, held
+from granular._engine.check import LARGEST, held
 from granular.edmd.physics import ORDER, Physics
 from granular.walls.path import WALL
 

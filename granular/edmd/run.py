@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._contact_log import Rows
-from granular._kernels import fitted, worth
-from granular._records import FEW, column, packed
+from granular._engine.kernels import fitted, worth
+from granular._engine.records import FEW, column, packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import hanging, wall_state
 from granular.edmd.ending import counters, sentence

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from granular import _check, rules, until as stop
+from granular import rules, until as stop
 from granular._contact_log import Event, one_by_one
-from granular._kernels import no_compiler
+from granular._engine import check
+from granular._engine.kernels import no_compiler
 from granular._limits import check_end
 from granular.drive import Request, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 ENGINES = ("auto", "sorted", "compiled")
 
 
-@_check.face
+@check.face
 def simulate(
     scene: Scene,
     rule: Rule | list[Rule] | tuple[Rule, ...],
@@ -156,11 +157,11 @@ def simulate(
     One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """
-    start = _check.number("t_start", t_start)
+    start = check.number("t_start", t_start)
     made = partial(checked, rule=rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
                    elastic_below=elastic_below)
     check_end(a_scene(scene), t_end, until, max_events, elastic=lambda: made(scene).elastic)
-    scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
+    scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     physics = made(scene)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
@@ -185,9 +186,9 @@ def _stopping(run: Run) -> Any:
     return Watched(run, levels)
 
 
-@_check.face
+@check.face
 def events(
-    scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = _check.LARGEST, **options: Any
+    scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = check.LARGEST, **options: Any
 ) -> Iterator[Event]:
     """Yield the collisions of a run one at a time, each with the scene right after it: for demos and debuggers.
 
@@ -195,13 +196,13 @@ def events(
     `Scene` that stands so then. The bits are those of `simulate`, whose options are taken but for `samples` and
     `on_event`; where nothing ends the run, it goes on for as long as it is asked.
     """
-    _check.known(options, _check.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
+    check.known(options, check.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
                  "option of edmd.events", TypeError)
     run: Any = simulate(scene, rule, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)
 
 
-@_check.face
+@check.face
 def resume(
     trajectory: Trajectory,
     *,
@@ -228,9 +229,9 @@ def resume(
         If `trajectory` is no hard-sphere run, ended in a collapse or at a bound (but where `max_events` ended it), or
         is broken; or if its state cannot be that of its last row.
     """
-    _check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
+    check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
     status, saved, scene = trajectory.status, trajectory.state, trajectory.scene
-    _check.refuse({
+    check.refuse({
         "trajectory is no hard-sphere run: one from granular.edmd is needed.": trajectory.rule is None or not saved,
         "trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.":
             status is Status.collapse and "collapse_time" not in saved,
@@ -238,8 +239,8 @@ def resume(
             status is Status.bounded and "zoom_gap" not in saved,
         "trajectory is broken: nothing follows it; see its message.": status is Status.broken,
     })
-    start = float(_check.held(saved, "start", "f", ()))
-    scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
+    start = float(check.held(saved, "start", "f", ()))
+    scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     check_scene(scene)
     physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in OPTIONS})
     check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
@@ -255,8 +256,8 @@ def resume(
         fresh = states.pop() if states else State.restored(physics, saved)
         run = Run(physics, fresh, queue, asked, watching)
         if "collapse_time" in saved:
-            run.rest(_check.held(saved, "collapse_pair", "i", (), 0, scene.n_pairs - 1),
-                     _check.held(saved, "collapse_time", "f", ()))
+            run.rest(check.held(saved, "collapse_pair", "i", (), 0, scene.n_pairs - 1),
+                     check.held(saved, "collapse_time", "f", ()))
         return go_on(_stopping(run), trajectory)
 
     return in_time(solve, request)
@@ -273,7 +274,7 @@ def checked_engine(engine: str, physics: Physics) -> str:
     """Return how the queue is chosen, as asked for and as it can be: *auto* means that compiled is possible."""
     if isinstance(engine, str) and engine == "sorted":
         return engine
-    name, why, missing = _check.choice("engine", engine, ENGINES), "", no_compiler()
+    name, why, missing = check.choice("engine", engine, ENGINES), "", no_compiler()
     if physics.rule is not None:
         why = "every rule must be a ConstantRestitution"
     elif ORDER[physics.options["ties"]] == GROUP:

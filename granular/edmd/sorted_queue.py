@@ -11,8 +11,8 @@ from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._kernels import FORCED, RING, fitted, interpreted, kernel
-from granular._records import FEW, Record, Records, plain, twin
+from granular._engine.kernels import FORCED, RING, fitted, interpreted, kernel
+from granular._engine.records import FEW, Record, Records, plain, twin
 from granular.edmd.clusters import rest
 from granular.edmd.collision import SUSPICIOUS, event, leave
 from granular.edmd.motion import approaching, predicted, velocities

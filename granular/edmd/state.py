@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array, held
-from granular._records import FEW, Record, Records, column, copied, one, packed, taken, twin
+from granular._engine.check import Array, held
+from granular._engine.records import FEW, Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
 from granular.edmd.physics import ORDER, Physics, felt_gravity, frame_velocity, scales, shares

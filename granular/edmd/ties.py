@@ -21,8 +21,8 @@ from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
-from granular._kernels import FORCED, RING, kernel, rare
-from granular._records import Records, twin
+from granular._engine.kernels import FORCED, RING, kernel, rare
+from granular._engine.records import Records, twin
 from granular.edmd import hanging
 from granular.edmd.collision import release
 from granular.edmd.motion import NOISE, carry, predicted, same, touches, velocities

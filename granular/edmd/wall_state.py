@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
-from granular._kernels import kernel, rare
-from granular._records import Record, Records, column, plain
+from granular._engine.check import Array
+from granular._engine.kernels import kernel, rare
+from granular._engine.records import Record, Records, column, plain
 from granular.edmd.driven import beside, place, synchronise
 from granular.edmd.motion import NOISE, add, impulse, rebase, span
 from granular.edmd.physics import frame_velocity

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._kernels import RING, kernel
-from granular._records import Records, column
+from granular._engine import check
+from granular._engine.kernels import RING, kernel
+from granular._engine.records import Records, column
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.laws import kinds
@@ -52,13 +52,13 @@ class Watch:
     """
 
     def __init__(self, law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> None:
-        laws = _check.per_pair("watch", law, scene.n_pairs)
+        laws = check.per_pair("watch", law, scene.n_pairs)
         for one in different(laws):
             instance("watch", one, "how long a contact lasts, no collision rule can tell")
         kinds.checked(laws, scene)
         from granular.isolation import Durations  # from above, and only when asked for
 
-        self.duration: Callable[[Any, _check.Array], _check.Array] = Durations(laws, scene)
+        self.duration: Callable[[Any, check.Array], check.Array] = Durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)
         self.last["began"] = -math.inf
         self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
@@ -70,7 +70,7 @@ class Watch:
             self.seen, self.disturbed, pair = map(int, saved["watch_counts"])
             self.first = float(saved["watch_time"]), pair
 
-    def take(self, rows: Any, tau: _check.Array, state: State, queue: SortedQueue) -> None:
+    def take(self, rows: Any, tau: check.Array, state: State, queue: SortedQueue) -> None:
         """Look at collisions, the next ones in order; `tau` are their times since the epoch."""
         self._to_epoch(state, queue)
         pair, lasting = rows["pair"], self.duration(rows["pair"], rows["lower_in"] - rows["upper_in"])

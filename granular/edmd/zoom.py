@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 
-from granular._flight import gap_after, rate_at_contact, time_to_contact
-from granular._kernels import FORCED, RING, kernel
-from granular._records import Record, Records
+from granular._engine.flight import gap_after, rate_at_contact, time_to_contact
+from granular._engine.kernels import FORCED, RING, kernel
+from granular._engine.records import Record, Records
 from granular.edmd.clusters import ball_is_stuck
 from granular.edmd.motion import across, impulse, total, velocities
 from granular.edmd.physics import GROUP, Restitution, rank

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files, _saved_run
+from granular import _saved_run
+from granular._engine import check, files
 from granular.export.table import about, dataset, frame
 
 NEEDS = {".npz": (), ".nc": ("xarray", "netCDF4"), ".csv": ("pandas",), ".extxyz": ()}
@@ -23,12 +24,12 @@ def ending_of(path: str | os.PathLike[str]) -> str:
     """Return the ending of a path, in small letters, if it is one that is written, and what writes it is installed."""
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     ending = os.path.splitext(str(name))[1].lower()
-    if isinstance(name, str) and _files.is_stream(name):
+    if isinstance(name, str) and files.is_stream(name):
         return ".npz"
     if not isinstance(name, str) or "\0" in name or ending not in NEEDS:
         raise ValueError(f"path is {name!r}: the name of a file that ends in {', '.join(NEEDS)} is needed.")
     for package in NEEDS[ending]:
-        _check.optional(package, f"a file that ends in {ending}")
+        check.optional(package, f"a file that ends in {ending}")
     return ending
 
 
@@ -41,9 +42,9 @@ def save(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> No
         _netcdf(path, run, compressed)
     elif ending == ".csv":
         head = "".join(f"# {name}: {text}\n" for name, text in about(run).items())
-        _files.write_text(path, head + frame(run).to_csv(index=False, na_rep="nan"))
+        files.write_text(path, head + frame(run).to_csv(index=False, na_rep="nan"))
     else:
-        _files.write_text(path, "".join(_extxyz(run)))
+        files.write_text(path, "".join(_extxyz(run)))
 
 
 def _netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> None:
@@ -58,10 +59,10 @@ def _netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> None:
            for name in data.variables if name != "side"}
 
     def fill(draft: str) -> None:
-        _files.check_room(draft, data.nbytes)
+        files.check_room(draft, data.nbytes)
         data.to_netcdf(draft, engine="netcdf4", format="NETCDF4", encoding=how)
 
-    _files.write(path, fill)
+    files.write(path, fill)
 
 
 def _extxyz(run: Any) -> Iterator[str]:

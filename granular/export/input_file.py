@@ -10,8 +10,8 @@ import math
 from os import PathLike
 from typing import Any
 
-from granular import _check
-from granular._files import write_text
+from granular._engine import check
+from granular._engine.files import write_text
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.dashpot import restitution_pulling
 from granular.scene import Scene, checked
@@ -32,7 +32,7 @@ HEAD = """\
 """
 
 
-@_check.face
+@check.face
 def lammps(
     scene: Scene, law: Any, path: str | PathLike[str] | None = None, *, t_end: float = 1.0, dt: float = 1e-7
 ) -> str:
@@ -68,10 +68,10 @@ def lammps(
     """
     _check_scene(checked(scene))
     laws = [resolve(instance("law", one), pair)
-            for one, pair in zip(_check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
-    step = _check.number("dt", dt, above=0.0)
-    end = _check.number("t_end", t_end, above=0.0)
-    steps = max(1, round(_check.number("t_end / dt", end / step, at_most=1e15)))
+            for one, pair in zip(check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
+    step = check.number("dt", dt, above=0.0)
+    end = check.number("t_end", t_end, above=0.0)
+    steps = max(1, round(check.number("t_end / dt", end / step, at_most=1e15)))
     text = "\n".join([HEAD, f"variable dt index {step!r}", f"variable steps index {steps}",
                       *_bodies(scene), *_contacts(scene, laws), *_run(scene), ""])
     if path is not None:
@@ -88,7 +88,7 @@ def _check_scene(scene: Scene) -> None:
         "a wall that moves": (scene.velocity[walls] != 0.0).any(),
         "a ball of radius 0": (scene.radius[~walls] == 0.0).any(),
     }
-    _check.refuse({f"scene has {what}: a deck of LAMMPS holds balls of positive radius, walls at rest and gravity.": so
+    check.refuse({f"scene has {what}: a deck of LAMMPS holds balls of positive radius, walls at rest and gravity.": so
                    for what, so in there.items()})
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files
+from granular._engine import check, files
 from granular.scene import Scene, positions
 
 ROWS = {"position": ("body", "m"), "velocity": ("body", "m/s"), "gap": ("pair", "m"), "force": ("pair", "N"),
@@ -31,14 +31,14 @@ def about(run: Any) -> dict[str, str]:
     shown = [repr(one) for one in (laws[:1] if len(set(map(repr, laws))) == 1 else laws)]
     command = " ".join([os.path.basename(sys.argv[0]), *sys.argv[1:]])
     said = {"scene": str(run.scene), "rule" if run.rule else "law": "; ".join(shown), "status": run.status.name,
-            "message": run.message, "units": "SI", "versions": json.dumps(_files.provenance()["versions"]),
+            "message": run.message, "units": "SI", "versions": json.dumps(files.provenance()["versions"]),
             "command": command}
-    return {name: _files.plain_text(text) for name, text in said.items()}
+    return {name: files.plain_text(text) for name, text in said.items()}
 
 
 def dataset(run: Any) -> Any:
     """See `granular.Trajectory.to_xarray`."""
-    xarray = _check.optional("xarray", "to_xarray")
+    xarray = check.optional("xarray", "to_xarray")
     rows = {name: (("time", dim), getattr(run, name), {"units": unit}) for name, (dim, unit) in ROWS.items()
             if getattr(run, name) is not None}
     log = {NAMES[name]: (("contact", "side")[: run.contacts[name].ndim], run.contacts[name], {"units": unit})
@@ -51,8 +51,8 @@ def dataset(run: Any) -> Any:
 
 def frame(run: Any, what: str = "contacts") -> Any:
     """See `granular.Trajectory.to_frame`."""
-    pandas = _check.optional("pandas", "to_frame")
-    if _check.choice("what", what, ("contacts", "samples")) == "contacts":
+    pandas = check.optional("pandas", "to_frame")
+    if check.choice("what", what, ("contacts", "samples")) == "contacts":
         flat = [_flat(name, run.contacts[name], ("lower", "upper")) for name in LOG]
     else:
         flat = [_flat(name, values, range(values.shape[-1])) for name in ("time", *ROWS)
@@ -69,10 +69,10 @@ def _flat(name: str, values: Any, labels: Any) -> list[tuple[str, Any]]:
 
 def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -> dict[str, Any]:
     """The parts of a run that another program has computed; see `granular.Trajectory.from_arrays`."""
-    _check.of_kind("scene", scene, Scene, "a granular.Scene", "that from which the other program started")
+    check.of_kind("scene", scene, Scene, "a granular.Scene", "that from which the other program started")
     if (position is None) is (gap is None):
         raise ValueError(f"position and gap are {'both' if gap is not None else 'not'} given: one of them is needed.")
-    moments = _check.array("time", time)
+    moments = check.array("time", time)
     bad = np.flatnonzero(~np.isfinite(moments) | (np.diff(moments, prepend=-np.inf) < 0.0))
     if not len(moments) or len(bad):
         at = f"[{bad[0]}] is {moments[bad[0]]}" if len(bad) else " is empty"

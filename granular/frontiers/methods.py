@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular import edmd, md, until as stop
-from granular._check import Array
+from granular._engine.check import Array
 from granular.binary import restitution_of
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, resolved

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files, until as stop
-from granular._reports import Report, aligned, canvas, duration, number, problem, rough, shortened
+from granular import until as stop
+from granular._engine import check, files
+from granular._engine.reports import Report, aligned, canvas, duration, number, problem, rough, shortened
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference
 from granular.scene import Scene
@@ -79,7 +80,7 @@ class Row:
         return not self.wrong_count and math.isfinite(self.velocity_error)
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, repr=False)
 class Frontier(Report):
     """Error against run time; print it, `plot` it, save it with `to_json`.
@@ -163,7 +164,7 @@ class Frontier(Report):
     def _numbers(self) -> dict[str, Any]:
         truth = self.reference
         return {
-            "provenance": _files.provenance() | {"run_on": dict(self.machine)},
+            "provenance": files.provenance() | {"run_on": dict(self.machine)},
             "seed": None,  # no random numbers are used; the scene is here in full
             **problem(self),
             "reference": {
@@ -189,7 +190,7 @@ class Frontier(Report):
         _shade(right, np.fmax(self.clock_digit, self.reference.time_error), "not resolved")
         _legend(figure, self)
         figure.suptitle(_title(self), fontsize=8, x=0.01, ha="left")
-        return _files.write_figure(path, figure, dpi=130)
+        return files.write_figure(path, figure, dpi=130)
 
 
 def floor(reference: Reference, rounding_level: float) -> float:

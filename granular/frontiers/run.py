@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, md, until as stop
-from granular._progress import shown
-from granular._reports import machine
+from granular import md, until as stop
+from granular._engine import check
+from granular._engine.progress import shown
+from granular._engine.reports import machine
 from granular.frontiers.methods import METHODS, PEERS, Method, Task, contacts_of, errors, expected_orders, own, peer
 from granular.frontiers.result import Frontier, Row, floor
 from granular.laws.kinds import checked
@@ -28,7 +29,7 @@ LONG = 0.2
 """Seconds in all after which a run is not repeated any more."""
 
 
-@_check.face
+@check.face
 def frontier(
     scene: Scene,
     law: Any,
@@ -83,13 +84,13 @@ def frontier(
     """
     laws = checked(law, a_scene(scene)).given
     stop.without_levels(stop.checked(until, scene), "frontier")
-    chosen = METHODS if methods is None else _check.choices("methods", methods, METHODS, 1)
-    _check.of_kind("reference", reference, Reference | None, "what granular.reference.solve gives")
-    count = _check.whole("repeats", repeats, at_least=1)
+    chosen = METHODS if methods is None else check.choices("methods", methods, METHODS, 1)
+    check.of_kind("reference", reference, Reference | None, "what granular.reference.solve gives")
+    count = check.whole("repeats", repeats, at_least=1)
     with shown(progress, on_progress, "settings") as tell:
         run = md.simulate(scene, laws, until=until, t_end=t_end)
         if reference is None:
-            _check.refuse({
+            check.refuse({
                 _nothing(scene): np.isnan(run.contacts["t_end"]).all(),
                 "t_end is None: the balls come to rest, which the reference would follow forever; give t_end, or "
                 "until.": run.status is Status.resting and t_end is None,
@@ -161,6 +162,6 @@ def _nudged(scene: Scene) -> list[Scene]:
                      for below, way in sides)]
 
 
-def _next(numbers: _check.Array, way: _check.Array) -> _check.Array:
+def _next(numbers: check.Array, way: check.Array) -> check.Array:
     """The next numbers upwards (inf) or downwards (-inf); 0 stays."""
     return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, way))

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from granular._check import Array, is_own, takes
+from granular._engine.check import Array, is_own, takes
 
 if TYPE_CHECKING:
     from granular.scene import Pair

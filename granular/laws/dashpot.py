@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 
-from granular import _check
+from granular._engine import check
 from granular.scene import Pair, checked_pair
 
 
@@ -26,9 +26,9 @@ class _StiffAndDamped:
     k: float
 
     def __post_init__(self) -> None:
-        _check.number("k", self.k, above=0.0)
+        check.number("k", self.k, above=0.0)
         for damping in fields(self)[1:]:  # type: ignore[arg-type]
-            _check.number(damping.name, getattr(self, damping.name), at_least=0.0)
+            check.number(damping.name, getattr(self, damping.name), at_least=0.0)
 
     @property
     def rate_dependent(self) -> bool:
@@ -36,7 +36,7 @@ class _StiffAndDamped:
         return any(getattr(self, damping.name) != 0.0 for damping in fields(self)[1:])  # type: ignore[arg-type]
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class LinearDashpot(_StiffAndDamped):
     """F = k ξ + γ ξ̇.
@@ -58,7 +58,7 @@ class LinearDashpot(_StiffAndDamped):
     @classmethod
     def from_restitution(cls, restitution: float, k: float, pair: Pair) -> LinearDashpot:
         """Return the law of stiffness `k` whose isolated contact in `pair` has the given restitution in (0, 1]."""
-        zeta, stiffness = damping_ratio(restitution), _check.number("k", k, above=0.0)
+        zeta, stiffness = damping_ratio(restitution), check.number("k", k, above=0.0)
         return cls(k, 2.0 * zeta * math.sqrt(stiffness * checked_pair(pair).m_eff))
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
@@ -74,33 +74,33 @@ class LinearDashpot(_StiffAndDamped):
         return 0.5 * self.k * xi * xi
 
 
-@_check.face
+@check.face
 def restitution(zeta: float) -> float:
     """ε = exp(-2 ζ f(ζ)) of the clipped dashpot for a damping ratio ζ ≥ 0."""
-    damping = _check.number("zeta", zeta, at_least=0.0)
+    damping = check.number("zeta", zeta, at_least=0.0)
     return math.exp(-2.0 * damping * _half_duration(damping))
 
 
-@_check.face
+@check.face
 def restitution_pulling(zeta: float) -> float:
     """exp(-πζ/√(1-ζ²)) of a dashpot that is *not* clipped and pulls until the overlap is gone; 0 from ζ = 1 on."""
-    damping = _check.number("zeta", zeta, at_least=0.0)
+    damping = check.number("zeta", zeta, at_least=0.0)
     return math.exp(-math.pi * damping / math.sqrt(1.0 - damping * damping)) if damping < 1.0 else 0.0
 
 
-@_check.face
+@check.face
 def duration(zeta: float) -> float:
     """ω₀ t_c = 2 f(ζ) of the clipped dashpot for a damping ratio ζ ≥ 0."""
-    return 2.0 * _half_duration(_check.number("zeta", zeta, at_least=0.0))
+    return 2.0 * _half_duration(check.number("zeta", zeta, at_least=0.0))
 
 
-@_check.face
+@check.face
 def damping_ratio(restitution: float) -> float:
     """ζ of the clipped dashpot with the given restitution in (0, 1]: the exact inverse of `restitution`.
 
     With L = -ln(ε)/2 it solves y cot y = L, ζ = cos y (L < 1), or y coth y = L, ζ = cosh y (L > 1).
     """
-    length = 0.5 * abs(math.log(_check.number("restitution", restitution, above=0.0, at_most=1.0)))
+    length = 0.5 * abs(math.log(check.number("restitution", restitution, above=0.0, at_most=1.0)))
     if length == 1.0:
         return 1.0
     if length <= 0.5:

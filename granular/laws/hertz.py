@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from granular import _check
+from granular._engine import check
 from granular.laws.dashpot import _StiffAndDamped, damping_ratio
 from granular.scene import Pair, checked_pair
 
@@ -31,7 +31,7 @@ class _Spheres(_StiffAndDamped):
         return 0.4 * self.k * xi * xi * math.sqrt(xi)
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Hertz(_Spheres):
     """F = k ξ^(3/2), elastic.
@@ -64,7 +64,7 @@ class Hertz(_Spheres):
         return self.k, 1.5, 0.0, 0.0
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class ViscoelasticHertz(_Spheres):
     """F = k ξ^(3/2) + γ √ξ ξ̇, the paper's law for spheres.
@@ -111,14 +111,14 @@ class ViscoelasticHertz(_Spheres):
         if ways != (True, False, False):
             raise ValueError(f"dissipation is {dissipation!r}, restitution is {restitution!r} and speed is {speed!r}: "
                              "either dissipation, or restitution with the speed at which it holds, is needed.")
-        return cls(k, 1.5 * _check.number("dissipation", dissipation, at_least=0.0) * k)
+        return cls(k, 1.5 * check.number("dissipation", dissipation, at_least=0.0) * k)
 
     @classmethod
     def from_restitution(cls, restitution: float, speed: float, k: float, pair: Pair) -> ViscoelasticHertz:
         """Return the law of stiffness `k` with the given restitution in (0, 1] *at impact speed* `speed` in m/s."""
         from granular.laws.viscoelastic_restitution import damping
 
-        v, stiffness = _check.number("speed", speed, above=0.0), _check.number("k", k, above=0.0)
+        v, stiffness = check.number("speed", speed, above=0.0), check.number("k", k, above=0.0)
         return cls(k, damping(restitution) * stiffness**0.6 * checked_pair(pair).m_eff**0.4 / v**0.2)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
@@ -130,7 +130,7 @@ class ViscoelasticHertz(_Spheres):
         return self.k, 1.5, self.gamma, 0.5
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class TsujiHertz(_Spheres):
     """F = k ξ^(3/2) + α √(m_eff k) ξ^(1/4) ξ̇, whose restitution does not depend on speed.
@@ -176,7 +176,7 @@ class TsujiHertz(_Spheres):
         return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
 
 
-@_check.face
+@check.face
 def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     """(4/3) E* √r_eff in N/m^(3/2) with 1/E* = Σ (1 - ν²)/Y: the contact of two bodies.
 
@@ -191,7 +191,7 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     """
     modulus, nu = _of_both("young", young, above=0.0), _of_both("poisson", poisson, at_least=0.0, at_most=0.5)
     at = checked_pair(pair)
-    r_eff = _check.number(f"r_eff of pair {at.index}", at.r_eff, above=0.0, fix="point particles have no curvature")
+    r_eff = check.number(f"r_eff of pair {at.index}", at.r_eff, above=0.0, fix="point particles have no curvature")
     lower, upper = zip(modulus, nu, strict=True)
     if lower == upper:
         return 2.0 / 3.0 * lower[0] * math.sqrt(r_eff) / (1.0 - lower[1] * lower[1])
@@ -201,7 +201,7 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
 
 def _of_both(name: str, value: Each, **limits: float) -> list[float]:
     """What is said of both bodies of a pair, or of each."""
-    if _check.is_one(value):
-        return [_check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
-    both = _check.array(name, value, (2,), fix="one for both bodies, or (lower, upper)")
-    return [_check.number(f"{name}[{i}]", one, **limits) for i, one in enumerate(both.tolist())]  # type: ignore[arg-type]
+    if check.is_one(value):
+        return [check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
+    both = check.array(name, value, (2,), fix="one for both bodies, or (lower, upper)")
+    return [check.number(f"{name}[{i}]", one, **limits) for i, one in enumerate(both.tolist())]  # type: ignore[arg-type]

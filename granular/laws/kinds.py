@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array, is_own, per_pair
+from granular._engine.check import Array, is_own, per_pair
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.scene.pair import Pairs
 from granular.scene.places import speed_scale

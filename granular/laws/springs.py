@@ -7,11 +7,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular import _check
+from granular._engine import check
 from granular.scene import Pair
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class PowerLaw:
     """F = k ξ^n, elastic (overlap potential; *not* an inverse power of the distance).
@@ -30,8 +30,8 @@ class PowerLaw:
     rate_dependent = False
 
     def __post_init__(self) -> None:
-        _check.number("k", self.k, above=0.0)
-        _check.number("exponent", self.exponent, at_least=1.0)
+        check.number("k", self.k, above=0.0)
+        check.number("exponent", self.exponent, at_least=1.0)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Force in N at overlap `xi` in m."""
@@ -46,7 +46,7 @@ class PowerLaw:
         return self.k * math.pow(xi, self.exponent + 1.0) / (self.exponent + 1.0)
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class WaltonBraun:
     """F = min(k_load ξ, k_load ξ_max - k_unload (ξ_max - ξ)): plastic loss without a rate (Walton & Braun 1986).
@@ -69,15 +69,15 @@ class WaltonBraun:
     rate_dependent = False
 
     def __post_init__(self) -> None:
-        _check.number("k_load", self.k_load, above=0.0)
-        _check.number("k_unload", self.k_unload, at_least=self.k_load,
+        check.number("k_load", self.k_load, above=0.0)
+        check.number("k_unload", self.k_unload, at_least=self.k_load,
                       fix="unloading must be at least as stiff as loading, or energy would be created")
 
     @classmethod
     def from_restitution(cls, restitution: float, k_load: float) -> WaltonBraun:
         """Return the law with loading stiffness `k_load` and the given restitution in (0, 1]: k_load / ε²."""
-        eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
-        return cls(k_load, _check.number("k_load", k_load, above=0.0) / (eps * eps))
+        eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
+        return cls(k_load, check.number("k_load", k_load, above=0.0) / (eps * eps))
 
     def force(self, xi: float, xi_dot: float, pair: Pair, xi_max: float) -> float:
         """Force in N at overlap `xi` in m, given the largest overlap `xi_max` ≥ `xi` since the bodies last parted."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular import _check
+from granular._engine import check
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import finite
 from granular.scene import Pair
@@ -20,7 +20,7 @@ SAME = 1e-12
 """Forces that differ by no more of themselves are the same."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class MatchedEnd:
     """F = F₀ + √(K m) ξ̇ between the last ball of a chain, of mass m, and a wall, for waves that are not to come back.
@@ -45,8 +45,8 @@ class MatchedEnd:
     stiffness: float
 
     def __post_init__(self) -> None:
-        _check.number("load", self.load, above=0.0, fix="a chain that is not pressed has no slow waves")
-        _check.number("stiffness", self.stiffness, above=0.0)
+        check.number("load", self.load, above=0.0, fix="a chain that is not pressed has no slow waves")
+        check.number("stiffness", self.stiffness, above=0.0)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""

@@ -23,8 +23,8 @@ import json
 import math
 from pathlib import Path
 
-from granular import _check
-from granular._kernels import kernel
+from granular._engine import check
+from granular._engine.kernels import kernel
 
 _TABLE = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
 EXPONENT, STRETCHED_DURATION, DEEPEST, STRONGEST = (
@@ -111,7 +111,7 @@ def damping(restitution: float) -> float:
     A given ε close to 1 costs no digits: b is right to rounding for the very double given. Relative error at most
     4e-15, at b = 7e10.
     """
-    eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
+    eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
     loss = 0.0 - math.log(eps)  # no -0
     if loss > LOSS_END:
         return math.pow(TURNING / eps, 0.6)
@@ -134,8 +134,8 @@ def restitution_series(b: float, order: int = 5) -> float:
     Its error passes 1e-3 at b = 0.12 (ε = 0.88) for order 5, the usual one, 0.36 (0.68) for order 10 and 0.76 (0.47)
     for order 20; 1e-6 at b = 0.012, 0.098 and 0.48. Near b = 1 more terms no longer help.
     """
-    order = _check.whole("order", order, at_most=len(SERIES) - 1)
-    return _horner(SERIES[order::-1], math.sqrt(_check.number("b", b, at_least=0.0)))
+    order = check.whole("order", order, at_most=len(SERIES) - 1)
+    return _horner(SERIES[order::-1], math.sqrt(check.number("b", b, at_least=0.0)))
 
 
 def restitution_pade(b: float) -> float:
@@ -144,6 +144,6 @@ def restitution_pade(b: float) -> float:
     Never too small; largest error 8.64e-3 at b = 3.01 (ε = 0.133). It falls as b^(-3/2), too slowly: 1.2 % too large
     at b = 1, 20 % at 10, a factor 3.4 at 1e4.
     """
-    x = math.sqrt(_check.number("b", b, at_least=0.0))
+    x = math.sqrt(check.number("b", b, at_least=0.0))
     below = 1.0 + x * (PADE_C1 + x * (-H2 + x * (-PADE_C1 * H2 + x * PADE_B4)))
     return (1.0 + PADE_C1 * x) / below

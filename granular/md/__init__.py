@@ -4,7 +4,7 @@ May be skipped: names of the package only.
 
 from typing import TYPE_CHECKING
 
-from granular._lazy import attributes
+from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
     from granular.md.simulation import events, resume, simulate

@@ -14,8 +14,9 @@ from typing import Any
 from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
-from granular import _check, until as stop
+from granular import until as stop
 from granular._contact_log import Event, one_by_one
+from granular._engine import check
 from granular._limits import check_end
 from granular.drive import Request, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
@@ -36,7 +37,7 @@ STEPS_PER_CONTACT = 500
 """Default resolution of the shortest contact; halving an order-1 error costs twice as many."""
 
 
-@_check.face
+@check.face
 def simulate(
     scene: Scene,
     law: Any,
@@ -154,7 +155,7 @@ def simulate(
     to rounding where nothing else touches the ball ("symplectic-euler" knows no parabolas: order 1), of order 2 beside
     a contact, and 1 where a damped force jumps with the speed.
     """
-    laws, start = checked_laws(law, checked(scene)), _check.number("t_start", t_start)
+    laws, start = checked_laws(law, checked(scene)), check.number("t_start", t_start)
     request = _requested(
         scene, laws, start, t_end, engine, disturbed, until=until, samples=samples, log=log, max_events=max_events,
         max_steps=max_steps, on_event=on_event, on_progress=on_progress, progress=progress,
@@ -165,7 +166,7 @@ def simulate(
         method = "located" if dt is None else "verlet"
     if not isinstance(method, str) or method != "located" or dt is not None:
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
-    finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
+    finest = check.number("tol", tol, at_least=FINEST, at_most=1e-3)
     with _in_range(laws.given[0]):
         return in_time(lambda asked: drive(_stopping(
             located.Run(scene, laws, asked, engine, finest, disturbed))), request)
@@ -189,8 +190,8 @@ def _requested(
     endless = disturbed != "stop" and options["max_steps"] == STEPS
     check_end(scene, t_end, options["until"], options["max_events"], dented=lambda: _dented(scene, laws),
               elastic=lambda: endless and laws.elastic)
-    _check.choice("engine", engine, ("auto", "plain", "compiled"))
-    _check.choice("disturbed", disturbed, located.DISTURBED)
+    check.choice("engine", engine, ("auto", "plain", "compiled"))
+    check.choice("disturbed", disturbed, located.DISTURBED)
     return request
 
 
@@ -201,14 +202,14 @@ def _stepped(
     """Run a scene with a fixed step, which has neither tolerance nor another way to take contacts."""
     from granular.md import fixed
 
-    if _check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
+    if check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
         raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(fixed.INTEGRATORS)}.")
-    _check.refuse({
+    check.refuse({
         f"tol is {tol!r}: method {method!r} has no tolerance; give dt, or choose 'located'.": tol != EXACT,
         f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.":
             disturbed != "resolve",
     })
-    step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, at_least=SHORTEST)
+    step = _default_step(scene, laws) if dt is None else check.number("dt", dt, at_least=SHORTEST)
     if request.start + step == request.start:
         raise ValueError(f"dt is {step!r}: at t_start = {request.start!r} a larger step is needed to advance the clock "
                          "at all.")
@@ -226,8 +227,8 @@ def _stepped(
     return run
 
 
-@_check.face
-def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **options: Any) -> Iterator[Event]:
+@check.face
+def events(scene: Scene, law: Any, *, max_events: int = check.LARGEST, **options: Any) -> Iterator[Event]:
     """Yield the contacts of a run one at a time as they end, each with the scene then: for demos and debuggers.
 
     ``for contact, time, scene in gr.md.events(scene, law, t_end=1.0)``: the row of the log, the time in s, and a
@@ -235,13 +236,13 @@ def events(scene: Scene, law: Any, *, max_events: int = _check.LARGEST, **option
     the contacts of `simulate`, whose options are taken but for `samples` and `on_event`; where nothing ends the run, it
     goes on for as long as it is asked.
     """
-    _check.known(options, _check.parameters(simulate) - {"scene", "law", "samples", "on_event", "log", "method", "dt"},
+    check.known(options, check.parameters(simulate) - {"scene", "law", "samples", "on_event", "log", "method", "dt"},
                  "option of md.events", TypeError)
     run: Any = simulate(scene, law, on_event=one_by_one, max_events=max_events, **options)
     return iter(run)
 
 
-@_check.face
+@check.face
 def resume(
     trajectory: Trajectory,
     *,
@@ -270,8 +271,8 @@ def resume(
         If `trajectory` is no run of soft spheres by method "located", stopped before it began, or is broken; or if its
         state cannot be that of its scene, laws and last row.
     """
-    state = _check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
-    _check.refuse({
+    state = check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
+    check.refuse({
         "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
         "needed; for hard spheres see granular.edmd.resume.": trajectory.law is None or "creeping" not in state,
         "trajectory is broken: nothing follows it; see its message.": trajectory.status is Status.broken,
@@ -283,7 +284,7 @@ def resume(
         on_progress=on_progress, progress=progress,
     )
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
-    _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)
+    _check_walls(trajectory.scene, float(check.held(state, "origin", "f", ())), request.end)
     with _in_range(laws.given[0]):
         return in_time(lambda asked: go_on(_stopping(
             located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state)), trajectory), request)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
+from granular._engine.check import Array
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, alike
 from granular.scene import Scene, speed_scale

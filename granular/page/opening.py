@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode
 
-from granular import _check, balls
+from granular import balls
+from granular._engine import check
 from granular.cases.case import Option
 
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
@@ -50,11 +51,11 @@ class Setting:
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return what a link says of `value`, or raise what is wrong with it."""
         if self.whole:
-            return {self.slider: _check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
+            return {self.slider: check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
         if self.zero and type(value) in (int, float) and value == 0:
             return {self.slider: 0}
         fix = "0 is touching" if self.zero else ""
-        return {self.slider: _check.number(name, value, at_least=self.least, at_most=self.most, fix=fix)}
+        return {self.slider: check.number(name, value, at_least=self.least, at_most=self.most, fix=fix)}
 
 
 class Choice(Setting):
@@ -62,7 +63,7 @@ class Choice(Setting):
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return what a link says of a word."""
-        return {self.slider: self.words.index(_check.choice(name, value, self.words))}
+        return {self.slider: self.words.index(check.choice(name, value, self.words))}
 
 
 class Language(Setting):
@@ -70,7 +71,7 @@ class Language(Setting):
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return what a link says of a language."""
-        return {self.slider: _check.choice(name, value, self.words)}
+        return {self.slider: check.choice(name, value, self.words)}
 
 
 class Kind(Setting):
@@ -78,7 +79,7 @@ class Kind(Setting):
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return what a link says of a ball."""
-        ball = balls.BALLS[_check.choice(name, value, self.words)]
+        ball = balls.BALLS[check.choice(name, value, self.words)]
         return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT.items()}
 
 
@@ -87,7 +88,7 @@ class Truth(Setting):
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return what a link says of yes or no."""
-        return {self.slider: +_check.truth(name, value)}
+        return {self.slider: +check.truth(name, value)}
 
 
 EPS = Setting("eps", "ε of all contacts", 0.1, 1.0)
@@ -144,7 +145,7 @@ IN_A_SCENE = {"predict": Truth("predict", "ask for a prediction first")}
 
 def settings(scene: str) -> dict[str, Setting]:
     """Return what can be set where the page opens with one of `SCENES`."""
-    own = SETTINGS[_check.choice("scene", scene, SCENES)]
+    own = SETTINGS[check.choice("scene", scene, SCENES)]
     return own | ANYWHERE | ({} if scene == "story" else IN_A_SCENE)
 
 
@@ -158,7 +159,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
     """
     known = settings(scene)
     begin: dict[str, Any] = {} if scene == "story" else {"scene": scene}
-    _check.known(values, known, f"setting of the page's {scene}", TypeError)
+    check.known(values, known, f"setting of the page's {scene}", TypeError)
     if scene == "story" and "at" in values:
         begin = {"screen": 0}
     given = [name for name in known if name in values]
@@ -167,7 +168,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
         begin |= known[name].written(name, values[name])
     if "moving" in values:
         fix = "one ball at least has to be at rest"
-        _check.whole("moving", values["moving"], at_least=1, at_most=begin.get("n", ARRIVING) - 1, fix=fix)
+        check.whole("moving", values["moving"], at_least=1, at_most=begin.get("n", ARRIVING) - 1, fix=fix)
     return urlencode(begin)
 
 

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
-from granular._reports import named_pairs, pairs_by_law, shortened
+from granular._engine.check import Array
+from granular._engine.reports import named_pairs, pairs_by_law, shortened
 from granular.binary import at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import ACCOUNT, balance, impact_speed

@@ -13,7 +13,8 @@ import math
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from granular import _check, until as stop
+from granular import until as stop
+from granular._engine import check
 from granular.laws.kinds import SceneLaws, checked
 from granular.reference import restarted
 from granular.reference.events import Reference, ReferenceContact, distance
@@ -75,9 +76,9 @@ def solve(
 
 def checked_problem(scene: Scene, law: Any, until: stop.Until | None, t_end: float | None, t_start: float) -> Problem:
     """Check the inputs of a reference solution and fit the walls' paths to its duration."""
-    start = _check.number("t_start", t_start)
+    start = check.number("t_start", t_start)
     stop.without_levels(stop.checked(until, a_scene(scene)), "the reference")
-    end = None if t_end is None else _check.number("t_end", t_end, at_least=start)
+    end = None if t_end is None else check.number("t_end", t_end, at_least=start)
     scene = fitted(scene, start, math.inf if end is None else end)
     if end is not None:
         Closing(scene, start, flattened=True).refuse(end, end)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
-from granular._check import Array
+from granular._engine.check import Array
 from granular.laws.kinds import SceneLaws
 from granular.reference.driven import heats, paths
 from granular.reference.events import ACTIVE, DORMANT, OPEN, Reference, Run, Watch

@@ -18,7 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from granular import _check, _files
+from granular._engine import check as _check, files
 
 COLUMNS = ("run", "quantity", "value", "unit", "digits", "condition")
 ENDINGS = (".csv", ".json")
@@ -109,7 +109,7 @@ def write(name: str, path: str | PathLike[str]) -> None:
     if ending not in ENDINGS:
         raise ValueError(f"path is {str(path)!r}: a name that ends in {' or '.join(ENDINGS)} is needed.")
     if ending == ".json":
-        return _files.write_json(path, {"case": name, "conventions": kit()["conventions"], **told})
+        return files.write_json(path, {"case": name, "conventions": kit()["conventions"], **told})
     text = io.StringIO()
     for line in (f"case: {name}. {told['about']}", f"source: {told['source']}", *kit()["conventions"],
                  *(f"{run}: {json.dumps(one['set-up'])}" for run, one in told["runs"].items())):
@@ -117,7 +117,7 @@ def write(name: str, path: str | PathLike[str]) -> None:
     table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     table.writeheader()
     table.writerows(map(asdict, answers(name)))
-    _files.write_text(path, text.getvalue())
+    files.write_text(path, text.getvalue())
 
 
 def check(name: str, path: str | PathLike[str], tolerance: float | None = None) -> list[Verdict]:
@@ -158,7 +158,7 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
 def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
     """Number of the line, run, quantity and value of every row of a table."""
     try:
-        text = Path(_files.checked_source("path", path)).read_text("utf-8-sig")
+        text = Path(files.checked_source("path", path)).read_text("utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError(f"{str(path)!r} is no text in UTF-8: a .csv file in it is needed.") from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]

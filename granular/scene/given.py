@@ -9,64 +9,64 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
+from granular._engine import check
 
 
 def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, ring: bool) -> dict[str, Any]:
     """Return what says how bodies stand and move, checked."""
-    m = _check.array("mass", mass)
+    m = check.array("mass", mass)
     n = len(m)
     if n < 2:
         raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
-    _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
+    check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
     walls = np.isinf(m)
     if walls[1:-1].any():
-        _check.every("mass", m, ~walls | (np.arange(n) % (n - 1) == 0), "only the first and the last body can be walls",
+        check.every("mass", m, ~walls | (np.arange(n) % (n - 1) == 0), "only the first and the last body can be walls",
                      "a wall in the middle makes two separate scenes")
     if walls.all():
         raise ValueError("mass is inf for every body: at least one ball of finite mass is needed.")
-    r = _check.array("radius", radius, (n,))
-    _check.every("radius", r, (r >= 0.0) & (r < np.inf), "a radius must be finite and not negative")
-    _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
-    closed = _check.truth("ring", ring)
+    r = check.array("radius", radius, (n,))
+    check.every("radius", r, (r >= 0.0) & (r < np.inf), "a radius must be finite and not negative")
+    check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
+    closed = check.truth("ring", ring)
     fix = "pair n-1 joins the last ball and ball 0" if closed else "one gap per pair of neighbours"
-    d = _check.array("gap", gap, (n - 1 + closed,), fix=fix, finite="a gap must be finite")
-    v = _check.array("velocity", velocity, (n,), finite="a velocity must be finite")
+    d = check.array("gap", gap, (n - 1 + closed,), fix=fix, finite="a gap must be finite")
+    v = check.array("velocity", velocity, (n,), finite="a velocity must be finite")
     return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": closed}
 
 
-def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None) -> tuple[_check.Array, ...]:
+def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None) -> tuple[check.Array, ...]:
     """Return masses, radii, positions, checked, and the gaps between them, on a ring of a `length` the last one too."""
-    m = _check.array("mass", mass)
-    r = _check.array("radius", radius, m.shape)
-    x = _check.array("position", position, m.shape, finite="a position must be finite")
+    m = check.array("mass", mass)
+    r = check.array("radius", radius, m.shape)
+    x = check.array("position", position, m.shape, finite="a position must be finite")
     rising = np.diff(x, prepend=-np.inf) >= 0.0
-    _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
+    check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
     gap = np.diff(x) - r[:-1] - r[1:]
     if length is not None and len(x):
-        around = _check.number("length", length, at_least=float(x[-1] - x[0]), fix="all centres lie on the ring")
+        around = check.number("length", length, at_least=float(x[-1] - x[0]), fix="all centres lie on the ring")
         gap = np.append(gap, around - (x[-1] - x[0]) - r[-1] - r[0])
     return m, r, x, gap
 
 
-def external_forces(value: ArrayLike | None, walls: Any) -> _check.Array | None:
+def external_forces(value: ArrayLike | None, walls: Any) -> check.Array | None:
     """Return forces on balls, checked; None if all are 0."""
     if value is None:
         return None
-    f = _check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls",
+    f = check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls",
                      finite="a force must be finite")
-    _check.every("external_force", f, ~walls | (f == 0.0), "a wall takes no force", "let it move: floor=, ceiling=")
+    check.every("external_force", f, ~walls | (f == 0.0), "a wall takes no force", "let it move: floor=, ceiling=")
     return f if f.any() else None
 
 
-def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> _check.Array | None:
+def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array | None:
     """Return distances of pendula at rest, checked; None without pendula."""
     if pendulum == 0.0:
         if value is None:
             return None
-        raise ValueError(_check._sentence("rest_gap", value, "pendula are needed for it", "give pendulum, Ω in rad/s"))
-    d = _check.array("rest_gap", np.zeros(n - 1) if value is None else value, (n - 1,), fix="one per pair")
-    _check.every("rest_gap", d, np.isfinite(d) & (d >= 0.0), "a distance must be finite and not negative")
+        raise ValueError(check._sentence("rest_gap", value, "pendula are needed for it", "give pendulum, Ω in rad/s"))
+    d = check.array("rest_gap", np.zeros(n - 1) if value is None else value, (n - 1,), fix="one per pair")
+    check.every("rest_gap", d, np.isfinite(d) & (d >= 0.0), "a distance must be finite and not negative")
     return d
 
 
@@ -78,10 +78,10 @@ def refuse_together(scene: Any, walls: Any) -> None:
     room, rest = (float(gap.sum()) if hung else 0.0 for gap in (scene.gap, scene.rest_gap))
     level = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
         "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")
-    _check.refuse({
+    check.refuse({
         f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.":
             scene.ring and walls.any(),
-        _check._sentence("gravity", scene.gravity, *level): (scene.ring or hung) and scene.gravity != 0.0,
+        check._sentence("gravity", scene.gravity, *level): (scene.ring or hung) and scene.gravity != 0.0,
         f"pendulum is {scene.pendulum!r}: pendula cannot hang on a ring; give one of the two.": hung and scene.ring,
         f"pendulum is {scene.pendulum!r}: pendula take no external_force; a constant one moves their rest positions, "
         "so give other gaps and rest_gap.": hung and scene.external_force is not None,
@@ -90,7 +90,7 @@ def refuse_together(scene: Any, walls: Any) -> None:
         f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave the same room as the "
         f"gaps, {room!r}; give rest_gap so.":
             hung and boxed and abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest),
-        _check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"):
+        check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"):
             hung and not np.isfinite(scene.pendulum * scene.pendulum),
     })
     for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):

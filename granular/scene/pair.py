@@ -11,7 +11,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular._check import Array, face, number
+from granular._engine.check import Array, face, number
 
 
 @face

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array
-from granular._flight import time_to_contact
-from granular._records import FEW, plain
+from granular._engine import check
+from granular._engine.check import Array
+from granular._engine.flight import time_to_contact
+from granular._engine.records import FEW, plain
 from granular.scene.state import Scene, summed
 from granular.walls import common
 from granular.walls.path import moved
@@ -78,7 +78,7 @@ def speed_scale(scene: Scene) -> float:
 def in_order(scene: Scene) -> Scene:
     """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
     reach = sum(checked(scene).sides(scene.radius))
-    _check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
+    check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
                  "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
     return scene
 

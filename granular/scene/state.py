@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
-from granular._check import Array, ByNumbers
+from granular._engine import check
+from granular._engine.check import Array, ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
 from granular.walls import common
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False)
 class Scene(ByNumbers):
     """Balls on a line at one instant, numbered bottom to top (left to right); x grows upwards.
@@ -86,11 +86,11 @@ class Scene(ByNumbers):
         self.__dict__.update(line(mass, radius, gap, velocity, ring))
         walls = np.isinf(self.mass)
         self.__dict__.update(
-            gravity=_check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in"),
-            origin=_check.number("origin", origin), external_force=external_forces(external_force, walls),
+            gravity=check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in"),
+            origin=check.number("origin", origin), external_force=external_forces(external_force, walls),
             floor=common.checked("floor", floor, bool(walls[0])),
             ceiling=common.checked("ceiling", ceiling, bool(walls[-1])),
-            pendulum=_check.number("pendulum", pendulum, at_least=0.0),
+            pendulum=check.number("pendulum", pendulum, at_least=0.0),
         )
         self.__dict__["rest_gap"] = rest_gaps(rest_gap, self.pendulum, len(walls))
         refuse_together(self, walls)
@@ -192,7 +192,7 @@ class Scene(ByNumbers):
 
     @cached_property
     def _flags(self) -> dict[str, bool]:
-        """The flags of kernels that hold for the scene, each `True`; see `granular._kernels`."""
+        """The flags of kernels that hold for the scene, each `True`; see `granular._engine.kernels`."""
         worked = self.driven or self.heated
         given = {"DRIVEN": self.driven, "HEATED": self.heated, "WORKED": worked, "HUNG": self.pendulum > 0.0,
                  "FORCED": worked or self.external_force is not None, "RING": self.ring}
@@ -323,19 +323,19 @@ class Scene(ByNumbers):
         return float(self.mass[~self.is_wall] @ self.velocity[~self.is_wall])
 
     def __repr__(self) -> str:
-        from granular._reports import aligned
+        from granular._engine.reports import aligned
 
         return f"{self}\n{aligned(self._table, indent='  ')}"
 
     def _repr_html_(self) -> str:
-        from granular._reports import html
+        from granular._engine.reports import html
 
         return html(str(self), self._table)
 
     @property
     def _table(self) -> Any:
         """What each body is, and the gap above it; of many bodies the first and the last."""
-        from granular._reports import abridged
+        from granular._engine.reports import abridged
 
         gaps = [f"{gap:.6g}" for gap in self.gap.tolist()] + [""] * (self.n - self.n_pairs)
         each = zip(self.mass.tolist(), self.radius.tolist(), gaps, self.velocity.tolist(), strict=True)

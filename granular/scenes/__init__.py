@@ -7,7 +7,7 @@ number for `gap` means the same gap in every pair between balls.
 
 from typing import TYPE_CHECKING
 
-from granular._lazy import attributes
+from granular._engine.lazy import attributes
 from granular.scenes.falling import ball_stack, bouncing_ball, column, real_balls, three_balls, vibrated_column
 
 if TYPE_CHECKING:

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _check, walls
-from granular._check import Array
+from granular import walls
+from granular._engine import check
+from granular._engine.check import Array
 from granular.scene import Scene, in_order
 
 if TYPE_CHECKING:
     from granular.balls import Ball
 
 
-@_check.face
+@check.face
 def three_balls(
     radii: Sequence[float] = (0.10, 0.01), gap: float = 1e-4, height: float = 0.6, density: float = 900.0,
     gravity: float = 9.81,
@@ -40,13 +41,13 @@ def three_balls(
     gravity : float
         g in m/s².
     """
-    r = _check.positive("radii", radii, "radius", "give the lower and the upper radius", (2,))
+    r = check.positive("radii", radii, "radius", "give the lower and the upper radius", (2,))
     lower = float(r[0])
-    z1 = _check.number("height", height, at_least=lower, fix="it is the height of the lower ball's centre")
-    return above_floor(mass_of(r, density), r, z1 - lower, _check.number("gap", gap), 0.0, gravity)
+    z1 = check.number("height", height, at_least=lower, fix="it is the height of the lower ball's centre")
+    return above_floor(mass_of(r, density), r, z1 - lower, check.number("gap", gap), 0.0, gravity)
 
 
-@_check.face
+@check.face
 def ball_stack(
     n: int = 3, mass_ratio: float = 0.1, masses: Sequence[float] | None = None, height: float | None = None,
     speed: float | None = None, gap: float | Sequence[float] = 1e-4, density: float = 900.0, gravity: float = 9.81,
@@ -78,13 +79,13 @@ def ball_stack(
         raise ValueError(f"height is {height!r} and speed is {speed!r}: give one of the two; a stack that starts at "
                          "the floor with a speed has no drop height.")
     m = geometric(n, mass_ratio) if masses is None else (
-        _check.positive("masses", masses, "mass", "the floor is built in"))
-    drop = 0.0 if speed is not None else _check.number("height", 1.0 if height is None else height, at_least=0.0)
-    v = 0.0 if speed is None else _check.number("speed", speed, above=0.0, fix="downwards is built in")
+        check.positive("masses", masses, "mass", "the floor is built in"))
+    drop = 0.0 if speed is not None else check.number("height", 1.0 if height is None else height, at_least=0.0)
+    v = 0.0 if speed is None else check.number("speed", speed, above=0.0, fix="downwards is built in")
     return above_floor(m, radius_of(m, density), drop, gap, v, gravity)
 
 
-@_check.face
+@check.face
 def column(
     n: int = 5, gap: float | Sequence[float] = 1e-3, speed: float = 1.0, mass: float = 1.0, density: float = 900.0,
     gravity: float = 0.0,
@@ -107,13 +108,13 @@ def column(
         g in m/s².
     """
     count = count_of(n)
-    m = np.full(count, _check.number("mass", mass, above=0.0))
-    v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    m = np.full(count, check.number("mass", mass, above=0.0))
+    v = check.number("speed", speed, at_least=0.0, fix="downwards is built in")
     floor, *between = gaps_of(gap, count)
     return above_floor(m, radius_of(m, density), floor, between, v, gravity)
 
 
-@_check.face
+@check.face
 def bouncing_ball(
     height: float | None = None, radius: float = 0.01, speed: float = 0.0, density: float = 900.0,
     gravity: float = 9.81, plate: Any = None,
@@ -139,13 +140,13 @@ def bouncing_ball(
     plate : granular.walls.Sine, Piecewise or Motion, optional
         How the floor moves; to the command type=Sine gamma=2 frequency=50, or amplitude= (in m) in place of gamma=.
     """
-    r = np.array([_check.number("radius", radius, above=0.0)])
-    drop = _check.number("height", (1.0 if plate is None else 0.0) if height is None else height, at_least=0.0)
-    v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    r = np.array([check.number("radius", radius, above=0.0)])
+    drop = check.number("height", (1.0 if plate is None else 0.0) if height is None else height, at_least=0.0)
+    v = check.number("speed", speed, at_least=0.0, fix="downwards is built in")
     return above_floor(mass_of(r, density), r, drop, (), v, gravity, plate)
 
 
-@_check.face
+@check.face
 def vibrated_column(
     n: int = 10, gamma: float = 10.0, frequency: float = 20.0, amplitude: float | None = None,
     phase: float = 0.5 * math.pi, gap: float | Sequence[float] = 1e-3, radius: float = 0.005, density: float = 900.0,
@@ -178,14 +179,14 @@ def vibrated_column(
         g in m/s², positive where `gamma` is to count.
     """
     count = count_of(n)
-    r = np.full(count, _check.number("radius", radius, above=0.0))
+    r = np.full(count, check.number("radius", radius, above=0.0))
     plate = walls.Sine(amplitude, frequency, phase) if amplitude is not None else (
         walls.Sine.from_acceleration(gamma, frequency, gravity, phase))
     floor, *between = gaps_of(gap, count)
     return above_floor(mass_of(r, density), r, floor, between, 0.0, gravity, plate)
 
 
-@_check.face
+@check.face
 def real_balls(
     lower: str | Ball = "basketball", upper: str | Ball | None = "tennis ball", gap: float = 0.0, height: float = 1.0,
     gravity: float = 9.81,
@@ -209,39 +210,39 @@ def real_balls(
 
     balls = [named(lower, "lower"), *([] if upper is None else [named(upper, "upper")])]
     m, r = (np.array([getattr(ball, name) for ball in balls]) for name in ("mass", "radius"))
-    drop = _check.number("height", height, at_least=0.0)
-    return above_floor(m, r, drop, [_check.number("gap", gap)] * (len(balls) - 1), 0.0, gravity)
+    drop = check.number("height", height, at_least=0.0)
+    return above_floor(m, r, drop, [check.number("gap", gap)] * (len(balls) - 1), 0.0, gravity)
 
 
 @np.errstate(over="ignore")
 def mass_of(radius: Array, density: float) -> Array:
     """Masses in kg of spheres of some radii in m and a density in kg/m³."""
-    return 4.0 / 3.0 * math.pi * _check.number("density", density, above=0.0) * radius**3
+    return 4.0 / 3.0 * math.pi * check.number("density", density, above=0.0) * radius**3
 
 
 @np.errstate(over="ignore")
 def radius_of(mass: Array, density: float) -> Array:
     """Radii in m of spheres of some masses in kg and a density in kg/m³."""
-    return np.asarray(np.cbrt(mass * 0.75 / (math.pi * _check.number("density", density, above=0.0))))
+    return np.asarray(np.cbrt(mass * 0.75 / (math.pi * check.number("density", density, above=0.0))))
 
 
 def count_of(n: int, at_least: int = 1) -> int:
     """Number of balls."""
-    return _check.whole("n", n, at_least=at_least, at_most=_check.MOST)
+    return check.whole("n", n, at_least=at_least, at_most=check.MOST)
 
 
 @np.errstate(over="ignore")
 def geometric(n: int, mass_ratio: float) -> Array:
     """Masses from 1 on, each a multiple of the one before."""
     count = count_of(n)
-    return np.asarray(np.power(_check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64)))
+    return np.asarray(np.power(check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64)))
 
 
 def gaps_of(gap: float | Sequence[float], n_pairs: int, name: str = "gap") -> Array:
     """Gaps in m of so many pairs."""
-    if _check.is_one(gap):
-        return np.full(n_pairs, _check.number(name, gap))
-    return _check.array(name, gap, (n_pairs,), fix="one gap for all, or one per pair from the bottom up")
+    if check.is_one(gap):
+        return np.full(n_pairs, check.number(name, gap))
+    return check.array(name, gap, (n_pairs,), fix="one gap for all, or one per pair from the bottom up")
 
 
 def above_floor(

@@ -9,13 +9,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from granular import _check
+from granular._engine import check
 from granular.scene import Scene
 from granular.scenes.falling import count_of
 from granular.walls import Thermal
 
 
-@_check.face
+@check.face
 def gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
     mass: float = 1.0, mass_spread: float = 1.0, walls: bool = True, seed: int = 1,
@@ -45,16 +45,16 @@ def gas(
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
-    alike = np.ones(count_of(n, 1 if _check.truth("walls", walls) else 2))
+    alike = np.ones(count_of(n, 1 if check.truth("walls", walls) else 2))
     random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=1)
-    thermal = math.sqrt(_check.number("temperature", temperature, at_least=0.0))
+    thermal = math.sqrt(check.number("temperature", temperature, at_least=0.0))
     v = thermal / np.sqrt(m) * _unit_speeds(random, speeds, len(m))
     if walls:
         return Scene([math.inf, *m, math.inf], [0.0, *r, 0.0], gap, [0.0, *v, 0.0])
     return Scene(m, r, gap[1:-1], v, origin=float(gap[0] + r[0]))
 
 
-@_check.face
+@check.face
 def ring_gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
     mass: float = 1.0, mass_spread: float = 1.0, seed: int = 1,
@@ -86,11 +86,11 @@ def ring_gas(
     v = _unit_speeds(random, speeds, len(m)) / np.sqrt(m)
     v -= m @ v / m.sum()
     mean = float(m @ (v * v)) / len(m)
-    v *= math.sqrt(_check.number("temperature", temperature, at_least=0.0) / mean) if mean > 0.0 else 0.0
+    v *= math.sqrt(check.number("temperature", temperature, at_least=0.0) / mean) if mean > 0.0 else 0.0
     return Scene(m, r, gap, v, ring=True)
 
 
-@_check.face
+@check.face
 def heated_gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, lower: float = 2.0, upper: float | None = None,
     gravity: float = 0.0, mass: float = 1.0, dimer: float = 1.0, seed: int = 1,
@@ -122,12 +122,12 @@ def heated_gas(
     seed : int
         Seed of the random numbers, of places, velocities and walls.
     """
-    g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
-    floor = Thermal(_check.number("lower", lower, above=0.0, fix="k_B T in J"), seed)
+    g = check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
+    floor = Thermal(check.number("lower", lower, above=0.0, fix="k_B T in J"), seed)
     hot = floor.temperature
-    cold = 0.5 * hot if upper is None else _check.number("upper", upper, above=0.0, fix="k_B T in J")
+    cold = 0.5 * hot if upper is None else check.number("upper", upper, above=0.0, fix="k_B T in J")
     pattern = np.ones(count_of(n))
-    pattern[1::2] = _check.number("dimer", dimer, above=0.0)
+    pattern[1::2] = check.number("dimer", dimer, above=0.0)
     random, m, r, gap = _places(pattern, length, packing, mass, 1.0, seed, spaces=1)
     if upper is None and g > 0.0:  # open above
         gap = hot / (g * np.cumsum(m[::-1])[::-1]) * random.standard_exponential(len(m))
@@ -140,29 +140,29 @@ def heated_gas(
 
 @np.errstate(over="ignore", invalid="ignore")
 def _places(
-    pattern: _check.Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
-) -> tuple[np.random.Generator, _check.Array, _check.Array, _check.Array]:
+    pattern: check.Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
+) -> tuple[np.random.Generator, check.Array, check.Array, check.Array]:
     """Random numbers for what follows, masses and radii of balls whose masses are mass · `pattern` but for the spread,
     and as many gaps and `spaces` more."""
     count = len(pattern)
-    line = _check.number("length", length, above=0.0)
-    filled = _check.number("packing", packing, at_least=0.0)
+    line = check.number("length", length, above=0.0)
+    filled = check.number("packing", packing, at_least=0.0)
     if filled >= 1.0:
         raise ValueError(f"packing is {packing!r}: a share of the length below 1 is needed.")
-    random = np.random.default_rng(_check.whole("seed", seed))
-    spread = math.log(_check.number("mass_spread", mass_spread, at_least=1.0))
-    m = _check.number("mass", mass, above=0.0) * np.exp(spread * random.uniform(-0.5, 0.5, count)) * pattern
+    random = np.random.default_rng(check.whole("seed", seed))
+    spread = math.log(check.number("mass_spread", mass_spread, at_least=1.0))
+    m = check.number("mass", mass, above=0.0) * np.exp(spread * random.uniform(-0.5, 0.5, count)) * pattern
     r = np.cbrt(m)
     r *= 0.5 * filled * line / r.sum()
     share = random.standard_exponential(count + spaces)  # spacings of ordered uniform points, without cancellation
     return random, m, r, (1.0 - filled) * line * share / share.sum()
 
 
-def _unit_speeds(random: np.random.Generator, speeds: str, n: int) -> _check.Array:
+def _unit_speeds(random: np.random.Generator, speeds: str, n: int) -> check.Array:
     """Random velocities of mean 0 and variance 1."""
-    draw: dict[str, Callable[[], _check.Array]] = {
+    draw: dict[str, Callable[[], check.Array]] = {
         "maxwell": lambda: random.standard_normal(n),
         "uniform": lambda: random.uniform(-math.sqrt(3.0), math.sqrt(3.0), n),
         "two": lambda: random.choice([-1.0, 1.0], n),
     }
-    return draw[_check.choice("speeds", speeds, tuple(draw))]()
+    return draw[check.choice("speeds", speeds, tuple(draw))]()

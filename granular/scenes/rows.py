@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
+from granular._engine import check
 from granular.laws.kinds import resolved
 from granular.scene import Scene, in_order
 from granular.scenes.falling import count_of, gaps_of, geometric, mass_of, radius_of
 
 
-@_check.face
+@check.face
 def newtons_cradle(
     n: int = 5, moving: int = 1, gap: float | Sequence[float] = 0.0, speed: float = 1.0, mass: float = 1.0,
     density: float = 7800.0,
@@ -40,11 +40,11 @@ def newtons_cradle(
         Density in kg/m³ (steel), from which the radius follows.
     """
     count = count_of(n, 2)
-    arriving = _check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
-    return _in_a_row(np.full(count, _check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
+    arriving = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
+    return _in_a_row(np.full(count, check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
 
 
-@_check.face
+@check.face
 def pendulum_cradle(
     n: int = 5, moving: int = 1, amplitude: float = 0.05, rest_gap: float | Sequence[float] = 0.0, length: float = 1.0,
     mass: float = 1.0, density: float = 7800.0, gravity: float = 9.81,
@@ -75,17 +75,17 @@ def pendulum_cradle(
         g in m/s², across the row: it only makes the balls swing.
     """
     count = count_of(n, 2)
-    aside = _check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
+    aside = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
     rest = gaps_of(rest_gap, count - 1, "rest_gap")
-    pulled, gap = _check.number("amplitude", amplitude, at_least=0.0, fix="to the left is built in"), rest.copy()
+    pulled, gap = check.number("amplitude", amplitude, at_least=0.0, fix="to the left is built in"), rest.copy()
     gap[aside - 1] += pulled
-    square = _check.number("gravity", gravity, above=0.0) / _check.number("length", length, above=0.0)
-    m = np.full(count, _check.number("mass", mass, above=0.0))
+    square = check.number("gravity", gravity, above=0.0) / check.number("length", length, above=0.0)
+    m = np.full(count, check.number("mass", mass, above=0.0))
     return Scene(m, radius_of(m, density), gap, np.zeros(count), origin=0.0 - pulled, pendulum=math.sqrt(square),
                  rest_gap=rest)
 
 
-@_check.face
+@check.face
 def chain(
     n: int = 10, mass_ratio: float = 1.0, dimer: float = 1.0, striker: float | None = None, speed: float = 1.0,
     gap: float | Sequence[float] = 0.0, mass: float = 1.0, density: float = 7800.0,
@@ -113,14 +113,14 @@ def chain(
     density : float
         Density in kg/m³ (steel), from which the radii follow.
     """
-    m = _check.number("mass", mass, above=0.0) * geometric(count_of(n, 2), mass_ratio)
-    m[1::2] *= _check.number("dimer", dimer, above=0.0)
+    m = check.number("mass", mass, above=0.0) * geometric(count_of(n, 2), mass_ratio)
+    m[1::2] *= check.number("dimer", dimer, above=0.0)
     if striker is not None:
-        m[0] = _check.number("striker", striker, above=0.0)
+        m[0] = check.number("striker", striker, above=0.0)
     return _in_a_row(m, 1, speed, gap, density)
 
 
-@_check.face
+@check.face
 def compressed_chain(
     n: int = 20, force: float = 20.0, *, law: Any, ends: str = "walls", dimer: float = 1.0,
     striker: float | None = None, speed: float = 0.1, floor: Any = None, radius: float = 0.009525,
@@ -159,10 +159,10 @@ def compressed_chain(
     TypeError, ValueError
         For misuse, such as a force that no overlap gives under that law.
     """
-    count, load = count_of(n), _check.number("force", force, at_least=0.0, fix="it presses")
-    _check.choice("ends", ends, ("walls", "force", "forces"))
-    r = np.full(count, _check.number("radius", radius, above=0.0))
-    r[1::2] *= np.cbrt(_check.number("dimer", dimer, above=0.0))
+    count, load = count_of(n), check.number("force", force, at_least=0.0, fix="it presses")
+    check.choice("ends", ends, ("walls", "force", "forces"))
+    r = np.full(count, check.number("radius", radius, above=0.0))
+    r[1::2] *= np.cbrt(check.number("dimer", dimer, above=0.0))
     force_on = np.zeros(count)
     force_on[0] += load * (ends == "forces")
     force_on[-1] -= load * (ends != "walls")
@@ -170,8 +170,8 @@ def compressed_chain(
     if striker is not None:
         if front:
             raise ValueError(f"striker is {striker!r}: a wall is in its way; ends='forces' is needed.")
-        m = _check.number("striker", striker, above=0.0)
-        front = [(m, float(radius_of(np.array(m), density)), _check.number("speed", speed, above=0.0), 0.0)]
+        m = check.number("striker", striker, above=0.0)
+        front = [(m, float(radius_of(np.array(m), density)), check.number("speed", speed, above=0.0), 0.0)]
     balls = zip(mass_of(r, density).tolist(), r.tolist(), [0.0] * count, force_on.tolist(), strict=True)
     bodies = [*front, *balls, *back]
     mass, radii, velocity, forces = zip(*bodies, strict=True)
@@ -186,17 +186,17 @@ WALL = math.inf, 0.0, 0.0, 0.0
 def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     """Return `scene` with the overlaps, from the pair `first` on, at which contacts at rest bear `load`."""
     if callable(law) and not hasattr(law, "force"):
-        _check.takes("law", law, "pair")
+        check.takes("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
     from granular.laws.statics import overlap_under
 
-    laws = resolved(_check.per_pair("law", law, scene.n_pairs), scene)
+    laws = resolved(check.per_pair("law", law, scene.n_pairs), scene)
     gap = -laws.column(lambda one: overlap_under(one, load))
     gap[:first] = 0.0
     return in_order(scene.replace(gap=gap + 0.0))
 
 
-def _in_a_row(mass: _check.Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
+def _in_a_row(mass: check.Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
     """Balls of which the first few arrive with `speed` at the others, which are at rest."""
-    v = np.where(np.arange(len(mass)) < moving, _check.number("speed", speed, above=0.0), 0.0)
+    v = np.where(np.arange(len(mass)) < moving, check.number("speed", speed, above=0.0), 0.0)
     return in_order(Scene(mass, radius_of(mass, density), gaps_of(gap, len(mass) - 1), v))

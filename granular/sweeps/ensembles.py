@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files
-from granular._check import Array
-from granular._reports import HARD, SOFT, Report, aligned, canvas, number, rough
+from granular._engine import check, files
+from granular._engine.check import Array
+from granular._engine.reports import HARD, SOFT, Report, aligned, canvas, number, rough
 from granular.cases import Case
 from granular.comparison.answer import ORDER, Answer as Judgement
 from granular.sweeps.plan import Plan, planned
@@ -41,7 +41,7 @@ NO_VALUE = (NOT_RUN, MISUSE, *(CODE[status.name] for status in EARLY))
 """Statuses of runs whose results are none: what a collapse leaves is no outcome."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False)
 class Quantity:
     """One result over all draws.
@@ -83,7 +83,7 @@ class Quantity:
     answer: Judgement
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, repr=False)
 class Ensemble(Report):
     """Both engines over the same draws, or over independent ones; print it, `plot` it, save it with `to_json`.
@@ -158,10 +158,10 @@ class Ensemble(Report):
                 axis.step(known, np.arange(1, len(known) + 1) / max(1, len(known)), color=colour, label=name)
             axis.set(xlabel=f"{q.name}, {q.units}", ylabel="share of draws below", ylim=(0.0, 1.0))
         axes[0, 0].legend()
-        return _files.write_figure(path, figure, dpi=150)
+        return files.write_figure(path, figure, dpi=150)
 
 
-@_check.face
+@check.face
 def ensemble(
     scene: SceneLike,
     n: int,
@@ -219,25 +219,25 @@ def ensemble(
     all m intervals |d| ± q s hold the true differences with 95 % or more (Bonferroni). "yes" if |d| + q s is at most
     the margin, "no" if |d| - q s is above it. That is a statement on means; distributions may differ: `plot`.
     """
-    count, need = _check.whole("n", n, at_least=2), "a mapping of parameters to their distributions"
-    ways = {vary: None} if isinstance(vary, str) else _check.of_kind("vary", vary, Mapping, need)
+    count, need = check.whole("n", n, at_least=2), "a mapping of parameters to their distributions"
+    ways = {vary: None} if isinstance(vary, str) else check.of_kind("vary", vary, Mapping, need)
     if not ways:
         raise ValueError("vary is empty: at least one parameter with its distribution is needed.")
     plan = planned(scene, dict.fromkeys(ways, np.zeros(0)), (), fixed)
     for name, way in ways.items():
         _check_way(plan, name, way)
-    draws = Draws(plan, tuple(ways.values()), _check.whole("seed", seed))
+    draws = Draws(plan, tuple(ways.values()), check.whole("seed", seed))
     asked, whole = _asked(results)
     each = margin if isinstance(margin, Mapping) else {"": margin}
-    own = {name: _check.number("margin" + f" of {name}" * bool(name), x, at_least=0.0) for name, x in each.items()}
-    share, apart = own.pop("", MARGIN), _check.truth("independent", independent)
+    own = {name: check.number("margin" + f" of {name}" * bool(name), x, at_least=0.0) for name, x in each.items()}
+    share, apart = own.pop("", MARGIN), check.truth("independent", independent)
     data = [sweep(draws, {"draw": np.arange(first, first + count)},
                   [Of(ask, engine) if callable(ask) else NAMED[engine] + name for name, ask in whole.items()],
                   executor=executor, on_progress=on_progress, progress=progress)
             for engine, first in (("md", 0), ("edmd", count * apart))]
     soft, hard = ({name: values for one in whole for name, values in _values(of_engine, one, prefix)}
                   for of_engine, prefix in zip(data, NAMED.values(), strict=True))
-    _check.known([*asked, *own], {*soft, *whole}, "result that is compared")
+    check.known([*asked, *own], {*soft, *whole}, "result that is compared")
     found = {name: (hard[name], values) for name, values in soft.items() if not asked.keys().isdisjoint(_names(name))}
     quantities = tuple(
         judged(name, data[0][_names(name)[1]].attrs["units"], values, share,
@@ -253,21 +253,21 @@ def _check_way(plan: Plan, name: str, way: Any) -> None:
     if way is None and not (plan.subject.is_whole(name) or str(plan.subject.way(name)[-1]) == "seed"):
         raise ValueError(f"{name} in vary is None, and no seed, which is a whole number; {fix}.")
     if callable(way):
-        _check.takes(f"{name} in vary", way, "generator")
+        check.takes(f"{name} in vary", way, "generator")
     elif way is not None:
-        _, spread = _check.array(f"{name} in vary", way, (2,), fix=fix, finite="a finite number is needed").tolist()
-        _check.number(f"sd of {name} in vary", spread, at_least=0.0)
+        _, spread = check.array(f"{name} in vary", way, (2,), fix=fix, finite="a finite number is needed").tolist()
+        check.number(f"sd of {name} in vary", spread, at_least=0.0)
 
 
 def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """What is asked for by name, and the results of all pairs or bodies that hold it."""
-    given = _check.several("results", results, "a name or function of a run, or several,")
+    given = check.several("results", results, "a name or function of a run, or several,")
     asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
     if len(asked) < len(given) or not given:
         raise ValueError(f"results are {', '.join(asked) or 'empty'}: one or more of different names are needed.")
     whole = {name.partition("[")[0]: ask for name, ask in asked.items()}
     for name, ask in whole.items():
-        _check.takes(name, ask, "run") if callable(ask) else _check.choice("result", name, BOTH)
+        check.takes(name, ask, "run") if callable(ask) else check.choice("result", name, BOTH)
     return asked, whole
 
 

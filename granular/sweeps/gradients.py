@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from granular._check import Array, face
-from granular._reports import Report, abridged, aligned, number
+from granular._engine.check import Array, face
+from granular._engine.reports import Report, abridged, aligned, number
 from granular.sweeps.plan import Plan
 from granular.sweeps.results import CODE, MISUSE
 from granular.sweeps.run import edges

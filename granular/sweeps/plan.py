@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _check, _files
-from granular._describe import by_words, scene_to_json, to_json
-from granular._kernels import have_numba
+from granular._engine import check, files
+from granular._engine.describe import by_words, scene_to_json, to_json
+from granular._engine.kernels import have_numba
 from granular.cases import ready
 from granular.cases.case import Case, checked_run
 from granular.scene import Scene
@@ -133,7 +133,7 @@ def planned(
 ) -> Plan:
     """Return the plan, or raise for what no cell could do."""
     for ask in asked:
-        _check.takes("result", ask, "case") if callable(ask) else _check.choice("result", ask, list(RESULTS))
+        check.takes("result", ask, "case") if callable(ask) else check.choice("result", ask, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # says what is no parameter
@@ -159,7 +159,7 @@ def check_names(plan: Plan, save: Any) -> None:
         if not hasattr(ask, "__name__"):
             raise TypeError(f"result is {ask!r}: a function with a name is needed; define one with def that calls it.")
         name, others = named(ask), [named(other) for other in plan.asked if other is not ask]
-        _check.refuse({
+        check.refuse({
             f"result is a function {name!r}: the data set has that name already; rename it.":
                 name in taken or name in others,
             f"result is {name!r}: what is saved needs a name; define a function with def.":
@@ -183,7 +183,7 @@ def _result(ask: Ask) -> Result:
 
 def xarray_() -> Any:
     """Return the module xarray."""
-    return _check.optional("xarray", "sweep")
+    return check.optional("xarray", "sweep")
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
@@ -201,7 +201,7 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
         if result.dim:
             coordinates[result.dim] = result.dim, np.arange(array.shape[1]), {"comment": "counted from the bottom"}
     about = {"title": f"granular sweep of {plan.subject.title}", "question": question(plan)[0],
-             "provenance": json.dumps(_files.provenance())}
+             "provenance": json.dumps(files.provenance())}
     data: xarray.Dataset = xarray_().Dataset(variables, coordinates, about | notes)
     return data
 
@@ -237,16 +237,16 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a data set to a netCDF file, whole or not at all."""
-    _check.optional("netCDF4", "a netCDF file")
+    check.optional("netCDF4", "a netCDF file")
 
     def fill(draft: str) -> None:
         try:
             data.to_netcdf(draft, engine="netcdf4")
         except (OSError, RuntimeError):  # of a full disk netCDF says that permission is denied, or "HDF error"
-            _files.check_room(draft, data.nbytes)
+            files.check_room(draft, data.nbytes)
             raise
 
-    _files.write(path, fill)
+    files.write(path, fill)
 
 
 def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -257,14 +257,14 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
     ValueError
         If the file belongs to another sweep or to a later version, or if code of the caller takes part without a key.
     """
-    name = _files.checked_path("save", path)
-    _files.check_ending(name, ".nc")
-    _files.check_writable(name)
+    name = files.checked_path("save", path)
+    files.check_ending(name, ".nc")
+    files.check_writable(name)
     if not os.path.isfile(name):
         return {}, {}
     with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:
         asked, notes = PLACE.sub(r'"\1"', by_words(str(stored.attrs.get("question")))), stored.attrs
-        _files.check_format(name, _format(notes))
+        files.check_format(name, _format(notes))
         text, own = question(plan)
         if own and plan.version is None:
             raise ValueError(f"save is {name!r}: it exists, and {own[0]!r} may have changed since; give a key that "
@@ -273,7 +273,7 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
             raise ValueError(f"save is {name!r}: it holds another sweep; give another name, or remove it.")
         shape = tuple(map(len, over.values()))
         columns = {one: _column(stored, one, shape, plan, name) for one in ("status", *plan.results)}
-        return columns, {"refusal": _files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
+        return columns, {"refusal": files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
 
 
 def _format(notes: Any) -> Any:

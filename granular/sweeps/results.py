@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from granular import md
-from granular._check import per_pair
-from granular._flight import rate_at_contact
+from granular._engine.check import per_pair
+from granular._engine.flight import rate_at_contact
 from granular.binary import restitution
 from granular.cases.case import Case
 from granular.comparison.numbers import effective, is_drop

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
-from granular._progress import Told, shown
-from granular._reports import cores
+from granular._engine import check
+from granular._engine.progress import Told, shown
+from granular._engine.reports import cores
 from granular.cases import Case
 from granular.sweeps import schedule
 from granular.sweeps.plan import Plan, check_names, dataset, planned, resume, write, xarray_
@@ -37,7 +37,7 @@ Where = tuple[Executor | None, int]
 """An executor, and the number of threads without."""
 
 
-@_check.face
+@check.face
 def sweep(
     scene: SceneLike,
     over: Mapping[str, ArrayLike] | Iterable[str] | str,
@@ -109,16 +109,16 @@ def sweep(
         For an unknown parameter or result; for a sweep all of whose cells are refused.
     """
     schedule.checked(executor)
-    threads = cores() if workers is None else _check.whole("workers", workers, at_least=1)
+    threads = cores() if workers is None else check.whole("workers", workers, at_least=1)
     xarray_()
     varied = checked(over)
-    asked = _check.several("results", results, "a name or function, or several,")
-    version = _check.of_kind("key", key, str | None, "a text")
+    asked = check.several("results", results, "a name or function, or several,")
+    version = check.of_kind("key", key, str | None, "a text")
     plan = replace(planned(scene, varied, tuple(asked), fixed, run), version=version)
     check_names(plan, save)
     if refine is not None:
-        _check.choice("refine", refine, list(varied))
-        _check.choice("result to refine by", "contacts", list(plan.results))
+        check.choice("refine", refine, list(varied))
+        check.choice("result to refine by", "contacts", list(plan.results))
         if varied[refine].dtype.kind not in "if":
             raise TypeError(f"refine is {refine!r}, with values {varied[refine].tolist()}: numbers are needed.")
     job = _Job(plan, varied, [values.ravel() for values in np.meshgrid(*varied.values(), indexing="ij")], save)
@@ -209,7 +209,7 @@ def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, 
     row, ends, counts : arrays (j,), (j, 2), (j, 2, pairs)
         Of each jump a cell that has its values of the other parameters, the interval of this one, and the counts there.
     """
-    _check.number("precision", precision, at_least=1e-15, at_most=0.1)
+    check.number("precision", precision, at_least=1e-15, at_most=0.1)
     cells = np.moveaxis(np.arange(len(grid)).reshape(shape), axis, -1)
     both = np.stack([cells[..., :-1].ravel(), cells[..., 1:].ravel()], axis=1)
     known: Any = (grid >= 0).any(axis=1)

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from granular._check import Array, per_pair
-from granular._kernels import in_memory, worth
+from granular._engine.check import Array, per_pair
+from granular._engine.kernels import in_memory, worth
 from granular.cases import Case
 from granular.cases.build import sentence_of
 from granular.cases.ready import first_impact_speed

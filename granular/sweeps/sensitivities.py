@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._progress import shown
+from granular._engine import check
+from granular._engine.progress import shown
 from granular.cases import Case
 from granular.outcome import SAME, approach, components
 from granular.sweeps import schedule
@@ -29,7 +29,7 @@ FREE, JOINED = ("gap", "velocity"), ("breaks", "coefficients")
 """Numbers that are parameters also where they are 0; those of a wall's path that must fit each other."""
 
 
-@_check.face
+@check.face
 def sensitivity(
     scene: SceneLike,
     results: Ask | Sequence[Ask] = ("v_rel",),
@@ -92,11 +92,11 @@ def sensitivity(
     0.4716 0.0047
     """
     schedule.checked(executor)
-    plan = _planned(scene, asked := _check.several("results", results, "an outcome, such as 'v_rel',", 1), fixed)
+    plan = _planned(scene, asked := check.several("results", results, "an outcome, such as 'v_rel',", 1), fixed)
     answer = Answer(plan.case(()))
     *found, order = (np.ravel(result.of(answer)).astype(float) for result in plan.results.values())
     places = _places(plan, found)
-    labels = [_check.choice("result", _name(one, ""), list(places)) for one in asked]
+    labels = [check.choice("result", _name(one, ""), list(places)) for one in asked]
     parameters = _parameters(plan, over, uncertainty, answer)
     doubt = _uncertain(uncertainty, parameters)
     size, here = _sizes(plan, answer, found), np.concatenate(found)
@@ -122,7 +122,7 @@ def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -
     return replace(plan, asked=(*plan.asked, "order"), at_once=False)
 
 
-def _places(plan: Plan, found: Sequence[_check.Array]) -> dict[str, Any]:
+def _places(plan: Plan, found: Sequence[check.Array]) -> dict[str, Any]:
     """Where among all numbers each result stands: one place, or one for each pair or body; and each of these."""
     places: dict[str, Any] = {}
     ends = np.cumsum([0, *map(len, found)]).tolist()
@@ -136,7 +136,7 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
     """The parameters by name, with their values; those that are uncertain are among them. A word without its number
     stands for all of a list that are alike."""
     known, ran = numbers_in(plan.subject, plan.root), vars(answer).keys()
-    names = [] if over is None else _check.several("over", over, "a name, or several,")
+    names = [] if over is None else check.several("over", over, "a name, or several,")
     if over is None:
         idle = ["rule"] * (not ran & {"hard", "report"}) + (
             ["law"] * (not ran & {"soft", "report"} and answer.case.rule is not None))
@@ -166,7 +166,7 @@ def _uncertain(given: Any, parameters: Mapping[str, float]) -> dict[str, float]:
             value = float(one.rstrip("%")) * (0.01 if one.endswith("%") else 1.0) if isinstance(one, str) else one
         except ValueError:
             value = one
-        value = _check.number(f"uncertainty of {name}", value, at_least=0.0, fix="of 1 % it is '1%'")
+        value = check.number(f"uncertainty of {name}", value, at_least=0.0, fix="of 1 % it is '1%'")
         found[name] = value * (abs(parameters[name]) if share else 1.0)
     return found
 
@@ -177,7 +177,7 @@ def _unit(name: str, parameters: Mapping[str, float]) -> float:
     return 2.0 ** math.floor(math.log2(abs(parameters[name]) or max(map(abs, beside)) or 1.0))
 
 
-def _sizes(plan: Plan, answer: Answer, found: Sequence[_check.Array]) -> _check.Array:
+def _sizes(plan: Plan, answer: Answer, found: Sequence[check.Array]) -> check.Array:
     """What changes of an outcome are relative to: itself, or where it is near 0, the fastest impact of its component;
     for others than speeds, the largest of its kind."""
     run = answer.hard if "soft" not in vars(answer) and answer.case.law is None else answer.soft
@@ -225,10 +225,10 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
                                          f"differences agree to {worst:.1g} of the outcome, no better")
     spread = np.sqrt((moved**2).sum(axis=0)) if u.any() else np.full_like(here, math.nan)
 
-    def split(of: _check.Array) -> dict[str, Any]:
+    def split(of: check.Array) -> dict[str, Any]:
         return {name: of[place] if np.ndim(place) else float(of[place]) for name, place in places.items()}
 
-    def by_parameter(rows: Mapping[str, _check.Array]) -> dict[str, dict[str, Any]]:
+    def by_parameter(rows: Mapping[str, check.Array]) -> dict[str, dict[str, Any]]:
         return {name: {one: split(row)[name] for one, row in rows.items()} for name in places}
 
     names, heated = [start.name for start in starts], plan.case(()).scene.heated

@@ -23,7 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, cases, md
+from granular import cases, md
+from granular._engine import check
 from granular.binary import restitution
 from granular.cases import build, ready
 from granular.cases.case import Case, descriptions, options_of, parameters_of, whole
@@ -46,7 +47,7 @@ SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
 """What may be swept."""
 
 
-@_check.face
+@check.face
 def axis(text: str) -> tuple[str, Values]:
     """Read ``name=first:last:count`` or ``name=first:last:count:log`` or ``name=value,value,…``.
 
@@ -54,7 +55,7 @@ def axis(text: str) -> tuple[str, Values]:
     ('restitution', array([0.5 , 0.75, 1.  ]))
     """
     need = "a mapping of names to values, or name=first:last:count,"
-    name, equals, values = _check.of_kind("an entry of over", text, str, need).partition("=")
+    name, equals, values = check.of_kind("an entry of over", text, str, need).partition("=")
     if not equals:
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] or name=value,value,… is needed.")
     if ":" not in values:
@@ -62,9 +63,9 @@ def axis(text: str) -> tuple[str, Values]:
     if values.count(":") not in (2, 3):
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] is needed, such as {name}=0.5:1:101.")
     first, last, count, *scale = values.split(":")
-    a, b = (_check.number(f"{what} of {name}", _value(word)) for what, word in (("first", first), ("last", last)))
-    n = _check.whole(f"count of {name}", _value(count), at_least=1, at_most=MOST)
-    _check.refuse({
+    a, b = (check.number(f"{what} of {name}", _value(word)) for what, word in (("first", first), ("last", last)))
+    n = check.whole(f"count of {name}", _value(count), at_least=1, at_most=MOST)
+    check.refuse({
         f"axis is {text!r}: after first:last:count only ':log' may follow.": scale not in ([], ["log"]),
         f"axis is {text!r}: a logarithmic axis needs positive ends.": scale and not (a > 0.0 and b > 0.0),
     })
@@ -77,14 +78,14 @@ def checked(over: Any) -> dict[str, Values]:
     axes: dict[str, Values] = {}
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):
         array = _array(name, values)
-        _check.refuse({
+        check.refuse({
             f"{name} is given twice: one axis per parameter is needed.": name in axes,
             f"values of {name} are not all different: one cell per value is needed.":
                 len(np.unique(array)) < len(array),
         })
         axes[name] = array
     cells = math.prod(map(len, axes.values()))
-    _check.refuse({
+    check.refuse({
         "over is empty: at least one parameter with its values is needed.": not axes,
         f"over has {cells:.3g} cells: at most {MOST:.0e} fit; take fewer values, or several sweeps.": cells > MOST,
     })
@@ -96,7 +97,7 @@ def _array(name: str, values: Any) -> Values:
     with suppress(ValueError):  # lists of different lengths
         array = np.asarray(values)
     if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or (
-            array.dtype.kind != "b" and _check.among_numbers(values)):
+            array.dtype.kind != "b" and check.among_numbers(values)):
         raise TypeError(f"values of {name} are {values!r}: a list of numbers or words is needed.")
     return array
 
@@ -160,10 +161,10 @@ class Subject:
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
             names = [about for about in self.about if "." not in about]
-            _check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
+            check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
         taken = parameters_of(self.source) if self.source is not None else ()
         if taken and not any(one.kind is one.VAR_KEYWORD for one in taken):
-            _check.known([str(way[0])], [one.name for one in taken], f"parameter of {self.title}", TypeError)
+            check.known([str(way[0])], [one.name for one in taken], f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
         of_case = isinstance(self.root, Case) and way == RESTITUTION
         if of_function or of_case or way[0] in {*PARTS, *_numbers(self.root)}:
@@ -197,7 +198,7 @@ def subject_of(given: SceneLike) -> Subject:
                        wholes=whole(case), defaults=_defaults(options_of(case)), source=case)
     if ready.is_file(case):
         return _of_file(Path(case))
-    name = _check.choice("scene", case, cases.names())
+    name = check.choice("scene", case, cases.names())
     options = cases.options(name)
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
     shared = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
@@ -224,7 +225,7 @@ def _of_file(path: Path) -> Subject:
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     """Return `holder` with the number at the end of `way` changed; a word asks every entry of a list for it."""
     if not way:
-        if isinstance(holder, np.ndarray) and _check.is_one(value):
+        if isinstance(holder, np.ndarray) and check.is_one(value):
             raise ValueError(f"{name} is one parameter for {len(holder)} entries: name one of them, such as {name}[0].")
         return value
     step, rest = way[0], way[1:]
@@ -237,7 +238,7 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         return [put(one, rest, value, name) if i == step else one for i, one in enumerate(holder)]
     if entries:
         return [put(one, way, value) for one in holder]
-    if (name, way) == ("scene", ("gap",)) and _check.is_one(value):
+    if (name, way) == ("scene", ("gap",)) and check.is_one(value):
         value = _of_balls(holder, value)
     if isinstance(holder, Mapping):
         return {**holder, step: put(holder.get(step, {}), rest, value, step)}
@@ -245,7 +246,7 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         raise TypeError(f"'{name}.{step}' is no parameter: there is no {name}.")
     if isinstance(holder, Case) and way == RESTITUTION:
         return _with_restitution(holder, value)
-    _check.known([step], _numbers(holder), f"parameter of {holder!r}", TypeError)
+    check.known([step], _numbers(holder), f"parameter of {holder!r}", TypeError)
     return replace(holder, **{step: put(_entry(holder, step), rest, value, step)})
 
 
@@ -269,7 +270,7 @@ def _between_balls(mass: Any, gap: Any) -> Any:
 def shared(case: Case) -> dict[str, float]:
     """Return `gap` and `restitution` of one's own case, each if all pairs of balls, or all laws, have the same."""
     scene, speed = case.scene, ready.first_impact_speed(case.scene) or 1.0
-    gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], [*_check.per_pair("law", case.law, scene.n_pairs)]
+    gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], [*check.per_pair("law", case.law, scene.n_pairs)]
     found = {"gap": float(gap[0])} if len(gap) and np.ptp(gap) == 0.0 else {}
     if all(hasattr(law, "from_restitution") for law in laws):
         eps = [restitution(law, pair, speed) for law, pair in zip(laws, scene.pairs, strict=True)]
@@ -280,7 +281,7 @@ def shared(case: Case) -> dict[str, float]:
 def _with_restitution(case: Case, eps: float) -> Case:
     """The case with this restitution of all its laws, which keep their stiffness, and of its rule if there is one; of
     the rule alone if a law is not made by its restitution."""
-    laws, pairs = _check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
+    laws, pairs = check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
     rule = None if case.rule is None else put(case.rule, RESTITUTION, eps)
     other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
     if other is not None and rule is None:
@@ -354,4 +355,4 @@ def _defaults(options: list[Any]) -> dict[str, Any]:
 
 def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:
     name = f"what {getattr(function, '__name__', function)} returns"
-    return _check.of_kind(name, function(**parameters), Case, "a granular.Case")  # type: ignore[no-any-return]
+    return check.of_kind(name, function(**parameters), Case, "a granular.Case")  # type: ignore[no-any-return]

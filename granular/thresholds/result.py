@@ -14,8 +14,9 @@ from os import PathLike
 from textwrap import fill
 from typing import Any
 
-from granular import _check, _files, isolation
-from granular._reports import GREY, HARD, SOFT, Report, aligned, canvas, rounded
+from granular import isolation
+from granular._engine import check, files
+from granular._engine.reports import GREY, HARD, SOFT, Report, aligned, canvas, rounded
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.outcome import SAME
@@ -125,7 +126,7 @@ class Crossing:
         return 0.5 * self.low.value + 0.5 * self.high.value
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, repr=False)
 class Threshold(Report):
     """Where a scene may be event-driven along one parameter; print it, `plot` it, save it with `to_json`.
@@ -203,7 +204,7 @@ class Threshold(Report):
                 axis.plot([], [], ls="none", ms=4, label=_name(self, verdict), **look)
         _axes(axis, self)
         figure.suptitle(fill(self.sentence, 80), fontsize=8.5, x=0.02, ha="left")
-        return _files.write_figure(path, figure, dpi=150)
+        return files.write_figure(path, figure, dpi=150)
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:

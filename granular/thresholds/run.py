@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._progress import Told, shown
+from granular._engine import check
+from granular._engine.progress import Told, shown
 from granular.cases.build import sentence_of
 from granular.sweeps.plan import Plan, planned
 from granular.sweeps.results import REFUSED
 from granular.sweeps.subject import SceneLike
 from granular.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
 
-SPACINGS: Mapping[str, Callable[[float, float, int], _check.Array]] = {"log": np.geomspace, "linear": np.linspace}
+SPACINGS: Mapping[str, Callable[[float, float, int], check.Array]] = {"log": np.geomspace, "linear": np.linspace}
 GAPS = (1e-6, 1e-2)
 """Gaps in m to scan if nothing is said."""
 MOST = 100_000
@@ -28,7 +28,7 @@ LEAST = 1e-9
 """Share of the scan below which a value is as good as 0."""
 
 
-@_check.face
+@check.face
 def threshold(
     scene: SceneLike,
     over: str = "gap",
@@ -88,15 +88,15 @@ def threshold(
         For misuse: an unknown parameter or criterion, ends that are not in order, or none of another parameter than a
         gap; or if every value is refused.
     """
-    asked = CRITERIA[_check.choice("criterion", criterion, list(CRITERIA))]
-    _check.of_kind("over", over, str, "the name of one parameter, such as 'gap',")
+    asked = CRITERIA[check.choice("criterion", criterion, list(CRITERIA))]
+    check.of_kind("over", over, str, "the name of one parameter, such as 'gap',")
     plan = planned(scene, {over: np.zeros(0)}, (), fixed, run)
     if between is None and over.partition("[")[0] not in ("gap", "scene.gap"):
         raise ValueError(f"between is None: first and last value of {over} are needed, such as (0.5, 2).")
-    low, high = _ends(GAPS if between is None else between, _check.choice("spacing", spacing, list(SPACINGS)))
-    number = _check.whole("points", points, at_least=2, at_most=MOST)
-    width = _check.number("within", within, at_least=1e-12, at_most=0.5)
-    limit = _check.number("error", error, above=0.0)
+    low, high = _ends(GAPS if between is None else between, check.choice("spacing", spacing, list(SPACINGS)))
+    number = check.whole("points", points, at_least=2, at_most=MOST)
+    width = check.number("within", within, at_least=1e-12, at_most=0.5)
+    limit = check.number("error", error, above=0.0)
     grid = SPACINGS[spacing](low, high, number)
     grid[[0, -1]] = low, high
     if plan.subject.is_whole(over):
@@ -112,8 +112,8 @@ def _ends(between: Any, spacing: str) -> tuple[float, float]:
     """Check what is to be scanned."""
     if isinstance(between, str) or not hasattr(between, "__len__") or len(between) != 2:
         raise ValueError(f"between is {between!r}: two numbers are needed, such as (1e-6, 1e-2).")
-    low, high = (_check.number(f"between[{i}]", end) for i, end in enumerate(between))
-    _check.refuse({
+    low, high = (check.number(f"between[{i}]", end) for i, end in enumerate(between))
+    check.refuse({
         f"between is ({low!r}, {high!r}): the first number must be the smaller one.": not low < high,
         f"between is ({low!r}, {high!r}): spacing 'log' needs positive numbers; choose 'linear'.":
             spacing == "log" and not low > 0.0,
@@ -121,7 +121,7 @@ def _ends(between: Any, spacing: str) -> tuple[float, float]:
     return low, high
 
 
-def _wholes(over: str, grid: _check.Array) -> _check.Array:
+def _wholes(over: str, grid: check.Array) -> check.Array:
     """Return the whole numbers next to those of a grid, each once."""
     low, high = grid[[0, -1]].tolist()
     if not (low.is_integer() and high.is_integer()):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _check
+from granular._engine import check
 
 if TYPE_CHECKING:
     from granular.walls.panels import Panels
@@ -28,7 +28,7 @@ def checked(name: str, motion: Any, is_wall: bool) -> Any:
     if motion is None:
         return None
     if not of_kind(motion, *KINDS):
-        raise TypeError(_check._sentence(name, motion, "one of granular.walls is needed, such as "
+        raise TypeError(check._sentence(name, motion, "one of granular.walls is needed, such as "
                                          "granular.walls.Sine(1e-3, 50.0)"))
     if not is_wall:
         end = "first" if name == "floor" else "last"

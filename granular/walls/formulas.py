@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array, ByNumbers
+from granular._engine import check
+from granular._engine.check import Array, ByNumbers
 from granular.walls import path
 from granular.walls.panels import Panels, _OnPanels
 from granular.walls.path import TERMS
@@ -26,7 +26,7 @@ CLOSED = 1e-9
 """Steps between pieces that are rounding, in units of the largest term."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Sine(_OnPanels):
     """m(t) = A sin(2π f t + φ), m' = 2π f A cos(2π f t + φ), m'' = -(2π f)² m.
@@ -58,14 +58,14 @@ class Sine(_OnPanels):
 
     def __post_init__(self) -> None:
         self.__dict__.update(
-            amplitude=_check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST,
+            amplitude=check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST,
                                     fix="a phase of π turns the motion round"),
-            frequency=_check.number("frequency", self.frequency, above=0.0,
+            frequency=check.number("frequency", self.frequency, above=0.0,
                                     fix="for a wall that does not move give none"),
-            phase=_check.number("phase", self.phase),
+            phase=check.number("phase", self.phase),
         )
         largest = self.omega * self.omega * self.amplitude
-        _check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=LARGEST)
+        check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=LARGEST)
 
     @classmethod
     def from_acceleration(cls, gamma: float, frequency: float, gravity: float = 9.81, phase: float = 0.0) -> Sine:
@@ -82,8 +82,8 @@ class Sine(_OnPanels):
         phase : float
             φ in rad.
         """
-        largest = _check.number("gamma", gamma, at_least=0.0) * _check.number("gravity", gravity, above=0.0)
-        omega = 2.0 * math.pi * _check.number("frequency", frequency, above=0.0, at_least=1e-150)
+        largest = check.number("gamma", gamma, at_least=0.0) * check.number("gravity", gravity, above=0.0)
+        omega = 2.0 * math.pi * check.number("frequency", frequency, above=0.0, at_least=1e-150)
         return cls(largest / (omega * omega), frequency, phase)
 
     @property
@@ -117,7 +117,7 @@ class Sine(_OnPanels):
         return Panels(edges, np.array(series).T, error, self.frequency, (high, float(turn - Fraction(high))))
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise(_OnPanels, ByNumbers):
     """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
@@ -146,14 +146,14 @@ class Piecewise(_OnPanels, ByNumbers):
     def __init__(self, breaks: Any, coefficients: Any = None) -> None:
         if coefficients is None:
             if not (hasattr(breaks, "x") and hasattr(breaks, "c")):
-                raise TypeError(_check._sentence("coefficients", None, "an array (K+1, n), the highest power first, is "
+                raise TypeError(check._sentence("coefficients", None, "an array (K+1, n), the highest power first, is "
                                                  "needed, or a scipy.interpolate.PPoly alone"))
             breaks, coefficients = breaks.x, breaks.c
-        t = _check.rising("breaks", breaks, "a finite time is needed")
-        rows = len(np.atleast_1d(_check.array("coefficients", coefficients, ..., fix="one column per piece")))
+        t = check.rising("breaks", breaks, "a finite time is needed")
+        rows = len(np.atleast_1d(check.array("coefficients", coefficients, ..., fix="one column per piece")))
         if not 0 < rows <= TERMS:
             raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")
-        c = _check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece",
+        c = check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece",
                          finite="a finite number is needed")
         self.__dict__.update(breaks=t, coefficients=c)
         _check_steps(t, *_joined(t, c))

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 
-from granular._kernels import kernel, rare
-from granular._records import Record, Records
+from granular._engine.kernels import kernel, rare
+from granular._engine.records import Record, Records
 from granular.walls.path import panel_at, product, reduced, value
 
 NOISE = 4.0 * 2.0**-53

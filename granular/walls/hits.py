@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 
-from granular._flight import time_to_contact
-from granular._kernels import kernel, rare
-from granular._records import Record, Records
+from granular._engine.flight import time_to_contact
+from granular._engine.kernels import kernel, rare
+from granular._engine.records import Record, Records
 from granular.walls.gap import (
     NOISE,
     State,

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array
+from granular._engine import check
+from granular._engine.check import Array
 from granular.walls.panels import Panels
 from granular.walls.path import TERMS
 
@@ -29,7 +29,7 @@ MOST = 1 << 18
 """Panels at most: they take a minute to make."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, repr=False)
 class Motion:
     """Any m(t): Chebyshev panels, halved until what they leave out is below `accuracy` times the largest excursion.
@@ -58,10 +58,10 @@ class Motion:
 
     def __post_init__(self) -> None:
         if not callable(self.function):
-            raise TypeError(_check._sentence("function", self.function, "a function m(t) in m of a time in s is needed",
+            raise TypeError(check._sentence("function", self.function, "a function m(t) in m of a time in s is needed",
                                              "for a harmonic motion use granular.walls.Sine"))
-        _check.takes("function", self.function, "t")
-        self.__dict__["accuracy"] = _check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
+        check.takes("function", self.function, "t")
+        self.__dict__["accuracy"] = check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
 
     def __repr__(self) -> str:
         function: Any = self.function
@@ -70,7 +70,7 @@ class Motion:
 
     def displacement(self, t: float) -> float:
         """Return m(t) in m, as `function` says it."""
-        return _value(self.function, _check.number("t", t))
+        return _value(self.function, check.number("t", t))
 
     def panels(self, t_start: float, t_end: float) -> Panels:
         """Return what engines read of it from `t_start` to `t_end` (s), with its `error` (m).
@@ -82,8 +82,8 @@ class Motion:
         """
         if isinstance(self.function, Panels):
             return self.function.panels(t_start, t_end)
-        begin = _check.number("t_start", t_start)
-        end = _check.number("t_end", t_end, at_least=begin, fix="a wall moved by a function needs the end of the run: "
+        begin = check.number("t_start", t_start)
+        end = check.number("t_end", t_end, at_least=begin, fix="a wall moved by a function needs the end of the run: "
                             "give t_end")
         return _fitted(self.function, self.accuracy, begin,
                        end if end > begin else begin + max(INSTANT, 2.0**-26 * abs(begin)))
@@ -146,7 +146,7 @@ def _coefficients(values: Array) -> Array:
 
 
 def _value(function: Callable[[float], Any], t: float) -> float:
-    return _check.number(f"function({t!r})", function(t), fix="the wall must be somewhere at every time of the run")
+    return check.number(f"function({t!r})", function(t), fix="the wall must be somewhere at every time of the run")
 
 
 @lru_cache(maxsize=1)

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array, ByNumbers
-from granular._records import plain
+from granular._engine import check
+from granular._engine.check import Array, ByNumbers
+from granular._engine.records import plain
 from granular.walls import path
 from granular.walls.path import PANEL, TERMS, WALL
 
@@ -41,7 +41,7 @@ class _OnPanels:
         return self._panels._at(t)[2]
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Panels(_OnPanels, ByNumbers):
     """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
@@ -70,12 +70,12 @@ class Panels(_OnPanels, ByNumbers):
     turn: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        edges = _check.rising("edges", self.edges, "a finite time is needed")
-        columns = (*_check.array("series", self.series, ..., fix="one row per panel").shape, TERMS, TERMS)[1]
+        edges = check.rising("edges", self.edges, "a finite time is needed")
+        columns = (*check.array("series", self.series, ..., fix="one row per panel").shape, TERMS, TERMS)[1]
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
                              "panels of a lower degree.")
-        series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel",
+        series = check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel",
                               finite="a finite coefficient is needed")
         if self.frequency and (edges[0] != 0.0 or edges[-1] != 1.0):
             raise ValueError(f"edges go from {edges[0]:g} to {edges[-1]:g}: with a frequency, turns from 0 to 1 are "
@@ -84,9 +84,9 @@ class Panels(_OnPanels, ByNumbers):
         if len(turn) != 2:
             raise ValueError(f"turn is {self.turn!r}: two numbers are needed, a float and what it leaves out.")
         self.__dict__.update(
-            edges=edges, series=series, error=_check.number("error", self.error, at_least=0.0),
-            frequency=_check.number("frequency", self.frequency, at_least=0.0),
-            turn=tuple(_check.number(f"turn[{i}]", part) for i, part in enumerate(turn)),
+            edges=edges, series=series, error=check.number("error", self.error, at_least=0.0),
+            frequency=check.number("frequency", self.frequency, at_least=0.0),
+            turn=tuple(check.number(f"turn[{i}]", part) for i, part in enumerate(turn)),
         )
 
         self._check_joints()
@@ -127,8 +127,8 @@ class Panels(_OnPanels, ByNumbers):
         if self.frequency:
             return self
         first, last = float(self.edges[0]), float(self.edges[-1])
-        _check.number("t_start", t_start, at_least=first, at_most=last, fix="there the path of the wall begins")
-        _check.number("t_end", t_end, at_least=first, at_most=last, finite=False, fix="there the path of the wall ends")
+        check.number("t_start", t_start, at_least=first, at_most=last, fix="there the path of the wall begins")
+        check.number("t_end", t_end, at_least=first, at_most=last, finite=False, fix="there the path of the wall ends")
         return self
 
     def records(
@@ -194,7 +194,7 @@ class Panels(_OnPanels, ByNumbers):
         return x, v, a
 
     def _at(self, t: float) -> tuple[float, float, float]:
-        time = _check.number("t", t)
+        time = check.number("t", t)
         if not self.frequency:
             self.panels(time, time)
         return self.at(time)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular._kernels import kernel, rare
+from granular._engine.kernels import kernel, rare
 
 if TYPE_CHECKING:
-    from granular._records import Record, Records
+    from granular._engine.records import Record, Records
 
 SPLIT = 134217729.0
 EDGE = 2.0**-96

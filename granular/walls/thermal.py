@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular import _check
-from granular._kernels import kernel
+from granular._engine import check
+from granular._engine.kernels import kernel
 
 WORD = 0xFFFFFFFF
 """Mask of 32 bits: no sum or shift of such words exceeds 63 bits, so that compiled and plain agree."""
@@ -18,7 +18,7 @@ LARGEST = math.sqrt(2.0 * 53.0 * math.log(2.0))
 """Speed, in √(T/m), above which nothing is ever drawn: that of the smallest U, 2^-53."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True)
 class Thermal:
     """A wall that gives a ball of mass m that hits it the speed √(-2 (T/m) ln U) away from it, U uniform in (0, 1).
@@ -51,8 +51,8 @@ class Thermal:
 
     def __post_init__(self) -> None:
         fix = "k_B T in J; a wall that only reflects needs none"
-        self.__dict__.update(temperature=_check.number("temperature", self.temperature, above=0.0, fix=fix),
-                             seed=_check.whole("seed", self.seed))
+        self.__dict__.update(temperature=check.number("temperature", self.temperature, above=0.0, fix=fix),
+                             seed=check.whole("seed", self.seed))
 
     def drawn(self, side: int, hit: int, mass: float) -> float:
         """Return the speed in m/s that the hit of number `hit`, from 0, gives a ball of `mass` in kg.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
+from granular._engine import check
 from granular.laws import MatchedEnd
 from granular.laws.kinds import resolved
 from granular.laws.statics import stiffness_at
@@ -25,8 +25,8 @@ FASTEST = 1e100
 """Angular frequency in rad/s above which squares are beyond the range of numbers."""
 
 
-@_check.face
-def stiffness(scene: Scene, law: Any) -> _check.Array:
+@check.face
+def stiffness(scene: Scene, law: Any) -> check.Array:
     """Return the stiffness K = dF/dξ in N/m of every contact at the overlaps of a scene, shape (n-1,); 0 where it is
     open.
 
@@ -37,14 +37,14 @@ def stiffness(scene: Scene, law: Any) -> _check.Array:
     law : force law or sequence of them
         One for all pairs, or one per pair.
     """
-    kind, each = resolved(_check.per_pair("law", law, checked(scene).n_pairs), scene).in_pairs
+    kind, each = resolved(check.per_pair("law", law, checked(scene).n_pairs), scene).in_pairs
     contacts = list(zip(kind.tolist(), scene.gap.tolist(), strict=True))
     found = {(k, gap): stiffness_at(each[k], -gap) for k, gap in dict.fromkeys(contacts)}
     return np.array([found[contact] for contact in contacts])
 
 
-@_check.face
-def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.Array:
+@check.face
+def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
     """Return the angular frequencies ω in rad/s of waves in an endless chain, lowest branch first.
 
     One ball to a cell: ω = 2 √(K/m) |sin(θ/2)|. Two of masses m and M: ω² = K (1/m + 1/M) ± K √((1/m + 1/M)² -
@@ -63,7 +63,7 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
         One frequency for each branch.
     """
     k, m = _cell(stiffness, mass)
-    theta, p = _check.array("phase", phase, ..., finite="finite angles in rad are needed"), len(m)
+    theta, p = check.array("phase", phase, ..., finite="finite angles in rad are needed"), len(m)
     strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps of the contacts for balls that move by 1
     for j in range(p):
         strain[..., j, j] += 1.0 / math.sqrt(m[j])
@@ -71,8 +71,8 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
     return np.asarray(np.linalg.svd(np.sqrt(k)[:, None] * strain, compute_uv=False)[..., ::-1])
 
 
-@_check.face
-def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.Array:
+@check.face
+def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
     """Return lower and upper edge in rad/s of every band, shape (p, 2); between two bands nothing is carried on.
 
     Parameters
@@ -87,7 +87,7 @@ def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> _check.
     return edges
 
 
-@_check.face
+@check.face
 def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Any:
     """Return by which factor a wave of angular frequency ω shrinks from ball to ball: 1 in a band, below 1 in a gap.
 
@@ -101,8 +101,8 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
         Of one unit cell, see `dispersion`.
     """
     k, m = _cell(stiffness, mass)
-    w = _check.array("omega", omega, ...)
-    _check.every("omega", w.ravel(), ((w >= 0.0) & (w <= FASTEST)).ravel(),
+    w = check.array("omega", omega, ...)
+    check.every("omega", w.ravel(), ((w >= 0.0) & (w <= FASTEST)).ravel(),
                  f"an angular frequency from 0 to {FASTEST:g} rad/s is needed")
     cell, grown = np.broadcast_to(np.eye(2), (*w.shape, 2, 2)), np.zeros(w.shape)
     for stiff, heavy in zip(k.tolist(), m.tolist(), strict=True):  # of displacement and force, from ball to ball
@@ -117,7 +117,7 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
     return np.exp(-(grown + np.log(turn + np.sqrt((turn - one) * (turn + one)))) / len(m))[()]
 
 
-@_check.face
+@check.face
 def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: float) -> float:
     """Return the speed in m/s of waves much longer than a cell: L / √(Σ m Σ 1/K), of equal balls 2R √(K/m).
 
@@ -129,11 +129,11 @@ def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: f
         Length L of the cell in m, for equal balls 2R.
     """
     k, m = _cell(stiffness, mass)
-    return _check.number("length", length, above=0.0) / math.sqrt(float(m.sum() * (1.0 / k).sum()))
+    return check.number("length", length, above=0.0) / math.sqrt(float(m.sum() * (1.0 / k).sum()))
 
 
-@_check.face
-def modes(scene: Scene, law: Any) -> _check.Array:
+@check.face
+def modes(scene: Scene, law: Any) -> check.Array:
     """Return the angular frequencies in rad/s of the small swings of a whole chain at rest, one per ball, ascending.
 
     Parameters
@@ -148,7 +148,7 @@ def modes(scene: Scene, law: Any) -> _check.Array:
     return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # strings pull all balls alike
 
 
-@_check.face
+@check.face
 def crossing_time(scene: Scene, law: Any) -> float:
     """Return the time in s that a slow wave takes through balls at rest that press on each other; inf if none do.
 
@@ -163,7 +163,7 @@ def crossing_time(scene: Scene, law: Any) -> float:
     return math.sqrt(float(times.max())) or math.inf
 
 
-@_check.face
+@check.face
 def matched_end(scene: Scene, law: Any) -> list[Any]:
     """Return the laws of a chain between walls with the last one replaced: slow waves do not come back from there.
 
@@ -178,7 +178,7 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
         One law per pair, the last a `granular.MatchedEnd` for the force at the wall, and the stiffness of the contact
         before it. In a chain of two masses its mass is not the mean one: the match is rough.
     """
-    laws = resolved(_check.per_pair("law", law, checked(scene).n_pairs), scene)
+    laws = resolved(check.per_pair("law", law, checked(scene).n_pairs), scene)
     if not scene.is_wall[-1] or scene.n_pairs < 2 or not (scene.gap[-2:] < 0.0).all():
         raise ValueError(f"scene is {scene}: a chain at rest that is pressed against a wall as its last body is "
                          "needed.")
@@ -186,9 +186,9 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
     return [*laws.given[:-1], MatchedEnd(load, float(stiffness(scene, law)[-2]))]
 
 
-def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[_check.Array, _check.Array]:
+def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[check.Array, check.Array]:
     given = ("stiffness", stiffness, "a chain that is not pressed bears no small waves"), ("mass", mass, "")
-    k, m = (_check.positive(name, np.atleast_1d(_check.array(name, one, ...)), name, fix) for name, one, fix in given)
+    k, m = (check.positive(name, np.atleast_1d(check.array(name, one, ...)), name, fix) for name, one, fix in given)
     if len(k) != len(m) and 1 not in (len(k), len(m)):
         raise ValueError(f"stiffness has {len(k)} entries and mass {len(m)}: one of each for every ball of a cell.")
     k, m = np.broadcast_arrays(k, m)

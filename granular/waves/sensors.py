@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files
-from granular._check import Array
-from granular._reports import COLUMN, canvas, style
+from granular._engine import check, files
+from granular._engine.check import Array
+from granular._engine.reports import COLUMN, canvas, style
 from granular.trajectory import Trajectory
 
 SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
@@ -22,7 +22,7 @@ ROUNDING = 1e-13
 """Share of the largest force of a run up to which one may be rounding."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False)
 class Pulse:
     """When a pulse passes each contact, how strong it is there and how wide.
@@ -47,7 +47,7 @@ class Pulse:
 
     def speed(self, first: int = 0, last: int | None = None) -> float:
         """Return the speed in m/s: slope of place over time (least squares) of the contacts from `first` to `last`."""
-        part = slice(*(one if one is None else _check.whole(name, one, at_least=-len(self.time))
+        part = slice(*(one if one is None else check.whole(name, one, at_least=-len(self.time))
                        for name, one in (("first", first), ("last", last))))
         seen = np.isfinite(self.time[part])
         if len(np.unique(self.time[part][seen])) < 2:
@@ -58,7 +58,7 @@ class Pulse:
         return float(t @ (x - x.mean()) / (t @ t))
 
 
-@_check.face
+@check.face
 def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static: float = 0.0) -> Pulse:
     """Measure the largest pulse that passes each contact in the rows of a run of soft spheres.
 
@@ -74,9 +74,9 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
         Force in N that all contacts bear at rest; the pulse is what is above it.
     """
     forces = _rows(run, "force", "hard spheres have no forces")
-    parts = _check.array("shares", shares)
-    _check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a part between 0 and 1 is needed")
-    base = _check.number("static", static, at_least=0.0)
+    parts = check.array("shares", shares)
+    check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a part between 0 and 1 is needed")
+    base = check.number("static", static, at_least=0.0)
     faint = ROUNDING * float(np.abs(forces).max())
     seen = [_of_one(run.time, force - base, parts, faint) for force in forces.T]
     place = run.scene.sides(run.scene.position + run.scene.radius)[0]
@@ -104,7 +104,7 @@ def _of_one(time: Array, force: Array, shares: Array, faint: float) -> tuple[flo
     return float(time[i]) + top, peak, widths
 
 
-@_check.face
+@check.face
 def picture(
     run: Trajectory, show: str = "force", path: str | PathLike[str] | None = None, *, beyond: bool = False,
     axis: Any = None,
@@ -124,7 +124,7 @@ def picture(
     axis : matplotlib axis, optional
         Where to draw it, in place of a figure of its own.
     """
-    across, bar = SHADES[_check.choice("show", show, list(SHADES))]
+    across, bar = SHADES[check.choice("show", show, list(SHADES))]
     values = _rows(run, show, "of hard spheres show='velocity'")
     if beyond:
         values, bar = values - values[0], f"{bar}, beyond the first row"
@@ -136,7 +136,7 @@ def picture(
                                cmap="RdBu_r" if signed else "magma_r", vmin=-most * signed, vmax=most)
         one.set(xlabel="time, s", ylabel=across)
         one.figure.colorbar(image, ax=one, label=bar)
-        return None if figure is None else _files.write_figure(path, figure, dpi=200)
+        return None if figure is None else files.write_figure(path, figure, dpi=200)
 
 
 def _rows(run: Any, what: str, fix: str) -> Array:

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._check import Array
+from granular._engine import check
+from granular._engine.check import Array
 from granular.laws.contact_law import instance, resolve
 from granular.scene import Scene, in_order
 
@@ -35,7 +35,7 @@ BACK = 5.0
 """How far in diameters the wave reaches at least to each side in a scene."""
 
 
-@_check.face
+@check.face
 @dataclass(frozen=True, eq=False)
 class SolitaryWave:
     """Shape and speed of the solitary wave of exponent p, for m = A = δ_max = 1 and balls 1 apart.
@@ -54,7 +54,7 @@ class SolitaryWave:
     exponent: float
 
     def __post_init__(self) -> None:
-        _check.number("exponent", self.exponent, at_least=LEAST, at_most=MOST,
+        check.number("exponent", self.exponent, at_least=LEAST, at_most=MOST,
                       fix="1 has no solitary waves; near it they are long, far above it steep")
 
     @property
@@ -82,14 +82,14 @@ class SolitaryWave:
 
     def width(self, share: float) -> float:
         """Return over how many diameters the force is more than `share`, from 1e-12 to 1, of its peak."""
-        part = _check.number("share", share, at_least=1e-12, at_most=1.0, fix="smaller forces are rounding")
+        part = check.number("share", share, at_least=1e-12, at_most=1.0, fix="smaller forces are rounding")
         low, high = 0.0, 0.5 * BOX
         while (middle := 0.5 * (low + high)) not in (low, high):
             low, high = (middle, high) if self.force(middle) > part else (low, middle)
         return low + high
 
 
-@_check.face
+@check.face
 def solitary(
     n: int = 40, speed: float = 0.1, *, law: Any, at: float = 6.0, radius: float = 0.009525, density: float = 8027.0
 ) -> Scene:
@@ -126,10 +126,10 @@ def solitary(
     In m/s the wave runs at 2R c √(A δ_max^(p-1) / m), c = `SolitaryWave.speed`, and overlaps by up to δ_max = (v √(m/A)
     / `SolitaryWave.peak_velocity`)^(2/(p+1)).
     """
-    count = _check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="a wave is five balls long")
-    r, rho = _check.number("radius", radius, above=0.0, at_most=1e100), _check.number("density", density, above=0.0)
-    v, m = _check.number("speed", speed, above=0.0), 4.0 / 3.0 * math.pi * r**3 * rho
-    place = _check.number("at", at, at_least=BACK, at_most=count - 1.0 - BACK, fix="the wave must lie within the row")
+    count = check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="a wave is five balls long")
+    r, rho = check.number("radius", radius, above=0.0, at_most=1e100), check.number("density", density, above=0.0)
+    v, m = check.number("speed", speed, above=0.0), 4.0 / 3.0 * math.pi * r**3 * rho
+    place = check.number("at", at, at_least=BACK, at_most=count - 1.0 - BACK, fix="the wave must lie within the row")
     row = Scene(np.full(count, m), np.full(count, r), np.zeros(count - 1), np.zeros(count))
     form = resolve(instance("law", law), row.pairs[0]).form
     if form is None or form[2] != 0.0:
@@ -178,4 +178,4 @@ def _cosines(series: Array, x: Array) -> Array:
 
 def _inside(x: Any) -> Array:
     """Distances from the peak; beyond half a box there is nothing."""
-    return np.clip(_check.array("x", x, ..., finite="distances in balls are needed"), -0.5 * BOX, 0.5 * BOX)
+    return np.clip(check.array("x", x, ..., finite="distances in balls are needed"), -0.5 * BOX, 0.5 * BOX)

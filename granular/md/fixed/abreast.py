@@ -11,8 +11,8 @@ from collections import namedtuple
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from granular._kernels import compiled
-from granular._reports import cores
+from granular._engine.kernels import compiled
+from granular._engine.reports import cores
 from granular.md.fixed import march
 
 FEWEST = 20_000

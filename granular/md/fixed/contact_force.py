@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import HEATED, RING, kernel, load_numba
+from granular._engine.kernels import HEATED, RING, kernel, load_numba
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed.window import DAMPED
 from granular.scene import Pairs

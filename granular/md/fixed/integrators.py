@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from granular._kernels import DRIVEN, HUNG, WORKED, kernel
+from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.fixed.contact_force import asked as force
 from granular.md.fixed.window import DAMPED, END, HALF, LAST, LOGGED, MIDDLE, START, WHOLE, close, steer
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import DRIVEN, HEATED, RING, WORKED, kernel
+from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
 
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step

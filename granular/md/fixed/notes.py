@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from granular._contact_log import COLUMNS
-from granular._kernels import RING, kernel
+from granular._engine.kernels import RING, kernel
 from granular.md.fixed.window import COUNT, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
 
 STEP_ROW = np.dtype(

@@ -15,10 +15,10 @@ import numpy as np
 
 from granular import until as stop
 from granular._contact_log import COLUMNS, CONTACT_ROW, Rows
-from granular._kernels import Toll, have_numba
+from granular._engine.kernels import Toll, have_numba
+from granular._engine.records import packed
 from granular._levels import first_met, shown
 from granular._limits import raised
-from granular._records import packed
 from granular.drive import End, Pause, Request, Row, portion
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed.contact_force import Called, NotCompilableError, ask_again

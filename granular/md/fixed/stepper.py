@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
-from granular._kernels import compiled, fitted
-from granular._records import one, packed, twin
+from granular._engine.check import Array
+from granular._engine.kernels import compiled, fitted
+from granular._engine.records import one, packed, twin
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import abreast, contact_force, march, window
 from granular.md.fixed.integrators import Integrator

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from granular._flight import rate_at_contact, time_to_contact
-from granular._kernels import kernel
-from granular._records import packed, plain
+from granular._engine.flight import rate_at_contact, time_to_contact
+from granular._engine.kernels import kernel
+from granular._engine.records import packed, plain
 from granular.md.fixed.contact_force import asked as force
 from granular.md.fixed.integrators import ball_acceleration
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, START, WHOLE

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._flight import gap_after, hung, hung_after, time_to_contact
-from granular._kernels import RING, kernel
+from granular._engine.flight import gap_after, hung, hung_after, time_to_contact
+from granular._engine.kernels import RING, kernel
 
 LENGTH = 2008
 """Entries of a row of a window: all rows should fit in the second-level cache. No power of two: rows would begin at the

@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
-from granular._records import play
+from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
+from granular._engine.records import play
 from granular.md.located.contacts import TOUCH_ONLY, act, activate, count_isolated, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
 from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge

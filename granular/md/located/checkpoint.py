@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular._contact_log import CONTACT_ROW
-from granular._records import column, copied, packed, raw
+from granular._engine.records import column, copied, packed, raw
 from granular.md.located.records import BODY, LEDGER, MAP, MEMBER, PAIR, RUN, TABLE
 from granular.md.located.system import System
 

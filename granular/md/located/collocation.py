@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
-from granular._check import Array
-from granular._roots import first_up_crossing
+from granular._engine.check import Array
+from granular._engine.roots import first_up_crossing
 from granular.md.located.pieces import ULP, shifted, value
 from granular.md.located.records import ACTIVE, BEGIN, END, ORDER, PART, RELOAD, TURN
 from granular.md.located.step_size import amplitude

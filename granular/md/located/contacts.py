@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HEATED, HUNG, RING, kernel
+from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, kernel
 from granular.md.located.log import begin_contact, end_contact
 from granular.md.located.pieces import DRIFT, GRAZE, direction, power, since
 from granular.md.located.records import (

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HEATED, RING, WORKED, kernel
-from granular._records import play
+from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
+from granular._engine.records import play
 from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
 from granular.md.located.jumps import throw_back
 from granular.md.located.ledger import LOST, add, run_off

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._engine.kernels import kernel
 from granular.md.located.contacts import AWAITED, NONE, SOME, activate, pushes
 from granular.md.located.ledger import CEILING, FLOOR, add
 from granular.md.located.log import end_contact, velocity_now

@@ -18,7 +18,7 @@ from typing import Any
 
 from numpy.polynomial import legendre
 
-from granular._kernels import DRIVEN, kernel
+from granular._engine.kernels import DRIVEN, kernel
 from granular.md.located.pieces import elapsed, integral, power, two_sum, value
 from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
 from granular.md.located.walls import expand_path

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from granular._engine.records import column
 from granular._levels import shown
-from granular._records import column
 from granular.until import Level
 
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._flight import swung
-from granular._kernels import HUNG, RING, kernel
+from granular._engine.flight import swung
+from granular._engine.kernels import HUNG, RING, kernel
 from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, PEAKS
 from granular.md.located.system import is_closed, nth

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import until as stop
-from granular._check import Array
-from granular._held import WORDS, held
-from granular._kernels import compiled, interpreted, kernel
-from granular._records import play
+from granular._engine.check import Array
+from granular._engine.held import WORDS, held
+from granular._engine.kernels import compiled, interpreted, kernel
+from granular._engine.records import play
 from granular.md.located.blocks import advance, expose_all, gather, set_out
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look

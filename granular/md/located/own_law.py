@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
-from granular._flight import time_to_contact
+from granular._engine.check import Array
+from granular._engine.flight import time_to_contact
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, no_number
 from granular.md.located.collocation import (

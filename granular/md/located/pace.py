@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from granular._contact_log import CONTACT_ROW, Rows
-from granular._kernels import Toll, compiled
+from granular._engine.kernels import Toll, compiled
+from granular._engine.records import column, plain
 from granular._limits import raised
-from granular._records import column, plain
 from granular.drive import Pause, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due

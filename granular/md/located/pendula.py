@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import swung
-from granular._kernels import kernel
+from granular._engine.flight import swung
+from granular._engine.kernels import kernel
 from granular.md.located.ledger import NODES, POINTS, WEIGHTS, pace
 from granular.md.located.pieces import elapsed, since, tick, value
 from granular.md.located.records import ACTIVE

@@ -21,9 +21,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import time_to_contact
-from granular._kernels import DRIVEN, HUNG, kernel
-from granular._roots import first_up_crossing
+from granular._engine.flight import time_to_contact
+from granular._engine.kernels import DRIVEN, HUNG, kernel
+from granular._engine.roots import first_up_crossing
 from granular.md.located.records import (
     ACTIVE,
     BEGIN,

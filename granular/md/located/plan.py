@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HUNG, RING, WORKED, kernel
-from granular._records import play
+from granular._engine.kernels import DRIVEN, HUNG, RING, WORKED, kernel
+from granular._engine.records import play
 from granular.md.located.contacts import confirm, judge
 from granular.md.located.ledger import book_piece
 from granular.md.located.log import follow

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from granular._check import Array
-from granular._records import copied
+from granular._engine.check import Array
+from granular._engine.records import copied
 from granular.md.located.records import (
     DAMPED,
     DASHPOT,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._contact_log import CONTACT_ROW, Rows
-from granular._kernels import Toll, compiled, fitted
-from granular._records import column, copied, packed, plain, play, replay
+from granular._engine.kernels import Toll, compiled, fitted
+from granular._engine.records import column, copied, packed, plain, play, replay
 from granular.drive import End, Pause, Request, Row
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks

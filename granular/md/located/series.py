@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import DRIVEN, HUNG, RING, kernel
+from granular._engine.kernels import DRIVEN, HUNG, RING, kernel
 from granular.md.located.pieces import elapsed, power
 from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
 from granular.md.located.system import is_closed

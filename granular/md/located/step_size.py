@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import time_to_contact
-from granular._kernels import RING, kernel
+from granular._engine.flight import time_to_contact
+from granular._engine.kernels import RING, kernel
 from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
 from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 from granular.md.located.series import works

@@ -16,10 +16,10 @@ import numpy as np
 
 from granular import until as stop
 from granular._contact_log import CONTACT_ROW
-from granular._held import Held
-from granular._kernels import RING, kernel
-from granular._records import NODE, packed, plain, tournament
-from granular._roots import DEEPEST, workspace
+from granular._engine.held import Held
+from granular._engine.kernels import RING, kernel
+from granular._engine.records import NODE, packed, plain, tournament
+from granular._engine.roots import DEEPEST, workspace
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.power_form import kinds_of
 from granular.md.located.records import (

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._check import Array
-from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
-from granular._kernels import DRIVEN, HUNG, kernel
-from granular._records import packed, plain
+from granular._engine.check import Array
+from granular._engine.flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
+from granular._engine.kernels import DRIVEN, HUNG, kernel
+from granular._engine.records import packed, plain
 from granular.md.located.records import ORDER
 from granular.scene.places import driven_walls
 from granular.walls import path

@@ -2,7 +2,7 @@
 //
 // Descartes' rule of signs in the Bernstein basis decides on every interval whether a crossing can be there; Newton's
 // method only polishes a root known to be the only one. A hump no higher than the rounding noise of the polynomial
-// itself is no event. The same algorithm, line for line, as granular/_roots.py.
+// itself is no event. The same algorithm, line for line, as granular/_engine/roots.py.
 import { abs, max } from "./numbers.mjs";
 
 const DEEPEST = 60;

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import swung, time_to_contact
-from granular._kernels import DRIVEN, HUNG, WORKED, kernel
+from granular._engine.flight import swung, time_to_contact
+from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.located.contacts import change_branch, pushes
 from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_once, read, run_off, tally, tally_island
 from granular.md.located.log import follow

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._engine.kernels import kernel
 from granular.laws.viscoelastic_restitution import duration, peaks as tops, restitution
 from granular.md.located.records import DASHPOT, SELF_SIMILAR, VISCOELASTIC
 

@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import hung_after, swung
-from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
-from granular._records import leaf, replay
+from granular._engine.flight import hung_after, swung
+from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
+from granular._engine.records import leaf, replay
 from granular.md.located.contacts import DISTURBED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
 from granular.md.located.ledger import book_at_once, keep_solo

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._engine.kernels import kernel
 from granular.md.located.one_contact.inside import ask_to_follow, take_up
 from granular.md.located.pieces import tick
 from granular.md.located.records import CHECKS, OCTAVES, OPEN, PEAKS, POINTS, QUANTITIES, SLOWEST

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from granular._check import Array
+from granular._engine.check import Array
 from granular.md.located.records import LINEAR, OPEN
 from granular.md.located.rest.equilibrium import end_of_group, find_loads
 from granular.md.located.rest.proof import between, closes

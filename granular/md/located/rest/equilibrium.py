@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._engine.kernels import kernel
 from granular.md.located.pieces import power
 from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
-from granular._records import play
+from granular._engine.kernels import kernel
+from granular._engine.records import play
 from granular.md.located.pieces import locate, piece_time, power, write_flight
 from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, ORDER, RESIDUAL, TO_PLAN
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, find_equilibrium

@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import time_to_contact
-from granular._kernels import kernel
+from granular._engine.flight import time_to_contact
+from granular._engine.kernels import kernel
 from granular.md.located.pieces import in_contact, power, since, write_flight
 from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LIES, LONG, MOVES, OPEN, RESIDUAL
 from granular.md.located.rest.equilibrium import (

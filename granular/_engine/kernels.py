@@ -7,7 +7,7 @@ plain engine; `compiled` returns its numba twin, in which every kernel it calls 
 the same bits.
 
 A kernel is made to fit what a scene has by `fitted` and `specialised`: the same source with other constants, such as
-the flags of `granular._kernels`, or with other kernels called by the same names.
+the flags of `granular._engine.kernels`, or with other kernels called by the same names.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from time import process_time
 from typing import Any, TypeVar
 from zlib import crc32
 
-from granular._about import install
-from granular._held import version
+from granular._engine.about import install
+from granular._engine.held import version
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -152,7 +152,7 @@ def load_numba() -> Any:
     """Return the module numba, or raise `ImportError` that says what is missing."""
     if why := no_compiler():
         raise ImportError(f"engine is 'compiled': {why}.")
-    import granular._reference  # noqa: F401  imports numba, and tells it of what is held
+    import granular._engine.by_reference  # noqa: F401  imports numba, and tells it of what is held
 
     return sys.modules["numba"]
 
@@ -256,7 +256,7 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
 def _twin(function: Callable[..., Any], inline: bool, within: bool) -> Callable[..., Any]:
     """Return the compiled twin of a kernel; one that is `within` another is no machine code of its own."""
     code, numba = _without_dead_branches(function), load_numba()
-    from granular._machine_code import PartCompiler, WholeCompiler, kept
+    from granular._engine.machine_code import PartCompiler, WholeCompiler, kept
 
     called = {name: _twin(callee, inline, True)
               for name, callee in _callees(function).items() if name in _globals_read(code)}

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import kernel
+from granular._engine.kernels import kernel
 
 Records = Any
 """An array of records (compiled), or a list of plain objects (interpreted)."""

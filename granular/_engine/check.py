@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular._about import EXTRAS, install
-from granular._signature import Function, face as face, nearest, parameters as parameters
+from granular._engine.about import EXTRAS, install
+from granular._engine.signature import Function, face as face, nearest, parameters as parameters
 
 Array = NDArray[np.float64]
 LARGEST = 2**63 - 1

@@ -1,7 +1,7 @@
 """What numba is told of tuples that are `held`: a type that is one word, and how their fields are read.
 May be skipped: faster, same results.
 
-`granular._kernels` loads it together with numba.
+`granular._engine.kernels` loads it together with numba.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
 
-from granular._held import WORDS, Held, held
-from granular._machine_code import kept
+from granular._engine.held import WORDS, Held, held
+from granular._engine.machine_code import kept
 
 
 class Reference(types.Type):

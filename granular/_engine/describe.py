@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._files import plain_text
+from granular._engine.files import plain_text
 
 PLACES = {
     "law": {

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from importlib import import_module
 from importlib.util import find_spec
 
-from granular import _check
+from granular._engine import check
 
 INTERVAL = 30.0
 """Seconds between two lines."""
@@ -38,8 +38,8 @@ def shown(
     end, start : float
         Times in s of a run; 1 and 0 for work that reports its share. An infinite end is not known.
     """
-    tell = _check.callback("on_progress", on_progress, "reached", "count")
-    return _reported(tell, things, end, start) if _check.truth("progress", progress) else nullcontext(tell)
+    tell = check.callback("on_progress", on_progress, "reached", "count")
+    return _reported(tell, things, end, start) if check.truth("progress", progress) else nullcontext(tell)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ May be skipped: same results in half of the time.
 By itself numba makes and optimises machine code of every kernel, with all that it calls in it, once for each of its
 callers. Here a kernel that only kernels call is a `Part`: typed and lowered once, and part of whoever needs it.
 
-`granular._kernels` loads it together with numba.
+`granular._engine.kernels` loads it together with numba.
 """
 
 from __future__ import annotations

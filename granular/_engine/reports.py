@@ -15,8 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from granular._about import VERSION
-from granular._check import optional
+from granular._engine.about import VERSION
+from granular._engine.check import optional
 
 Rows = Sequence[Sequence[str]]
 """Rows of words, the first row the heads."""
@@ -35,15 +35,15 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers with provenance, ready for JSON (nan and inf become None)."""
-        from granular import _files
+        from granular._engine import files
 
-        return dict(_files.plain({"provenance": _files.provenance(), **self._numbers()}))
+        return dict(files.plain({"provenance": files.provenance(), **self._numbers()}))
 
     def to_json(self, path: str | os.PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
-        from granular import _files
+        from granular._engine import files
 
-        _files.write_json(path, self.to_dict())
+        files.write_json(path, self.to_dict())
 
     def _numbers(self) -> dict[str, Any]:
         raise NotImplementedError
@@ -66,7 +66,7 @@ class Report:
 
 def problem(report: Any) -> dict[str, Any]:
     """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
-    from granular._describe import scene_to_json
+    from granular._engine.describe import scene_to_json
 
     return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
             "until": repr(report.until), "t_end": report.t_end}
@@ -79,7 +79,7 @@ def cores() -> int:
 
 def machine() -> dict[str, Any]:
     """Return where run times are measured: processor, cores this process may use, system, and versions."""
-    from granular import _files
+    from granular._engine import files
 
     packages = ("numpy", "scipy", "numba", "mpmath")
     text = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""
@@ -87,7 +87,7 @@ def machine() -> dict[str, Any]:
     return {
         "processor": named[1] if named else platform.processor() or platform.machine(), "cores": cores(),
         "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),
-        "granular": VERSION, **{name: _files.version_of(name) or "not installed" for name in packages},
+        "granular": VERSION, **{name: files.version_of(name) or "not installed" for name in packages},
     }
 
 

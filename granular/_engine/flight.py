@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._engine.kernels import kernel
 
 
 @kernel

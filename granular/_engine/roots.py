@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-from granular._kernels import kernel
+from granular._engine.kernels import kernel
 
 Row: TypeAlias = list[float]  # compiled: a float64 array
 Rows: TypeAlias = list[Row]  # compiled: a two-dimensional array

@@ -1,0 +1,3 @@
+"""What all rooms use, without physics of its own.
+May be skipped: names of the package only.
+"""
