@@ -28,7 +28,6 @@ if TYPE_CHECKING:
         scenes,
         theory,
         until,
-        walls,
         waves,
     )
     from granular.binary import restitution_of
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from granular.frontiers.run import frontier
     from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
     from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
-    from granular.scene import Pair, Scene
+    from granular.scene import Pair, Scene, walls
     from granular.sweeps.ensembles import ensemble
     from granular.sweeps.gradients import Sensitivity
     from granular.sweeps.run import sweep
@@ -85,6 +84,6 @@ __getattr__ = attributes(__name__, {
     "granular.thresholds.run": "threshold",
     "granular.trajectory": "Status Trajectory load",
     "granular.until": "until",
-    "granular.walls": "walls",
+    "granular.scene.walls": "walls",
     "granular.waves": "waves",
 })

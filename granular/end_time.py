@@ -28,8 +28,8 @@ from granular.laws.kinds import resolved
 from granular.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
 from granular.scene import Scene
 from granular.scene.places import Closing
+from granular.scene.walls.common import ends
 from granular.trajectory import Status, Trajectory
-from granular.walls.common import ends
 
 PATIENCE = 20.0
 """A contact still running at the end of a run is followed for so many of its isolated durations."""

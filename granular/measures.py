@@ -21,14 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from granular import walls
 from granular._contact_log import is_logged
 from granular._engine import check
 from granular._engine.check import Array
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach
-from granular.scene import Scene
+from granular.scene import Scene, walls
 from granular.trajectory import Status, Trajectory, points
 
 __all__ = [

@@ -3,7 +3,7 @@
 import mpmath as mp
 import numpy as np
 
-from granular.walls.gap import NOISE
+from granular.scene.walls.gap import NOISE
 
 
 class Exact:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 import granular as gr
-from granular.walls import Sine
+from granular.scene.walls import Sine
 
 INF = math.inf
 

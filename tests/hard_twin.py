@@ -8,7 +8,7 @@ import math
 
 import mpmath as mp
 
-from granular.walls import Sine, Thermal
+from granular.scene.walls import Sine, Thermal
 
 STEPS = 20_000
 """Towards one hit of a moving wall or a pendulum, at most."""

@@ -8,7 +8,7 @@ import pytest
 import granular as gr
 from granular._engine.kernels import compiled, have_numba
 from granular.scene import positions, velocities
-from granular.walls.thermal import threefry
+from granular.scene.walls.thermal import threefry
 
 THERMAL = gr.walls.Thermal(2.0, 7)
 

@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from granular import end_time, measures
-from granular.walls import Piecewise, Sine
+from granular.scene.walls import Piecewise, Sine
 
 INF, G, F = math.inf, 9.81, 50.0
 OMEGA = 2.0 * math.pi * F

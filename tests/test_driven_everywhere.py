@@ -9,7 +9,7 @@ from bench.reference import solve
 from granular.frontiers import methods
 from granular.frontiers.methods import Task, peer
 from granular.laws.kinds import checked
-from granular.walls import Motion, Sine
+from granular.scene.walls import Motion, Sine
 
 pytest.importorskip("xarray")
 

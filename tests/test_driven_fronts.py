@@ -14,9 +14,9 @@ from granular._engine.describe import from_json, scene_to_json
 from granular.cases import ready
 from granular.laws import LinearDashpot
 from granular.scene.places import fitted
+from granular.scene.walls import Motion, Panels, Piecewise, Sine
 from granular.sweeps.plan import planned
 from granular.trajectory import CONTACT, Status, Trajectory
-from granular.walls import Motion, Panels, Piecewise, Sine
 
 INF = math.inf
 LAW = LinearDashpot(1e4, 1.0)

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 import granular as gr
 from granular._engine.kernels import have_numba
 from granular.scene.places import flaw
-from granular.walls import Motion, Piecewise, Sine, Thermal
+from granular.scene.walls import Motion, Piecewise, Sine, Thermal
 
 INF = math.inf
 SAMPLES = 20

@@ -7,7 +7,7 @@ import pytest
 from hard_driven import INF, drawn, plate, remainder, run, shaken
 
 import granular as gr
-from granular.walls import Motion, Piecewise, Sine
+from granular.scene.walls import Motion, Piecewise, Sine
 
 
 def lift():

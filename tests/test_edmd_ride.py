@@ -10,7 +10,7 @@ from hard_driven import INF, drawn, plate, remainder, run, shaken
 from scipy.optimize import brentq
 
 import granular as gr
-from granular.walls import Piecewise, Sine
+from granular.scene.walls import Piecewise, Sine
 
 DOUBLING = json.loads((Path(__file__).parent / "reference" / "plate_period_doubling.json").read_text(encoding="utf-8"))
 

@@ -7,7 +7,7 @@ import pytest
 from hard_runs import INF, QUEUES, follows_the_twin, goes_on, remainder, run
 
 import granular as gr
-from granular.walls import Sine, Thermal
+from granular.scene.walls import Sine, Thermal
 
 
 def heated(seed):

@@ -24,7 +24,7 @@ def fresh(code):
 
 
 @pytest.mark.parametrize("module", [
-    "granular", "granular.edmd", "granular.md", "granular.comparison", "granular.cli", "granular.walls",
+    "granular", "granular.edmd", "granular.md", "granular.comparison", "granular.cli", "granular.scene.walls",
 ])
 def test_import_is_light(module):
     assert fresh(f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])") == "[]"

@@ -16,9 +16,9 @@ from granular.md import simulate as run
 from granular.md.located.many import Scenes, solve_many
 from granular.md.located.records import PAIR
 from granular.scene import Scene
+from granular.scene.walls import Thermal
 from granular.scenes import gas
 from granular.trajectory import Status
-from granular.walls import Thermal
 
 pytest.importorskip("numba")
 

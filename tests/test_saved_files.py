@@ -113,7 +113,7 @@ def rewritten(files, tmp_path, name="hard_floor", *, signed=True, **changes):
 CALLS = [
     {"class": "granular._engine.describe:import_module", "fields": {"name": "payload"}},
     {"class": "granular.cli:main", "fields": {"argv": ["compare", "three-balls", "--json", "victim.json"]}},
-    {"class": "granular.walls.motion:Motion",
+    {"class": "granular.scene.walls.motion:Motion",
      "fields": {"function": {"class": "granular.cli:main", "fields": {}}}},
     {"class": "granular.nosuch:foo", "fields": {}}, {"class": "noclass", "fields": {}},
     {"class": "hertz", "fields": {"k": 1.0}},

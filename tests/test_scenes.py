@@ -12,7 +12,7 @@ from granular.cases import ready
 from granular.cases.ready import first_impact_speed
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.walls import Thermal
+from granular.scene.walls import Thermal
 
 pytestmark = pytest.mark.core
 READY = [scenes.three_balls, scenes.ball_stack, scenes.newtons_cradle, scenes.chain, scenes.column, scenes.gas,

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import PPoly
 from walls_at_random import INF
 
-from granular.walls import Motion, Panels, Piecewise, Sine
+from granular.scene.walls import Motion, Panels, Piecewise, Sine
 
 
 def parabola(t):

@@ -11,10 +11,10 @@ from walls_at_random import INF, G, any_gap, records, scenes, spline
 import granular as gr
 from granular._engine import kernels
 from granular._engine.records import one, plain
-from granular.walls import Motion, Piecewise, Sine
-from granular.walls.gap import NOISE, after
-from granular.walls.hits import first_hit, lift_off, pressing_bounds
-from granular.walls.path import expansion, phase, wall_at
+from granular.scene.walls import Motion, Piecewise, Sine
+from granular.scene.walls.gap import NOISE, after
+from granular.scene.walls.hits import first_hit, lift_off, pressing_bounds
+from granular.scene.walls.path import expansion, phase, wall_at
 
 pytestmark = pytest.mark.usefixtures("forty_digits")
 

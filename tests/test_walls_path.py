@@ -11,9 +11,9 @@ from numpy.polynomial import Polynomial
 from walls_at_random import INF, G, records, spline
 
 from granular._engine.records import plain
-from granular.walls import Motion, Panels, Piecewise, Sine, path
-from granular.walls.hits import first_hit
-from granular.walls.path import expansion, phase, wall_at
+from granular.scene.walls import Motion, Panels, Piecewise, Sine, path
+from granular.scene.walls.hits import first_hit
+from granular.scene.walls.path import expansion, phase, wall_at
 
 pytestmark = pytest.mark.usefixtures("forty_digits")
 
@@ -119,7 +119,7 @@ def test_smooth_functions_are_fitted_over_any_span(end, height):
 
 
 def test_a_function_with_too_many_turns_is_refused(monkeypatch):
-    monkeypatch.setattr("granular.walls.motion.MOST", 100)
+    monkeypatch.setattr("granular.scene.walls.motion.MOST", 100)
     with pytest.raises(ValueError, match=r"takes more than 100 polynomials, .* up to t = 0\.0\d*: a motion"):
         Motion(lambda t: math.sin(2e4 * t)).panels(0.0, 1.0)
 

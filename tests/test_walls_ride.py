@@ -11,10 +11,10 @@ from exact_walls import Exact
 from scipy.optimize import brentq
 from walls_at_random import INF, G, records, scenes
 
-from granular.walls import Piecewise, Sine, path
-from granular.walls.gap import NOISE, after
-from granular.walls.hits import first_hit, lift_off, pressing_bounds
-from granular.walls.path import wall_at
+from granular.scene.walls import Piecewise, Sine, path
+from granular.scene.walls.gap import NOISE, after
+from granular.scene.walls.hits import first_hit, lift_off, pressing_bounds
+from granular.scene.walls.path import wall_at
 
 DOUBLING = json.loads((Path(__file__).parent / "reference" / "plate_period_doubling.json").read_text(encoding="utf-8"))
 pytestmark = pytest.mark.usefixtures("forty_digits")

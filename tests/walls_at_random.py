@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from granular._engine.records import plain
-from granular.walls import Sine
+from granular.scene.walls import Sine
 
 G = 9.81
 INF = math.inf

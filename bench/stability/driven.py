@@ -15,8 +15,8 @@ from granular import measures, scenes, until
 from granular.laws import Hertz, LinearDashpot
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
+from granular.scene.walls import Piecewise, Sine
 from granular.trajectory import Trajectory
-from granular.walls import Piecewise, Sine
 
 G, FREQUENCY = 9.81, 50.0
 OMEGA = 2.0 * math.pi * FREQUENCY

@@ -19,8 +19,8 @@ from granular._engine.kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
+from granular.scene.walls import Sine
 from granular.trajectory import EARLY, Status
-from granular.walls import Sine
 
 AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "stiffness": contact.stiffness,

@@ -29,10 +29,10 @@ PLACES = {
         "law-restitution": "granular.binary:LawRestitution",
     },
     "wall": {
-        "sine": "granular.walls.formulas:Sine",
-        "piecewise": "granular.walls.formulas:Piecewise",
-        "panels": "granular.walls.panels:Panels",
-        "thermal": "granular.walls.thermal:Thermal",
+        "sine": "granular.scene.walls.formulas:Sine",
+        "piecewise": "granular.scene.walls.formulas:Piecewise",
+        "panels": "granular.scene.walls.panels:Panels",
+        "thermal": "granular.scene.walls.thermal:Thermal",
     },
 }
 """What a file may ask for, and where it stands: nothing else is ever made from a file, no function above all."""

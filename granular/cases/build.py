@@ -16,10 +16,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from granular import laws, materials, rules, walls
+from granular import laws, materials, rules
 from granular._engine import check
 from granular.cases.case import parameters_of
-from granular.scene import Pair
+from granular.scene import Pair, walls
 
 on_running: list[Callable[[str], object]] = []
 """Who is told that a file read now names Python code, and which, before that runs."""

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from granular import balls, materials, scenes, until, walls, waves
+from granular import balls, materials, scenes, until, waves
 from granular._engine import check
 from granular.cases import build
 from granular.cases.case import Case, Option, options_of, summary
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.hertz import hertz_stiffness
 from granular.rules import ConstantRestitution
-from granular.scene import Pair, Scene
-from granular.walls import common
+from granular.scene import Pair, Scene, walls
+from granular.scene.walls import common
 
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""

@@ -23,8 +23,8 @@ from granular.edmd.hanging import swing_together
 from granular.edmd.motion import NOISE, carry, total
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import borne, enter
-from granular.walls.hits import pressing_bounds
-from granular.walls.path import moved
+from granular.scene.walls.hits import pressing_bounds
+from granular.scene.walls.path import moved
 
 
 @kernel

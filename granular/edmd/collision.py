@@ -23,7 +23,7 @@ from granular.edmd.motion import NOISE, across, add, carry, collide, impulse, ra
 from granular.edmd.physics import Restitution
 from granular.edmd.records import CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import book, borne, enter
-from granular.walls.thermal import drawn
+from granular.scene.walls.thermal import drawn
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""

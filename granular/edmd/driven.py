@@ -15,9 +15,9 @@ import math
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
 from granular.edmd.records import AT_CEILING, AT_FLOOR, BOTH, Walls
-from granular.walls.gap import after, state
-from granular.walls.hits import first_hit, lift_off, opens
-from granular.walls.path import moved
+from granular.scene.walls.gap import after, state
+from granular.scene.walls.hits import first_hit, lift_off, opens
+from granular.scene.walls.path import moved
 
 NEVER = math.inf
 

@@ -16,7 +16,7 @@ from granular._engine.kernels import kernel
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene
 from granular.scene.places import remembered
-from granular.walls import common
+from granular.scene.walls import common
 
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)

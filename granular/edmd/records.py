@@ -14,7 +14,7 @@ import numpy as np
 
 from granular._engine.check import LARGEST, held
 from granular.edmd.physics import ORDER, Physics
-from granular.walls.path import WALL
+from granular.scene.walls.path import WALL
 
 PAIR = np.dtype(
     [

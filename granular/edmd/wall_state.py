@@ -26,7 +26,7 @@ from granular.edmd.physics import frame_velocity
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, SIDE, Walls
 from granular.scene import Scene
 from granular.scene.places import driven_walls
-from granular.walls.path import PANEL
+from granular.scene.walls.path import PANEL
 
 SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
 """What is saved of an account."""

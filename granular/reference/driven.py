@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 from granular.scene import Scene
-from granular.walls import Panels, Piecewise, Sine, Thermal
+from granular.scene.walls import Panels, Piecewise, Sine, Thermal
 
 Number = Any
 """A float, or an mpmath number of the context that computes."""

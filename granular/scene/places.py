@@ -17,8 +17,8 @@ from granular._engine.check import Array
 from granular._engine.flight import time_to_contact
 from granular._engine.records import FEW, plain
 from granular.scene.state import Scene, summed
-from granular.walls import common
-from granular.walls.path import moved
+from granular.scene.walls import common
+from granular.scene.walls.path import moved
 
 
 def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:

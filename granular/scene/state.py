@@ -14,7 +14,7 @@ from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
-from granular.walls import common
+from granular.scene.walls import common
 
 
 @check.face

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import walls
 from granular._engine import check
 from granular._engine.check import Array
-from granular.scene import Scene, in_order
+from granular.scene import Scene, in_order, walls
 
 if TYPE_CHECKING:
     from granular.balls import Ball

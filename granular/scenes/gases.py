@@ -11,8 +11,8 @@ import numpy as np
 
 from granular._engine import check
 from granular.scene import Scene
+from granular.scene.walls import Thermal
 from granular.scenes.falling import count_of
-from granular.walls import Thermal
 
 
 @check.face

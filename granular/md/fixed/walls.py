@@ -29,10 +29,10 @@ from granular.md.fixed.integrators import ball_acceleration
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, START, WHOLE
 from granular.scene import Scene
 from granular.scene.places import driven_walls
-from granular.walls.gap import after
-from granular.walls.hits import first_hit
-from granular.walls.path import PANEL, WALL, moved, product, total
-from granular.walls.thermal import drawn
+from granular.scene.walls.gap import after
+from granular.scene.walls.hits import first_hit
+from granular.scene.walls.path import PANEL, WALL, moved, product, total
+from granular.scene.walls.thermal import drawn
 
 Walls = namedtuple("Walls", "paths panels bodies last time tail drive")
 """Records of the driven walls and of their panels, and the bodies they are; the last body; the time in s from which

@@ -21,7 +21,7 @@ from granular.md.located.log import end_contact, velocity_now
 from granular.md.located.pieces import ULP, power
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, OPEN, RESIDUAL, STRUCK
 from granular.md.located.walls import jump_at
-from granular.walls.thermal import drawn
+from granular.scene.walls.thermal import drawn
 
 HEAT = 2
 """Place in the ledger of the heat of the floor; that of the ceiling follows."""

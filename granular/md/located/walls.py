@@ -2,7 +2,7 @@
 May be skipped: rarer, walls that shake.
 
 A pair at a driven wall closes with pull + m'', m the wall's motion towards the balls. In flight it follows the wall's
-own path, of which the next touch is certified (`granular.walls.hits`).
+own path, of which the next touch is certified (`granular.scene.walls.hits`).
 In an island the power series of m'' is added to that of the acceleration of its overlap; a piece ends at the latest
 where the panel of the path does, an EDGE, at which the velocity of the wall may jump. Every path is read at the time
 start + t + tail, with t + tail the run's own clock, so late starts cost no digits.
@@ -25,10 +25,10 @@ from granular._engine.kernels import DRIVEN, HUNG, kernel
 from granular._engine.records import packed, plain
 from granular.md.located.records import ORDER
 from granular.scene.places import driven_walls
-from granular.walls import path
-from granular.walls.gap import after
-from granular.walls.hits import first_hit, pressing_bounds
-from granular.walls.path import PANEL, TERMS, WALL, edge_jump, expansion, to_edge, total, wall_at
+from granular.scene.walls import path
+from granular.scene.walls.gap import after
+from granular.scene.walls.hits import first_hit, pressing_bounds
+from granular.scene.walls.path import PANEL, TERMS, WALL, edge_jump, expansion, to_edge, total, wall_at
 
 if TYPE_CHECKING:
     from granular.scene import Scene

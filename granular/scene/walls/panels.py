@@ -17,8 +17,8 @@ import numpy as np
 from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular._engine.records import plain
-from granular.walls import path
-from granular.walls.path import PANEL, TERMS, WALL
+from granular.scene.walls import path
+from granular.scene.walls.path import PANEL, TERMS, WALL
 
 
 class _OnPanels:

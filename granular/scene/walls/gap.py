@@ -13,7 +13,7 @@ from collections import namedtuple
 
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
-from granular.walls.path import panel_at, product, reduced, value
+from granular.scene.walls.path import panel_at, product, reduced, value
 
 NOISE = 4.0 * 2.0**-53
 """Rounding of a gap, in units of the terms it is added from."""

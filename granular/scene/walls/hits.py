@@ -18,7 +18,7 @@ import math
 from granular._engine.flight import time_to_contact
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
-from granular.walls.gap import (
+from granular.scene.walls.gap import (
     NOISE,
     State,
     above,
@@ -32,7 +32,7 @@ from granular.walls.gap import (
     short,
     state,
 )
-from granular.walls.path import pressed
+from granular.scene.walls.path import pressed
 
 NEVER = math.inf
 PHASES = 2.0**50

@@ -12,7 +12,7 @@ import numpy as np
 from granular._engine import check
 
 if TYPE_CHECKING:
-    from granular.walls.panels import Panels
+    from granular.scene.walls.panels import Panels
 
 KINDS = "Motion", "Panels", "Piecewise", "Sine", "Thermal"
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array, ByNumbers
-from granular.walls import path
-from granular.walls.panels import Panels, _OnPanels
-from granular.walls.path import TERMS
+from granular.scene.walls import path
+from granular.scene.walls.panels import Panels, _OnPanels
+from granular.scene.walls.path import TERMS
 
 LARGEST = 1e150
 """Of amplitudes (m) and accelerations (m/s²): their products are still numbers."""

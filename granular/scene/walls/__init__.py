@@ -5,9 +5,9 @@ A wall stands at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start): a
 the scene put it, and moves at its own velocity + m'(t_start).
 """
 
-from granular.walls.formulas import Piecewise, Sine
-from granular.walls.motion import Motion
-from granular.walls.panels import Panels
-from granular.walls.thermal import Thermal
+from granular.scene.walls.formulas import Piecewise, Sine
+from granular.scene.walls.motion import Motion
+from granular.scene.walls.panels import Panels
+from granular.scene.walls.thermal import Thermal
 
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]

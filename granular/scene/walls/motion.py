@@ -15,8 +15,8 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array
-from granular.walls.panels import Panels
-from granular.walls.path import TERMS
+from granular.scene.walls.panels import Panels
+from granular.scene.walls.path import TERMS
 
 NODES = 24
 """Values asked for on a panel; the series kept has at most `TERMS` terms, the others must have died out."""
