@@ -15,29 +15,24 @@ from granular._engine.about import VERSION
 from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
-    from granular import (
-        adiabatic,
-        balls,
-        binary,
-        cases,
-        edmd,
-        export,
-        materials,
-        md,
-        measures,
-        scenes,
-        theory,
-        until,
-        waves,
-    )
+    from granular import adiabatic, balls, binary, cases, edmd, export, materials, md, measures, scenes, until, waves
     from granular.binary import restitution_of
     from granular.cases.case import Case
     from granular.comparison.answer import Answer
     from granular.comparison.run import Comparison, compare
     from granular.extremes import stability
     from granular.frontiers.run import frontier
-    from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
-    from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
+    from granular.laws import (
+        Hertz,
+        LinearDashpot,
+        MatchedEnd,
+        PowerLaw,
+        TsujiHertz,
+        ViscoelasticHertz,
+        WaltonBraun,
+        theory,
+    )
+    from granular.laws.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
     from granular.scene import Pair, Scene, walls
     from granular.sweeps.ensembles import ensemble
     from granular.sweeps.gradients import Sensitivity
@@ -72,14 +67,14 @@ __getattr__ = attributes(__name__, {
     "granular.materials": "materials",
     "granular.md": "md",
     "granular.measures": "measures",
-    "granular.rules": "ConstantRestitution TabulatedRestitution ThorntonRestitution",
+    "granular.laws.rules": "ConstantRestitution TabulatedRestitution ThorntonRestitution",
     "granular.scene": "Pair Scene",
     "granular.scenes": "scenes",
     "granular.sweeps.ensembles": "ensemble",
     "granular.sweeps.gradients": "Sensitivity",
     "granular.sweeps.run": "sweep",
     "granular.sweeps.sensitivities": "sensitivity",
-    "granular.theory": "theory",
+    "granular.laws.theory": "theory",
     "granular.thresholds.result": "Threshold",
     "granular.thresholds.run": "threshold",
     "granular.trajectory": "Status Trajectory load",

@@ -20,8 +20,8 @@ from granular._engine import check
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import held, resolved
+from granular.laws.rules import ConstantRestitution, Rule
 from granular.md.simulation import simulate
-from granular.rules import ConstantRestitution, Rule
 from granular.scene.pair import Pair, Pairs, checked_pair
 from granular.scene.places import checked
 from granular.scene.state import Scene

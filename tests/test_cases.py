@@ -8,7 +8,7 @@ from same_scene import assert_same_scene
 from granular import cases, scenes, until
 from granular.cases.case import descriptions, options_of, summary
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz, WaltonBraun
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 
 pytestmark = pytest.mark.core
 KINDS = ("float", "int", "bool", "str", "Sequence[float]", "float | None", "Sequence[float] | None",

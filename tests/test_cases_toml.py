@@ -9,7 +9,7 @@ from same_scene import assert_same_scene
 
 from granular import binary, cases, scenes, until
 from granular.laws import Hertz, LinearDashpot, ViscoelasticHertz, WaltonBraun
-from granular.rules import ConstantRestitution, TabulatedRestitution
+from granular.laws.rules import ConstantRestitution, TabulatedRestitution
 from granular.trajectory import Status
 
 pytestmark = pytest.mark.core

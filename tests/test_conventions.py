@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import granular as gr
 from granular.laws import dashpot
-from granular.theory import CONVENTIONS, obtained
+from granular.laws.theory import CONVENTIONS, obtained
 
 ASKED = np.array([0.05, *np.round(np.arange(0.1, 0.91, 0.1), 1), 0.95])
 MASS, RADIUS, MODULUS = 0.02, 0.007, 3e7

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from granular import edmd, until
-from granular.rules import ConstantRestitution, TabulatedRestitution
+from granular.laws.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 

@@ -15,7 +15,7 @@ from granular.edmd.physics import checked
 from granular.edmd.records import LATER, NEVER
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 
 ACTIONS = ("events", "until", "shift", "look", "change", "copy", "saved")

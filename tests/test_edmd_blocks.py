@@ -10,7 +10,7 @@ from scenes_at_random import gas
 from granular import edmd
 from granular.edmd import compiled_queue as blocks, run as runs
 from granular.edmd.records import ROW
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 
 pytest.importorskip("numba")

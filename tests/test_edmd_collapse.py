@@ -10,7 +10,7 @@ from scenes_at_random import scene
 import granular as gr
 from granular import edmd
 from granular.edmd import collapse as collapses
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.scenes import column as scene_column, newtons_cradle
 from granular.trajectory import Status

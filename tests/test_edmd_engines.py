@@ -16,7 +16,7 @@ from granular import edmd
 from granular._engine.kernels import fitted
 from granular.edmd import run as runs
 from granular.edmd.compiled_queue import loop
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 

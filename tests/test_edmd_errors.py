@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granular import edmd, until
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 
 pytestmark = pytest.mark.core

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 from scenes_at_random import HARD, gas, scene, scenes
 
 from granular import edmd
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 
 ANY = scenes(balls=(2, 8), walls=(0.5, 0.4, 0.0), gravity=(0.0, 1.0, 9.81), gaps=(*HARD, "uneven"), decades=4.0)

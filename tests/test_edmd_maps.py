@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from granular import edmd
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 
 ROWS = json.loads((Path(__file__).parent / "reference" / "catalogue_edmd.json").read_text())["rows"]

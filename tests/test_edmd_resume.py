@@ -8,7 +8,7 @@ import pytest
 from scenes_at_random import gas
 
 from granular import edmd, until
-from granular.rules import ConstantRestitution, TabulatedRestitution
+from granular.laws.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 

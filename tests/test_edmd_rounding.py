@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granular import edmd, until
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 

@@ -9,7 +9,7 @@ import pytest
 from granular import edmd
 from granular.edmd import ties as grouped
 from granular.edmd.physics import RANDOM, mixed, rank
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granular import edmd
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 

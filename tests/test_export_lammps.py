@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.theory import obtained
+from granular.laws.theory import obtained
 
 STORED = Path(__file__).parent / "reference" / "lammps.json"
 STEPS = 2000, 8000, 32000

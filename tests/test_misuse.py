@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import binary, cases, edmd, laws, md, rules, scenes, theory, until
+from granular import binary, cases, edmd, laws, md, scenes, theory, until
 from granular.comparison import compare
+from granular.laws import rules
 from granular.scene import Pair, Scene
 
 STACK = scenes.three_balls()

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import rules
-from granular.rules import ConstantRestitution, TabulatedRestitution
+from granular.laws import rules
+from granular.laws.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Pair, Scene
 
 pytestmark = pytest.mark.core

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.rules import ThorntonRestitution, constants
+from granular.laws.rules import ThorntonRestitution, constants
 from granular.scene import Pair, Scene
 
 ROW = json.loads((Path(__file__).parent / "reference" / "catalogue.json").read_text(encoding="utf-8"))["rows"]["C7"]

@@ -12,8 +12,8 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine.kernels import have_numba
+from granular.laws.rules import ConstantRestitution
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 

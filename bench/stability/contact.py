@@ -13,7 +13,7 @@ from bench.stability.cell import FIXED, METHODS, SOFT, Cell, Truth
 from bench.stability.own import Hysteresis, PlainPower, TwoDampings, TwoStiffnesses
 from granular import binary, until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun, dashpot
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Pair, Scene
 
 LINEAR, POWER, TABLE = 2e-14, 1e-12, 1e-9

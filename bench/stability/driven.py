@@ -13,7 +13,7 @@ from bench.stability import truth
 from bench.stability.cell import METHODS, Again, Cell, judged_by
 from granular import measures, scenes, until
 from granular.laws import Hertz, LinearDashpot
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.scene.walls import Piecewise, Sine
 from granular.trajectory import Trajectory

@@ -13,7 +13,7 @@ import numpy as np
 from bench.stability import truth
 from bench.stability.cell import Again, Cell, Truth, judged_by
 from granular import scenes, theory
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 

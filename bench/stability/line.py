@@ -19,7 +19,7 @@ from bench.stability.contact import MADE
 from granular import laws as built_in, md, scenes, until
 from granular._engine.check import Array
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 

@@ -17,7 +17,7 @@ from granular import edmd, md
 from granular._engine import check
 from granular._engine.kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.scene.walls import Sine
 from granular.trajectory import EARLY, Status

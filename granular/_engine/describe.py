@@ -23,9 +23,9 @@ PLACES = {
         "matched-end": "granular.laws.statics:MatchedEnd",
     },
     "rule": {
-        "constant-restitution": "granular.rules:ConstantRestitution",
-        "tabulated-restitution": "granular.rules:TabulatedRestitution",
-        "thornton-restitution": "granular.rules:ThorntonRestitution",
+        "constant-restitution": "granular.laws.rules:ConstantRestitution",
+        "tabulated-restitution": "granular.laws.rules:TabulatedRestitution",
+        "thornton-restitution": "granular.laws.rules:ThorntonRestitution",
         "law-restitution": "granular.binary:LawRestitution",
     },
     "wall": {

@@ -16,9 +16,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from granular import laws, materials, rules
+from granular import laws, materials
 from granular._engine import check
 from granular.cases.case import parameters_of
+from granular.laws import rules
 from granular.scene import Pair, walls
 
 on_running: list[Callable[[str], object]] = []

@@ -19,7 +19,7 @@ from granular.cases import build
 from granular.cases.case import Case, Option, options_of, summary
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.hertz import hertz_stiffness
-from granular.rules import ConstantRestitution
+from granular.laws.rules import ConstantRestitution
 from granular.scene import Pair, Scene, walls
 from granular.scene.walls import common
 

@@ -20,8 +20,8 @@ from granular.cases.case import Option
 from granular.cli import info
 from granular.cli.parser import Command
 from granular.laws import Hertz
+from granular.laws.rules import ConstantRestitution
 from granular.md.located import many
-from granular.rules import ConstantRestitution
 
 SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
 """Plain; with a driven wall; thermal walls; on a ring; pendula."""

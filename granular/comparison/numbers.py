@@ -18,9 +18,9 @@ from granular._engine import check
 from granular.binary import LawRule, at_speed_or_nan
 from granular.episodes import Departure, Departures, at_rest, rests_apart
 from granular.laws.kinds import resolved
+from granular.laws.rules import ConstantRestitution
 from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, units
-from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from granular import edmd, end_time, measures
 from granular._engine import check
 from granular._engine.reports import Report, aligned, number, problem
+from granular.laws.rules import ConstantRestitution
 from granular.outcome import SAME, energy_left
-from granular.rules import ConstantRestitution
 from granular.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:

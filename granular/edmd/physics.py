@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from granular import rules
 from granular._engine import check
 from granular._engine.kernels import kernel
-from granular.rules import Rule, constants, restitution_at
+from granular.laws import rules
+from granular.laws.rules import Rule, constants, restitution_at
 from granular.scene import Scene
 from granular.scene.places import remembered
 from granular.scene.walls import common

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from granular import rules, until as stop
+from granular import until as stop
 from granular._contact_log import Event, one_by_one
 from granular._engine import check
 from granular._engine.kernels import no_compiler
@@ -21,7 +21,8 @@ from granular.drive import Request, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
-from granular.rules import Rule
+from granular.laws import rules
+from granular.laws.rules import Rule
 from granular.scene import Scene, checked as a_scene
 from granular.scene.places import fitted
 from granular.trajectory import Status, Trajectory

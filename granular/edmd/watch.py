@@ -25,7 +25,7 @@ from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.laws import kinds
 from granular.laws.contact_law import instance
-from granular.rules import different
+from granular.laws.rules import different
 from granular.scene import Scene
 
 LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
