@@ -15,7 +15,7 @@ from granular._engine.about import VERSION
 from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
-    from granular import adiabatic, balls, binary, cases, edmd, export, materials, md, measures, scenes, until, waves
+    from granular import adiabatic, balls, binary, cases, edmd, materials, md, measures, scenes, waves
     from granular.binary import restitution_of
     from granular.cases.case import Case
     from granular.comparison.answer import Answer
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
         theory,
     )
     from granular.laws.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
+    from granular.run import export, until
+    from granular.run.trajectory import Status, Trajectory, load
     from granular.scene import Pair, Scene, walls
     from granular.sweeps.ensembles import ensemble
     from granular.sweeps.gradients import Sensitivity
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
     from granular.sweeps.sensitivities import sensitivity
     from granular.thresholds.result import Threshold
     from granular.thresholds.run import threshold
-    from granular.trajectory import Status, Trajectory, load
 
 __version__ = VERSION
 __all__ = [
@@ -60,7 +61,7 @@ __getattr__ = attributes(__name__, {
     "granular.comparison.answer": "Answer",
     "granular.comparison.run": "Comparison compare",
     "granular.edmd": "edmd",
-    "granular.export": "export",
+    "granular.run.export": "export",
     "granular.extremes": "stability",
     "granular.frontiers.run": "frontier",
     "granular.laws": "Hertz LinearDashpot MatchedEnd PowerLaw TsujiHertz ViscoelasticHertz WaltonBraun",
@@ -77,8 +78,8 @@ __getattr__ = attributes(__name__, {
     "granular.laws.theory": "theory",
     "granular.thresholds.result": "Threshold",
     "granular.thresholds.run": "threshold",
-    "granular.trajectory": "Status Trajectory load",
-    "granular.until": "until",
+    "granular.run.trajectory": "Status Trajectory load",
+    "granular.run.until": "until",
     "granular.scene.walls": "walls",
     "granular.waves": "waves",
 })

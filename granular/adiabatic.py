@@ -21,13 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from granular import md, until
+from granular import md
 from granular._engine import check
 from granular._engine.flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.kinds import checked
+from granular.run import until
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, checked as checked_scene
-from granular.trajectory import Status, Trajectory
 
 __all__ = ["AdiabaticSolution", "contacts"]
 __dir__ = __all__.copy

@@ -22,14 +22,14 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine.check import Array, typed
-from granular.drive import EVENTS
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
+from granular.run.drive import EVENTS
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
 from granular.scene.places import Closing
 from granular.scene.walls.common import ends
-from granular.trajectory import Status, Trajectory
 
 PATIENCE = 20.0
 """A contact still running at the end of a run is followed for so many of its isolated durations."""

@@ -16,8 +16,8 @@ import numpy as np
 
 from granular._engine.check import Array, typed
 from granular.outcome import INSTANT, approach, carried, counts, last_contacts, partings, sticking
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene
-from granular.trajectory import Trajectory
 
 LONG_FLIGHT = 5.0
 """A flight within an episode is compared if it lasts longer than this number of durations of the contact before it."""

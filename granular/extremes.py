@@ -22,10 +22,10 @@ from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference.events import Reference
+from granular.run.trajectory import EARLY, Trajectory
 from granular.sweeps.plan import planned
 from granular.sweeps.results import REFUSED
 from granular.sweeps.subject import SceneLike
-from granular.trajectory import EARLY, Trajectory
 
 METHODS = ("located", *INTEGRATORS)
 STEPS = (8, 32, 128)

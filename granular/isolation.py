@@ -26,8 +26,8 @@ from granular import binary
 from granular._engine.check import Array
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import Ints, resolved
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene, speed_scale
-from granular.trajectory import Trajectory
 
 
 def isolated_share(run: Trajectory) -> float:

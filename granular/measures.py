@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from granular._contact_log import is_logged
 from granular._engine import check
 from granular._engine.check import Array
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach
+from granular.run.contact_log import is_logged
+from granular.run.trajectory import Status, Trajectory, points
 from granular.scene import Scene, walls
-from granular.trajectory import Status, Trajectory, points
 
 __all__ = [
     "Overlap", "balance", "before_the_end", "crowding", "durations", "fastest_approach", "groups", "height",

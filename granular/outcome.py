@@ -15,7 +15,7 @@ import numpy as np
 
 from granular._engine.check import Array, typed
 from granular.isolation import Durations
-from granular.trajectory import Trajectory
+from granular.run.trajectory import Trajectory
 
 SAME = 0.01
 """Outcomes closer than this share of the fastest impact are called the same."""

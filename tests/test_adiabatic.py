@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 import granular as gr
 from granular import adiabatic
-from granular.trajectory import Status
+from granular.run.trajectory import Status
 
 ROWS = json.loads((Path(__file__).parent / "reference" / "icm.json").read_text(encoding="utf-8"))["rows"]
 SECOND_FLOOR = gr.until.contact(0, 2)

@@ -10,7 +10,7 @@ from same_scene import assert_same_scene
 from granular import binary, cases, scenes, until
 from granular.laws import Hertz, LinearDashpot, ViscoelasticHertz, WaltonBraun
 from granular.laws.rules import ConstantRestitution, TabulatedRestitution
-from granular.trajectory import Status
+from granular.run.trajectory import Status
 
 pytestmark = pytest.mark.core
 OWN = """

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular._contact_log import contacts
 from granular._engine import kernels
 from granular.edmd import hanging, run as runs, wall_state
 from granular.edmd.records import ROW
 from granular.edmd.sorted_queue import SortedQueue
+from granular.run.contact_log import contacts
 
 THREE, END = gr.scenes.three_balls(gap=1e-4), gr.until.contact(pair=0, nth=2)
 PACKAGE = Path(gr.__file__).parent

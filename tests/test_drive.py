@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.drive import End, Pause, Row, drive, requested
+from granular.run.drive import End, Pause, Row, drive, requested
 
 pytestmark = pytest.mark.core
 HARD = np.dtype([("pair", int), ("t_begin", float), ("lower_in", float), ("upper_out", float), ("impulse", float)])

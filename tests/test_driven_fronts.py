@@ -13,10 +13,10 @@ from granular import cases
 from granular._engine.describe import from_json, scene_to_json
 from granular.cases import ready
 from granular.laws import LinearDashpot
+from granular.run.trajectory import CONTACT, Status, Trajectory
 from granular.scene.places import fitted
 from granular.scene.walls import Motion, Panels, Piecewise, Sine
 from granular.sweeps.plan import planned
-from granular.trajectory import CONTACT, Status, Trajectory
 
 INF = math.inf
 LAW = LinearDashpot(1e4, 1.0)

@@ -11,8 +11,8 @@ import pytest
 
 from granular import edmd, until
 from granular.laws.rules import ConstantRestitution, TabulatedRestitution
+from granular.run.trajectory import Status
 from granular.scene import Scene
-from granular.trajectory import Status
 
 CATALOGUE = json.loads((Path(__file__).parent / "reference" / "catalogue_edmd.json").read_text())
 NUMBERS = {name: row["numbers"] for name, row in CATALOGUE["rows"].items()}

@@ -11,10 +11,10 @@ import granular as gr
 from granular import edmd
 from granular.edmd import collapse as collapses
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Status
+from granular.run.until import separated
 from granular.scene import Scene
 from granular.scenes import column as scene_column, newtons_cradle
-from granular.trajectory import Status
-from granular.until import separated
 
 
 def cluster(n, mass=None):

@@ -17,8 +17,8 @@ from granular._engine.kernels import fitted
 from granular.edmd import run as runs
 from granular.edmd.compiled_queue import loop
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Status
 from granular.scene import Scene
-from granular.trajectory import Status
 
 pytest.importorskip("numba")
 

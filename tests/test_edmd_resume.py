@@ -9,8 +9,8 @@ from scenes_at_random import gas
 
 from granular import edmd, until
 from granular.laws.rules import ConstantRestitution, TabulatedRestitution
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
 
 REFERENCE = Path(__file__).parent / "reference"
 

@@ -8,8 +8,8 @@ import pytest
 
 from granular import edmd, until
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Status
 from granular.scene import Scene
-from granular.trajectory import Status
 
 ELASTIC = ConstantRestitution(1.0)
 ENGINES = ("sorted", "compiled")

@@ -10,8 +10,8 @@ from granular import edmd
 from granular.edmd import ties as grouped
 from granular.edmd.physics import RANDOM, mixed, rank
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Status
 from granular.scene import Scene
-from granular.trajectory import Status
 
 pytestmark = pytest.mark.core
 CRADLE = Scene([1.0] * 3, [0.0] * 3, [1.0, 0.0], [1.0, 0.0, 0.0])

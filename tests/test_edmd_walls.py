@@ -7,8 +7,8 @@ import pytest
 
 from granular import edmd
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Status
 from granular.scene import Scene
-from granular.trajectory import Status
 
 WALL = math.inf
 

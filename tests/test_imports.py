@@ -7,8 +7,8 @@ from importlib.util import find_spec
 import pytest
 
 IDLE = (
-    "granular._saved_run", "granular._engine.describe", "granular._figures", "granular._engine.files",
-    "granular._films",
+    "granular.run.saved_run", "granular._engine.describe", "granular.run.figures", "granular._engine.files",
+    "granular.run.films",
     "granular.cases.case", "granular.cases.ready", "granular.comparison.captions", "granular.comparison.figure",
     "granular.comparison.film", "granular.comparison.view", "granular.frontiers", "granular.page",
     "granular.reference", "granular.sweeps", "granular.thresholds", "granular.waves",

@@ -11,8 +11,8 @@ from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, ViscoelasticHertz
 from granular.laws.dashpot import duration, restitution
 from granular.md import simulate as run
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene
-from granular.trajectory import Trajectory
 
 PAIR = Scene([2.0, 2.0], [1.0, 1.0], [0.0], [1.0, 0.0])
 """m_eff = 1, relative speed 1."""

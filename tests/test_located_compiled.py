@@ -15,10 +15,10 @@ from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, Viscoelast
 from granular.md import simulate as run
 from granular.md.located.many import Scenes, solve_many
 from granular.md.located.records import PAIR
+from granular.run.trajectory import Status
 from granular.scene import Scene
 from granular.scene.walls import Thermal
 from granular.scenes import gas
-from granular.trajectory import Status
 
 pytest.importorskip("numba")
 

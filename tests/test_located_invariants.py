@@ -13,8 +13,8 @@ from scenes_at_random import soft_scenes
 from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw
 from granular.md import simulate as run
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
 
 QUICK = settings(max_examples=15, deadline=None)
 KINDS = ("spring", "dashpot", "Hertz", "viscoelastic", "Tsuji")

@@ -14,8 +14,8 @@ from solved_by_scipy import counted
 from granular import until
 from granular.laws import Hertz, LinearDashpot, ViscoelasticHertz, WaltonBraun
 from granular.md import simulate as run
+from granular.run.trajectory import Status
 from granular.scene import Pair, Scene
-from granular.trajectory import Status
 
 
 @dataclass(frozen=True)

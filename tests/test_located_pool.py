@@ -10,10 +10,10 @@ import pytest
 from soft_blocks import check_blocks
 
 from granular._engine.kernels import have_numba
-from granular.drive import Pause, requested
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.kinds import checked
 from granular.md.located import Run, pace, run, system
+from granular.run.drive import Pause, requested
 from granular.scene import Scene
 
 LAWS = [LinearDashpot(1e4, 3.0), LinearDashpot(1e4), Hertz(1e6), ViscoelasticHertz(1e6, 50.0), TsujiHertz(1e6, 0.4)]

@@ -17,8 +17,8 @@ from bench.reference import solve
 from granular import until
 from granular.laws import LinearDashpot, ViscoelasticHertz
 from granular.md import simulate as run
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
 
 pytestmark = pytest.mark.core
 SETS = json.loads((Path(__file__).parent / "reference" / "reference_soft.json").read_text())

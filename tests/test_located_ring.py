@@ -9,10 +9,10 @@ from soft_twin import distance, twin
 
 import granular as gr
 from granular import isolation
-from granular.drive import Pause, requested
 from granular.laws.kinds import checked
 from granular.md.located import Run, pace, system
 from granular.md.located.islands import reimpose
+from granular.run.drive import Pause, requested
 
 LAWS = [gr.LinearDashpot(1e4, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e5), gr.ViscoelasticHertz(1e5, 50.0),
         gr.TsujiHertz(1e5, 0.4)]

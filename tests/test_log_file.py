@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import _log_file
 from granular.cli import main
+from granular.run import log_file
 
 GAS, DROP = gr.scenes.gas(n=50), gr.scenes.three_balls()
 SOFT, LOSSY, DEAD = gr.LinearDashpot(1e6, 10.0), gr.ConstantRestitution(0.9), gr.ConstantRestitution(0.1)
@@ -57,7 +57,7 @@ def test_the_file_has_the_rows_of_a_log_in_memory_and_the_run_is_the_same(name, 
 
 
 def test_a_disk_that_is_full_ends_the_run_and_keeps_what_was_written(tmp_path, monkeypatch) -> None:
-    path, real = tmp_path / "run.npy", _log_file.LogFile.extend
+    path, real = tmp_path / "run.npy", log_file.LogFile.extend
 
     class Full:
         """A file on a disk with room for some rows."""
@@ -76,7 +76,7 @@ def test_a_disk_that_is_full_ends_the_run_and_keeps_what_was_written(tmp_path, m
         self.file = self.file if isinstance(self.file, Full) else Full(self.file)
         return real(self, (block[i : i + 3] for block in blocks for i in range(0, len(block), 3)))
 
-    monkeypatch.setattr(_log_file.LogFile, "extend", extend)
+    monkeypatch.setattr(log_file.LogFile, "extend", extend)
     with pytest.raises(OSError, match=r"run.npy': it cannot grow \(No space left on device\); the run ends here, the "
                                       r"first \d+ contacts are in the file"):
         RUNS["hard"](log=path)

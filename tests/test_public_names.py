@@ -13,8 +13,8 @@ from importlib import import_module
 from pathlib import Path
 
 import granular as gr
+from granular.run.trajectory import CONTACT
 from granular.sweeps.results import RESULTS
-from granular.trajectory import CONTACT
 
 STORED = Path(__file__).parent / "reference" / "public_names.json"
 API = Path(__file__).parents[1] / "docs" / "api"

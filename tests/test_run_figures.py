@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import _figures
-from granular.trajectory import points
+from granular.run import figures
+from granular.run.trajectory import points
 
 pytest.importorskip("matplotlib")
 RULE = gr.ConstantRestitution(0.8)
@@ -27,13 +27,13 @@ def test_paths_of_hard_spheres_follow_from_the_log(scene):
     rule = gr.ConstantRestitution(0.97)
     few, many = (gr.edmd.simulate(scene, rule, t_end=0.7, samples=samples) for samples in (None, times))
     assert (len(few.time), len(few.contacts) > 0) == (2, True)
-    assert _figures.paths(few, times) == pytest.approx(points(many), rel=1e-9, abs=1e-9)
+    assert figures.paths(few, times) == pytest.approx(points(many), rel=1e-9, abs=1e-9)
 
 
 def test_paths_of_soft_spheres_with_rows_are_those_of_all_rows():
     scene = gr.scenes.newtons_cradle(5)
     some, many = (gr.md.simulate(scene, gr.Hertz(1e9), t_end=2e-3, samples=count) for count in (201, 1001))
-    assert _figures.paths(some, many.time) == pytest.approx(points(many), abs=1e-3 * np.ptp(points(many)))
+    assert figures.paths(some, many.time) == pytest.approx(points(many), abs=1e-3 * np.ptp(points(many)))
 
 
 def test_a_figure_has_a_panel_for_contacts_that_take_a_small_part_of_the_run():
@@ -72,8 +72,8 @@ def test_scales_and_an_empty_log(size):
 
 def test_of_many_contacts_some_are_marked_which_is_said():
     run = gr.edmd.simulate(gas(20), gr.ConstantRestitution(1.0), t_end=12.0)
-    assert len(run.contacts) > _figures.MOST
-    every = 1 + len(run.contacts) // _figures.MOST
+    assert len(run.contacts) > figures.MOST
+    every = 1 + len(run.contacts) // figures.MOST
     said = [text.get_text() for text in run.plot().axes[0].get_legend().get_texts()]
     assert said[1] == f"a contact begins (one of {every} shown)"
 

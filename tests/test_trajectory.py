@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.trajectory import points
+from granular.run.trajectory import points
 
 pytestmark = pytest.mark.core
 

@@ -14,8 +14,8 @@ from granular import edmd, md
 from granular._engine.kernels import have_numba
 from granular.laws.rules import ConstantRestitution
 from granular.md.fixed.integrators import INTEGRATORS
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene
-from granular.trajectory import Trajectory
 
 FIXED = tuple(INTEGRATORS)
 SOFT = ("located", *FIXED)

@@ -14,9 +14,9 @@ from bench.stability.cell import METHODS, Again, Cell, judged_by
 from granular import measures, scenes, until
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 from granular.scene.walls import Piecewise, Sine
-from granular.trajectory import Trajectory
 
 G, FREQUENCY = 9.81, 50.0
 OMEGA = 2.0 * math.pi * FREQUENCY

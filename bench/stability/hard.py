@@ -14,8 +14,8 @@ from bench.stability import truth
 from bench.stability.cell import Again, Cell, Truth, judged_by
 from granular import scenes, theory
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
 
 
 def hard(axis: str, case: str, scene: Scene, expected: Truth, eps: float = 1.0, **more: Any) -> Cell:

@@ -20,8 +20,8 @@ from granular import laws as built_in, md, scenes, until
 from granular._engine.check import Array
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene
-from granular.trajectory import Trajectory
 
 LAWS = ("linear", "linear", "viscoelastic", "tsuji", "hertz", "parabola")
 """Laws of the random lines, one after the other."""

@@ -17,8 +17,8 @@ from granular.laws import Hertz, LinearDashpot
 from granular.laws.kinds import resolved
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.time_step import sharpest_rate
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
 
 
 def runs() -> Iterator[Cell]:

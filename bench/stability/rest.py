@@ -13,8 +13,8 @@ from bench.stability.cell import BOTH, ELASTIC, Again, Cell, Truth, at_wall, jud
 from granular import scenes, until
 from granular._engine.check import Array
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
 
 G, LONG = 9.81, 1e3
 ROWS = 11

@@ -18,9 +18,9 @@ from granular._engine import check
 from granular._engine.kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
 from granular.laws.rules import ConstantRestitution
+from granular.run.trajectory import EARLY, Status
 from granular.scene import Scene
 from granular.scene.walls import Sine
-from granular.trajectory import EARLY, Status
 
 AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "stiffness": contact.stiffness,

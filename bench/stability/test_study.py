@@ -24,7 +24,7 @@ from bench.stability.hard import rational_run
 from bench.stability.long import limits
 from bench.stability.study import deadline, judge as judge_any
 from granular import extremes
-from granular.trajectory import Trajectory
+from granular.run.trajectory import Trajectory
 
 judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from bench.stability.cell import Again, Truth, judged_by
 from granular._engine.check import Array
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
 
 LATE = 2.0**40
 """A start time in s at which one float resolves 0.24 ms; 1.1e12."""

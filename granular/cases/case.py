@@ -14,9 +14,9 @@ from importlib import import_module
 from typing import Any
 
 from granular._engine import check
+from granular.run.trajectory import Trajectory
+from granular.run.until import Until
 from granular.scene import Scene
-from granular.trajectory import Trajectory
-from granular.until import Until
 
 ENGINES = ("edmd", "md")
 HELD = {"t_end", "until", "on_event", "on_progress", "progress"}

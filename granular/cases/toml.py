@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from granular import until
 from granular._engine import check
 from granular._engine.files import checked_path, write_text
 from granular.cases import build, ready
 from granular.cases.build import LAWS, RULES, WALLS, law, name_of, place, rule_of
 from granular.cases.case import Case, checked_run
 from granular.laws.rules import ConstantRestitution
+from granular.run import until
 from granular.scene import Pair, Scene, in_order
 
 TABLES = ("scene", "law", "rule", "run", "about")

@@ -21,7 +21,7 @@ from granular._engine.about import VERSION
 from granular._engine.files import plain_text
 from granular._engine.kernels import on_making
 from granular.cli import ends
-from granular.trajectory import Status
+from granular.run.trajectory import Status
 
 OK, MISUSE, ABNORMAL, ENDED = 0, 2, 3, 128
 MISTAKES = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError

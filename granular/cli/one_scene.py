@@ -22,7 +22,7 @@ from granular.cases.ready import is_file
 from granular.cli import output
 from granular.cli.parser import Command, case_of, offer_until, offered
 from granular.outcome import energy_at_hand
-from granular.trajectory import Status, Trajectory
+from granular.run.trajectory import Status, Trajectory
 
 MOST = 20
 """Rows of a table at most."""

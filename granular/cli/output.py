@@ -13,7 +13,7 @@ from typing import Any
 from granular._engine import files as _files
 from granular._engine.check import optional
 from granular.cases.ready import is_file
-from granular.export import files
+from granular.run.export import files
 
 ENDINGS = {"plot": "png", "film": "gif", "json": "json"}
 
@@ -47,7 +47,7 @@ def check(given: argparse.Namespace) -> None:
         _files.check_picture(given.plot)
     if "film" in written:
         optional("matplotlib.animation", "--film")
-        from granular._films import check_film
+        from granular.run.films import check_film
 
         check_film(given.film)
 

@@ -11,7 +11,7 @@ from granular.cases.case import Option
 from granular.cli import output
 from granular.cli.parser import Command
 from granular.page import live_page, opening, player_page
-from granular.trajectory import Trajectory
+from granular.run.trajectory import Trajectory
 
 NAME = "granular-page.html"
 

@@ -20,7 +20,7 @@ from granular._engine.about import VERSION
 from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
 from granular.cases.toml import stop_condition
-from granular.trajectory import Trajectory
+from granular.run.trajectory import Trajectory
 
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",

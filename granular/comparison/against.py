@@ -12,8 +12,8 @@ import numpy as np
 from granular._engine.check import Array, of_kind
 from granular.comparison.further import with_rows
 from granular.outcome import SAME
+from granular.run.trajectory import Trajectory
 from granular.scene.places import speed_scale
-from granular.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged

@@ -30,7 +30,7 @@ from granular.comparison.checks import Checked
 from granular.comparison.numbers import smaller_radius
 from granular.measures import static_overlaps
 from granular.outcome import FAINT, SAME
-from granular.trajectory import EARLY, Status
+from granular.run.trajectory import EARLY, Status
 
 
 @_check.face

@@ -13,7 +13,7 @@ from granular import edmd, end_time, isolation, measures, outcome
 from granular._engine import check
 from granular.comparison.numbers import Compared
 from granular.outcome import counted, differences
-from granular.trajectory import EARLY, Trajectory
+from granular.run.trajectory import EARLY, Trajectory
 
 
 class Checked(Compared):

@@ -18,9 +18,9 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine import check
+from granular.run.trajectory import EARLY, Status, Trajectory
+from granular.run.until import Separated
 from granular.scene import Scene, speed_scale
-from granular.trajectory import EARLY, Status, Trajectory
-from granular.until import Separated
 
 ROUNDING = 1e-14
 """Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""

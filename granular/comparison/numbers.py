@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import edmd, end_time, measures, outcome, until as stop
+from granular import edmd, end_time, measures, outcome
 from granular._engine import check
 from granular.binary import LawRule, at_speed_or_nan
 from granular.episodes import Departure, Departures, at_rest, rests_apart
@@ -21,8 +21,9 @@ from granular.laws.kinds import resolved
 from granular.laws.rules import ConstantRestitution
 from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, units
+from granular.run import until as stop
+from granular.run.trajectory import EARLY, Trajectory
 from granular.scene import Scene
-from granular.trajectory import EARLY, Trajectory
 
 if TYPE_CHECKING:
     from granular.comparison.further import Rises

@@ -14,7 +14,7 @@ from granular._engine import check
 from granular._engine.reports import Report, aligned, number, problem
 from granular.laws.rules import ConstantRestitution
 from granular.outcome import SAME, energy_left
-from granular.trajectory import Status, Trajectory
+from granular.run.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged

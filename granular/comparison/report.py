@@ -16,8 +16,8 @@ from granular._engine.reports import named_pairs, number, pairs_by_law, problem,
 from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
 from granular.outcome import FAINT, PairOutcome
-from granular.trajectory import Status, Trajectory
-from granular.until import Contact
+from granular.run.trajectory import Status, Trajectory
+from granular.run.until import Contact
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged

@@ -8,18 +8,19 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from granular import edmd, md, until as stop
+from granular import edmd, md
 from granular._engine import check
 from granular._engine.progress import shown
 from granular._engine.reports import Report
-from granular._limits import check_end
 from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
-from granular.drive import EVENTS
 from granular.laws.kinds import checked
+from granular.run import until as stop
+from granular.run.drive import EVENTS
+from granular.run.limits import check_end
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene, checked as a_scene
-from granular.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from granular.comparison.against import Against

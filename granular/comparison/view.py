@@ -15,9 +15,9 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.reports import GREY, HARD, SOFT, unit_of
-from granular._figures import FAR, MARGIN, Span
 from granular.comparison.captions import pair_name
-from granular.trajectory import Status, Trajectory
+from granular.run.figures import FAR, MARGIN, Span
+from granular.run.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged

@@ -8,9 +8,9 @@ import math
 from typing import Any
 
 from granular._engine.records import column
-from granular._limits import raised
 from granular.edmd.motion import LATEST
-from granular.trajectory import Status
+from granular.run.limits import raised
+from granular.run.trajectory import Status
 
 WHY = {
     "exact": "body {ball} comes to rest on the wall after infinitely many bounces",

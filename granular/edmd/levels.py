@@ -9,10 +9,10 @@ from functools import partial
 from typing import Any
 
 from granular._engine.records import plain
-from granular._levels import shown
 from granular.edmd.motion import velocities
 from granular.edmd.zoom import soonest
-from granular.until import Level, Speed
+from granular.run.levels import shown
+from granular.run.until import Level, Speed
 
 
 def calm(run: Any) -> tuple[float, float]:

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._contact_log import Rows
 from granular._engine.kernels import fitted, worth
 from granular._engine.records import FEW, column, packed
-from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import hanging, wall_state
 from granular.edmd.ending import counters, sentence
 from granular.edmd.motion import LATEST
@@ -20,10 +18,12 @@ from granular.edmd.physics import GROUP, ORDER, Physics, scales
 from granular.edmd.records import APART, BUDGET, EACH, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
+from granular.run.contact_log import Rows
+from granular.run.drive import End, Pause, Request, Row, portion
+from granular.run.trajectory import Status
+from granular.run.until import Contact, Force, Separated
 from granular.scene import velocities
 from granular.scene.places import Closing
-from granular.trajectory import Status
-from granular.until import Contact, Force, Separated
 
 if TYPE_CHECKING:
     from granular.edmd import collapse

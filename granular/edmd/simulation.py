@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from granular import until as stop
-from granular._contact_log import Event, one_by_one
 from granular._engine import check
 from granular._engine.kernels import no_compiler
-from granular._limits import check_end
-from granular.drive import Request, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
 from granular.laws import rules
 from granular.laws.rules import Rule
+from granular.run import until as stop
+from granular.run.contact_log import Event, one_by_one
+from granular.run.drive import Request, drive, go_on, in_time, requested
+from granular.run.limits import check_end
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, checked as a_scene
 from granular.scene.places import fitted
-from granular.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
     from granular.edmd.watch import Watch
@@ -181,8 +181,8 @@ def _stopping(run: Run) -> Any:
     """Return the run; if a level ends it, one that is watched: what watches is loaded then."""
     if not isinstance(run.request.until, stop.LEVELS):
         return run
-    from granular._levels import Watched
     from granular.edmd import levels
+    from granular.run.levels import Watched
 
     return Watched(run, levels)
 

@@ -93,7 +93,7 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
 
 
 def ledger(state: Any, tau: float) -> Array:
-    """Return work, heat and what was dissipated since the start, at `tau`, in J: see `granular.trajectory.Row`."""
+    """Return work, heat and what was dissipated since the start, at `tau`, in J: see `granular.run.trajectory.Row`."""
     seen = _seen(state)
     done = [side.work + side.work_low for side in seen.sides]
     for i, which in at_walls(state):

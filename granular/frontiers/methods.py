@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md, until as stop
+from granular import edmd, md
 from granular._engine.check import Array
 from granular.binary import restitution_of
 from granular.laws.contact_law import PairLaw
@@ -22,8 +22,9 @@ from granular.laws.kinds import SceneLaws, resolved
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact, restarted
 from granular.reference.events import Logbook
+from granular.run import until as stop
+from granular.run.trajectory import Trajectory
 from granular.scene import Scene
-from granular.trajectory import Trajectory
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST, FINER, POINTS = 8, 4, 8

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from granular import until as stop
 from granular._engine import check, files
 from granular._engine.reports import Report, aligned, canvas, duration, number, problem, rough, shortened
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference
+from granular.run import until as stop
 from granular.scene import Scene
 
 FEWEST = 3

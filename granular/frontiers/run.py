@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import md, until as stop
+from granular import md
 from granular._engine import check
 from granular._engine.progress import shown
 from granular._engine.reports import machine
@@ -20,8 +20,9 @@ from granular.frontiers.methods import METHODS, PEERS, Method, Task, contacts_of
 from granular.frontiers.result import Frontier, Row, floor
 from granular.laws.kinds import checked
 from granular.reference import Reference, solve
+from granular.run import until as stop
+from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, checked as a_scene
-from granular.trajectory import Status, Trajectory
 
 ALIKE = 1e-3
 """Error of the default method, in units of the impact speed, from which on a reference is that of another scene."""

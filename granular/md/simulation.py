@@ -14,16 +14,16 @@ from typing import Any
 from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
-from granular import until as stop
-from granular._contact_log import Event, one_by_one
 from granular._engine import check
-from granular._limits import check_end
-from granular.drive import Request, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md.located import run as located
+from granular.run import until as stop
+from granular.run.contact_log import Event, one_by_one
+from granular.run.drive import Request, drive, go_on, in_time, requested
+from granular.run.limits import check_end
+from granular.run.trajectory import Status, Trajectory
 from granular.scene.places import Closing, checked, fitted
 from granular.scene.state import Scene
-from granular.trajectory import Status, Trajectory
 
 SHORTEST = 1e-60
 """Least `dt` in s: its fifth power, which "gear5" needs, is a number."""
@@ -176,8 +176,8 @@ def _stopping(run: located.Run) -> Any:
     """Return the run; if a level ends it, one that is watched: what watches is loaded then."""
     if not isinstance(run.request.until, stop.LEVELS):
         return run
-    from granular._levels import Watched
     from granular.md.located import levels
+    from granular.run.levels import Watched
 
     return Watched(run, levels)
 

@@ -23,7 +23,7 @@ from granular._engine import files as _files
 from granular._engine.about import VERSION
 from granular.page import opening, recording
 from granular.page.opening import LANGUAGES
-from granular.trajectory import Trajectory
+from granular.run.trajectory import Trajectory
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)

@@ -25,8 +25,8 @@ from granular._engine.reports import named_pairs, pairs_by_law, shortened
 from granular.binary import at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import ACCOUNT, balance, impact_speed
+from granular.run.trajectory import Trajectory, points
 from granular.scene import Scene
-from granular.trajectory import Trajectory, points
 
 NUMBERS = 200_000
 """Most positions of bodies kept: rows times bodies."""

@@ -13,11 +13,11 @@ import math
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from granular import until as stop
 from granular._engine import check
 from granular.laws.kinds import SceneLaws, checked
 from granular.reference import restarted
 from granular.reference.events import Reference, ReferenceContact, distance
+from granular.run import until as stop
 from granular.scene import Scene, checked as a_scene
 from granular.scene.places import Closing, fitted
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from granular import until as stop
 from granular._engine.check import Array
 from granular.laws.kinds import SceneLaws
 from granular.reference.driven import heats, paths
 from granular.reference.events import ACTIVE, DORMANT, OPEN, Reference, Run, Watch
+from granular.run import until as stop
 from granular.scene import Scene, speed_scale, velocities
 
 LOOKS = 20

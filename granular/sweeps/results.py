@@ -22,8 +22,8 @@ from granular.comparison.numbers import effective, is_drop
 from granular.comparison.run import Comparison, compare
 from granular.end_time import followed
 from granular.outcome import at_once, counts, energy_left, order, separations
+from granular.run.trajectory import Status, Trajectory
 from granular.scene.state import Scene
-from granular.trajectory import Status, Trajectory
 
 NOT_RUN, MISUSE = -1, 8
 STATUS = {NOT_RUN: "not_run", **{code + (code >= MISUSE): status.name for code, status in enumerate(Status)},

@@ -27,10 +27,10 @@ from granular.cases.build import sentence_of
 from granular.cases.ready import first_impact_speed
 from granular.laws.contact_law import resolve
 from granular.md.located import many
+from granular.run.until import LEVELS
 from granular.scene import Scene, velocities
 from granular.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
 from granular.sweeps.subject import Values
-from granular.until import LEVELS
 
 if TYPE_CHECKING:
     from granular.sweeps.plan import Plan

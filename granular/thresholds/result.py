@@ -20,8 +20,8 @@ from granular._engine.reports import GREY, HARD, SOFT, Report, aligned, canvas, 
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.outcome import SAME
+from granular.run.trajectory import EARLY, Status
 from granular.sweeps.results import Answer
-from granular.trajectory import EARLY, Status
 
 HOLDS, FAILS, UNDECIDED = VERDICTS = ("holds", "fails", "undecided")
 NONE, CUT = "nothing touches", "a contact is cut off by the end time"

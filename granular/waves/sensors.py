@@ -14,7 +14,7 @@ import numpy as np
 from granular._engine import check, files
 from granular._engine.check import Array
 from granular._engine.reports import COLUMN, canvas, style
-from granular.trajectory import Trajectory
+from granular.run.trajectory import Trajectory
 
 SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
 """What is shown: what counts upwards, and what the bar says."""

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from granular._contact_log import COLUMNS
 from granular._engine.kernels import RING, kernel
 from granular.md.fixed.window import COUNT, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
+from granular.run.contact_log import COLUMNS
 
 STEP_ROW = np.dtype(
     [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True

@@ -13,13 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import until as stop
-from granular._contact_log import COLUMNS, CONTACT_ROW, Rows
 from granular._engine.kernels import Toll, have_numba
 from granular._engine.records import packed
-from granular._levels import first_met, shown
-from granular._limits import raised
-from granular.drive import End, Pause, Request, Row, portion
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed.contact_force import Called, NotCompilableError, ask_again
 from granular.md.fixed.integrators import INTEGRATORS
@@ -29,9 +24,14 @@ from granular.md.fixed.stepper import Stepper
 from granular.md.fixed.walls import MOST
 from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V, copied
 from granular.md.time_step import WARN, expected_rate, sharpest_rate
+from granular.run import until as stop
+from granular.run.contact_log import COLUMNS, CONTACT_ROW, Rows
+from granular.run.drive import End, Pause, Request, Row, portion
+from granular.run.levels import first_met, shown
+from granular.run.limits import raised
+from granular.run.trajectory import Status
 from granular.scene import Scene, positions
 from granular.scene.places import Closing
-from granular.trajectory import Status
 
 CHUNK = 1 << 15
 """Steps of a pair up to the first look at the clock (progress, switch to compiled code)."""

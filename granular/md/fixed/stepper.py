@@ -266,7 +266,7 @@ class Stepper:
         return int(self.code.take_steps(physics, self.here, self.there, self.work, 0, 1, False, march.NO_PAIR)[1])
 
     def account(self, x: Any, xi: Array) -> Array:
-        """What is kept of the energy in rows `x` in J where walls are driven or heat, see `granular.drive.Row`.
+        """What is kept of the energy in rows `x` in J where walls are driven or heat, see `granular.run.drive.Row`.
 
         What laws with memory dissipate is known while all pairs are open: not, by the overlaps `xi`, if one is not.
         """

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from granular._contact_log import CONTACT_ROW
 from granular._engine.records import column, copied, packed, raw
 from granular.md.located.records import BODY, LEDGER, MAP, MEMBER, PAIR, RUN, TABLE
 from granular.md.located.system import System
+from granular.run.contact_log import CONTACT_ROW
 
 KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
         "ledger": LEDGER}

@@ -11,8 +11,8 @@ from functools import partial
 from typing import Any
 
 from granular._engine.records import column
-from granular._levels import shown
-from granular.until import Level
+from granular.run.levels import shown
+from granular.run.until import Level
 
 
 def calm(run: Any) -> tuple[float, float]:

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import until as stop
 from granular._engine.check import Array
 from granular._engine.held import WORDS, held
 from granular._engine.kernels import compiled, interpreted, kernel
@@ -45,7 +44,8 @@ from granular.md.located.records import (
 )
 from granular.md.located.run import FIRST_LOOK
 from granular.md.located.system import Fields, System, new_system, to_plain, with_room_for_a_table
-from granular.trajectory import Status
+from granular.run import until as stop
+from granular.run.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
 """Places in `Status` of the reasons for which `advance` returns."""

@@ -16,11 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._contact_log import CONTACT_ROW, Rows
 from granular._engine.kernels import Toll, compiled
 from granular._engine.records import column, plain
-from granular._limits import raised
-from granular.drive import Pause, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
 from granular.md.located.records import (
@@ -40,8 +37,11 @@ from granular.md.located.records import (
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
 from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
-from granular.trajectory import Status
-from granular.until import Contact
+from granular.run.contact_log import CONTACT_ROW, Rows
+from granular.run.drive import Pause, portion
+from granular.run.limits import raised
+from granular.run.trajectory import Status
+from granular.run.until import Contact
 
 OWN, PLAIN, COMPILED = 8, 100, 20_000
 """Pieces between two looks at progress and log, at most: under laws that are functions, interpreted, compiled."""

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from granular._contact_log import CONTACT_ROW
 from granular._engine.check import held
 from granular._engine.records import column, copied, tournament
 from granular.md.located.checkpoint import KEPT
 from granular.md.located.records import ASKS, EDGE, LARGEST_Q, LEDGER, LOOKED, NO_PAUSE, SPARE, STRUCK
 from granular.md.located.system import System, empty_pool
+from granular.run.contact_log import CONTACT_ROW
 
 SCENES = {"run": ("omega", "length"), "pairs": ("pull", "kind_of", "map", "wall"), "bodies": ("inverse_mass", "wall"),
           "ledger": ("temperature", "mass", "seed")}

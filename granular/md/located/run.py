@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._contact_log import CONTACT_ROW, Rows
 from granular._engine.kernels import Toll, compiled, fitted
 from granular._engine.records import column, copied, packed, plain, play, replay
-from granular.drive import End, Pause, Request, Row
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
 from granular.md.located.checkpoint import SMALL, Checkpoint, Untouched
@@ -48,9 +46,11 @@ from granular.md.located.system import (
     with_more_room,
     with_room_for_a_table,
 )
+from granular.run.contact_log import CONTACT_ROW, Rows
+from granular.run.drive import End, Pause, Request, Row
+from granular.run.trajectory import CONTACT
 from granular.scene import Scene
 from granular.scene.places import Closing
-from granular.trajectory import CONTACT
 
 if TYPE_CHECKING:
     from granular.md.located.rest.creep import Creep

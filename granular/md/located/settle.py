@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from granular.drive import Pause
 from granular.md.located.pace import members
 from granular.md.located.records import ACTIVE, GENERAL
 from granular.md.located.rest.equilibrium import overlap_under
+from granular.run.drive import Pause
 
 SETTLED = 1e-9
 """Deviation of an overlap from its static value, relative to that value, up to which balls count as settled."""

@@ -14,8 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from granular import until as stop
-from granular._contact_log import CONTACT_ROW
 from granular._engine.held import Held
 from granular._engine.kernels import RING, kernel
 from granular._engine.records import NODE, packed, plain, tournament
@@ -45,6 +43,8 @@ from granular.md.located.records import (
     TABLES,
 )
 from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
+from granular.run import until as stop
+from granular.run.contact_log import CONTACT_ROW
 from granular.scene.state import Scene
 
 Fields = namedtuple("Fields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")

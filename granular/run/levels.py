@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import until as stop
-from granular.drive import Pause
+from granular.run import until as stop
+from granular.run.drive import Pause
 from granular.scene import Scene
 from granular.scene.places import positions, velocities
 
@@ -97,7 +97,7 @@ def shown(run: Any, level: stop.Level, time: float) -> float:
 
 
 class Watched:
-    """A `granular.drive.Run` that ends where a level is passed: the run itself, one event at a time.
+    """A `granular.run.drive.Run` that ends where a level is passed: the run itself, one event at a time.
 
     The module `between` says up to when nothing happens to it (`calm`), and what is watched until then (`watched`).
     """

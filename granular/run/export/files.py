@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import _saved_run
 from granular._engine import check, files
-from granular.export.table import about, dataset, frame
+from granular.run import saved_run
+from granular.run.export.table import about, dataset, frame
 
 NEEDS = {".npz": (), ".nc": ("xarray", "netCDF4"), ".csv": ("pandas",), ".extxyz": ()}
 """Endings, and the packages that write them."""
@@ -37,7 +37,7 @@ def save(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> No
     """Write a run in the format of the path's ending, whole or not at all."""
     ending = ending_of(path)
     if ending == ".npz":
-        _saved_run.write(path, run, compressed)
+        saved_run.write(path, run, compressed)
     elif ending == ".nc":
         _netcdf(path, run, compressed)
     elif ending == ".csv":
@@ -49,10 +49,10 @@ def save(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> No
 
 def _netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> None:
     """Tables for everybody, and in the variable `checkpoint` what a run needs besides to go on: scene, law, state."""
-    words, arrays = _saved_run.packed(run)
+    words, arrays = saved_run.packed(run)
     stream, data = io.BytesIO(), dataset(run)
-    own = _saved_run.TABLES - ({"contacts"} if run.rule is not None else set())  # empty: tells hard spheres
-    np.savez(stream, words=np.array(_saved_run.said(words)),
+    own = saved_run.TABLES - ({"contacts"} if run.rule is not None else set())  # empty: tells hard spheres
+    np.savez(stream, words=np.array(saved_run.said(words)),
              **{name: array for name, array in arrays.items() if name not in own})
     data["checkpoint"] = "byte", np.frombuffer(stream.getvalue(), np.uint8), {"long_name": "read by granular.load"}
     how = {name: {"_FillValue": None} | ({"zlib": True} if compressed and data[name].size else {})

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from granular import until as stop
+from granular.run import until as stop
 from granular.scene import Scene
 from granular.scene.places import unending
 

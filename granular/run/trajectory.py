@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from granular._contact_log import CONTACT as CONTACT, PublicWhenRead, given_by_walls
 from granular._engine.check import Array, face, whole
 from granular.laws.kinds import resolved
+from granular.run.contact_log import CONTACT as CONTACT, PublicWhenRead, given_by_walls
 from granular.scene import Scene
 from granular.scene.places import points as scene_points
 
@@ -122,7 +122,7 @@ class Trajectory(PublicWhenRead):
         OSError, ValueError
             If the file is not there any more, or is no log.
         """
-        from granular._log_file import batches, mapped
+        from granular.run.log_file import batches, mapped
 
         count = whole("size", size, at_least=1)
         path = self.stats.get("log")
@@ -210,9 +210,9 @@ class Trajectory(PublicWhenRead):
         Paths of hard spheres are exact under constant forces: they follow from the contact log. Long contacts, pendula,
         shaken walls and runs without a log need rows, ``samples=np.linspace(0.0, end, 1000)`` or the like.
         """
-        from granular import _figures
+        from granular.run import figures
 
-        return _figures.plot(self, path)
+        return figures.plot(self, path)
 
     def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25) -> None:
         """Write a film of the run, of its contacts if they are a small part of it; of at most 60 balls.
@@ -232,9 +232,9 @@ class Trajectory(PublicWhenRead):
             If matplotlib is not installed, or the file cannot be written; for too many balls, another ending, or
             a run with too few rows, see `plot`.
         """
-        from granular import _films
+        from granular.run import films
 
-        _films.animate(self, path, seconds, fps)
+        films.animate(self, path, seconds, fps)
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> None:
         """Write the run to one file in the format of its ending, whole or not at all.
@@ -249,7 +249,7 @@ class Trajectory(PublicWhenRead):
         Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
         that a function of yours moves is stored as far as the run goes.
         """
-        from granular.export import files
+        from granular.run.export import files
 
         files.save(path, self, compressed)
 
@@ -259,7 +259,7 @@ class Trajectory(PublicWhenRead):
         Dimensions are *time*, *body*, *pair*, *contact*, and *side* (lower, upper); the pair of a contact is
         ``contact_pair``. By xarray's own writers it becomes netCDF or zarr.
         """
-        from granular.export import table
+        from granular.run.export import table
 
         return table.dataset(self)
 
@@ -269,7 +269,7 @@ class Trajectory(PublicWhenRead):
         Of contacts *pair*, *t_begin*, *t_end*, *duration*, *v_in_lower*, *v_in_upper*, …; of samples *time*,
         *position_0*, …, *velocity_0*, …, *gap_0*, … and, of soft spheres, *force_0*, ….
         """
-        from granular.export import table
+        from granular.run.export import table
 
         return table.frame(self, what)
 
@@ -300,7 +300,7 @@ class Trajectory(PublicWhenRead):
         It has rows only: no law, no rule, no forces, no state, and an empty log, for when contacts began and ended is
         not known from rows; its energy is without that of overlaps.
         """
-        from granular.export import table
+        from granular.run.export import table
 
         parts = table.of_arrays(scene, time, position, gap, velocity)
         return cls(**parts, law=None, rule=None, force=None, contacts=np.zeros(0, CONTACT), status=Status.time,
@@ -328,9 +328,9 @@ class Trajectory(PublicWhenRead):
         Nothing in a file is run: laws, rules and walls are made of a closed list, from their numbers. The message is
         read without control characters, up to 500 characters of it.
         """
-        from granular import _saved_run
+        from granular.run import saved_run
 
-        read = _saved_run.read(path, law, rule, Status.__members__, CONTACT)
+        read = saved_run.read(path, law, rule, Status.__members__, CONTACT)
         return cls(**read | {"status": Status[read["status"]]})
 
     def _repr_html_(self) -> str:

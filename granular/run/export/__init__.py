@@ -2,6 +2,6 @@
 May be skipped: names of the package only.
 """
 
-from granular.export.input_file import lammps
+from granular.run.export.input_file import lammps
 
 __all__ = ["lammps"]

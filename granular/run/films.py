@@ -15,7 +15,7 @@ import numpy as np
 from granular._engine import files
 from granular._engine.check import Array, choice, number, optional, whole
 from granular._engine.reports import duration
-from granular._figures import COLOURS, INK, Span, draw_paths, engine, head, paths, spans_of, words
+from granular.run.figures import COLOURS, INK, Span, draw_paths, engine, head, paths, spans_of, words
 from granular.scene import Scene
 
 ENDINGS = (".gif", ".mp4")

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 
-from granular._contact_log import Rows, contacts
 from granular._engine.files import checked_path, is_stream
+from granular.run.contact_log import Rows, contacts
 
 
 class LogFile:
