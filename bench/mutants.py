@@ -93,7 +93,7 @@ MUTANTS = [
     ("comparison", "    if not error <= SAME:\n        alone", "    if error > 0.1:\n        alone", JUDGE),
     ("measures.py", "return -after / before if before != 0.0", "return after / before if before != 0.0",
      JUDGE),
-    ("isolation.py", 'return float(run.stats["isolated"] / run.stats["contacts"])', "return 1.0", "test_fronts"),
+    ("md/isolation.py", 'return float(run.stats["isolated"] / run.stats["contacts"])', "return 1.0", "test_fronts"),
 ]
 
 

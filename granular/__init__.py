@@ -15,8 +15,7 @@ from granular._engine.about import VERSION
 from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
-    from granular import adiabatic, balls, binary, cases, edmd, materials, md, measures, scenes, waves
-    from granular.binary import restitution_of
+    from granular import adiabatic, balls, cases, edmd, materials, md, measures, scenes
     from granular.cases.case import Case
     from granular.comparison.answer import Answer
     from granular.comparison.run import Comparison, compare
@@ -33,6 +32,8 @@ if TYPE_CHECKING:
         theory,
     )
     from granular.laws.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
+    from granular.md import binary, waves
+    from granular.md.binary import restitution_of
     from granular.run import export, until
     from granular.run.trajectory import Status, Trajectory, load
     from granular.scene import Pair, Scene, walls
@@ -55,7 +56,7 @@ __dir__ = __all__.copy
 __getattr__ = attributes(__name__, {
     "granular.adiabatic": "adiabatic",
     "granular.balls": "balls",
-    "granular.binary": "binary restitution_of",
+    "granular.md.binary": "binary restitution_of",
     "granular.cases": "cases",
     "granular.cases.case": "Case",
     "granular.comparison.answer": "Answer",
@@ -81,5 +82,5 @@ __getattr__ = attributes(__name__, {
     "granular.run.trajectory": "Status Trajectory load",
     "granular.run.until": "until",
     "granular.scene.walls": "walls",
-    "granular.waves": "waves",
+    "granular.md.waves": "waves",
 })

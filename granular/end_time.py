@@ -22,8 +22,8 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine.check import Array, typed
-from granular.isolation import Durations
 from granular.laws.kinds import resolved
+from granular.md.isolation import Durations
 from granular.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
 from granular.run.drive import EVENTS
 from granular.run.trajectory import Status, Trajectory

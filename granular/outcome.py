@@ -14,7 +14,7 @@ from zlib import crc32
 import numpy as np
 
 from granular._engine.check import Array, typed
-from granular.isolation import Durations
+from granular.md.isolation import Durations
 from granular.run.trajectory import Trajectory
 
 SAME = 0.01

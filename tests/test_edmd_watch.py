@@ -11,10 +11,11 @@ from scenes_at_random import gas
 from whole_states import check_watch
 
 import granular as gr
-from granular import isolation, measures
+from granular import measures
 from granular.cli import main
 from granular.edmd import compiled_queue as blocks, run
 from granular.edmd.watch import Watch
+from granular.md import isolation
 
 ELASTIC = gr.ConstantRestitution(1.0)
 

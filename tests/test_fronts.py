@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import isolation
+from granular.md import isolation
 from granular.outcome import at_once, counts
 
 pytest.importorskip("xarray")

@@ -11,7 +11,7 @@ IDLE = (
     "granular.run.films",
     "granular.cases.case", "granular.cases.ready", "granular.comparison.captions", "granular.comparison.figure",
     "granular.comparison.film", "granular.comparison.view", "granular.frontiers", "granular.page",
-    "granular.reference", "granular.sweeps", "granular.thresholds", "granular.waves",
+    "granular.reference", "granular.sweeps", "granular.thresholds", "granular.md.waves",
 )
 HEAVY = ("scipy", "numba", "matplotlib", "xarray", "pandas")
 

@@ -8,8 +8,8 @@ from soft_blocks import check_blocks
 from soft_twin import distance, twin
 
 import granular as gr
-from granular import isolation
 from granular.laws.kinds import checked
+from granular.md import isolation
 from granular.md.located import Run, pace, system
 from granular.md.located.islands import reimpose
 from granular.run.drive import Pause, requested

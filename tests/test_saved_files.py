@@ -69,7 +69,7 @@ def test_the_table_holds_all_that_is_public_and_nothing_that_is_a_function(files
     names = ["force", "__call__", "panels", "drawn"]
     physics = [one for one in public if dataclasses.is_dataclass(one) and any(map(vars(one).__contains__, names))]
     places = {f"{one.__module__}:{one.__qualname__}" for one in physics if one is not gr.walls.Motion}
-    assert places | {"granular.binary:LawRestitution"} == describe.WORDS.keys()
+    assert places | {"granular.md.binary:LawRestitution"} == describe.WORDS.keys()
     moved = gr.Trajectory.load(files / "soft_motion.npz").scene.floor
     assert isinstance(moved, gr.walls.Panels)
     assert moved.displacement(0.1) == pytest.approx(saved_scenes.MOTION.displacement(0.1), rel=1e-13)

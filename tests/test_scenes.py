@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from granular import cases, edmd, scenes
-from granular.binary import restitution
 from granular.cases import ready
 from granular.cases.ready import first_impact_speed
 from granular.laws.rules import ConstantRestitution
+from granular.md.binary import restitution
 from granular.scene import Scene
 from granular.scene.walls import Thermal
 

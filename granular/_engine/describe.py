@@ -26,7 +26,7 @@ PLACES = {
         "constant-restitution": "granular.laws.rules:ConstantRestitution",
         "tabulated-restitution": "granular.laws.rules:TabulatedRestitution",
         "thornton-restitution": "granular.laws.rules:ThorntonRestitution",
-        "law-restitution": "granular.binary:LawRestitution",
+        "law-restitution": "granular.md.binary:LawRestitution",
     },
     "wall": {
         "sine": "granular.scene.walls.formulas:Sine",

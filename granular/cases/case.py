@@ -148,7 +148,7 @@ class Case:
             raise ValueError(f"law is missing: {engine} needs a force law, such as LinearDashpot(k=5e7).")
         if engine == "md":
             return self.law
-        from granular.binary import restitution_of
+        from granular.md.binary import restitution_of
 
         return restitution_of(self.law)
 

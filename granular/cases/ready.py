@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from granular import balls, materials, scenes, waves
+from granular import balls, materials, scenes
 from granular._engine import check
 from granular.cases import build
 from granular.cases.case import Case, Option, options_of, summary
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.hertz import hertz_stiffness
 from granular.laws.rules import ConstantRestitution
+from granular.md import waves
 from granular.run import until
 from granular.scene import Pair, Scene, walls
 from granular.scene.walls import common

@@ -185,7 +185,8 @@ def shortened(case: cases.Case) -> cases.Case:
 
 def summary(case: cases.Case, run: Trajectory) -> str:
     """Return how a run ended; if its numbers mean anything, its contacts by pair, and each body at the end."""
-    from granular import isolation, measures
+    from granular import measures
+    from granular.md import isolation
 
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
     lines = [*[case.about] * bool(case.about), f"{run.scene}, {engine}"]

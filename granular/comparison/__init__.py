@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING
 from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
-    from granular.binary import LawRule
     from granular.comparison.answer import Answer, Reason
     from granular.comparison.run import Comparison, compare
+    from granular.md.binary import LawRule
 
 __all__ = ["Answer", "Comparison", "LawRule", "Reason", "compare"]
 __dir__ = __all__.copy
 __getattr__ = attributes(__name__, {
-    "granular.binary": "LawRule",
+    "granular.md.binary": "LawRule",
     "granular.comparison.answer": "Answer Reason",
     "granular.comparison.run": "Comparison compare",
 })

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine.reports import PREFIXES, shortened, unit_of
-from granular.isolation import Durations
 from granular.laws.kinds import resolved
+from granular.md.isolation import Durations
 from granular.scene import Scene
 
 if TYPE_CHECKING:

@@ -9,9 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import edmd, end_time, isolation, measures, outcome
+from granular import edmd, end_time, measures, outcome
 from granular._engine import check
 from granular.comparison.numbers import Compared
+from granular.md import isolation
 from granular.outcome import counted, differences
 from granular.run.trajectory import EARLY, Trajectory
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from granular import edmd, end_time, measures, outcome
 from granular._engine import check
-from granular.binary import LawRule, at_speed_or_nan
 from granular.episodes import Departure, Departures, at_rest, rests_apart
 from granular.laws.kinds import resolved
 from granular.laws.rules import ConstantRestitution
+from granular.md.binary import LawRule, at_speed_or_nan
 from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, units
 from granular.run import until as stop

@@ -12,10 +12,10 @@ from granular import edmd, md
 from granular._engine import check
 from granular._engine.progress import shown
 from granular._engine.reports import Report
-from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
 from granular.laws.kinds import checked
+from granular.md.binary import rule_of_comparison
 from granular.run import until as stop
 from granular.run.drive import EVENTS
 from granular.run.limits import check_end

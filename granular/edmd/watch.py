@@ -56,7 +56,7 @@ class Watch:
         for one in different(laws):
             instance("watch", one, "how long a contact lasts, no collision rule can tell")
         kinds.checked(laws, scene)
-        from granular.isolation import Durations  # from above, and only when asked for
+        from granular.md.isolation import Durations  # from above, and only when asked for
 
         self.duration: Callable[[Any, check.Array], check.Array] = Durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)

@@ -16,9 +16,9 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine.check import Array
-from granular.binary import restitution_of
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, resolved
+from granular.md.binary import restitution_of
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact, restarted
 from granular.reference.events import Logbook

@@ -25,10 +25,10 @@ import numpy as np
 
 from granular import cases, md
 from granular._engine import check
-from granular.binary import restitution
 from granular.cases import build, ready
 from granular.cases.case import Case, descriptions, options_of, parameters_of, whole
 from granular.cases.toml import of_tables, tables_of
+from granular.md.binary import restitution
 from granular.scene.state import Scene
 
 Values = np.ndarray[Any, np.dtype[Any]]

@@ -14,11 +14,11 @@ from os import PathLike
 from textwrap import fill
 from typing import Any
 
-from granular import isolation
 from granular._engine import check, files
 from granular._engine.reports import GREY, HARD, SOFT, Report, aligned, canvas, rounded
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
+from granular.md import isolation
 from granular.outcome import SAME
 from granular.run.trajectory import EARLY, Status
 from granular.sweeps.results import Answer

@@ -2,7 +2,7 @@
 May be skipped: names of the package only.
 """
 
-from granular.waves.bands import (
+from granular.md.waves.bands import (
     band_edges,
     crossing_time,
     decay,
@@ -12,8 +12,8 @@ from granular.waves.bands import (
     sound_speed,
     stiffness,
 )
-from granular.waves.sensors import Pulse, picture, pulse
-from granular.waves.solitary_wave import SolitaryWave, solitary
+from granular.md.waves.sensors import Pulse, picture, pulse
+from granular.md.waves.solitary_wave import SolitaryWave, solitary
 
 __all__ = [
     "Pulse", "SolitaryWave", "band_edges", "crossing_time", "decay", "dispersion", "matched_end", "modes", "picture",

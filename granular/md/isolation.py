@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from granular import binary
 from granular._engine.check import Array
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import Ints, resolved
+from granular.md import binary
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene, speed_scale
 
