@@ -15,7 +15,8 @@ from granular._engine.about import VERSION
 from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
-    from granular import adiabatic, balls, cases, edmd, materials, md, measures, scenes
+    from granular import adiabatic, cases, edmd, md, measures
+    from granular.cases import balls, materials, scenes
     from granular.cases.case import Case
     from granular.comparison.answer import Answer
     from granular.comparison.run import Comparison, compare
@@ -55,7 +56,7 @@ __all__ = [
 __dir__ = __all__.copy
 __getattr__ = attributes(__name__, {
     "granular.adiabatic": "adiabatic",
-    "granular.balls": "balls",
+    "granular.cases.balls": "balls",
     "granular.md.binary": "binary restitution_of",
     "granular.cases": "cases",
     "granular.cases.case": "Case",
@@ -66,12 +67,12 @@ __getattr__ = attributes(__name__, {
     "granular.extremes": "stability",
     "granular.frontiers.run": "frontier",
     "granular.laws": "Hertz LinearDashpot MatchedEnd PowerLaw TsujiHertz ViscoelasticHertz WaltonBraun",
-    "granular.materials": "materials",
+    "granular.cases.materials": "materials",
     "granular.md": "md",
     "granular.measures": "measures",
     "granular.laws.rules": "ConstantRestitution TabulatedRestitution ThorntonRestitution",
     "granular.scene": "Pair Scene",
-    "granular.scenes": "scenes",
+    "granular.cases.scenes": "scenes",
     "granular.sweeps.ensembles": "ensemble",
     "granular.sweeps.gradients": "Sensitivity",
     "granular.sweeps.run": "sweep",

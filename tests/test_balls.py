@@ -14,7 +14,7 @@ import pytest
 
 import granular as gr
 from granular import outcome
-from granular.balls import BALLS, PRESETS, RULES, Ball, contact
+from granular.cases.balls import BALLS, PRESETS, RULES, Ball, contact
 from granular.cli import main
 from granular.page import opening
 

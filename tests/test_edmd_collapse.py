@@ -9,12 +9,12 @@ from scenes_at_random import scene
 
 import granular as gr
 from granular import edmd
+from granular.cases.scenes import column as scene_column, newtons_cradle
 from granular.edmd import collapse as collapses
 from granular.laws.rules import ConstantRestitution
 from granular.run.trajectory import Status
 from granular.run.until import separated
 from granular.scene import Scene
-from granular.scenes import column as scene_column, newtons_cradle
 
 
 def cluster(n, mass=None):

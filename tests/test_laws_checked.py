@@ -8,9 +8,9 @@ import pytest
 from scipy.integrate import quad
 
 from granular import binary, md
+from granular.cases.scenes import three_balls
 from granular.laws import Hertz
 from granular.scene import Scene
-from granular.scenes import three_balls
 
 STACK = three_balls(gap=1e-3)
 PAIR = STACK.pairs[1]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from granular import until
+from granular.cases.scenes import gas
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.md import simulate as run
 from granular.md.located.many import Scenes, solve_many
@@ -18,7 +19,6 @@ from granular.md.located.records import PAIR
 from granular.run.trajectory import Status
 from granular.scene import Scene
 from granular.scene.walls import Thermal
-from granular.scenes import gas
 
 pytest.importorskip("numba")
 

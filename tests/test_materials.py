@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from granular import cases, materials
-from granular.materials import MATERIALS, Material
+from granular.cases.materials import MATERIALS, Material
 
 PAIR = gr.Pair(m_eff=0.02, r_eff=0.007, index=0)
 ROD = {"steel": 5050.0, "glass": 5200.0, "brass": 3480.0, "aluminium": 5050.0, "nylon": 1700.0}

@@ -16,8 +16,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from granular import laws, materials
+from granular import laws
 from granular._engine import check
+from granular.cases import materials
 from granular.cases.case import parameters_of
 from granular.laws import rules
 from granular.scene import Pair, walls

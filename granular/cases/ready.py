@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import balls, materials, scenes
 from granular._engine import check
-from granular.cases import build
+from granular.cases import balls, build, materials, scenes
 from granular.cases.case import Case, Option, options_of, summary
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.hertz import hertz_stiffness

@@ -18,9 +18,9 @@ from os import PathLike
 from posixpath import dirname, normpath
 from typing import Any
 
-from granular import balls
 from granular._engine import files as _files
 from granular._engine.about import VERSION
+from granular.cases import balls
 from granular.page import opening, recording
 from granular.page.opening import LANGUAGES
 from granular.run.trajectory import Trajectory

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode
 
-from granular import balls
 from granular._engine import check
+from granular.cases import balls
 from granular.cases.case import Option
 
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")

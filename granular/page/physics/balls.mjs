@@ -1,4 +1,4 @@
-// Real balls: from what each does on a floor to what two do to each other. Twin of granular/balls.py.
+// Real balls: from what each does on a floor to what two do to each other. Twin of granular/cases/balls.py.
 import { dampingRatio, duration } from "./dashpot.mjs";
 import { sqrt } from "./numbers.mjs";
 

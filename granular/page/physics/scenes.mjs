@@ -1,4 +1,4 @@
-// Ready-made scenes, as in granular/scenes.py: bodies bottom to top (left to right), a floor is a body of infinite mass.
+// Ready-made scenes, as in granular/cases/scenes.py: bodies bottom to top (left to right), a floor is a body of infinite mass.
 import { dampingRatio, duration } from "./dashpot.mjs";
 import { abs, max, min, sqrt } from "./numbers.mjs";
 

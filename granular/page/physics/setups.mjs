@@ -33,7 +33,7 @@ const FALL = { measure: inDrops, measured: "in-drops", most: 10 };
 
 const CHANGES = { elastic: { eps: 1 }, soft: { k: 5e5 }, apart: { gap: 1e-2 }, touching: { gap: 0 } }; // of the first preset of a scene
 
-// Presets of real balls are `offer`ed from the data of granular/balls.py.
+// Presets of real balls are `offer`ed from the data of granular/cases/balls.py.
 export const SETUPS = {
   "real-balls": {
     make: realBalls, contacts: contactsOf, sliders: [GAP, HEIGHT, RULE, BOUNCES, ...ballSliders(2, "upper"), air(2, "upper"), ...ballSliders(1, "lower"), air(1, "lower")],

@@ -8,11 +8,11 @@ number for `gap` means the same gap in every pair between balls.
 from typing import TYPE_CHECKING
 
 from granular._engine.lazy import attributes
-from granular.scenes.falling import ball_stack, bouncing_ball, column, real_balls, three_balls, vibrated_column
+from granular.cases.scenes.falling import ball_stack, bouncing_ball, column, real_balls, three_balls, vibrated_column
 
 if TYPE_CHECKING:
-    from granular.scenes.gases import gas, heated_gas, ring_gas
-    from granular.scenes.rows import chain, compressed_chain, newtons_cradle, pendulum_cradle
+    from granular.cases.scenes.gases import gas, heated_gas, ring_gas
+    from granular.cases.scenes.rows import chain, compressed_chain, newtons_cradle, pendulum_cradle
 
 __all__ = [
     "ball_stack", "bouncing_ball", "chain", "column", "compressed_chain", "gas", "heated_gas", "newtons_cradle",
@@ -20,6 +20,6 @@ __all__ = [
 ]
 __dir__ = __all__.copy
 __getattr__ = attributes(__name__, {
-    "granular.scenes.gases": "gas heated_gas ring_gas",
-    "granular.scenes.rows": "chain compressed_chain newtons_cradle pendulum_cradle",
+    "granular.cases.scenes.gases": "gas heated_gas ring_gas",
+    "granular.cases.scenes.rows": "chain compressed_chain newtons_cradle pendulum_cradle",
 })

@@ -15,7 +15,7 @@ from granular._engine.check import Array
 from granular.scene import Scene, in_order, walls
 
 if TYPE_CHECKING:
-    from granular.balls import Ball
+    from granular.cases.balls import Ball
 
 
 @check.face
@@ -205,7 +205,7 @@ def real_balls(
     gravity : float
         g in m/s².
     """
-    from granular.balls import named
+    from granular.cases.balls import named
 
     balls = [named(lower, "lower"), *([] if upper is None else [named(upper, "upper")])]
     m, r = (np.array([getattr(ball, name) for ball in balls]) for name in ("mass", "radius"))

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
+from granular.cases.scenes.falling import count_of, gaps_of, geometric, mass_of, radius_of
 from granular.laws.kinds import resolved
 from granular.scene import Scene, in_order
-from granular.scenes.falling import count_of, gaps_of, geometric, mass_of, radius_of
 
 
 @check.face

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 
 from granular._engine import check
+from granular.cases.scenes.falling import count_of
 from granular.scene import Scene
 from granular.scene.walls import Thermal
-from granular.scenes.falling import count_of
 
 
 @check.face
