@@ -13,7 +13,7 @@ import numpy as np
 
 import granular as gr
 from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
-from granular.outcome import separations
+from granular.comparison.outcome import separations
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "isolation.png"
 RESTITUTION, GAPS = 0.9, (1e-6, 1e-2)

@@ -15,9 +15,10 @@ from granular._engine.about import VERSION
 from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
-    from granular import adiabatic, cases, edmd, md, measures
+    from granular import adiabatic, cases, edmd, md
     from granular.cases import balls, materials, scenes
     from granular.cases.case import Case
+    from granular.comparison import measures
     from granular.comparison.answer import Answer
     from granular.comparison.run import Comparison, compare
     from granular.extremes import stability
@@ -69,7 +70,7 @@ __getattr__ = attributes(__name__, {
     "granular.laws": "Hertz LinearDashpot MatchedEnd PowerLaw TsujiHertz ViscoelasticHertz WaltonBraun",
     "granular.cases.materials": "materials",
     "granular.md": "md",
-    "granular.measures": "measures",
+    "granular.comparison.measures": "measures",
     "granular.laws.rules": "ConstantRestitution TabulatedRestitution ThorntonRestitution",
     "granular.scene": "Pair Scene",
     "granular.cases.scenes": "scenes",

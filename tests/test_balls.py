@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import outcome
 from granular.cases.balls import BALLS, PRESETS, RULES, Ball, contact
 from granular.cli import main
+from granular.comparison import outcome
 from granular.page import opening
 
 PAGE = (Path(__file__).parents[1] / "docs" / "page.md").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import pytest
 
 import granular as gr
 from granular import measures
-from granular.outcome import differences
+from granular.comparison.outcome import differences
 
 
 def test_verdict_and_certificate_agree():

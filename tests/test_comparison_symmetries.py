@@ -9,7 +9,7 @@ import pytest
 from condition import STEP, nudged
 from symmetric_scenes import Question, grazes, image, question, symmetry_of
 
-from granular.outcome import SAME, counts
+from granular.comparison.outcome import SAME, counts
 
 EXACT, ERROR = 1e-12, 1e-10
 """Tolerances of units (relative) and of errors (absolute) of well-conditioned comparisons."""

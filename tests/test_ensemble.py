@@ -11,8 +11,8 @@ import pytest
 from scipy import stats
 
 import granular as gr
-from granular import outcome
 from granular.cli import main
+from granular.comparison import outcome
 from granular.sweeps import ensembles
 from granular.sweeps.ensembles import judged
 

@@ -12,9 +12,9 @@ from scenes_of_outcomes import BounceThreshold, ring_whose_episode_hides_a_wrong
 from scenes_to_judge import KINDS, question
 
 import granular as gr
+from granular.comparison.episodes import _groups, episodes
+from granular.comparison.outcome import partings
 from granular.comparison.report import warnings
-from granular.episodes import _groups, episodes
-from granular.outcome import partings
 
 INF = math.inf
 

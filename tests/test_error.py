@@ -9,7 +9,8 @@ from error_by_hand import ByHand
 from scenes_at_random import scene as any_scene
 
 import granular as gr
-from granular import cases, end_time, measures, outcome
+from granular import cases, measures
+from granular.comparison import align, outcome
 
 
 def compared(name, stop=None, **options):
@@ -311,8 +312,8 @@ def test_laws_alike_are_computed_once_and_give_what_each_gives():
 
 def test_contacts_running_at_the_end_are_followed_in_one_run(monkeypatch):
     scene, runs = gr.scenes.newtons_cradle(20), []
-    resume = end_time.md.resume
-    monkeypatch.setattr(end_time.md, "resume", lambda *given, **options: runs.append(0) or resume(*given, **options))
+    resume = align.md.resume
+    monkeypatch.setattr(align.md, "resume", lambda *given, **options: runs.append(0) or resume(*given, **options))
     report = gr.compare(scene, gr.LinearDashpot(1e7), t_end=2e-3)
     assert sum(p.ongoing for p in report.pairs) > 2
     assert not any(math.isnan(p.soft_v_rel) for p in report.pairs if p.ongoing)

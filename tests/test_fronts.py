@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.comparison.outcome import at_once, counts
 from granular.md import isolation
-from granular.outcome import at_once, counts
 
 pytest.importorskip("xarray")
 

@@ -55,7 +55,7 @@ def test_html_is_escaped():
 
 def test_measures_show_what_they_measure_and_nothing_else():
     assert dir(gr.measures) == sorted(gr.measures.__all__)
-    assert all(getattr(gr.measures, name).__module__ == "granular.measures" for name in gr.measures.__all__)
+    assert all(getattr(gr.measures, name).__module__ == "granular.comparison.measures" for name in gr.measures.__all__)
 
 
 def test_protocols_ask_for_arguments_by_position_only():

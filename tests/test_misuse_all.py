@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import end_time, measures, outcome
+from granular import measures
+from granular.comparison import align, outcome
 from granular.laws import dashpot
 
 FLAT = gr.Scene([1.0, 2.0, 1.0], [0.1] * 3, [0.1, 0.1], [1.0, 0.0, -1.0])
@@ -23,7 +24,7 @@ RAGGED = [[1.0], [1.0, 2.0]]
 
 def functions():
     """Public functions that take a run, with the names of their arguments."""
-    for home in (outcome, end_time, measures):
+    for home in (outcome, align, measures):
         for name, function in vars(home).items():
             if inspect.isfunction(function) and function.__module__ == home.__name__ and not name.startswith("_"):
                 yield pytest.param(function, list(inspect.signature(function).parameters), id=f"{home.__name__}.{name}")
@@ -93,4 +94,4 @@ def test_one_law_stands_for_all_pairs_and_numpy_numbers_are_numbers():
     assert HARD.of(np.int64(1)).tobytes() == HARD.of(1).tobytes()
     assert gr.until.Contact(np.int64(1), 2.0) == gr.until.contact(1, 2)
     touching = gr.edmd.simulate(FLAT.replace(gap=[0.0, 0.0]), RULE)
-    assert next(end_time.others(touching, {}))["ties"] == "right"
+    assert next(align.others(touching, {}))["ties"] == "right"

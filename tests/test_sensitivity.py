@@ -9,7 +9,7 @@ import pytest
 import slopes_judged
 
 import granular as gr
-from granular.outcome import order
+from granular.comparison.outcome import order
 from granular.sweeps.results import RESULTS
 
 BASE = {"restitution": 0.47161184434617386, "k0": -0.090383271761978587, "k1": 0.033030260394309959,

@@ -9,8 +9,8 @@ import pytest
 
 import granular as gr
 from granular.__main__ import main
+from granular.comparison.outcome import energy_at_hand, energy_left
 from granular.laws.kinds import held
-from granular.outcome import energy_at_hand, energy_left
 
 
 def dropped(radius, origin, force=None):

@@ -21,7 +21,7 @@ from granular.cases.case import ENGINES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.cli import output
 from granular.cli.parser import Command, case_of, offer_until, offered
-from granular.outcome import energy_at_hand
+from granular.comparison.outcome import energy_at_hand
 from granular.run.trajectory import Status, Trajectory
 
 MOST = 20
@@ -185,7 +185,7 @@ def shortened(case: cases.Case) -> cases.Case:
 
 def summary(case: cases.Case, run: Trajectory) -> str:
     """Return how a run ended; if its numbers mean anything, its contacts by pair, and each body at the end."""
-    from granular import measures
+    from granular.comparison import measures
     from granular.md import isolation
 
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"

@@ -11,7 +11,7 @@ import numpy as np
 
 from granular._engine.check import Array, of_kind
 from granular.comparison.further import with_rows
-from granular.outcome import SAME
+from granular.comparison.outcome import SAME
 from granular.run.trajectory import Trajectory
 from granular.scene.places import speed_scale
 

@@ -23,13 +23,13 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import end_time
 from granular._engine import check as _check
 from granular._engine.reports import rounded
+from granular.comparison import align
 from granular.comparison.checks import Checked
+from granular.comparison.measures import static_overlaps
 from granular.comparison.numbers import smaller_radius
-from granular.measures import static_overlaps
-from granular.outcome import FAINT, SAME
+from granular.comparison.outcome import FAINT, SAME
 from granular.run.trajectory import EARLY, Status
 
 
@@ -129,7 +129,7 @@ def _judged(report: Checked, j: int) -> Reason:
                   ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
                   f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
     chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
-    if chaos > SAME and end_time.touching(report.scene)[list(pairs)].any():
+    if chaos > SAME and align.touching(report.scene)[list(pairs)].any():
         return so(Answer.not_unique,
                   ": touching balls have no one hard-sphere answer; here it hangs on the option ties")
     if chaos > SAME:

@@ -9,11 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import edmd, end_time, measures, outcome
+from granular import edmd
 from granular._engine import check
+from granular.comparison import align, measures, outcome
 from granular.comparison.numbers import Compared
+from granular.comparison.outcome import counted, differences
 from granular.md import isolation
-from granular.outcome import counted, differences
 from granular.run.trajectory import EARLY, Trajectory
 
 
@@ -69,9 +70,9 @@ class Checked(Compared):
     @cached_property
     def twin(self) -> Trajectory:
         """The hard run from gaps shifted a little."""
-        most = end_time.MOST_OF_OTHERS * (self.hard.stats["events"] + self.scene.n)
+        most = align.MOST_OF_OTHERS * (self.hard.stats["events"] + self.scene.n)
         options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], most)}
-        return edmd.simulate(end_time.nudged(self.scene), self.rule, **options)
+        return edmd.simulate(align.nudged(self.scene), self.rule, **options)
 
     @cached_property
     def _twin(self) -> Trajectory:
@@ -88,7 +89,7 @@ class Checked(Compared):
     def _other_answers(self) -> dict[str, Trajectory | str]:
         """The hard run under each other tie rule, or why there is none."""
         found: dict[str, Trajectory | str] = {}
-        for options in end_time.others(self.settled, self.hard_options):
+        for options in align.others(self.settled, self.hard_options):
             name = options["ties"]
             try:
                 first = edmd.simulate(self.scene, self.rule, **options)
@@ -107,7 +108,7 @@ class Checked(Compared):
         if self._twin.status in EARLY:
             return f"the run from gaps shifted by 1e-12 of themselves stopped early ({self._twin.status.name})"
         pairs = self.components.of_pair == j
-        if pairs.sum() < 2 or not end_time.tied(self.settled)[pairs].any():
+        if pairs.sum() < 2 or not align.tied(self.settled)[pairs].any():
             return ""
         failed = [(name, why) for name, why in self._other_answers.items() if isinstance(why, str)]
         return f"the run with ties={failed[0][0]!r} {failed[0][1]}" if failed else ""

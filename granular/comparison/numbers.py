@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import edmd, end_time, measures, outcome
+from granular import edmd
 from granular._engine import check
-from granular.episodes import Departure, Departures, at_rest, rests_apart
+from granular.comparison import align, measures, outcome
+from granular.comparison.episodes import Departure, Departures, at_rest, rests_apart
+from granular.comparison.measures import Overlap
+from granular.comparison.outcome import Components, PairOutcome, components, counted, units
 from granular.laws.kinds import resolved
 from granular.laws.rules import ConstantRestitution
 from granular.md.binary import LawRule, at_speed_or_nan
-from granular.measures import Overlap
-from granular.outcome import Components, PairOutcome, components, counted, units
 from granular.run import until as stop
 from granular.run.trajectory import EARLY, Trajectory
 from granular.scene import Scene
@@ -64,7 +65,7 @@ class Compared:
     @cached_property
     def levelled(self) -> tuple[Trajectory, Trajectory]:
         """Both runs with the same contacts of every pair as far as they have them, each followed to its end."""
-        return end_time.levelled(*self.counted, self.soft_options)
+        return align.levelled(*self.counted, self.soft_options)
 
     @property
     def followed(self) -> Trajectory:
@@ -83,7 +84,7 @@ class Compared:
 
     @cached_property
     def units(self) -> check.Array:
-        """Largest closing speed in m/s of each component, see `granular.outcome.units`."""
+        """Largest closing speed in m/s of each component, see `granular.comparison.outcome.units`."""
         return units(*self.levelled, self.components)
 
     @cached_property
@@ -221,7 +222,7 @@ class Compared:
     def _departures(self) -> tuple[Departures, check.Array, Any]:
         """All departures; of each component the largest difference in its unit, and the number of its departure."""
         found = Departures(*self.levelled, self.components.weight(self.levelled[1]),
-                           lambda pair, speed: end_time.lags(*self.counted)(pair, speed))
+                           lambda pair, speed: align.lags(*self.counted)(pair, speed))
         part, largest = self.components.of_ball[found.ball], np.zeros(self.components.count + 1)
         which = np.zeros(self.components.count + 1, np.int64)
         off = np.nan_to_num(found.apart) / np.append(self.units, math.inf)[part]
@@ -253,7 +254,7 @@ class Compared:
     @cached_property
     def unknown(self) -> Any:
         """Whether the last soft contact of each pair was still running and could not be followed, (n-1,)."""
-        return end_time.unfollowed(self.levelled[1])
+        return align.unfollowed(self.levelled[1])
 
     @property
     def _early(self) -> bool:

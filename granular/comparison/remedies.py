@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from granular import edmd, end_time, measures
+from granular import edmd
 from granular._engine import check
 from granular._engine.reports import Report, aligned, number, problem
+from granular.comparison import align, measures
+from granular.comparison.outcome import SAME, energy_left
 from granular.laws.rules import ConstantRestitution
-from granular.outcome import SAME, energy_left
 from granular.run.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
     options = {**report.hard_options, **none, **remedy}
     if options == report.hard_options and rule is report.rule:
         return report.hard
-    most = end_time.MOST_OF_OTHERS * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
+    most = align.MOST_OF_OTHERS * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
     return edmd.simulate(report.scene, rule, **options | {"max_events": min(options["max_events"], most)})
 
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import measures
 from granular._engine.reports import named_pairs, number, pairs_by_law, problem, shortened
+from granular.comparison import measures
 from granular.comparison.numbers import smaller_radius
+from granular.comparison.outcome import FAINT, PairOutcome
 from granular.laws.kinds import resolved
 from granular.md import isolation
-from granular.outcome import FAINT, PairOutcome
 from granular.run.trajectory import Status, Trajectory
 from granular.run.until import Contact
 

@@ -22,9 +22,9 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.reports import named_pairs, pairs_by_law, shortened
+from granular.comparison.measures import ACCOUNT, balance, impact_speed
 from granular.laws.kinds import resolved
 from granular.md.binary import at_speed_or_nan
-from granular.measures import ACCOUNT, balance, impact_speed
 from granular.run.trajectory import Trajectory, points
 from granular.scene import Scene
 

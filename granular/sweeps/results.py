@@ -17,11 +17,11 @@ from granular import md
 from granular._engine.check import per_pair
 from granular._engine.flight import rate_at_contact
 from granular.cases.case import Case
+from granular.comparison.align import followed
 from granular.comparison.numbers import effective, is_drop
+from granular.comparison.outcome import at_once, counts, energy_left, order, separations
 from granular.comparison.run import Comparison, compare
-from granular.end_time import followed
 from granular.md.binary import restitution
-from granular.outcome import at_once, counts, energy_left, order, separations
 from granular.run.trajectory import Status, Trajectory
 from granular.scene.state import Scene
 

@@ -16,7 +16,7 @@ import numpy as np
 from granular._engine import check
 from granular._engine.progress import shown
 from granular.cases import Case
-from granular.outcome import SAME, approach, components
+from granular.comparison.outcome import SAME, approach, components
 from granular.sweeps import schedule
 from granular.sweeps.gradients import Sensitivity, Slope, Start, slope
 from granular.sweeps.plan import Ask, Plan, named, planned

@@ -18,8 +18,8 @@ from granular._engine import check, files
 from granular._engine.reports import GREY, HARD, SOFT, Report, aligned, canvas, rounded
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
+from granular.comparison.outcome import SAME
 from granular.md import isolation
-from granular.outcome import SAME
 from granular.run.trajectory import EARLY, Status
 from granular.sweeps.results import Answer
 

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 
 import granular as gr
-from granular import outcome as outcomes
+from granular.comparison import outcome as outcomes
 
 CASES = 500
 RULES = ("right", "random", "newton", "poisson", "reflect")

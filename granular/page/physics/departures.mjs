@@ -1,4 +1,4 @@
-// Episodes of linked contacts, and the velocities with which balls leave them in two runs (granular/episodes.py).
+// Episodes of linked contacts, and the velocities with which balls leave them in two runs (granular/comparison/episodes.py).
 import { approach, isOver } from "./measures.mjs";
 import { abs, max, min } from "./numbers.mjs";
 

@@ -1,4 +1,4 @@
-// Both runs of a scene, cut at one end, go on until they have the same contacts (granular/end_time.py). With them the lag:
+// Both runs of a scene, cut at one end, go on until they have the same contacts (granular/comparison/align.py). With them the lag:
 // the time in s by which a contact of a pair at an approach speed may be late.
 import { goOnHard } from "./hard.mjs";
 import { approach, counts, first, inBoth, isOver, largest, ofPair, lasted } from "./measures.mjs";

@@ -1,4 +1,4 @@
-// What a run comes to, read from its contacts, and how far two runs differ (granular/outcome.py).
+// What a run comes to, read from its contacts, and how far two runs differ (granular/comparison/outcome.py).
 import { settledRun } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
 import { abs, max, min, sqrt, sum } from "./numbers.mjs";

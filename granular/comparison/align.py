@@ -22,9 +22,9 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine.check import Array, typed
+from granular.comparison.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
 from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
-from granular.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
 from granular.run.drive import EVENTS
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine.check import Array, typed
-from granular.outcome import INSTANT, approach, carried, counts, last_contacts, partings, sticking
+from granular.comparison.outcome import INSTANT, approach, carried, counts, last_contacts, partings, sticking
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 
@@ -61,9 +61,9 @@ class Departures:
     Parameters
     ----------
     hard, soft : Trajectory
-        Runs with the same contacts of every pair as far as they have them, see `granular.end_time.levelled`.
+        Runs with the same contacts of every pair as far as they have them, see `granular.comparison.align.levelled`.
     weight : (n-1,) array
-        Speed in m/s that weight gives during a contact, see `granular.outcome.Components.weight`.
+        Speed in m/s that weight gives during a contact, see `granular.comparison.outcome.Components.weight`.
     lag : callable
         ``lag(pair, speed)``: time in s by which contacts of these pairs at these approach speeds may be late.
 
@@ -212,7 +212,7 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
     A contact before it that the other run lacks counts in full; it begins alike in both; what one run still has from
     there on, as a ball that bounces ever lower, begins no faster, and leaves the pair at rest too. The largest counts.
     Where both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that
-    settle. How the contacts before it end is compared by episodes, see `granular.episodes`.
+    settle. How the contacts before it end is compared by episodes, see `granular.comparison.episodes`.
     """
     (never, sticks), still = at_rest(hard, soft), resting_in_both(hard, soft)
     for c in np.flatnonzero(never | sticks).tolist():

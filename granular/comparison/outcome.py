@@ -38,7 +38,7 @@ class PairOutcome:
     pair : int
         Number of the pair.
     hard_contacts, soft_contacts : int
-        Number of contacts, without those that are rounding (`granular.outcome.without_rounding`).
+        Number of contacts, without those that are rounding (`granular.comparison.outcome.without_rounding`).
     hard_v_rel, soft_v_rel : float
         Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact; nan without contacts.
     hard_t_f, soft_t_f : float

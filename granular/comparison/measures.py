@@ -23,9 +23,9 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array
+from granular.comparison.outcome import approach
 from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
-from granular.outcome import approach
 from granular.run.contact_log import is_logged
 from granular.run.trajectory import Status, Trajectory, points
 from granular.scene import Scene, walls
