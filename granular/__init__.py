@@ -15,14 +15,12 @@ from granular._engine.about import VERSION
 from granular._engine.lazy import attributes
 
 if TYPE_CHECKING:
-    from granular import adiabatic, cases, edmd, md
+    from granular import cases, edmd, md
     from granular.cases import balls, materials, scenes
     from granular.cases.case import Case
     from granular.comparison import measures
     from granular.comparison.answer import Answer
     from granular.comparison.run import Comparison, compare
-    from granular.extremes import stability
-    from granular.frontiers.run import frontier
     from granular.laws import (
         Hertz,
         LinearDashpot,
@@ -39,12 +37,15 @@ if TYPE_CHECKING:
     from granular.run import export, until
     from granular.run.trajectory import Status, Trajectory, load
     from granular.scene import Pair, Scene, walls
-    from granular.sweeps.ensembles import ensemble
-    from granular.sweeps.gradients import Sensitivity
-    from granular.sweeps.run import sweep
-    from granular.sweeps.sensitivities import sensitivity
-    from granular.thresholds.result import Threshold
-    from granular.thresholds.run import threshold
+    from granular.studies import adiabatic
+    from granular.studies.extremes import stability
+    from granular.studies.frontiers.run import frontier
+    from granular.studies.sweeps.ensembles import ensemble
+    from granular.studies.sweeps.gradients import Sensitivity
+    from granular.studies.sweeps.run import sweep
+    from granular.studies.sweeps.sensitivities import sensitivity
+    from granular.studies.thresholds.result import Threshold
+    from granular.studies.thresholds.run import threshold
 
 __version__ = VERSION
 __all__ = [
@@ -56,7 +57,7 @@ __all__ = [
 ]
 __dir__ = __all__.copy
 __getattr__ = attributes(__name__, {
-    "granular.adiabatic": "adiabatic",
+    "granular.studies.adiabatic": "adiabatic",
     "granular.cases.balls": "balls",
     "granular.md.binary": "binary restitution_of",
     "granular.cases": "cases",
@@ -65,8 +66,8 @@ __getattr__ = attributes(__name__, {
     "granular.comparison.run": "Comparison compare",
     "granular.edmd": "edmd",
     "granular.run.export": "export",
-    "granular.extremes": "stability",
-    "granular.frontiers.run": "frontier",
+    "granular.studies.extremes": "stability",
+    "granular.studies.frontiers.run": "frontier",
     "granular.laws": "Hertz LinearDashpot MatchedEnd PowerLaw TsujiHertz ViscoelasticHertz WaltonBraun",
     "granular.cases.materials": "materials",
     "granular.md": "md",
@@ -74,13 +75,13 @@ __getattr__ = attributes(__name__, {
     "granular.laws.rules": "ConstantRestitution TabulatedRestitution ThorntonRestitution",
     "granular.scene": "Pair Scene",
     "granular.cases.scenes": "scenes",
-    "granular.sweeps.ensembles": "ensemble",
-    "granular.sweeps.gradients": "Sensitivity",
-    "granular.sweeps.run": "sweep",
-    "granular.sweeps.sensitivities": "sensitivity",
+    "granular.studies.sweeps.ensembles": "ensemble",
+    "granular.studies.sweeps.gradients": "Sensitivity",
+    "granular.studies.sweeps.run": "sweep",
+    "granular.studies.sweeps.sensitivities": "sensitivity",
     "granular.laws.theory": "theory",
-    "granular.thresholds.result": "Threshold",
-    "granular.thresholds.run": "threshold",
+    "granular.studies.thresholds.result": "Threshold",
+    "granular.studies.thresholds.run": "threshold",
     "granular.run.trajectory": "Status Trajectory load",
     "granular.run.until": "until",
     "granular.scene.walls": "walls",

@@ -26,7 +26,7 @@ TAKERS = ("test_costs", "test_costs_hard", "test_levels", "test_sweeps", "test_s
 PATIENCE = {
     "granular.md.located.run": {"MAKING": math.inf}, "granular.md.located.pace": {"MAKING_LOOK": math.inf},
     "granular.md.fixed.run": {"MAKING": math.inf}, "granular.edmd.run": {"VERY_LONG": math.inf},
-    "granular.sweeps.schedule": {"MAKING": math.inf},
+    "granular.studies.sweeps.schedule": {"MAKING": math.inf},
 }
 """How long "auto" waits before it makes machine code, by modules and the names of their limits."""
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 KIND, SEED = (int(x) for x in (os.environ.get("NOISE", "0") + ":0").split(":")[:2])
-RECIPES = "granular.cases.scenes", "granular.cases", "granular.cases.balls", "granular.sweeps"
+RECIPES = "granular.cases.scenes", "granular.cases", "granular.cases.balls", "granular.studies.sweeps"
 PASSED_THROUGH = "granular.scene.", "granular.laws.", "granular.laws.rules", "dataclasses", "noise"
 MANTISSA, FEW = np.uint64(2**52 - 2), np.uint64(2**30 - 1)
 

@@ -18,7 +18,7 @@ import granular as gr
 from bench.reference import taylor
 from granular.laws.contact_law import resolve
 from granular.scene.places import fitted, speed_scale
-from granular.sweeps.plan import planned
+from granular.studies.sweeps.plan import planned
 
 STEP, DIGITS, MOST = 2.0**-30, 20, 6
 mp.mp.dps = 40

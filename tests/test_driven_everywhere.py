@@ -6,10 +6,10 @@ import pytest
 
 import granular as gr
 from bench.reference import solve
-from granular.frontiers import methods
-from granular.frontiers.methods import Task, peer
 from granular.laws.kinds import checked
 from granular.scene.walls import Motion, Sine
+from granular.studies.frontiers import methods
+from granular.studies.frontiers.methods import Task, peer
 
 pytest.importorskip("xarray")
 

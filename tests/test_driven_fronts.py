@@ -16,7 +16,7 @@ from granular.laws import LinearDashpot
 from granular.run.trajectory import CONTACT, Status, Trajectory
 from granular.scene.places import fitted
 from granular.scene.walls import Motion, Panels, Piecewise, Sine
-from granular.sweeps.plan import planned
+from granular.studies.sweeps.plan import planned
 
 INF = math.inf
 LAW = LinearDashpot(1e4, 1.0)

@@ -94,7 +94,7 @@ SLOW = """
 import multiprocessing, os, sys, time
 multiprocessing.set_start_method("fork")
 from granular import cli
-from granular.sweeps import schedule
+from granular.studies.sweeps import schedule
 solve = schedule.solve
 def slow(plan, columns):
     answers = solve(plan, columns)

@@ -13,8 +13,8 @@ from scipy import stats
 import granular as gr
 from granular.cli import main
 from granular.comparison import outcome
-from granular.sweeps import ensembles
-from granular.sweeps.ensembles import judged
+from granular.studies.sweeps import ensembles
+from granular.studies.sweeps.ensembles import judged
 
 yes, no, undecided = gr.Answer.yes, gr.Answer.no, gr.Answer.undecided
 TOUCHING = {"gap": (1e-4, 1e-5)}

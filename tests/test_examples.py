@@ -37,7 +37,7 @@ def test_an_example_runs(path, tmp_path, monkeypatch, capsys):
         pytest.importorskip("xarray")
     if path.stem == "sweep_on_dask" and find_spec("distributed") is None:
         pytest.skip("dask is not installed")
-    if path.stem == "error_against_run_time" and find_spec("granular.frontiers") is None:
+    if path.stem == "error_against_run_time" and find_spec("granular.studies.frontiers") is None:
         pytest.skip("this version has no gr.frontier")
     monkeypatch.chdir(tmp_path)
     said = (as_process if path.stem in AS_PROCESSES else here)(path, monkeypatch, capsys)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import extremes
 from granular.cases import Case
-from granular.extremes import AXES
 from granular.laws.contact_law import resolve
+from granular.studies import extremes
+from granular.studies.extremes import AXES
 
 ONE = Case(gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.1], [0.0, -1.0]), gr.LinearDashpot(1e4, 20.0), t_end=1.0)
 LINE = Case(gr.Scene([1.0] * 3, [0.1] * 3, [0.1, 0.2], [1.0, 0.0, 0.0]), gr.Hertz(1e5), until=gr.until.separated())

@@ -106,7 +106,7 @@ def test_the_ending_tells_the_format_of_a_run(tmp_path, monkeypatch, path):
 
 def test_a_full_disk_is_called_so_whatever_netcdf_says(tmp_path):
     xarray, resource = pytest.importorskip("xarray"), pytest.importorskip("resource")
-    from granular.sweeps import plan
+    from granular.studies.sweeps import plan
 
     plan.write(xarray.Dataset({"a": ("x", np.zeros(3))}), tmp_path / "small.nc")
     data, limits = xarray.Dataset({"a": ("x", np.random.default_rng(1).random(200_000))}), resource.RLIMIT_FSIZE

@@ -10,11 +10,12 @@ import pytest
 
 import granular as gr
 from bench.reference import solve
-from granular import cases, cli, reference
+from granular import cases, cli
 from granular._engine.reports import duration
 from granular.cli import output
-from granular.frontiers import Frontier, Row
-from granular.frontiers.methods import METHODS, Task, contacts_of, errors, expected_orders, own
+from granular.studies import reference
+from granular.studies.frontiers import Frontier, Row
+from granular.studies.frontiers.methods import METHODS, Task, contacts_of, errors, expected_orders, own
 
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
 
@@ -29,8 +30,8 @@ def scene_and_law(law=None):
 def coarse():
     """Fewer and coarser points than by default, so that tests are quick."""
     patch = pytest.MonkeyPatch()
-    patch.setattr("granular.frontiers.methods.POINTS", 5)
-    patch.setattr("granular.frontiers.methods.MOST_STEPS", {"compiled": 100_000, "plain": 20_000})
+    patch.setattr("granular.studies.frontiers.methods.POINTS", 5)
+    patch.setattr("granular.studies.frontiers.methods.MOST_STEPS", {"compiled": 100_000, "plain": 20_000})
     yield
     patch.undo()
 

@@ -10,8 +10,8 @@ IDLE = (
     "granular.run.saved_run", "granular._engine.describe", "granular.run.figures", "granular._engine.files",
     "granular.run.films",
     "granular.cases.case", "granular.cases.ready", "granular.comparison.captions", "granular.comparison.figure",
-    "granular.comparison.film", "granular.comparison.view", "granular.frontiers", "granular.page",
-    "granular.reference", "granular.sweeps", "granular.thresholds", "granular.md.waves",
+    "granular.comparison.film", "granular.comparison.view", "granular.studies.frontiers", "granular.page",
+    "granular.studies.reference", "granular.studies.sweeps", "granular.studies.thresholds", "granular.md.waves",
 )
 HEAVY = ("scipy", "numba", "matplotlib", "xarray", "pandas")
 

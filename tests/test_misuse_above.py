@@ -9,8 +9,8 @@ import pytest
 
 import granular as gr
 from granular import binary, cases, measures
-from granular.frontiers.methods import contacts_of
-from granular.reference import Reference
+from granular.studies.frontiers.methods import contacts_of
+from granular.studies.reference import Reference
 
 SCENE = gr.scenes.three_balls(gap=1e-3)
 LAW = gr.LinearDashpot.from_restitution(0.7, 5e7, SCENE.pairs[0])

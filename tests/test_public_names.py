@@ -14,7 +14,7 @@ from pathlib import Path
 
 import granular as gr
 from granular.run.trajectory import CONTACT
-from granular.sweeps.results import RESULTS
+from granular.studies.sweeps.results import RESULTS
 
 STORED = Path(__file__).parent / "reference" / "public_names.json"
 API = Path(__file__).parents[1] / "docs" / "api"

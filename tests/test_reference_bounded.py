@@ -8,8 +8,8 @@ import pytest
 import granular as gr
 from bench import reference
 from granular.laws.kinds import resolved
-from granular.reference import restarted
-from granular.reference.events import ACTIVE, DORMANT, OPEN, roused
+from granular.studies.reference import restarted
+from granular.studies.reference.events import ACTIVE, DORMANT, OPEN, roused
 
 pytest.importorskip("mpmath")
 MP = __import__("mpmath").MPContext()

@@ -10,8 +10,8 @@ from bench import reference
 from bench.reference.taylor import Taylor
 from granular.laws import resolve
 from granular.laws.kinds import resolved
-from granular.reference import restarted
-from granular.reference.events import Run
+from granular.studies.reference import restarted
+from granular.studies.reference.events import Run
 
 pytest.importorskip("mpmath")
 from driven_scenes import MP, ONE_RADIAN, riding, scenes, shaken, steady

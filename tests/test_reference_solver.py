@@ -14,9 +14,9 @@ from bench.reference import taylor
 from bench.reference.series import Power, first_rise, fraction, product_term
 from granular.laws import resolve
 from granular.laws.kinds import resolved
-from granular.reference import restarted, solve
-from granular.reference.driven import value
-from granular.reference.events import Run, first_rise_of_parabola
+from granular.studies.reference import restarted, solve
+from granular.studies.reference.driven import value
+from granular.studies.reference.events import Run, first_rise_of_parabola
 
 mpmath = pytest.importorskip("mpmath")
 NUMBERS = json.loads((Path(__file__).parent / "reference" / "chains.json").read_text())

@@ -10,7 +10,7 @@ import slopes_judged
 
 import granular as gr
 from granular.comparison.outcome import order
-from granular.sweeps.results import RESULTS
+from granular.studies.sweeps.results import RESULTS
 
 BASE = {"restitution": 0.47161184434617386, "k0": -0.090383271761978587, "k1": 0.033030260394309959,
         "m1": 0.089938689133708453, "m2": -0.03258567776603971, "gap": -0.11418653828802672,

@@ -9,8 +9,8 @@ import pytest
 
 import granular as gr
 from granular.cases import Case, make
-from granular.sweeps import axis
-from granular.sweeps.results import CODE, RESULTS
+from granular.studies.sweeps import axis
+from granular.studies.sweeps.results import CODE, RESULTS
 
 xr = pytest.importorskip("xarray")
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "paper_points.json").read_text(encoding="utf-8"))
@@ -180,7 +180,7 @@ def test_threads_are_a_whole_number():
 
 
 def test_status_codes_in_files_keep_their_meaning():
-    from granular.sweeps.results import STATUS
+    from granular.studies.sweeps.results import STATUS
 
     names = ["time", "until", "quiet", "resting", "collapse", "disturbed", "max_events", "unstable", "misuse", "broken",
              "bounded"]

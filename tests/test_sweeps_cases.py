@@ -196,7 +196,7 @@ def test_one_restitution_for_all_laws_and_the_rule_of_a_case(make, ruled):
 
 
 def test_what_all_pairs_share_is_the_number_that_a_case_has():
-    from granular.sweeps.subject import shared
+    from granular.studies.sweeps.subject import shared
 
     scene = gr.Scene([math.inf, 1.0, 2.0, 3.0], [0.0] * 4, [0.5, 0.1, 0.1], [0.0, 2.0, 0.0, -1.0])
     case = gr.Case(scene, [gr.LinearDashpot.from_restitution(0.9, 1e5, p) for p in scene.pairs])

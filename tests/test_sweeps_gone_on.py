@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.sweeps.plan import planned, question
+from granular.studies.sweeps.plan import planned, question
 
 GAPS = {"gap": [1e-4, 1e-3]}
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.sweeps import schedule
-from granular.sweeps.results import CODE
+from granular.studies.sweeps import schedule
+from granular.studies.sweeps.results import CODE
 
 xr = pytest.importorskip("xarray")
 

@@ -10,8 +10,8 @@ import pytest
 import granular as gr
 from granular.cases import Case
 from granular.md.located import many as located
-from granular.sweeps import schedule
-from granular.sweeps.results import RESULTS
+from granular.studies.sweeps import schedule
+from granular.studies.sweeps.results import RESULTS
 
 xr = pytest.importorskip("xarray")
 ONE_BY_ONE = {"engine": "plain"}

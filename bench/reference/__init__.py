@@ -1,7 +1,7 @@
 """A reference solution in 34 digits, with an estimate of its own error.
 
 Power laws F = k ξ^p + γ ξ^d ξ̇ are solved by Taylor series with mpmath. Any other law is solved in double precision by
-`granular.reference`. Pass the result to `granular.frontier(reference=...)`.
+`granular.studies.reference`. Pass the result to `granular.frontier(reference=...)`.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from typing import Any
 
 from bench.reference import taylor
 from bench.reference.series import fraction
-from granular import reference, until as stop
+from granular import until as stop
 from granular._engine import check
 from granular.laws.contact_law import Form, PairLaw
-from granular.reference import Reference, ReferenceContact
-from granular.reference.events import distance
 from granular.scene import Scene
+from granular.studies import reference
+from granular.studies.reference import Reference, ReferenceContact
+from granular.studies.reference.events import distance
 
 __all__ = ["Reference", "ReferenceContact", "distance", "power_series", "solve"]
 
@@ -28,12 +29,12 @@ def solve(
     scene: Scene, law: Any, *, until: stop.Until | None = None, t_end: float | None = None, digits: int = 34,
     t_start: float = 0.0,
 ) -> Reference:
-    """Solve a scene as `granular.reference.solve` does, in `digits` digits where every law has a power series.
+    """Solve a scene as `granular.studies.reference.solve` does, in `digits` digits where every law has a power series.
 
     Parameters
     ----------
     scene, law, until, t_end, t_start
-        As in `granular.reference.solve`.
+        As in `granular.studies.reference.solve`.
     digits : int
         Working digits for power laws. The cost grows about as their cube.
 

@@ -18,8 +18,17 @@ from typing import Any
 
 from bench.reference.series import Course, Force, Piece, Power, first_rise, product_term, touch, work
 from granular import until as stop
-from granular.reference.driven import Number, Path, heats, paths, value
-from granular.reference.events import ACTIVE, CLOSED, DORMANT, OPEN, Reference, Run, Watch, first_rise_of_parabola
+from granular.studies.reference.driven import Number, Path, heats, paths, value
+from granular.studies.reference.events import (
+    ACTIVE,
+    CLOSED,
+    DORMANT,
+    OPEN,
+    Reference,
+    Run,
+    Watch,
+    first_rise_of_parabola,
+)
 
 GUARD = 8
 """Digits carried beyond those asked for."""

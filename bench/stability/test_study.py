@@ -23,8 +23,8 @@ from bench.stability.contact import meeting
 from bench.stability.hard import rational_run
 from bench.stability.long import limits
 from bench.stability.study import deadline, judge as judge_any
-from granular import extremes
 from granular.run.trajectory import Trajectory
+from granular.studies import extremes
 
 judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
 

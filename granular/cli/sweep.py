@@ -23,12 +23,12 @@ from granular._engine.reports import cores
 from granular.cases.case import Option
 from granular.cli import ends, output
 from granular.cli.parser import Command, offered
-from granular.sweeps.ensembles import BOTH, ensemble
-from granular.sweeps.results import RESULTS, STATUS
-from granular.sweeps.run import DEFAULT, sweep
-from granular.sweeps.schedule import end_with_parent
-from granular.sweeps.sensitivities import sensitivity
-from granular.sweeps.subject import axis
+from granular.studies.sweeps.ensembles import BOTH, ensemble
+from granular.studies.sweeps.results import RESULTS, STATUS
+from granular.studies.sweeps.run import DEFAULT, sweep
+from granular.studies.sweeps.schedule import end_with_parent
+from granular.studies.sweeps.sensitivities import sensitivity
+from granular.studies.sweeps.subject import axis
 
 WORTH_POOL = 20_000
 """Cells from which on several processes are started."""

@@ -11,7 +11,7 @@ from granular._engine import files
 from granular._engine.reports import aligned
 from granular.cases.case import Option
 from granular.cli.parser import Command
-from granular.reference import verification
+from granular.studies.reference import verification
 
 WORDS = "right", "ill-conditioned", "wrong", "missing"
 OK, NOT_RIGHT = 0, 1

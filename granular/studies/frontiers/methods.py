@@ -20,11 +20,11 @@ from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, resolved
 from granular.md.binary import restitution_of
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.reference import Reference, ReferenceContact, restarted
-from granular.reference.events import Logbook
 from granular.run import until as stop
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene
+from granular.studies.reference import Reference, ReferenceContact, restarted
+from granular.studies.reference.events import Logbook
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST, FINER, POINTS = 8, 4, 8

@@ -19,9 +19,9 @@ import numpy as np
 from granular._engine import check, files
 from granular._engine.reports import Report, aligned, canvas, duration, number, problem, rough, shortened
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.reference import Reference
 from granular.run import until as stop
 from granular.scene import Scene
+from granular.studies.reference import Reference
 
 FEWEST = 3
 """Points from which an order is measured."""

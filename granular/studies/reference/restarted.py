@@ -12,10 +12,10 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular.laws.kinds import SceneLaws
-from granular.reference.driven import heats, paths
-from granular.reference.events import ACTIVE, DORMANT, OPEN, Reference, Run, Watch
 from granular.run import until as stop
 from granular.scene import Scene, speed_scale, velocities
+from granular.studies.reference.driven import heats, paths
+from granular.studies.reference.events import ACTIVE, DORMANT, OPEN, Reference, Run, Watch
 
 LOOKS = 20
 """Steps at least in a period of pendula, or one or a piece of a driven wall's path: such a solver may overlook a graze.

@@ -15,10 +15,10 @@ May be skipped: many runs of the same engines.
 ===============  =====================================================================================================
 """
 
-from granular.sweeps.ensembles import Ensemble, Quantity, ensemble
-from granular.sweeps.gradients import Sensitivity
-from granular.sweeps.run import sweep
-from granular.sweeps.sensitivities import sensitivity
-from granular.sweeps.subject import axis
+from granular.studies.sweeps.ensembles import Ensemble, Quantity, ensemble
+from granular.studies.sweeps.gradients import Sensitivity
+from granular.studies.sweeps.run import sweep
+from granular.studies.sweeps.sensitivities import sensitivity
+from granular.studies.sweeps.subject import axis
 
 __all__ = ["Ensemble", "Quantity", "Sensitivity", "axis", "ensemble", "sensitivity", "sweep"]

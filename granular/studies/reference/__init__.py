@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 
 from granular._engine import check
 from granular.laws.kinds import SceneLaws, checked
-from granular.reference import restarted
-from granular.reference.events import Reference, ReferenceContact, distance
 from granular.run import until as stop
 from granular.scene import Scene, checked as a_scene
 from granular.scene.places import Closing, fitted
+from granular.studies.reference import restarted
+from granular.studies.reference.events import Reference, ReferenceContact, distance
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
 

@@ -18,10 +18,10 @@ from granular._engine import check
 from granular._engine.progress import Told, shown
 from granular._engine.reports import cores
 from granular.cases import Case
-from granular.sweeps import schedule
-from granular.sweeps.plan import Plan, check_names, dataset, planned, resume, write, xarray_
-from granular.sweeps.results import MISUSE, NOT_RUN, Answers
-from granular.sweeps.subject import SceneLike, Values, checked
+from granular.studies.sweeps import schedule
+from granular.studies.sweeps.plan import Plan, check_names, dataset, planned, resume, write, xarray_
+from granular.studies.sweeps.results import MISUSE, NOT_RUN, Answers
+from granular.studies.sweeps.subject import SceneLike, Values, checked
 
 if TYPE_CHECKING:
     import xarray
@@ -68,7 +68,7 @@ def sweep(
         those of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``, ``t_end``;
         ``gap`` of all pairs of balls, ``restitution`` of all laws, which keep their stiffness, and of the rule.
     results : names, or functions of the case that return a number
-        What to keep of every cell, besides its `status`; see `granular.sweeps.results.RESULTS`.
+        What to keep of every cell, besides its `status`; see `granular.studies.sweeps.results.RESULTS`.
     run : mapping, optional
         Options of ``simulate``, such as ``{"engine": "plain"}``. Without them, and for laws that are powers of the
         overlap, cells run compiled in one call per batch.

@@ -23,8 +23,8 @@ from granular._engine.kernels import have_numba
 from granular.cases import ready
 from granular.cases.case import Case, checked_run
 from granular.scene import Scene
-from granular.sweeps.results import RESULTS, STATUS, Result
-from granular.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
+from granular.studies.sweeps.results import RESULTS, STATUS, Result
+from granular.studies.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
 
 if TYPE_CHECKING:
     import xarray
@@ -48,7 +48,7 @@ class Plan:
     names : tuple of str
         Parameters that vary.
     asked : tuple of str or callable
-        Results: names of `granular.sweeps.results.RESULTS`, or functions of the case.
+        Results: names of `granular.studies.sweeps.results.RESULTS`, or functions of the case.
     run : mapping
         Options of the engines.
     at_once : bool

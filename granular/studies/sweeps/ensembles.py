@@ -20,10 +20,10 @@ from granular._engine.reports import HARD, SOFT, Report, aligned, canvas, number
 from granular.cases import Case
 from granular.comparison.answer import ORDER, Answer as Judgement
 from granular.run.trajectory import EARLY, Trajectory
-from granular.sweeps.plan import Plan, planned
-from granular.sweeps.results import CODE, MISUSE, NOT_RUN, RESULTS
-from granular.sweeps.run import sweep
-from granular.sweeps.subject import SceneLike
+from granular.studies.sweeps.plan import Plan, planned
+from granular.studies.sweeps.results import CODE, MISUSE, NOT_RUN, RESULTS
+from granular.studies.sweeps.run import sweep
+from granular.studies.sweeps.subject import SceneLike
 
 Way = tuple[float, float] | Callable[[np.random.Generator], Any] | None
 """How a parameter is drawn: mean and standard deviation, a function of the generator, None: a seed of its own."""

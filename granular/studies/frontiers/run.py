@@ -16,13 +16,23 @@ from granular import md
 from granular._engine import check
 from granular._engine.progress import shown
 from granular._engine.reports import machine
-from granular.frontiers.methods import METHODS, PEERS, Method, Task, contacts_of, errors, expected_orders, own, peer
-from granular.frontiers.result import Frontier, Row, floor
 from granular.laws.kinds import checked
-from granular.reference import Reference, solve
 from granular.run import until as stop
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, checked as a_scene
+from granular.studies.frontiers.methods import (
+    METHODS,
+    PEERS,
+    Method,
+    Task,
+    contacts_of,
+    errors,
+    expected_orders,
+    own,
+    peer,
+)
+from granular.studies.frontiers.result import Frontier, Row, floor
+from granular.studies.reference import Reference, solve
 
 ALIKE = 1e-3
 """Error of the default method, in units of the impact speed, from which on a reference is that of another scene."""
@@ -60,7 +70,7 @@ def frontier(
         Maximum number of runs of each setting, of which the fastest counts. After 0.2 s in all a run is not repeated.
         Each method first runs once at its cheapest setting, which is not timed.
     reference : Reference, optional
-        Solution of the same scene, law and stop condition. Defaults to `granular.reference.solve`: SciPy's
+        Solution of the same scene, law and stop condition. Defaults to `granular.studies.reference.solve`: SciPy's
         DOP853 restarted at events, whose reported error is 4e-12 to 7e-10 of the impact speed. Smaller errors are not
         resolved unless a more accurate reference is given.
     on_progress : callable, optional
@@ -86,7 +96,7 @@ def frontier(
     laws = checked(law, a_scene(scene)).given
     stop.without_levels(stop.checked(until, scene), "frontier")
     chosen = METHODS if methods is None else check.choices("methods", methods, METHODS, 1)
-    check.of_kind("reference", reference, Reference | None, "what granular.reference.solve gives")
+    check.of_kind("reference", reference, Reference | None, "what granular.studies.reference.solve gives")
     count = check.whole("repeats", repeats, at_least=1)
     with shown(progress, on_progress, "settings") as tell:
         run = md.simulate(scene, laws, until=until, t_end=t_end)

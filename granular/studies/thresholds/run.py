@@ -14,10 +14,10 @@ import numpy as np
 from granular._engine import check
 from granular._engine.progress import Told, shown
 from granular.cases.build import sentence_of
-from granular.sweeps.plan import Plan, planned
-from granular.sweeps.results import REFUSED
-from granular.sweeps.subject import SceneLike
-from granular.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
+from granular.studies.sweeps.plan import Plan, planned
+from granular.studies.sweeps.results import REFUSED
+from granular.studies.sweeps.subject import SceneLike
+from granular.studies.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
 
 SPACINGS: Mapping[str, Callable[[float, float, int], check.Array]] = {"log": np.geomspace, "linear": np.linspace}
 GAPS = (1e-6, 1e-2)

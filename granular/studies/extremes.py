@@ -17,15 +17,15 @@ from granular._engine import check, files
 from granular._engine.progress import shown
 from granular._engine.reports import HARD, PAGE, Report, aligned, canvas, number
 from granular.cases.case import Case
-from granular.frontiers.methods import Task, contacts_of, errors
-from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.reference.events import Reference
 from granular.run.trajectory import EARLY, Trajectory
-from granular.sweeps.plan import planned
-from granular.sweeps.results import REFUSED
-from granular.sweeps.subject import SceneLike
+from granular.studies.frontiers.methods import Task, contacts_of, errors
+from granular.studies.frontiers.run import rounding_level
+from granular.studies.reference.events import Reference
+from granular.studies.sweeps.plan import planned
+from granular.studies.sweeps.results import REFUSED
+from granular.studies.sweeps.subject import SceneLike
 
 METHODS = ("located", *INTEGRATORS)
 STEPS = (8, 32, 128)

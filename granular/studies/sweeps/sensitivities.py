@@ -17,11 +17,11 @@ from granular._engine import check
 from granular._engine.progress import shown
 from granular.cases import Case
 from granular.comparison.outcome import SAME, approach, components
-from granular.sweeps import schedule
-from granular.sweeps.gradients import Sensitivity, Slope, Start, slope
-from granular.sweeps.plan import Ask, Plan, named, planned
-from granular.sweeps.results import Answer
-from granular.sweeps.subject import SceneLike, numbers_in, shared
+from granular.studies.sweeps import schedule
+from granular.studies.sweeps.gradients import Sensitivity, Slope, Start, slope
+from granular.studies.sweeps.plan import Ask, Plan, named, planned
+from granular.studies.sweeps.results import Answer
+from granular.studies.sweeps.subject import SceneLike, numbers_in, shared
 
 TRUSTED = 1e-8
 """Error of a derivative, as a share of all that the outcome answers to, up to which it is given."""

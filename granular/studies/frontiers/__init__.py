@@ -2,7 +2,7 @@
 May be skipped: it measures ourselves.
 """
 
-from granular.frontiers.result import Frontier, Row
-from granular.frontiers.run import frontier
+from granular.studies.frontiers.result import Frontier, Row
+from granular.studies.frontiers.run import frontier
 
 __all__ = ["Frontier", "Row", "frontier"]

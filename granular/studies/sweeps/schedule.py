@@ -29,11 +29,11 @@ from granular.laws.contact_law import resolve
 from granular.md.located import many
 from granular.run.until import LEVELS
 from granular.scene import Scene, velocities
-from granular.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
-from granular.sweeps.subject import Values
+from granular.studies.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
+from granular.studies.sweeps.subject import Values
 
 if TYPE_CHECKING:
-    from granular.sweeps.plan import Plan
+    from granular.studies.sweeps.plan import Plan
 
 LOADING, MAKING = 0.7, 12.0
 """Seconds that it takes to load the machine code from the disk, and to make it."""
@@ -287,7 +287,7 @@ def _write(plan: Plan, bundle: Bundle, found: many.Many, answers: Answers) -> Va
         t_f=np.where(found.ongoing, math.nan, found.t_end), longest=found.longest, time=found.time,
         v_final=_final_velocities(bundle.scenes, bundle.which, found.rate, found.time),
         impact=np.array(list(map(impact_speed, bundle.scenes)))[bundle.which],
-        eps=bundle.eps)  # read as `granular.sweeps.results.Answer`
+        eps=bundle.eps)  # read as `granular.studies.sweeps.results.Answer`
     done: Any = found.status >= 0
     if any(result.many == "ended" for result in plan.results.values()):
         done &= ~found.ongoing.any(axis=1)

@@ -8,7 +8,7 @@ May be skipped: many runs of the same engines.
 =============  =======================================================================================================
 """
 
-from granular.thresholds.result import Crossing, Threshold, Value
-from granular.thresholds.run import threshold
+from granular.studies.thresholds.result import Crossing, Threshold, Value
+from granular.studies.thresholds.run import threshold
 
 __all__ = ["Crossing", "Threshold", "Value", "threshold"]

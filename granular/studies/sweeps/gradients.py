@@ -16,10 +16,10 @@ import numpy as np
 from granular._engine.check import Array, face
 from granular._engine.reports import Report, abridged, aligned, number
 from granular.run.trajectory import EARLY
-from granular.sweeps.plan import Plan
-from granular.sweeps.results import CODE, MISUSE
-from granular.sweeps.run import edges
-from granular.sweeps.schedule import end_with_parent, solve
+from granular.studies.sweeps.plan import Plan
+from granular.studies.sweeps.results import CODE, MISUSE
+from granular.studies.sweeps.run import edges
+from granular.studies.sweeps.schedule import end_with_parent, solve
 
 FIRST, LAST = 7, 26
 """Steps are 2^-7 of the parameter, or of its unit, at first, and 2^-26 at the least."""
