@@ -18,7 +18,7 @@ from typing import Any
 import docs_data
 
 import granular as gr
-from granular.page import live_page
+from granular.app.page import live_page
 
 ROOT = Path(__file__).parents[1]
 STATIC = ROOT / "docs" / "_static"

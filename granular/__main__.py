@@ -2,7 +2,7 @@
 May be skipped: it starts the command.
 """
 
-from granular.cli import main
+from granular.app.cli import main
 
 if __name__ == "__main__":
     raise SystemExit(main())

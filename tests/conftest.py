@@ -103,7 +103,7 @@ def cradle():
 @pytest.fixture
 def granular(capsys, tmp_path, monkeypatch):
     """The command in an empty folder: a line → exit code, standard output, standard error."""
-    from granular import cli
+    from granular.app import cli
 
     monkeypatch.chdir(tmp_path)
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.app.cli import main
+from granular.app.page import opening
 from granular.cases.balls import BALLS, PRESETS, RULES, Ball, contact
-from granular.cli import main
 from granular.comparison import outcome
-from granular.page import opening
 
 PAGE = (Path(__file__).parents[1] / "docs" / "page.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| [a-z][^,|]*, [^|]* \| ([\d.]+) \| ([\d.]+)(?: \(([\d.]+)\))?", re.MULTILINE)
@@ -126,7 +126,7 @@ def on_the_page(asked):
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not installed")
-    script = ON_THE_PAGE.replace("PHYSICS", (Path(gr.__file__).parent / "page" / "physics").as_uri())
+    script = ON_THE_PAGE.replace("PHYSICS", (Path(gr.__file__).parent / "app" / "page" / "physics").as_uri())
     command = [node, "--input-type=module", "-e", script.replace("ASKED", json.dumps(asked))]
     return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 

@@ -162,7 +162,7 @@ def fresh(*arguments: str, **settings) -> subprocess.CompletedProcess:
 
 
 def test_listing_scenes_loads_nothing_heavy():
-    code = ("import sys, granular.cli as cli; cli.main(['scenes']); "
+    code = ("import sys, granular.app.cli as cli; cli.main(['scenes']); "
             "print([m for m in ('scipy', 'numba', 'matplotlib', 'xarray') if m in sys.modules], file=sys.stderr)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr == "[]\n"

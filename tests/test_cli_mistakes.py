@@ -8,7 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from granular import cases, cli
+from granular import cases
+from granular.app import cli
 
 ABSURD = ["1e300", "1e-300", "nan", "inf", "0", "-1", "1e154", "1e-160", "1e17"]
 

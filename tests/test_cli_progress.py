@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from granular import cli
 from granular._engine import progress as line
+from granular.app import cli
 
 
 class Terminal(io.StringIO):

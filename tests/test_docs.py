@@ -45,7 +45,7 @@ def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypa
 
 
 def test_the_index_of_questions_has_thirty_and_its_commands_run(monkeypatch, tmp_path, capsys):
-    from granular.cli import main
+    from granular.app.cli import main
 
     text = TEXTS[DOCS / "how-do-i.md"]
     asked, lines = text.count("**… "), re.findall(r"^granular (.*)$", text, re.MULTILINE)
@@ -71,7 +71,7 @@ def commands():
 
 @pytest.mark.parametrize(("line", "shown"), commands(), ids=[line for line, _ in commands()])
 def test_a_command_of_the_teachers_key_gives_its_verdict(line, shown, capsys, tmp_path, monkeypatch):
-    from granular.cli import main
+    from granular.app.cli import main
 
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)

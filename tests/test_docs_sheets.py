@@ -62,7 +62,7 @@ def test_every_link_into_the_page_is_a_state_it_knows():
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not installed: the page is not asked what it knows")
-    setups = (ROOT / "granular" / "page" / "physics" / "setups.mjs").as_uri()
+    setups = (ROOT / "granular" / "app" / "page" / "physics" / "setups.mjs").as_uri()
     asked = [state(link) for _, link in links] + [{"scene": "three-balls", "epsilon": "1"}, {"scene": "none"},
                                                   {"scene": "three-balls", "eps": "7"}]
     run = subprocess.run([node, "--input-type=module", "-e", ASK % (setups, json.dumps(asked))], capture_output=True,

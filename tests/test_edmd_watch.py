@@ -12,7 +12,7 @@ from whole_states import check_watch
 
 import granular as gr
 from granular import measures
-from granular.cli import main
+from granular.app.cli import main
 from granular.edmd import compiled_queue as blocks, run
 from granular.edmd.watch import Watch
 from granular.md import isolation

@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular import cases, cli
+from granular import cases
 from granular._engine import files
-from granular.cli import ends
+from granular.app import cli
+from granular.app.cli import ends
 
 ASKING = [signal.Signals(one) for one in ends.ASKING]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 import granular as gr
-from granular.cli import main
+from granular.app.cli import main
 from granular.comparison import outcome
 from granular.studies.sweeps import ensembles
 from granular.studies.sweeps.ensembles import judged

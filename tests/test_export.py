@@ -9,7 +9,7 @@ import pytest
 from saved_scenes import FLOOR, HARD, LINE, RING, SOFT
 
 import granular as gr
-from granular.cli import main
+from granular.app.cli import main
 
 xarray, pandas = pytest.importorskip("xarray"), pytest.importorskip("pandas")
 

@@ -10,9 +10,10 @@ import pytest
 
 import granular as gr
 from bench.reference import solve
-from granular import cases, cli
+from granular import cases
 from granular._engine.reports import duration
-from granular.cli import output
+from granular.app import cli
+from granular.app.cli import output
 from granular.studies import reference
 from granular.studies.frontiers import Frontier, Row
 from granular.studies.frontiers.methods import METHODS, Task, contacts_of, errors, expected_orders, own

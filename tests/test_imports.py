@@ -10,7 +10,7 @@ IDLE = (
     "granular.run.saved_run", "granular._engine.describe", "granular.run.figures", "granular._engine.files",
     "granular.run.films",
     "granular.cases.case", "granular.cases.ready", "granular.comparison.captions", "granular.comparison.figure",
-    "granular.comparison.film", "granular.comparison.view", "granular.studies.frontiers", "granular.page",
+    "granular.comparison.film", "granular.comparison.view", "granular.studies.frontiers", "granular.app.page",
     "granular.studies.reference", "granular.studies.sweeps", "granular.studies.thresholds", "granular.md.waves",
 )
 HEAVY = ("scipy", "numba", "matplotlib", "xarray", "pandas")
@@ -24,7 +24,7 @@ def fresh(code):
 
 
 @pytest.mark.parametrize("module", [
-    "granular", "granular.edmd", "granular.md", "granular.comparison", "granular.cli", "granular.scene.walls",
+    "granular", "granular.edmd", "granular.md", "granular.comparison", "granular.app.cli", "granular.scene.walls",
 ])
 def test_import_is_light(module):
     assert fresh(f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])") == "[]"

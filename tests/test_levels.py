@@ -183,7 +183,7 @@ def test_files_say_when_to_stop(text):
 
 
 def test_the_command_stops_at_a_level(capsys):
-    from granular.cli import main
+    from granular.app.cli import main
 
     assert main(["run", "three-balls", "--until", "type=speed", "ball=2", "above=2.5"]) == 0
     assert "until: the stop condition was met (t = 0.254842 s" in capsys.readouterr().out

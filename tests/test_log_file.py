@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.cli import main
+from granular.app.cli import main
 from granular.run import log_file
 
 GAS, DROP = gr.scenes.gas(n=50), gr.scenes.three_balls()

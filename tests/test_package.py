@@ -11,8 +11,8 @@ import granular as gr
 from bench import mutants
 from granular._engine import kernels
 from granular._engine.about import EXTRAS, NAME, install
-from granular.cli import info
-from granular.page.assemble import LIVE, PLAYER, _needed
+from granular.app.cli import info
+from granular.app.page.assemble import LIVE, PLAYER, _needed
 
 pytestmark = pytest.mark.core
 ROOT = Path(__file__).parent.parent
@@ -35,7 +35,7 @@ def test_extras_are_those_of_the_package():
 
 def test_every_file_of_the_package_is_read_by_it():
     """None is there for tests only."""
-    page = ROOT / "granular" / "page"
+    page = ROOT / "granular" / "app" / "page"
     files = {str(file.relative_to(page)) for file in page.rglob("*.*") if file.suffix in (".mjs", ".css", ".html")}
     read = {name for parts in (LIVE, PLAYER) for name in (*_needed(parts[1]), parts[0], *parts[2:])}
     assert files == read | {"shell/shell.html", "shell/transport.html"}

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.cli import main
-from granular.page import assemble, live_page, opening, player_page
+from granular.app.cli import main
+from granular.app.page import assemble, live_page, opening, player_page
 
 HERE = Path(__file__).parent / "page"
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-import granular.page
+import granular.app.page
 
 HERE = Path(__file__).parent / "page"
 ENDS = {"k": (4e3, 1e9), "eps": (0.1, 1.0), "gap": (0.0, 1e-7, 0.1), "t1": (1e-5, 0.03), "t2": (1e-5, 0.03)}
@@ -69,7 +69,7 @@ def test_real_balls_rise_as_the_library_says_at_either_bounce(count) -> None:
         pytest.skip("node is not installed: the rises of the page are not compared here")
     pairs = list(product(gr.balls.BALLS.values(), repeat=2))[:: 121 // count][:count]
     told = os.environ | {"PAIRS": json.dumps([[astuple(ball) for ball in pair] for pair in pairs])}
-    script = RISES.replace("PHYSICS", (Path(granular.page.__file__).parent / "physics").as_uri())
+    script = RISES.replace("PHYSICS", (Path(granular.app.page.__file__).parent / "physics").as_uri())
     command = [node, "--input-type=module", "-e", script]
     run = subprocess.run(command, capture_output=True, text=True, check=True, env=told)
     for (lower, upper), page in zip(pairs, json.loads(run.stdout), strict=True):
@@ -115,7 +115,7 @@ def test_balls_that_come_to_rest_sink_and_rise_as_the_library_says(count, monkey
         v |= {"k": stiffness} if "k" in v else {"t1": v["t1"] * math.sqrt(balls_of(v)[0].stiffness / stiffness)}
         cases.append((name, v, compared(name, v, "left")))
     told = os.environ | {"CASES": json.dumps([case[:2] for case in cases])}
-    script = RESTS.replace("PHYSICS", (Path(granular.page.__file__).parent / "physics").as_uri())
+    script = RESTS.replace("PHYSICS", (Path(granular.app.page.__file__).parent / "physics").as_uri())
     command = [node, "--input-type=module", "-e", script]
     run = subprocess.run(command, capture_output=True, text=True, check=True, env=told)
     rests = 0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.page import recording
-from granular.page.recording import filled
+from granular.app.page import recording
+from granular.app.page.recording import filled
 
 
 def test_a_short_run_is_recorded_whole(cradle) -> None:

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 import granular as gr
+from granular.app.cli import main, parser
 from granular.cases import ready
-from granular.cli import main, parser
 from granular.edmd import physics, ties
 from granular.md.fixed import integrators
 
@@ -69,7 +69,7 @@ def test_a_command_is_a_class_and_its_name(monkeypatch, capsys):
         def run(given):
             print(parser.case_of(given).scene.n)
 
-    monkeypatch.setitem(sys.modules, "granular.cli.mine", SimpleNamespace(Mine=Mine))
+    monkeypatch.setitem(sys.modules, "granular.app.cli.mine", SimpleNamespace(Mine=Mine))
     monkeypatch.setitem(parser.COMMANDS, "mine", "mine:Mine")
     assert main(["mine", "newtons-cradle", "--n", "7"]) == 0
     assert capsys.readouterr().out == "7\n"

@@ -9,7 +9,7 @@ import pytest
 
 import granular as gr
 from granular import measures
-from granular.cli import main
+from granular.app.cli import main
 from granular.comparison import remedies
 from granular.comparison.report import warnings
 

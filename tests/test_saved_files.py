@@ -16,9 +16,9 @@ from saved_scenes import ALL
 
 import granular as gr
 from granular._engine import describe, files as _files
-from granular.cli import main
+from granular.app.cli import main
+from granular.app.page import assemble, player_page
 from granular.edmd import wall_state
-from granular.page import assemble, player_page
 
 ENGINE = {"hard": {"engine": "sorted"}, "soft": {"engine": "plain"}}
 DYING = "it was changed after it was saved"
@@ -112,9 +112,9 @@ def rewritten(files, tmp_path, name="hard_floor", *, signed=True, **changes):
 
 CALLS = [
     {"class": "granular._engine.describe:import_module", "fields": {"name": "payload"}},
-    {"class": "granular.cli:main", "fields": {"argv": ["compare", "three-balls", "--json", "victim.json"]}},
+    {"class": "granular.app.cli:main", "fields": {"argv": ["compare", "three-balls", "--json", "victim.json"]}},
     {"class": "granular.scene.walls.motion:Motion",
-     "fields": {"function": {"class": "granular.cli:main", "fields": {}}}},
+     "fields": {"function": {"class": "granular.app.cli:main", "fields": {}}}},
     {"class": "granular.nosuch:foo", "fields": {}}, {"class": "noclass", "fields": {}},
     {"class": "hertz", "fields": {"k": 1.0}},
 ]

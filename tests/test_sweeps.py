@@ -146,7 +146,7 @@ def test_misuse_in_one_sentence(arguments, sentence):
 
 
 def test_the_command(tmp_path, capsys):
-    from granular.cli import main
+    from granular.app.cli import main
 
     file = tmp_path / "map.nc"
     assert main(["sweep", "three-balls", "--over", "restitution=0.76:0.82:5", "--refine", "restitution", "--save",

@@ -117,7 +117,7 @@ def test_a_sweep_of_a_case_names_it_and_goes_on_only_with_itself(mine, tmp_path)
 
 
 def test_the_command_sweeps_a_file(mine, capsys):
-    from granular.cli import main
+    from granular.app.cli import main
 
     assert main(["sweep", str(mine), "--over", "gap[1]=1e-4:1e-3:3", "--result", "contacts", "--t-end", "1"]) == 0
     out = capsys.readouterr().out

@@ -11,7 +11,7 @@ import pytest
 
 import granular as gr
 from bench import make_verification as maker
-from granular.cli import main
+from granular.app.cli import main
 from granular.studies.reference import verification
 
 pytestmark = pytest.mark.core

@@ -8,7 +8,7 @@ import pytest
 
 from granular import cases
 from granular._engine import kernels
-from granular.cli import info, warm
+from granular.app.cli import info, warm
 from granular.md.located import many
 
 MAPS = "maps"

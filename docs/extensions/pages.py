@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import granular as gr
-from granular.page import live_page, player_page
+from granular.app.page import live_page, player_page
 
 
 def write(folder: Path) -> None:

@@ -1,7 +1,7 @@
 """Films of a comparison for slides: both engines side by side; fall, contacts slowed down, flight.
 May be skipped: pictures, no physics.
 
-The same story as that of the teaching page, granular/page/live/film.mjs. A film has two pages:
+The same story as that of the teaching page, granular/app/page/live/film.mjs. A film has two pages:
 `flying`, as fast as life against a ruler, and `touching`, where balls are drawn by the square root of their radii,
 paths and overlaps by a common factor so large that they can be seen. Every ball that flies stops at its own apex, where
 a tick and a number stay: that of the top ball is its `Comparison.rises`.

@@ -4,7 +4,7 @@ import pytest
 from browser import Browser, found
 from driving import fresh, go
 
-from granular.page import live_page
+from granular.app.page import live_page
 
 
 @pytest.fixture(scope="session")

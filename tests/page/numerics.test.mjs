@@ -2,9 +2,9 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { compareEngines } from "../../granular/page/physics/outcome.mjs";
-import { contactsIn, sceneOf } from "../../granular/page/physics/setups.mjs";
-import { verdict } from "../../granular/page/physics/verdict.mjs";
+import { compareEngines } from "../../granular/app/page/physics/outcome.mjs";
+import { contactsIn, sceneOf } from "../../granular/app/page/physics/setups.mjs";
+import { verdict } from "../../granular/app/page/physics/verdict.mjs";
 import { check, undecided } from "./golden.mjs";
 
 const all = JSON.parse(readFileSync(new URL("golden.json", import.meta.url), "utf8"));

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { codeOf } from "../../granular/page/live/qr.mjs";
+import { codeOf } from "../../granular/app/page/live/qr.mjs";
 
 const { codes } = JSON.parse(readFileSync(new URL("../reference/qr_codes.json", import.meta.url)));
 

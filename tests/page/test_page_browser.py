@@ -10,7 +10,7 @@ import pytest
 from driving import click, fresh, go, named, slide, text
 
 import granular as gr
-from granular.page import assemble, live_page, player_page
+from granular.app.page import assemble, live_page, player_page
 
 HERE = Path(__file__).parent
 

@@ -10,7 +10,7 @@ import pytest
 from browser import Browser, found
 from driving import click, fresh, go, text
 
-from granular.page import assemble, live_page
+from granular.app.page import assemble, live_page
 
 
 def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from driving import go, last_picture, settle, text, turn
 
-from granular.page import assemble
+from granular.app.page import assemble
 
 SCREENS = range(8)
 

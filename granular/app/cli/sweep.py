@@ -20,9 +20,9 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.reports import cores
+from granular.app.cli import ends, output
+from granular.app.cli.parser import Command, offered
 from granular.cases.case import Option
-from granular.cli import ends, output
-from granular.cli.parser import Command, offered
 from granular.studies.sweeps.ensembles import BOTH, ensemble
 from granular.studies.sweeps.results import RESULTS, STATUS
 from granular.studies.sweeps.run import DEFAULT, sweep

@@ -17,10 +17,10 @@ import numpy as np
 import granular as gr
 from granular import cases
 from granular._engine.reports import aligned
+from granular.app.cli import output
+from granular.app.cli.parser import Command, case_of, offer_until, offered
 from granular.cases.case import ENGINES, Option, engine_named
 from granular.cases.ready import is_file
-from granular.cli import output
-from granular.cli.parser import Command, case_of, offer_until, offered
 from granular.comparison.outcome import energy_at_hand
 from granular.run.trajectory import Status, Trajectory
 

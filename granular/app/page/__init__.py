@@ -7,6 +7,6 @@ charts), ``physics`` (both engines for linear contacts, event-located, in JavaSc
 `recording` makes a recorded run small enough to embed, and says what it was made of.
 """
 
-from granular.page.assemble import live_page, player_page
+from granular.app.page.assemble import live_page, player_page
 
 __all__ = ["live_page", "player_page"]

@@ -9,8 +9,8 @@ from collections import Counter
 
 from granular._engine import files
 from granular._engine.reports import aligned
+from granular.app.cli.parser import Command
 from granular.cases.case import Option
-from granular.cli.parser import Command
 from granular.studies.reference import verification
 
 WORDS = "right", "ill-conditioned", "wrong", "missing"

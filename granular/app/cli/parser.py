@@ -174,7 +174,7 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
 
 def _command(name: str) -> type[Command]:
     module, _, word = COMMANDS[name].partition(":")
-    command: type[Command] = getattr(import_module(f"granular.cli.{module}"), word)
+    command: type[Command] = getattr(import_module(f"granular.app.cli.{module}"), word)
     return command
 
 

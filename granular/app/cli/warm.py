@@ -16,9 +16,9 @@ from typing import Any
 from granular import cases
 from granular._engine import check
 from granular._engine.kernels import load_numba
+from granular.app.cli import info
+from granular.app.cli.parser import Command
 from granular.cases.case import Option
-from granular.cli import info
-from granular.cli.parser import Command
 from granular.laws import Hertz
 from granular.laws.rules import ConstantRestitution
 from granular.md.located import many

@@ -15,9 +15,9 @@ import granular
 from granular._engine import files, flight, kernels
 from granular._engine.about import EXTRAS, NAME, VERSION, install
 from granular._engine.reports import Report
+from granular.app.cli import output
+from granular.app.cli.parser import Command
 from granular.cases.case import Option
-from granular.cli import output
-from granular.cli.parser import Command
 
 FOLDER = Path(__file__).parents[__name__.count(".") - 1]
 REMEDY = f"uninstall it and install {NAME} again (--force-reinstall --no-deps), or give each an environment of its own"

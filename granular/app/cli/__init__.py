@@ -20,7 +20,7 @@ import granular
 from granular._engine.about import VERSION
 from granular._engine.files import plain_text
 from granular._engine.kernels import on_making
-from granular.cli import ends
+from granular.app.cli import ends
 from granular.run.trajectory import Status
 
 OK, MISUSE, ABNORMAL, ENDED = 0, 2, 3, 128
@@ -65,11 +65,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _act(arguments: Sequence[str]) -> int:
     """Do what the command line says."""
     if getattr(granular, "__version__", None) != VERSION and list(arguments[:1]) != ["info"]:
-        from granular.cli.info import overwritten
+        from granular.app.cli.info import overwritten
 
         raise ImportError(overwritten())
+    from granular.app.cli import output, parser
     from granular.cases.build import on_running
-    from granular.cli import output, parser
 
     try:
         given = parser.parse(arguments)

@@ -7,10 +7,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from granular.app.cli import output
+from granular.app.cli.parser import Command
+from granular.app.page import live_page, opening, player_page
 from granular.cases.case import Option
-from granular.cli import output
-from granular.cli.parser import Command
-from granular.page import live_page, opening, player_page
 from granular.run.trajectory import Trajectory
 
 NAME = "granular-page.html"

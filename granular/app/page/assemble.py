@@ -20,9 +20,9 @@ from typing import Any
 
 from granular._engine import files as _files
 from granular._engine.about import VERSION
+from granular.app.page import opening, recording
+from granular.app.page.opening import LANGUAGES
 from granular.cases import balls
-from granular.page import opening, recording
-from granular.page.opening import LANGUAGES
 from granular.run.trajectory import Trajectory
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
@@ -138,7 +138,7 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
         "story", "real-balls", "three-balls", "ball-stack", "newtons-cradle" or "bouncing-ball".
     values : mapping, optional
         What to start with, by the names and in the units of the library and the command: restitution, gap, stiffness,
-        lower="football", …; language="de". `granular.page.opening` has all of them.
+        lower="football", …; language="de". `granular.app.page.opening` has all of them.
 
     Raises
     ------

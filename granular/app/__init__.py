@@ -1,0 +1,3 @@
+"""The `granular` command and the teaching page.
+May be skipped: names of the package only.
+"""
