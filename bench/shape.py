@@ -9,7 +9,7 @@
 * rings: groups of modules that import each other, imports inside functions and for types alone counted.
 * on the way of …: files that the interpreted run of a scene of `walks` goes through, from the public call on.
 * loaded: statements of all files of the package that `compare` of three dashpot balls imports.
-* path: what docs/reading.md names to be read.
+* path: the main-line files that the docstrings of the rooms list. ``--reading`` writes the rooms into docs/reading.md.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
+from textwrap import shorten
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -97,10 +98,56 @@ def of_body(node: Function) -> int:
 
 
 def reading_path(tree: Path) -> list[str]:
-    """The files that docs/reading.md names to be read, where that page comes with the tree."""
-    page = tree / "docs" / "reading.md"
-    rows = re.findall(r"^\| `([a-z_/]+\.py)` \| \d+ \|", page.read_text(), re.M) if page.exists() else []
-    return [f"granular/{row}" for row in rows]
+    """The main-line files that the docstrings of the rooms list, in reading order."""
+    return [file.relative_to(tree).as_posix() for file in main_line(tree / "granular")]
+
+
+def main_line(folder: Path) -> Iterator[Path]:
+    """Main-line files of a room and of its main-line folders, in reading order."""
+    for name in listed(folder)[0]:
+        if name.endswith("/"):
+            yield from main_line(folder / name)
+        else:
+            yield folder / f"{name}.py"
+
+
+def listed(folder: Path) -> tuple[list[str], list[str]]:
+    """Names of the main line and of the other files, as the docstring of a room lists them; folders end in /."""
+    text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+    found = (re.search(rf"^{head}: (.*?)\.$", text, re.M | re.S) for head in ("Main line", "A first reader may skip"))
+    main, others = (re.findall(r"`([\w/]+)`", one[1]) if one else [] for one in found)
+    return main, others
+
+
+def about(file: Path) -> str:
+    """First sentence of the docstring of a module."""
+    text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+    sentence = re.split(r"(?<=[.?!])\s", " ".join(text.partition("\n\n")[0].split()))[0]
+    return shorten(sentence.rstrip(".:;"), 100, placeholder=" …")
+
+
+def tree_lines(folder: Path, depth: int = 0) -> Iterator[str]:
+    """The rooms as a tree, one line per file: main-line files with an arrow and their lines, then the others."""
+    main, others = listed(folder)
+    for name in [*main, *others]:
+        inner = folder / name
+        file = inner / "__init__.py" if name.endswith("/") else inner.with_suffix(".py")
+        path = name in main and not name.endswith("/")
+        lines = str(len(file.read_text(encoding="utf-8").splitlines())) if path else ""
+        shown = "  " * depth + (name if name.endswith("/") else f"{name}.py")
+        yield f"{'→' if name in main else ' '} {lines:>3}  {shown:34}  {about(file)}"
+        if name.endswith("/"):
+            yield from tree_lines(inner, depth + 1)
+
+
+def reading_page(text: str, tree: Path) -> str:
+    """docs/reading.md with the tree of today."""
+    path = reading_path(tree)
+    lines = sum(len((tree / name).read_text(encoding="utf-8").splitlines()) for name in path)
+    body = "\n".join(tree_lines(tree / "granular"))
+    made = (f"<!-- tree -->\nThe main line has {len(path)} files (→, with their lines), together {lines} lines.\n\n"
+            f"```text\n{body}\n```\n<!-- end -->")
+    return re.sub(r"<!-- tree -->.*?<!-- end -->", lambda _: made, text, flags=re.S)
 
 
 def docstrings(module: ast.Module) -> Iterator[range]:
@@ -233,7 +280,7 @@ def measured(tree: Path) -> dict[str, Any]:
 
 def of_commit(ref: str) -> dict[str, Any]:
     """`measure` of the package as it was at `ref`."""
-    packed = subprocess.run(["git", "archive", ref, "granular", "docs/reading.md"], check=True, capture_output=True,
+    packed = subprocess.run(["git", "archive", ref, "granular"], check=True, capture_output=True,
                             cwd=ROOT).stdout
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
@@ -261,7 +308,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("ref", nargs="?", metavar="REF")
     parser.add_argument("--measure", help=argparse.SUPPRESS)
+    parser.add_argument("--reading", action="store_true", help="write docs/reading.md")
     given = parser.parse_args()
+    if given.reading:
+        page = ROOT / "docs" / "reading.md"
+        page.write_text(reading_page(page.read_text(encoding="utf-8"), ROOT), encoding="utf-8")
+        return
     if given.measure:
         print(json.dumps(measure(Path(given.measure))))
         return

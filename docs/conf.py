@@ -101,10 +101,7 @@ EMPHASIS = re.compile(r"(``.*?``|`[^`]+`|(?<![\w*])\*\w[^*|]*\*(?![\w*]))")
 
 def spell_for_sphinx(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Docstrings are written for reading: formulas stay as they are set, |v| and x** are no markup.
-
-    What readers of the code may skip is no matter of the reference.
     """
-    lines[:] = [line for line in lines if not line.startswith("May be skipped:")]
     done: list[str] = []
     before, depth, formula, names = "", 0, False, False
     for line in lines:

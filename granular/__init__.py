@@ -1,12 +1,7 @@
-"""Balls on a line as hard spheres and as soft spheres: may these collisions be treated as instantaneous?
-May be skipped: the public names, and where they stand.
+"""One-dimensional collisions of balls as hard spheres and as soft spheres, and the comparison of both.
 
->>> import granular as gr
->>> scene = gr.scenes.three_balls()
->>> law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
->>> report = gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
->>> report.pairs[1].hard_contacts, report.pairs[1].soft_contacts
-(1, 4)
+Main line: `scene/`, `laws/`, `run/`, `_engine/`, `edmd/`, `md/`, `comparison/`.
+A first reader may skip: `app/`, `cases/`, `studies/`.
 """
 
 from typing import TYPE_CHECKING

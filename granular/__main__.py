@@ -1,6 +1,4 @@
-"""``python -m granular`` is the `granular` command.
-May be skipped: it starts the command.
-"""
+"""``python -m granular`` is the `granular` command."""
 
 from granular.app.cli import main
 

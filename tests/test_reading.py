@@ -1,11 +1,11 @@
-"""The reading path is there, all other files say that they may be skipped, and what is to be added is added where
-the page says."""
+"""The rooms list their files, the reading page shows the lists, and extensions are made where the page says."""
 
 from __future__ import annotations
 
 import ast
 import re
 import sys
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,29 +19,42 @@ from granular.md.fixed import integrators
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "reading.md").read_text(encoding="utf-8")
-PATH = {name: int(lines) for name, lines in re.findall(r"^\| `([\w/]+\.py)` \| (\d+) \|", PAGE, re.MULTILINE)}
 FILES = {str(file.relative_to(ROOT / "granular")): file for file in sorted((ROOT / "granular").rglob("*.py"))}
+ROOMS = [file.parent for name, file in FILES.items() if file.name == "__init__.py"]
 
 
-def lines(name):
-    return len(FILES[name].read_text(encoding="utf-8").splitlines())
+def load_shape():
+    spec = spec_from_file_location("shape", ROOT / "bench" / "shape.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def test_the_path_is_there_and_as_long_as_the_page_says():
-    assert PATH.keys() <= FILES.keys()
-    assert sum(map(lines, PATH)) == pytest.approx(sum(PATH.values()), rel=0.1)
-    assert int(re.search(r"Together (\d+) lines", PAGE)[1]) == sum(PATH.values())
+shape = load_shape()
+
+
+def test_the_page_shows_the_rooms_as_they_are():
+    assert shape.reading_page(PAGE, ROOT) == PAGE, "python bench/shape.py --reading"
+    assert len(shape.reading_path(ROOT)) > 10
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.relative_to(ROOT)))
+def test_a_room_lists_each_of_its_files_once_in_at_most_fifteen_lines(room):
+    text = ast.get_docstring(ast.parse((room / "__init__.py").read_text(encoding="utf-8")))
+    assert len(text.splitlines()) <= 15
+    there = [file.stem for file in room.glob("*.py") if not file.stem.startswith("__")]
+    there += [f"{file.parent.name}/" for file in room.glob("*/__init__.py")]
+    main, others = shape.listed(room)
+    assert sorted([*main, *others]) == sorted(there)
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_file_is_on_the_path_or_says_why_it_may_be_skipped(name):
-    first = (ast.get_docstring(ast.parse(FILES[name].read_text(encoding="utf-8"))) or "").partition("\n\n")[0]
-    said = re.findall(r"^May be skipped: .+\.$", first, re.MULTILINE)
-    assert len(said) == (name not in PATH)
+def test_no_file_says_by_itself_that_it_may_be_skipped(name):
+    assert "May be skipped" not in (ast.get_docstring(ast.parse(FILES[name].read_text(encoding="utf-8"))) or "")
 
 
 def test_files_that_the_page_names_are_there():
-    named = set(re.findall(r"`((?:\w+/)*\w+\.py)`", PAGE)) - PATH.keys()
+    named = set(re.findall(r"`((?:\w+/)*\w+\.py)`", PAGE))
     assert named <= FILES.keys() | {"tests/test_public_names.py"}
 
 

@@ -1,6 +1,4 @@
-"""What this package is called, which version it is, and what its extras install.
-May be skipped: names, no physics.
-"""
+"""What this package is called, which version it is, and what its extras install."""
 
 NAME = "granular-collisions"
 """For pip: the package index has another `granular`, which installs a folder of the same name."""

@@ -1,5 +1,4 @@
 """What numba is told of tuples that are `held`: a type that is one word, and how their fields are read.
-May be skipped: faster, same results.
 
 `granular._engine.kernels` loads it together with numba.
 """

@@ -1,6 +1,5 @@
 """Argument checks: each returns the clean value or raises one sentence; packages that only some tasks need, named where
 they are missing.
-May be skipped: arguments, no physics.
 
 Every message gives the name, the value got, what is needed and, where there is one, the usual fix.
 """

@@ -1,5 +1,4 @@
 """Force laws, collision rules, walls and scenes as JSON: a word and numbers, nothing that could run code from a file.
-May be skipped: files, no physics.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
 """Files written whole or not at all, with their format and their provenance; numbers as JSON has them; arrays of an
 ``.npz`` file: what each is, and how large, is known before memory is taken for any.
-May be skipped: files, no physics.
 """
 
 from __future__ import annotations

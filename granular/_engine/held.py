@@ -1,5 +1,4 @@
 """Named tuples of arrays that machine code takes by reference: one word instead of some eighty that every call copies.
-May be skipped: faster, same results.
 
 Machine code reads ``s.pairs`` from where the arrays are noted, in one place; interpreted code from the tuple itself.
 What numba is told of it is in `granular._engine.by_reference`.

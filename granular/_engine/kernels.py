@@ -1,5 +1,4 @@
 """Compile or interpret: one source for both.
-May be skipped: faster, same results.
 
 A kernel is a Python function of floats, lists or arrays in the subset numba compiles. Run as it stands it is the
 plain engine; `compiled` returns its numba twin, in which every kernel it calls is compiled too. Only + - * /,

@@ -1,6 +1,4 @@
-"""Names of a package that are imported when they are first used.
-May be skipped: no physics.
-"""
+"""Names of a package that are imported when they are first used."""
 
 import sys
 from collections.abc import Callable, Mapping

@@ -1,5 +1,4 @@
 """How numba puts kernels together: one piece of machine code for each kernel that Python calls.
-May be skipped: same results in half of the time.
 
 By itself numba makes and optimises machine code of every kernel, with all that it calls in it, once for each of its
 callers. Here a kernel that only kernels call is a `Part`: typed and lowered once, and part of whoever needs it.

@@ -1,5 +1,4 @@
 """Progress reporting: a bar of tqdm where it is installed and the user watches, otherwise a line every 30 s on stderr.
-May be skipped: what is shown, no physics.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
 """State for two speeds: numpy records for compiled code, plain objects with the same fields for interpreted code;
 and who is due next: a tournament tree of such records.
-May be skipped: faster, same results.
 
 Kernels read ``pairs[c].gap`` from either, so one source serves both, with the same bits.
 

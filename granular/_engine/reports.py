@@ -1,6 +1,5 @@
 """What reports and figures share: tables for the terminal, numbers with units, JSON with provenance;
 how a figure begins, its colours and its sizes, 8 pt and columns as in Physical Review.
-May be skipped: words and pictures of what is computed elsewhere.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
 """First up-crossing of a polynomial on [0, θ], certified: found by bounds and signs, never by sampling.
-May be skipped: trust it, a root is found and certified.
 
 A step of a soft-sphere engine is a power series, an event its first root where it goes from - to +. Descartes' rule
 of signs in the Bernstein basis decides on every interval whether a crossing can be there; Newton's method only

@@ -1,6 +1,4 @@
-"""Calls that do not fit the signature of a public function: a sentence with the nearest parameter.
-May be skipped: arguments, no physics.
-"""
+"""Calls that do not fit the signature of a public function: a sentence with the nearest parameter."""
 
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
 """The `granular` command and the teaching page.
-May be skipped: names of the package only.
+
+A first reader may skip: `cli/`, `page/`.
 """

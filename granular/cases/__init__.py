@@ -1,5 +1,6 @@
-"""Cases: a scene with its law, rule and stop condition, by name or from a TOML file.
-May be skipped: names of the package only.
+"""Ready-made scenes, materials and balls; a scene with its law, rule and stop condition, by name or from a TOML file.
+
+A first reader may skip: `balls`, `build`, `case`, `materials`, `ready`, `scenes/`, `toml`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
 """Real balls: masses, radii, contact times on a hard floor and restitutions, as far as they are known.
-May be skipped: data, to be looked up.
 
 A contact time is what a film of a single bounce shows. With the restitution it fixes the stiffness of a spring and
 dashpot, k = m (2f(ζ)/t_c)², and γ. **Masses, radii and restitutions are measured; contact times are estimates**,

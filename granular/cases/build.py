@@ -1,5 +1,4 @@
 """Make a scene, a wall, a law or a rule from the keys of a table: the set of keys decides which constructor is meant.
-May be skipped: files and the command, no physics.
 
 A function of one's own is named: ``"motion.py:shake"`` of a file beside the table's, or ``"module:shake"``.
 """

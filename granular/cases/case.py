@@ -1,6 +1,5 @@
 """What a run needs, in one value; and the parameters of a documented function as data, so that the command line and
 its help are written once, where the function is.
-May be skipped: files and the command, no physics.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
 """Materials: Young's modulus, Poisson's ratio and density of what balls are made of, and how far these are known.
-May be skipped: data, to be looked up.
 
 >>> import granular as gr
 >>> pair = gr.Pair(m_eff=0.01, r_eff=0.005, index=0)

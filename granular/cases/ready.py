@@ -1,6 +1,4 @@
-"""Ready-made cases: each scene of `granular.scenes` with a default law, rule and stop condition.
-May be skipped: files and the command, no physics.
-"""
+"""Ready-made cases: each scene of `granular.scenes` with a default law, rule and stop condition."""
 
 from __future__ import annotations
 

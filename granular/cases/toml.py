@@ -1,6 +1,4 @@
-"""Cases as TOML files with the tables [scene], [law], [rule] and [run]: read, and written with every digit.
-May be skipped: files and the command, no physics.
-"""
+"""Cases as TOML files with the tables [scene], [law], [rule] and [run]: read, and written with every digit."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""How far a run of another program is from both engines, ball by ball.
-May be skipped: differences of rows.
-"""
+"""How far a run of another program is from both engines, ball by ball."""
 
 from __future__ import annotations
 

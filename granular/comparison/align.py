@@ -1,6 +1,5 @@
 """What is arbitrary in a run: where it is cut, and the rule that decides ties. Both runs of a scene go on until they
 have the same contacts, each followed to its end; and the other tie rules are tried.
-May be skipped: rarer, runs that are cut off.
 
 Soft spheres lag behind hard ones by about a contact's duration per collision. So an end time may fall between the n-th
 contact of a pair in one run and in the other, or within it. That is no difference of the two: for each pair the larger

@@ -1,6 +1,4 @@
-"""What a picture says of the scene of a comparison in words: pairs, parameters, numbers with their units.
-May be skipped: words, no physics.
-"""
+"""What a picture says of the scene of a comparison in words: pairs, parameters, numbers with their units."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Checks of the hard run: under other tie rules, and from gaps shifted by 1e-12 of themselves.
-May be skipped: whether there is one answer at all.
-"""
+"""Checks of the hard run: under other tie rules, and from gaps shifted by 1e-12 of themselves."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """Episodes of linked contacts, and the velocities with which balls leave them in two runs of one scene.
-May be skipped: the error of a comparison, contact by contact; docs/concepts.md has the definition.
 
 Contacts of soft spheres that share a ball and overlap in time are linked. An episode is a group of contacts joined by
 such links. States within an episode are intermediate; the velocities with which balls leave it are outcomes. A ball

@@ -1,6 +1,4 @@
-"""The figure of a comparison: contacts, forces and paths of both engines, each in a panel of its own, and a lens.
-May be skipped: pictures, no physics.
-"""
+"""The figure of a comparison: contacts, forces and paths of both engines, each in a panel of its own, and a lens."""
 
 from __future__ import annotations
 

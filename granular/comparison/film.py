@@ -1,5 +1,4 @@
 """Films of a comparison for slides: both engines side by side; fall, contacts slowed down, flight.
-May be skipped: pictures, no physics.
 
 The same story as that of the teaching page, granular/app/page/live/film.mjs. A film has two pages:
 `flying`, as fast as life against a ruler, and `touching`, where balls are drawn by the square root of their radii,

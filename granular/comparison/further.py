@@ -1,6 +1,5 @@
 """Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; when and how high
 balls rise, as granular/app/page/physics/apex.mjs defines it; and how much of the floor's push neighbours share.
-May be skipped: rarer, and more numbers of a comparison.
 
 A ball rises to the first apex of its free flight after it has been touched, from the floor contact on that is asked
 for, all hits before that apex included, a run that stops earlier being carried on. A ball that rests instead rises 0.

@@ -1,5 +1,4 @@
 """How far event-driven simulation is wrong, as numbers: pure functions of two trajectories of one scene.
-May be skipped: they explain an answer, and decide none.
 
 =========  ===========================================================================================================
 φ          share of the contact impulse exchanged while a neighbouring pair is active (0: every contact is binary)

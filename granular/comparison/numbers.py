@@ -1,6 +1,4 @@
-"""Both runs of a scene, and the numbers that tell them apart.
-May be skipped: numbers, to be looked up.
-"""
+"""Both runs of a scene, and the numbers that tell them apart."""
 
 from __future__ import annotations
 

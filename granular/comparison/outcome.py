@@ -1,5 +1,4 @@
 """What a run comes to, read from its contact log: how pairs part, how balls leave, and how far two runs differ.
-May be skipped: numbers read from a log.
 
 Balls that touch each other in either of two runs form a component, and each component is judged on its own.
 """

@@ -1,6 +1,4 @@
-"""Remedies for an inelastic collapse beside Newton: what each makes of one scene, in one table.
-May be skipped: further runs of hard spheres, each with another option.
-"""
+"""Remedies for an inelastic collapse beside Newton: what each makes of one scene, in one table."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""A comparison in words and numbers: the table that a person reads, and what JSON has of it.
-May be skipped: words and numbers of what is computed elsewhere.
-"""
+"""A comparison in words and numbers: the table that a person reads, and what JSON has of it."""
 
 from __future__ import annotations
 

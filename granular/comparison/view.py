@@ -1,6 +1,5 @@
 """What is drawn of a comparison: which span of time, both runs again with enough rows, a lens on one pair, the
 distance of its balls on its own scale while contacts overlap in time.
-May be skipped: pictures, no physics.
 """
 
 from __future__ import annotations

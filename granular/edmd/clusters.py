@@ -1,5 +1,4 @@
 """What moves as one: balls that stick together, or rest on a wall or on each other.
-May be skipped: rarer, balls that stay together.
 
 There are no cluster objects. A *stuck* pair has gap 0, rate 0 and no pull, all in bits; it never collides by itself
 and needs no mark. A ball that rests on a wall, directly or on a pile, is not free and has the velocity of the wall;

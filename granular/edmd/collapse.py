@@ -1,6 +1,4 @@
-"""Is it an inelastic collapse? The suspects of the event loop are looked at closely, and a verdict is given or not.
-May be skipped: rarer, infinitely many collisions.
-"""
+"""Is it an inelastic collapse? The suspects of the event loop are looked at closely, and a verdict is given or not."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """The compiled queue: a tournament tree over all pairs under the same event loop.
-May be skipped: faster, same results.
 
 Events, and so results, are those of `sorted_queue` bit for bit.
 

@@ -1,5 +1,4 @@
 """Walls that move along a path, and forces on balls: the flight of a pair beside a wall that shakes.
-May be skipped: rarer, walls that shake.
 
 The state is the same: gaps, and fall velocities that change at impacts only. A body falls with g, if it is free, less
 the `force_acceleration` by the force on it (of those that move as one, their common one). Beside a moving wall the gap

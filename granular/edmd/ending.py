@@ -1,6 +1,4 @@
-"""How a hard run ended: the message and the counters of its trajectory.
-May be skipped: the words of messages.
-"""
+"""How a hard run ended: the message and the counters of its trajectory."""
 
 from __future__ import annotations
 

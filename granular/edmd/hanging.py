@@ -1,5 +1,4 @@
 """Pendula: what a collision does to balls that hang and swing.
-May be skipped: rarer, balls on strings.
 
 Gap and rate of a pair at its time are the state, as in a closer look at free balls: between collisions they turn as
 ``gap'' = Ω² (rest - gap)``, so rates have all their digits however fast all swing together, and no collapse has to be

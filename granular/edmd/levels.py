@@ -1,6 +1,4 @@
-"""Hard spheres between two events, for whom watches a ball: when the next event is, and how fast it is until then.
-May be skipped: stop conditions, no physics.
-"""
+"""Hard spheres between two events, for whom watches a ball: when the next event is, and how fast it is until then."""
 
 from __future__ import annotations
 

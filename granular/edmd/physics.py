@@ -1,6 +1,4 @@
-"""What does not change during a run: the scene, its rules, and how ties, collapse and weak impacts are treated.
-May be skipped: options, and which exclude each other.
-"""
+"""What does not change during a run: the scene, its rules, and how ties, collapse and weak impacts are treated."""
 
 from __future__ import annotations
 

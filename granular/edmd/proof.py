@@ -1,5 +1,4 @@
 """A proof that a few pairs collide forever: the word of their collisions repeats, and nothing can break it.
-May be skipped: rarer, infinitely many collisions.
 
 A collision of pair c maps the rates w of the pairs linearly, and a wait maps their gaps g linearly once the rates are
 known, ``g → g - w g_c / w_c``: pair c closes first. Over one word of collisions the rates become ``R w`` and the gaps

@@ -1,5 +1,4 @@
 """What a run of hard spheres knows of pairs, bodies and itself: records with names; why a queue hands control back.
-May be skipped: how a run is held and saved, no physics.
 
 Whether a saved state can be that of a run of some physics is asked before kernels, which check nothing, go on with it.
 """

@@ -1,6 +1,4 @@
-"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended.
-May be skipped: options and their checks, no physics.
-"""
+"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The state of a run: all that is needed to go on with it, bit for bit.
-May be skipped: how a run is held, saved and resumed.
-"""
+"""The state of a run: all that is needed to go on with it, bit for bit."""
 
 from __future__ import annotations
 

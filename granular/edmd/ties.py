@@ -1,5 +1,4 @@
 """Simultaneous collisions of a touching group, solved as a whole.
-May be skipped: rarer, collisions at one instant.
 
 Which of them acts first, where one acts after the other, says `rank` of `physics`. Newton, Poisson and generalised
 reflections are pure functions on the inverse masses (1/kg) of m + 1 bodies and the rates (m/s, negative: approaching)

@@ -1,5 +1,4 @@
 """What a state holds of driven walls, and of forces: how it begins, its rows, its epoch, and the account of its energy.
-May be skipped: rarer, walls that shake.
 
 One ball on a shaken plate flies for longer than a window lasts: each bounce begins a new one. So the event loop moves
 the zero of times itself, at the very times at which `State.shift_to` would.

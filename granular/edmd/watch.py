@@ -1,5 +1,4 @@
 """Where soft contacts would disturb each other: a hard run is watched with a force law, for a warning, not a proof.
-May be skipped: it looks on, and changes no run.
 
 Each collision is taken as a contact that lasts, from then on, as long as an isolated one of the law at that speed, and
 at most until its pair collides again. It is disturbed if it shares a time with a contact of a neighbouring pair.

@@ -1,5 +1,4 @@
 """A closer look at a few neighbours: the same physics in relative gaps and rates, exact down to 1e-200.
-May be skipped: rarer, infinitely many collisions.
 
 Velocities of bodies lose a relative velocity of 1e-16 of theirs; rates of gaps do not. So what looks like an inelastic
 collapse in velocities is decided in rates: `zoom` goes on with a slice of pairs alone until something outside is about

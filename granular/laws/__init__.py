@@ -1,5 +1,9 @@
-"""Force laws of soft contacts; F ≥ 0 repels. The engine, never the law, clips F at zero and gates it on ξ > 0.
-May be skipped: names of the package only.
+"""Force laws of soft contacts, collision rules of hard spheres, and closed forms.
+
+A law returns the force F; F ≥ 0 repels. The engine clips F at zero and applies it only for overlaps ξ > 0.
+
+Main line: `contact_law`, `dashpot`.
+A first reader may skip: `hertz`, `kinds`, `rules`, `springs`, `statics`, `theory`, `viscoelastic_restitution`.
 """
 
 from granular.laws.contact_law import ForceLaw, LawWithMemory, PairLaw as PairLaw, resolve as resolve

@@ -1,5 +1,4 @@
 """Spheres: Hertz contact without damping, with viscoelastic damping, and with Tsuji's.
-May be skipped: other laws than the dashpot, by the same traits.
 
 Three rivals often confused: **viscoelastic** damping γ √ξ ξ̇ follows from the bulk viscosity of the spheres
 (Kuwabara & Kono 1987; Brilliantov, Spahn, Hertzsch & Pöschel 1996) and makes ε fall with speed; **Tsuji** damping

@@ -1,6 +1,5 @@
 """The laws of a scene, asked once for every kind of pair (a gas of a million equal balls has one), and tried before a
 run: a mistake in a law is a sentence, not a wrong answer.
-May be skipped: arguments, no physics.
 
 A force that is no number, that changes from call to call, or that hangs on the rate alone, a trait that contradicts the
 force, or negative damping (a harder push while bodies part than while they approach, at the same overlap) is refused.

@@ -1,5 +1,4 @@
 """Collision rules for hard spheres: the coefficient of restitution as a number, a table, a formula or any callable.
-May be skipped: ε as a number, a table, a formula or a callable.
 
 A rule is called as ``rule(speed, pair)`` with the impact speed in m/s (positive) and the `Pair`, and returns the
 coefficient of restitution ε in [0, 1], minus the ratio of the relative velocities after and before the impact.

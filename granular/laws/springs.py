@@ -1,6 +1,4 @@
-"""Laws without a rate: any power of the overlap, and a spring that is stiffer while the bodies part.
-May be skipped: two more laws, like those of the spheres.
-"""
+"""Laws without a rate: any power of the overlap, and a spring that is stiffer while the bodies part."""
 
 from __future__ import annotations
 

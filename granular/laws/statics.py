@@ -1,6 +1,4 @@
-"""Contacts under a static force: how deep they are, how stiff, and the end of a chain that swallows waves.
-May be skipped: chains under pressure only.
-"""
+"""Contacts under a static force: how deep they are, how stiff, and the end of a chain that swallows waves."""
 
 from __future__ import annotations
 

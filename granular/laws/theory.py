@@ -1,5 +1,4 @@
 """Closed forms: what independent, instantaneous collisions predict.
-May be skipped: closed forms, beside the engines.
 
 The *independent-collision model* (ICM) of Müller & Pöschel (PRE 83, 041304, 2011): two balls fall on a floor; the lower
 one bounces first and then meets the upper one, and no two collisions overlap in time. Then stacks, tapered chains and

@@ -1,5 +1,4 @@
 """Restitution and duration of an isolated viscoelastic collision of spheres, F = k ξ^(3/2) + γ √ξ ξ̇ ≥ 0.
-May be skipped: a table, beside the engines.
 
 In units of the length L = (m_eff v²/k)^(2/5) and the time L/v, v the approach speed, the overlap obeys
 

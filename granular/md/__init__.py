@@ -1,5 +1,7 @@
-"""Soft spheres: Newton's equation with a contact force, `simulate(scene, law, ...) -> Trajectory`.
-May be skipped: names of the package only.
+"""Soft spheres: Newton's equation with contact forces, with a fixed time step or with located events.
+
+Main line: `fixed/`, `located/`.
+A first reader may skip: `binary`, `isolation`, `simulation`, `time_step`, `waves/`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,4 @@
 """One isolated contact under a force law: restitution, duration, peaks; the inverse; the rule made from a law.
-May be skipped: one contact alone, beside the engines.
 
 Two bodies of effective mass m_eff meet at speed v and see nothing else: m_eff ξ̈ = -max(0, F(ξ, ξ̇)), ξ(0) = 0,
 ξ̇(0) = v, until F returns to zero. This is all that event-driven simulation knows of a force law.

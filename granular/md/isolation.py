@@ -1,5 +1,4 @@
 """Isolated contacts: how many of a run of soft spheres were isolated, what that certifies, and how long they last.
-May be skipped: a sentence about three numbers of a run; and `binary` many times over, at little cost.
 
 A contact is isolated if no neighbouring pair overlaps from where its balls touch to where they part (docs/concepts.md).
 Hard spheres differ from it by its delay and its displacement only. Its delay hangs on t_c, its duration:

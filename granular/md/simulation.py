@@ -1,6 +1,4 @@
-"""`granular.md.simulate`: soft spheres, Newton's equation with a contact force.
-May be skipped: options and their checks, no physics.
-"""
+"""`granular.md.simulate`: soft spheres, Newton's equation with a contact force."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """How small a fixed time step must be, before a run (default, warning) and after it (what really happened).
-May be skipped: how long a step may be.
 
 Explicit methods follow a contact only while dt·λ stays well below a limit: 2, and 1.05 for Gear's five values, whose
 spectral radius is 1 + 6e-8 at dt·λ = 0.1, 1.01 at 1 and grows steeply from there. For the closed pairs of an assembly,

@@ -1,3 +1,6 @@
 """One run of any engine: driver, stop conditions, results, files and figures.
-May be skipped: names of the package only.
+
+Main line: `drive`, `trajectory`.
+A first reader may skip: `contact_log`, `export/`, `figures`, `films`, `levels`, `limits`, `log_file`, `saved_run`,
+`until`.
 """

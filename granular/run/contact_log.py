@@ -1,5 +1,4 @@
 """The log of contacts: its columns, in public and as engines keep them; what it says of the momentum that walls gave.
-May be skipped: where records go.
 """
 
 from __future__ import annotations

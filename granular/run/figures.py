@@ -1,5 +1,4 @@
 """What figures of runs share: a span of time, its clock, paths between the rows of a run, words; the figure of one run.
-May be skipped: pictures, no physics.
 """
 
 from __future__ import annotations

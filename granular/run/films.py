@@ -1,6 +1,4 @@
-"""What films share: pages on which a few artists move, a stage for balls, files; and the film of one run.
-May be skipped: pictures, no physics.
-"""
+"""What films share: pages on which a few artists move, a stage for balls, files; and the film of one run."""
 
 from __future__ import annotations
 

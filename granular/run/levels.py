@@ -1,6 +1,5 @@
 """When a speed, a place or a force first passes a level: `granular.until.speed` and its like, for runs that go from
 event to event.
-May be skipped: a root between two events.
 
 Between two events all motion is smooth, so what is watched is a few Chebyshev polynomials. Where their bound is below
 the level nothing is met; where they only rise, the two ends decide, and halving finds the moment to the last bit. Any

@@ -1,6 +1,4 @@
-"""When a run needs a stop condition, and which option raises the limit that ended it.
-May be skipped: arguments, no physics.
-"""
+"""When a run needs a stop condition, and which option raises the limit that ended it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """A file of contacts, written as the run goes on.
-May be skipped: where records go.
 
 It is a plain ``.npy``, whole after every block: its head says how many rows there are, in digits with room to grow
 (format 1.0 of numpy), and is written anew after each block. So whatever ends the process, what the head counts is

@@ -1,6 +1,4 @@
-"""Runs in files: all of a `Trajectory` as arrays and words, and back.
-May be skipped: files, no physics.
-"""
+"""Runs in files: all of a `Trajectory` as arrays and words, and back."""
 
 from __future__ import annotations
 

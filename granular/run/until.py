@@ -1,6 +1,4 @@
-"""Stop conditions, understood by both engines: ``simulate(..., until=until.contact(pair=0, nth=2))``.
-May be skipped: small records.
-"""
+"""Stop conditions, understood by both engines: ``simulate(..., until=until.contact(pair=0, nth=2))``."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""What is simulated: balls on a line, perhaps walls, perhaps gravity. Both engines read the same `Scene`.
-May be skipped: the names of the parts.
+"""The initial state of a simulation: balls, gaps, velocities, walls and gravity. Both engines read the same `Scene`.
+
+Main line: `state`.
+A first reader may skip: `given`, `pair`, `places`, `walls/`.
 """
 
 from granular.scene.pair import Pair, Pairs, checked_pair

@@ -1,6 +1,4 @@
-"""What a scene may be given, and what cannot go together.
-May be skipped: sentences for mistakes.
-"""
+"""What a scene may be given, and what cannot go together."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Two neighbours for good: what a force law or a collision rule may know of them.
-May be skipped: a record of two neighbours.
-"""
+"""Two neighbours for good: what a force law or a collision rule may know of them."""
 
 from __future__ import annotations
 

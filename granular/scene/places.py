@@ -1,6 +1,5 @@
 """From gaps and their rates, the state, to positions and velocities of all bodies; the scale of speeds; whether a state
 can be one; driven walls as a run keeps them, and until when walls that move towards each other leave room.
-May be skipped: sums from one body to the next, and walls that move.
 """
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
 """Many runs: sweeps, sensitivities, ensembles, thresholds, frontiers and extremes.
-May be skipped: names of the package only.
+
+A first reader may skip: `adiabatic`, `extremes`, `frontiers/`, `reference/`, `sweeps/`, `thresholds/`.
 """

@@ -1,5 +1,4 @@
 """A light ball on a heavy one that bounces: three-body impact in the limit of appendix A of the paper.
-May be skipped: a limit, beside the engines.
 
 Two balls fall on a floor, linear dashpots in both contacts. If the upper ball is far lighter than the lower one
 (m2 ≪ m1), the lower ball moves as if it were alone and the upper one follows. With overlaps ξ0 (floor), ξ1 (balls)

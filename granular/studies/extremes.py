@@ -1,5 +1,4 @@
 """`stability`: one's own scene made stiff, close, damped and unequal. Which method stays right, and who says so if not?
-May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations

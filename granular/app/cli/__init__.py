@@ -1,5 +1,6 @@
-"""The `granular` command. Mistakes of the user end in one line on stderr, never in a traceback.
-May be skipped: the command, no physics.
+"""The `granular` command. Misuse ends in one line on stderr, never in a traceback.
+
+A first reader may skip: `ends`, `info`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`, `warm`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""What asks a process to end is an interrupt, as Ctrl-C is: what was done is kept, and nothing is left behind.
-May be skipped: the command, no physics.
-"""
+"""What asks a process to end is an interrupt, as Ctrl-C is: what was done is kept, and nothing is left behind."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""What is installed, to look for a fault or to report one; whether another package lies over this one.
-May be skipped: the command, no physics.
-"""
+"""What is installed, to look for a fault or to report one; whether another package lies over this one."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
 """Commands on one scene: print it, run it on one engine or on both; from where on hard spheres will do, at what price
 methods are right, and who is right where it becomes extreme; one trajectory in words and a few numbers.
-May be skipped: the command, no physics.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""What a command shows and writes: files, offered, looked at before a long run, and written after it.
-May be skipped: the command, no physics.
-"""
+"""What a command shows and writes: files, offered, looked at before a long run, and written after it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Commands that write a page: the teaching page, and the player of recorded runs.
-May be skipped: the command, no physics.
-"""
+"""Commands that write a page: the teaching page, and the player of recorded runs."""
 
 from __future__ import annotations
 

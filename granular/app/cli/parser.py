@@ -1,5 +1,4 @@
 """Arguments of the command. The options of a scene and of a run come from the signatures and docstrings that have them.
-May be skipped: the command, no physics.
 
 So ``granular compare gas --help`` lists the parameters of `granular.scenes.gas`, with their units and defaults.
 """

@@ -1,5 +1,4 @@
 """The commands `granular sweep`, its processes, and what came out of it in words; `granular sensitivity`, `ensemble`.
-May be skipped: the command, no physics.
 """
 
 from __future__ import annotations

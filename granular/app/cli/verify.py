@@ -1,6 +1,4 @@
-"""The command `verify`: reference answers for other people's codes, and whether theirs are right.
-May be skipped: the command, no physics.
-"""
+"""The command `verify`: reference answers for other people's codes, and whether theirs are right."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """Machine code made once, before anybody has to wait for it: for images, classes, test servers.
-May be skipped: the command, no physics.
 
 A kernel is compiled once for each set of flags that a scene has (`granular._engine.kernels`): the scenes here have all
 sets of them that ready-made scenes have.

@@ -1,5 +1,4 @@
 """The pages: one HTML file each from the shipped parts, nothing to load, nothing to run but what is inside.
-May be skipped: the teaching page, beside the engines.
 
 `live_page` writes the one with its own physics, `player_page` that with recorded runs.
 """

@@ -1,5 +1,4 @@
 """What the teaching page can open with: its scenes, what can be set in each and within what limits, as a link.
-May be skipped: the teaching page, beside the engines.
 
 Names are the library's (restitution, stiffness, mass_ratio, …); the page's links have shorter ones (eps, k, massRatio).
 """

@@ -1,5 +1,4 @@
 """A recorded run made small enough to embed in a page: thinned out evenly, and told by how much.
-May be skipped: the teaching page, beside the engines.
 
 Rows and contacts beyond the limits are left out one in so many, never merged or smoothed; where contacts are left out a
 map counts all of them over pairs and time. Numbers are kept as 32-bit floats, positions with the radii taken out, where

@@ -1,8 +1,9 @@
 """Ready-made scenes: physical parameters in, `Scene` out.
-May be skipped: ready-made scenes, to be looked up.
 
 Everywhere the lowest (leftmost) body comes first, masses and radii of spheres are tied by m = (4/3) π R³ ρ, and one
 number for `gap` means the same gap in every pair between balls.
+
+A first reader may skip: `falling`, `gases`, `rows`.
 """
 
 from typing import TYPE_CHECKING

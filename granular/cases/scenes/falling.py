@@ -1,6 +1,4 @@
-"""Balls that fall on a floor; and what scenes are made of.
-May be skipped: ready-made scenes, to be looked up.
-"""
+"""Balls that fall on a floor; and what scenes are made of."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Gases of balls: between walls, on a ring, between walls of two temperatures or above a hot floor.
-May be skipped: ready-made scenes, to be looked up.
-"""
+"""Gases of balls: between walls, on a ring, between walls of two temperatures or above a hot floor."""
 
 from __future__ import annotations
 

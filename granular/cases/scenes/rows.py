@@ -1,6 +1,4 @@
-"""Rows of balls, struck, pressed together or hanging side by side.
-May be skipped: ready-made scenes, to be looked up.
-"""
+"""Rows of balls, struck, pressed together or hanging side by side."""
 
 from __future__ import annotations
 

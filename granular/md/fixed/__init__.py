@@ -1,5 +1,7 @@
-"""Soft spheres with a fixed time step, as DEM codes do it.
-May be skipped: names of the package only.
+"""Soft spheres with a fixed time step, as in DEM codes.
+
+Main line: `integrators`.
+A first reader may skip: `abreast`, `contact_force`, `march`, `notes`, `run`, `stepper`, `walls`, `window`.
 """
 
 from granular.md.fixed.integrators import INTEGRATORS

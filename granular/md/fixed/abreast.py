@@ -1,5 +1,4 @@
 """A long chain on several cores: each steps a part of the windows, and they meet when all have taken their steps.
-May be skipped: faster, same results.
 
 Windows know nothing of each other until then, so who steps which changes no bit. Machine code runs without the
 interpreter's lock; the loop of the march goes on as it stands.

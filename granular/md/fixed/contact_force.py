@@ -1,5 +1,4 @@
 """How a kernel asks for the force of a pair: kernels of one face, which a march is specialised for.
-May be skipped: faster, same results.
 
 They are called as ``force(physics, lo, j, xi, xi_dot, a)`` for the pair at place `j` of a window that begins at pair
 `lo`, and return the unclipped force, 0 of an open pair. Laws of the form k ξ + γ ξ̇, √ξ (k ξ + γ ξ̇) or that of Tsuji

@@ -1,5 +1,4 @@
 """The loop of the fixed-step methods: windows of the chain take some steps each, contacts are noted on the way.
-May be skipped: steps, in a clever order.
 
 A push goes one pair far with every evaluation of the forces. So a window with a margin on either side takes its steps
 without asking the rest; what the margins then hold is wrong and is thrown away. A short chain is one window.

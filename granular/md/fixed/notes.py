@@ -1,5 +1,4 @@
 """Onset and end of contacts, noted as they happen.
-May be skipped: how contacts are noted, no physics.
 
 A contact begins between two steps where the interpolated overlap (or, inside an overlap, the interpolated force)
 crosses zero, and ends likewise. Pairs that touch at rest in a row begin when the row is hit, however many steps the

@@ -1,5 +1,4 @@
 """A run with a fixed time step, as DEM codes do it: steps while pairs are closed, a jump while all are open.
-May be skipped: limits and stop conditions of a march, no physics.
 
 In the end it says honestly how far the step could be trusted.
 """

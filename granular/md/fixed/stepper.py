@@ -1,5 +1,4 @@
 """A scene under a fixed time step, in rows for the kernels: interpreted at first, perhaps compiled later.
-May be skipped: faster, same results.
 
 It steps while pairs are closed; while all are open, the balls fly analytically.
 """

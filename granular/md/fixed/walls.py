@@ -1,5 +1,4 @@
 """Walls under a fixed time step: along a path, with the account of the energy beside them, and thermal ones.
-May be skipped: rarer, walls that move or heat.
 
 In a step a wall drifts by the difference of two places on its path, and forces see the velocity of the path: nothing is
 integrated, so each integrator keeps its order. Time is counted in steps from the start, in two floats.

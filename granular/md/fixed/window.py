@@ -1,5 +1,4 @@
 """Rows of numbers: the state of a chain, its free flight, and a stretch of it while it takes some steps.
-May be skipped: faster, same results.
 
 What changes in a run stands in rows as long as the chain: pair c at ``c + 1``, ball i at ``i + 1``, with an open pair
 before the first and behind the last; on a ring ball 0 comes once more behind the last. Kernels step a *window*, a

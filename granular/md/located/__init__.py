@@ -1,7 +1,8 @@
-"""Event-located soft spheres: a step is a polynomial, an event is its first root.
-May be skipped: names of the package only.
+"""Event-located integration of soft spheres: a step is a polynomial, an event is its first root.
 
-`Run` follows one scene, `many.solve_many` a map of small ones in a single compiled call.
+Main line: `pieces`, `series`, `plan`, `blocks`, `one_contact/`, `run`.
+A first reader may skip: `checkpoint`, `collocation`, `contacts`, `islands`, `jumps`, `ledger`, `levels`, `log`, `many`,
+`own_law`, `pace`, `pendula`, `power_form`, `records`, `rest/`, `restore`, `settle`, `step_size`, `system`, `walls`.
 """
 
 from granular.md.located.run import Run

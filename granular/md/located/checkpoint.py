@@ -1,6 +1,4 @@
-"""What a run is at its end, to go on from: the records as they stood before the last row was made.
-May be skipped: how a run is saved, no physics.
-"""
+"""What a run is at its end, to go on from: the records as they stood before the last row was made."""
 
 from __future__ import annotations
 

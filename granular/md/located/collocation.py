@@ -1,6 +1,5 @@
 """What steps of laws that are no powers stand on: polynomials through the Gauss points of a step, and the places where
 the law itself changes sign.
-May be skipped: rarer, laws that are no powers.
 
 The force vanishes or returns where the law itself changes sign. An interpolant says where to look, but near ξ = 0,
 where every force is small, it errs to either side; so the law is asked, and the place is found by bisection. A pair

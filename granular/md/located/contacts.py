@@ -1,5 +1,4 @@
 """The life of a contact: how its pair changes mode at an event: touch, end of the force, new push, parting.
-May be skipped: to be read when a contact ends otherwise than expected.
 
 Of pairs that touch at rest, or part with no more energy than rounding, it is judged which stay, and which of them
 forces press.

@@ -1,6 +1,5 @@
 """Islands formed anew at an event: which blocks it concerns, where they end now, and who flies on alone. And the free
 length of a ring: its gaps add up to it forever, except for rounding.
-May be skipped: which blocks an event concerns.
 """
 
 from __future__ import annotations

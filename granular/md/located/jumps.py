@@ -1,5 +1,4 @@
 """Where a velocity jumps: that of a driven wall, or of a ball that a thermal wall throws back, at a speed drawn anew.
-May be skipped: rarer, walls that shake or heat.
 
 At the touch (gap 0, closing) the rate of the pair jumps, and so does that of the pair beside it: a contact that takes
 no time, with the same flank test as others (`meet`). Where that fails, the pair is STRUCK, its neighbour joins the

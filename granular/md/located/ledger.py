@@ -1,5 +1,4 @@
 """Where the energy goes: the work of moving walls, and what is dissipated in contacts, piece by piece.
-May be skipped: rarer, walls that move.
 
 Of a piece with force F, overlap ξ and rate η, with F_el(ξ) = dU/dξ the elastic force and u the velocity of a wall
 towards the balls,

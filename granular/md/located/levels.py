@@ -1,6 +1,5 @@
 """Soft spheres between two events, for whom watches a pair or a ball. A run that is watched follows all contacts by
 pieces, but where those that disturb each other are ignored.
-May be skipped: stop conditions, no physics.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""What the log keeps of a contact from its onset to its end.
-May be skipped: what is written down.
-"""
+"""What the log keeps of a contact from its onset to its end."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""`solve_many`: many small scenes in one compiled call, for parameter maps.
-May be skipped: faster, same results.
-"""
+"""`solve_many`: many small scenes in one compiled call, for parameter maps."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """The step of laws that are no powers: the same polynomial pieces, found by collocation instead of recurrences.
-May be skipped: rarer, laws that are no powers.
 
 The forces are evaluated at 16 Gauss points of the step and interpolated; the polynomials of rate and overlap follow by
 exact integration, and the forces are evaluated anew there until nothing changes (Picard). The interpolant's last

@@ -1,6 +1,5 @@
 """How far a run goes between two looks at it, whether it comes on, and the words and numbers at its end; `run` is one
 of `located.run`.
-May be skipped: limits and words, no physics.
 
 Steps of laws that are functions are found by trial, and none is longer than the sharpest rate of the law allows. A
 contact takes some tens of trials. One that is damped a thousand times too strongly creeps, and takes millions; so does

@@ -1,5 +1,4 @@
 """Pendula: the velocities of balls that swing, and how forces change them on the way.
-May be skipped: rarer, balls that hang.
 
 A ball at the displacement y from where it rests has ÿ = -Ω² y + F/m, F the sum of the contact forces on it; its `fall`
 is Ω² y, the downward acceleration that it has at its clock. A force from s to s + ds in a time T changes, at its end,

@@ -1,5 +1,4 @@
 """Laws as kernels know them: the coefficients of their power forms, and which maps their isolated contacts have.
-May be skipped: how laws are read, no motion.
 
 Isolated contacts of elastic powers, and of powers damped with the exponent d = (p-1)/2, are alike at all speeds. With
 s = ξ^((p+1)/2) and the time dτ = ξ^((p-1)/2) dt, the contact m ξ̈ = -k ξ^p - γ ξ^((p-1)/2) ξ̇ is that of a dashpot,

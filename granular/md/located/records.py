@@ -1,5 +1,4 @@
 """What the engine knows about each pair and body: records with names, and the words for modes, kinds and events.
-May be skipped: how a run is held, no physics.
 
 Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
 fields, so one source serves both. A pair in free flight needs little, and most pairs of a gas fly: what an island

@@ -1,6 +1,5 @@
 """A run from a checkpoint, maybe of a file: whether its records can be the ones of a scene, asked before kernels, which
 check nothing, go on with them; and names that fields had in earlier versions.
-May be skipped: how a run is resumed, no physics.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
 """Continue a run that is proved to rest until its overlaps are static.
-May be skipped: rarer, piles that come to rest.
 
 The times of its looks are numbers of 7 binary digits, whatever the time of the proof: so a resumed run ends as the
 uninterrupted one, bit for bit.

@@ -1,5 +1,4 @@
 """How long a step is, and on which clock.
-May be skipped: how long a step may be.
 
 *Linear blocks*: the series of the step converges like that of exp(λh), λ = ½ (b + √(b² + 4a)) with a, b the largest
 absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, and Ω² of pendula in a; λh = `REACH` leaves

@@ -1,5 +1,4 @@
 """All records of a run as one `System`: made from a scene, in both forms, and with more room; places of pairs in it.
-May be skipped: how a run is held, no physics.
 
 On a ring of n balls pair n-1 joins ball n-1 and ball 0. An island lo … hi-1 may go on beyond pair n-1, to hi = lo + n:
 so there are n more records of pairs, of which nothing but the place in the pool is kept, that of pair c - n. An island

@@ -1,5 +1,4 @@
 """Driven walls as a run holds them: the flight of the pair at one, and its motion as one more series in pieces.
-May be skipped: rarer, walls that shake.
 
 A pair at a driven wall closes with pull + m'', m the wall's motion towards the balls. In flight it follows the wall's
 own path, of which the next touch is certified (`granular.scene.walls.hits`).

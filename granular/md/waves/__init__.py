@@ -1,5 +1,6 @@
-"""Waves in chains of balls that touch: bands and gaps under a static force, solitary waves without one.
-May be skipped: names of the package only.
+"""Waves in chains of touching balls: bands and band gaps under a static force, solitary waves without one.
+
+A first reader may skip: `bands`, `sensors`, `solitary_wave`.
 """
 
 from granular.md.waves.bands import (

@@ -1,5 +1,4 @@
 """Small waves in a chain under a static force: frequencies, bands, decay in a gap.
-May be skipped: chains under pressure only.
 
 Small swings of a chain at rest see springs: the tangent stiffness K = dF/dξ of every contact under its static force F₀,
 which is (3/2) A^(2/3) F₀^(1/3) under Hertz's law F = A ξ^(3/2). A chain is described by one unit cell: the masses of

@@ -1,6 +1,4 @@
-"""A pulse in a run as sensors in the balls see it: when it comes, how strong and how wide; and a picture of all.
-May be skipped: reads the rows of a run.
-"""
+"""A pulse in a run as sensors in the balls see it: when it comes, how strong and how wide; and a picture of all."""
 
 from __future__ import annotations
 

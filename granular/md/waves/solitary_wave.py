@@ -1,5 +1,4 @@
 """The solitary wave of balls that just touch, exact for the discrete chain: not that of a continuum.
-May be skipped: chains of touching balls only.
 
 A wave that keeps its shape, δ_j(t) = δ_max φ(j - ct), turns Newton's equation of a chain with F = A δ^p into
 

@@ -1,5 +1,6 @@
 """Scenes and runs for other programs.
-May be skipped: names of the package only.
+
+A first reader may skip: `files`, `input_file`, `table`.
 """
 
 from granular.run.export.input_file import lammps

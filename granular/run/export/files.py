@@ -1,6 +1,4 @@
-"""Files that others read: netCDF, CSV, and extended XYZ, which OVITO and ASE open.
-May be skipped: files, no physics.
-"""
+"""Files that others read: netCDF, CSV, and extended XYZ, which OVITO and ASE open."""
 
 from __future__ import annotations
 

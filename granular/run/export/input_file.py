@@ -1,5 +1,4 @@
 """A scene and its force laws as an input deck of LAMMPS.
-May be skipped: another program's language, no physics.
 
 Written after the manual of LAMMPS (pair_style granular, fix wall/gran) and tried with its release of 22 July 2025.
 """

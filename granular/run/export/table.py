@@ -1,6 +1,4 @@
-"""A run as labelled arrays (xarray), as a table (pandas), and made of arrays that another program has computed.
-May be skipped: other shapes of the same numbers.
-"""
+"""A run as labelled arrays (xarray), as a table (pandas), and made of arrays that another program has computed."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Floors and ceilings that move, by what m(t) in m says beside their constant velocity, or that heat.
-May be skipped: names of the package only.
 
 A wall stands at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start): at t_start it is where origin and gaps of
 the scene put it, and moves at its own velocity + m'(t_start).
+
+A first reader may skip: `common`, `formulas`, `gap`, `hits`, `motion`, `panels`, `path`, `thermal`.
 """
 
 from granular.scene.walls.formulas import Piecewise, Sine

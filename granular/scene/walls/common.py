@@ -1,6 +1,4 @@
-"""What runs and scenes need to know of a moving or thermal wall of any kind.
-May be skipped: rarer, walls that shake.
-"""
+"""What runs and scenes need to know of a moving or thermal wall of any kind."""
 
 from __future__ import annotations
 

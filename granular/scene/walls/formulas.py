@@ -1,6 +1,4 @@
-"""Walls that move by a formula: a sine, or polynomials piece by piece, such as a spline through measured positions.
-May be skipped: rarer, walls that shake.
-"""
+"""Walls that move by a formula: a sine, or polynomials piece by piece, such as a spline through measured positions."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
 """A gap beside a moving wall, between its collisions; for both engines.
-May be skipped: rarer, walls that shake.
 
 Its acceleration is -(pull + m''), m towards the balls; `pull` is the constant closing acceleration of the pair, g at a
 floor, -g at a ceiling. It is followed in one of two ways that agree to rounding: on the panel on which it starts by

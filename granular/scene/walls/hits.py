@@ -1,5 +1,4 @@
 """The first time at which a gap beside a moving wall closes, or a ball that rests on it leaves: certified.
-May be skipped: rarer, walls that shake.
 
 Both are stepped to from below, never over.
 

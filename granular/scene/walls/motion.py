@@ -1,6 +1,4 @@
-"""A wall that moves by any smooth function of time.
-May be skipped: rarer, walls that shake.
-"""
+"""A wall that moves by any smooth function of time."""
 
 from __future__ import annotations
 

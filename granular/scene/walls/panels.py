@@ -1,5 +1,4 @@
 """A wall's motion as polynomials on panels of time, with bounds of what it does on each: what engines read.
-May be skipped: rarer, walls that shake.
 
 Panel k is Σ_j c_kj x^j in m, x from -1 to 1 between its edges; time is counted in s, or in turns f·t of a period. All
 bounds come from Bernstein coefficients on [-1, 1], so they hold, and are tight on short panels.

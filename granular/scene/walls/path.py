@@ -1,5 +1,4 @@
 """Where a wall is and how it moves at a time given in two floats, t + tail.
-May be skipped: rarer, walls that shake.
 
 A sine's phase is kept as the fraction of f·t in two floats, so late times cost no digits. What panels hold, and most
 kernels return, is ``side·m``: the motion towards the balls, at a floor and at a ceiling alike.

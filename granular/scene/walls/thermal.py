@@ -1,6 +1,4 @@
-"""A wall at a temperature: every ball that hits it leaves with a speed drawn anew.
-May be skipped: rarer, walls that heat.
-"""
+"""A wall at a temperature: every ball that hits it leaves with a speed drawn anew."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Error against run time for one scene: `frontier(scene, law) -> Frontier`, the work-precision diagram.
-May be skipped: it measures ourselves.
+"""`frontier`: error against run time of every method on one scene.
+
+A first reader may skip: `methods`, `result`, `run`.
 """
 
 from granular.studies.frontiers.result import Frontier, Row

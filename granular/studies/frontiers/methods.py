@@ -1,6 +1,5 @@
 """The methods that are put to the test, each with the settings to try: those of this package, and what a user would
 write with scipy: the same equations, clipped forces, with and without events. And the error of what they give.
-May be skipped: it measures ourselves.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
 """Rows of error and run time, what follows from them, and the report made of it: in words, and as a figure, error over
 run time, one line a method, readable in grey print.
-May be skipped: it measures ourselves.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""`frontier`: solve one scene by many methods at many settings, and measure error and run time.
-May be skipped: it measures ourselves.
-"""
+"""`frontier`: solve one scene by many methods at many settings, and measure error and run time."""
 
 from __future__ import annotations
 

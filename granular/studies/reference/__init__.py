@@ -1,10 +1,11 @@
 """An independent solution of a scene, against which engines are measured, with an estimate of its own error.
-May be skipped: it measures ourselves.
 
 SciPy's DOP853 is restarted at every event. It shares no code with the methods of `granular.md`: a driven wall is read
 here as the sine or the polynomials that define it. Each scene is solved with two tolerances, and the difference is the
 reported error. In the six scenes of `docs/frontier.md` it is 4e-12 to 7e-10 of the impact speed, 3 to 40 times the true
 error (4e-13 to 6e-11).
+
+A first reader may skip: `driven`, `events`, `restarted`, `verification`.
 """
 
 from __future__ import annotations

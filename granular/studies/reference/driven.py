@@ -1,5 +1,4 @@
 """How walls move, for the slow solvers, in any number of digits, and the next speed that each thermal wall draws.
-May be skipped: it measures ourselves.
 
 A motion is read as it is given, a sine or polynomials, without the code by which engines read it. Its velocity and the
 derivatives of that follow one another, y_0' = y_1, y_1' = y_2, …; the last one's rate is `last` times y_0: 0 for a

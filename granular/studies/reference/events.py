@@ -1,6 +1,5 @@
 """A scene from event to event, whoever moves it: contacts begin and end, a stop condition holds, rest is rest; and the
 log of that, to more digits than a double has, and how far it can be trusted.
-May be skipped: it measures ourselves.
 
 Between two contacts everything flies on parabolas and is moved there in closed form, but for pendula and beside driven
 walls. A thermal wall acts at the touch: such a contact is an instant.

@@ -1,6 +1,4 @@
-"""A scene solved by scipy, restarted at every event: for laws without a power series, and as one to be judged.
-May be skipped: it measures ourselves.
-"""
+"""A scene solved by scipy, restarted at every event: for laws without a power series, and as one to be judged."""
 
 from __future__ import annotations
 

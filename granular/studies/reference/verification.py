@@ -1,5 +1,4 @@
 """Reference answers for other people's codes: set-ups with units and conventions, answers with digits and condition.
-May be skipped: it measures others.
 
 ``bench/make_verification.py`` made the file beside this one with the solver of 34 digits.
 """

@@ -1,6 +1,4 @@
-"""`ensemble`: both engines over many draws of a scene. Do their means agree, where single runs cannot be compared?
-May be skipped: many runs of the same engines.
-"""
+"""`ensemble`: both engines over many draws of a scene. Do their means agree, where single runs cannot be compared?"""
 
 from __future__ import annotations
 

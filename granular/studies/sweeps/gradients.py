@@ -1,5 +1,4 @@
 """Derivatives of results by parameters: differences of runs with the same order of events, extrapolated; `Sensitivity`.
-May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
 """What is asked of every cell, as a value that travels to other processes; the data set of the answers, and its file.
-May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations

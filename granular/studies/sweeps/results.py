@@ -1,6 +1,4 @@
-"""What can be asked of every cell, with its dimensions and units; and the answers, as they come in.
-May be skipped: many runs of the same engines.
-"""
+"""What can be asked of every cell, with its dimensions and units; and the answers, as they come in."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""`sweep`: any parameter × any parameter × any result; boundaries between contact counts, by bisection.
-May be skipped: many runs of the same engines.
-"""
+"""`sweep`: any parameter × any parameter × any result; boundaries between contact counts, by bisection."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
 """Batches of cells, on this process or on any ``concurrent.futures.Executor``; many cells in one compiled call: what
 the located engine would give one by one, bit for bit.
-May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""`sensitivity`: what outcomes answer to, and how uncertain they are where parameters are.
-May be skipped: many runs of the same engines.
-"""
+"""`sensitivity`: what outcomes answer to, and how uncertain they are where parameters are."""
 
 from __future__ import annotations
 

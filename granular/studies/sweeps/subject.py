@@ -1,6 +1,5 @@
 """What is swept: a ready-made case, a function that makes cases, a TOML file, or a `Case`; its parameters by name;
 what is varied: values, and their text form.
-May be skipped: many runs of the same engines.
 
 A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``,
 ``external_force[1]``, ``run.dt``. The parameters of a file are the numbers in its tables, those of a `Case` its fields,

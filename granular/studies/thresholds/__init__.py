@@ -1,11 +1,6 @@
-"""`threshold`: from which gap, stiffness, … on may a scene be event-driven?
-May be skipped: many runs of the same engines.
+"""`threshold`: the parameter range in which a scene may be event-driven.
 
-=============  =======================================================================================================
-`run`          `threshold` itself: a grid of values, and bisection of every change
-`result`       what is asked of one value: is every contact isolated, or the error small? `Threshold`: crossings, and
-               where hard spheres hold, in words and as a figure
-=============  =======================================================================================================
+A first reader may skip: `result`, `run`.
 """
 
 from granular.studies.thresholds.result import Crossing, Threshold, Value

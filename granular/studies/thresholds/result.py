@@ -1,6 +1,5 @@
 """What is asked of one value of the parameter, and `Threshold`: where the hard picture begins or ceases to hold, as a
 value, in words, and as a figure.
-May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""`threshold`: a grid of values, and bisection of every change between neighbours, in whichever direction.
-May be skipped: many runs of the same engines.
-"""
+"""`threshold`: a grid of values, and bisection of every change between neighbours, in whichever direction."""
 
 from __future__ import annotations
 

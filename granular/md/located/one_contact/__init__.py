@@ -1,3 +1,5 @@
-"""A contact that nobody disturbs is one event.
-May be skipped: names of the package only.
+"""Isolated contacts: a contact without disturbance is solved as one event.
+
+Main line: `meet`.
+A first reader may skip: `inside`, `maps`, `tables`.
 """

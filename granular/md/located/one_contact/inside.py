@@ -1,5 +1,4 @@
 """One contact again, from within: the pair is followed alone, by pieces, from the onset of its contact.
-May be skipped: one contact again, by pieces.
 
 So one solved at once is looked into, or goes on as a member of an event that may disturb it: `relive` asks for that,
 `plan.follow_contact` takes it there piece after piece, and then `expose` or `seen` take what they need.

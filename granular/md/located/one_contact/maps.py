@@ -1,5 +1,4 @@
 """An isolated contact as one event: its delay, its speeds and its peaks in closed form.
-May be skipped: closed forms, to be looked up.
 
 Two bodies of effective mass m meet at time 0 with speed v > 0 and see nothing else but gravity, which may pull them
 together by G (a ball and a wall): ξ̈ = G - F(ξ, ξ̇)/m, ξ(0) = 0, ξ̇(0) = v. The force falls to zero at t1, where they

@@ -1,5 +1,4 @@
 """Isolated contacts of any law, from a table: made for one octave of impact speeds when it has been met often enough.
-May be skipped: faster, same results to rounding.
 
 For one law, effective mass and pull the whole contact hangs on the speed v alone. Contacts at Chebyshev points of the
 octave are solved by pieces; their times, and their speeds and peaks divided by v, are smooth where the law is. Two more

@@ -1,3 +1,4 @@
-"""Piles that come to rest, and how that is proved.
-May be skipped: names of the package only.
+"""Piles that come to rest, and the proof that they stay at rest.
+
+A first reader may skip: `creep`, `equilibrium`, `overdamped`, `proof`.
 """

@@ -1,5 +1,4 @@
 """Piles of linear contacts by modes: a proof that one rests, which energy cannot see while it creeps, and its motion.
-May be skipped: rarer, piles that come to rest.
 
 A pile of linear contacts moves about its equilibrium as y = (ξ - ξ°, η) = Σ c_m V_m e^(λ_m t); the force of pair c is
 

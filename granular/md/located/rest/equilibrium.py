@@ -1,5 +1,4 @@
 """Balls pressed together: their equilibrium, and a proof by energy that none of their contacts can ever open.
-May be skipped: rarer, piles that come to rest.
 
 A group is a maximal run of pairs a … b-1 whose forces act: a pile on a floor or below a ceiling, balls between both, or
 balls that forces press together in flight. In the frame of its wall, or of its mass centre, which accelerates

@@ -1,5 +1,4 @@
 """The slow motion of strongly damped piles: a power series on the clock of the creep, not on that of the fast decay.
-May be skipped: rarer, piles that creep.
 
 What balls pressed to a wall lose of their rate decays within m/(γ ξ^d), and is soon below rounding; what is left creeps
 at k ξ^p/(γ ξ^d), and a step of an explicit series would be as short as the former for as long as the latter takes. The

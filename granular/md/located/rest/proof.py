@@ -1,5 +1,4 @@
 """When a scene rests for good: no contact can ever open, and none can begin.
-May be skipped: rarer, piles that come to rest.
 
 What the event loop asks first, `may_rest` and `may_creep`, is cheap, and never in vain: a block of which they say no is
 none that could be proved to rest, or to creep. The proofs are needed seldom, and are compiled only then.
