@@ -94,7 +94,7 @@ def test_an_interrupt_at_any_moment_of_writing_leaves_no_draft(tmp_path, monkeyp
 SLOW = """
 import multiprocessing, os, sys, time
 multiprocessing.set_start_method("fork")
-from granular import cli
+from granular.app import cli
 from granular.studies.sweeps import schedule
 solve = schedule.solve
 def slow(plan, columns):

@@ -18,7 +18,7 @@ from bench.stability import AXES, StabilityReport, stability
 from bench.stability.cell import BOTH, FIXED, Result
 from bench.stability.report import BAD, markdown
 from granular._engine import check
-from granular._engine.progress import Progress
+from granular._engine.progress import shown
 
 PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
 FIGURE = PAGE.parent / "figures" / "stability-three-balls.png"
@@ -31,7 +31,7 @@ def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> Stabil
     """Run the cells of all methods on these axes."""
     parts = []
     for methods, seconds in SECONDS.items():
-        with Progress(1.0, things="cells") as progress:
+        with shown(True, None, things="cells") as progress:
             parts.append(stability(methods, axes, quick=quick, seconds=seconds, on_progress=progress))
     own, fixed = parts
     return replace(
