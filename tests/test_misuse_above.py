@@ -86,7 +86,7 @@ MISUSE = {
     "no methods": (ask(gr.stability, methods=()), "methods is empty: one or more of located, verlet, "),
     "axes are a number": (ask(gr.stability, axes=3), "axes is 3: one or more of stiffness, gap, damping, mass is"),
     "peers are nothing": (lambda: gr.frontier(SCENE, LAW, **END, methods=[]), "methods is empty: one or more of loc"),
-    "reference is a number": (lambda: gr.frontier(SCENE, LAW, **END, reference=3), "reference is 3: what granular.studies.ref"),
+    "reference is a number": (lambda: gr.frontier(SCENE, LAW, **END, reference=3), "reference is 3: what granular.stu"),
 }
 
 
