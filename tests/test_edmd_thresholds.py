@@ -73,18 +73,21 @@ def test_sticking_conserves_momentum_and_never_adds_energy(seed):
     apart = np.diff(log["v_out"]).ravel() != 0.0  # what sticks passes momentum on to all that is stuck to it
     scale = np.abs(given).max(initial=1.0)
     assert np.abs((given + taken)[apart]).max(initial=0.0) <= 1e-12 * scale
-    assert np.abs(run.momentum()[-1] - run.momentum()[0]) <= 1e-11 * scale or scene.is_wall.any()
+    if not scene.is_wall.any():
+        assert np.abs(run.momentum()[-1] - run.momentum()[0]) <= 1e-11 * scale
 
 
-@pytest.mark.parametrize("seed", range(48))
-def test_a_threshold_far_below_all_impacts_changes_nothing(seed):
-    scene, _, _ = sticky(seed)
-    free = gr.edmd.simulate(scene, lambda speed, pair: 0.7, t_end=0.4)
-    if free.status is gr.Status.time and len(free.contacts):
-        closing = free.contacts["v_in"][:, 0] - free.contacts["v_in"][:, 1]
-        below = 0.5 * float(closing.min())
-        run = gr.edmd.simulate(scene, lambda speed, pair: 0.7 if speed > below else 0.0, t_end=0.4)
-        assert run.contacts.tobytes() == free.contacts.tobytes()
+def test_a_threshold_far_below_all_impacts_changes_nothing():
+    compared = 0
+    for seed in range(48):
+        scene, _, _ = sticky(seed)
+        free = gr.edmd.simulate(scene, lambda speed, pair: 0.7, t_end=0.4)
+        if free.status is gr.Status.time and len(free.contacts):
+            compared += 1
+            below = 0.5 * float((free.contacts["v_in"][:, 0] - free.contacts["v_in"][:, 1]).min())
+            run = gr.edmd.simulate(scene, lambda speed, pair, least=below: 0.7 if speed > least else 0.0, t_end=0.4)
+            assert run.contacts.tobytes() == free.contacts.tobytes()
+    assert compared >= 12
 
 
 @pytest.mark.parametrize("n", [2, 5, 10])
@@ -103,24 +106,32 @@ def test_a_hit_parts_balls_that_stuck():
     assert run.velocity[-1] == pytest.approx([-3.0, 0.05, 0.05])
 
 
-@pytest.mark.parametrize("seed", range(48))
-def test_a_run_with_sticking_balls_resumes_bit_for_bit(seed):
-    scene, rule, _ = sticky(seed)
-    cut = float(np.random.default_rng([52, seed]).uniform(0.1, 2.5))
-    first = gr.edmd.simulate(scene, rule, t_end=cut, max_events=20_000)
-    if first.status is gr.Status.time:
-        whole = gr.edmd.simulate(scene, rule, t_end=3.0, max_events=20_000)
-        rest = gr.edmd.resume(first, t_end=3.0, max_events=20_000)
-        assert np.concatenate([first.contacts, rest.contacts]).tobytes() == whole.contacts.tobytes()
-        assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
+@pytest.mark.parametrize("part", range(4))
+def test_a_run_with_sticking_balls_resumes_bit_for_bit(part):
+    resumed = 0
+    for seed in range(part, 48, 4):
+        scene, rule, _ = sticky(seed)
+        cut = float(np.random.default_rng([52, seed]).uniform(0.1, 2.5))
+        first = gr.edmd.simulate(scene, rule, t_end=cut, max_events=20_000)
+        if first.status is gr.Status.time:
+            resumed += 1
+            whole = gr.edmd.simulate(scene, rule, t_end=3.0, max_events=20_000)
+            rest = gr.edmd.resume(first, t_end=3.0, max_events=20_000)
+            assert np.concatenate([first.contacts, rest.contacts]).tobytes() == whole.contacts.tobytes()
+            assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
+    assert resumed >= 8
 
 
-@pytest.mark.parametrize("seed", range(48))
+def has_mirror_image(seed):
+    """Whether the scene has no gravity, and the rule treats all pairs alike."""
+    scene, _, odd = sticky(seed)
+    return not (scene.gravity or odd)
+
+
+@pytest.mark.parametrize("seed", [seed for seed in range(48) if has_mirror_image(seed)])
 def test_mirror_images_of_balls_that_stick(seed):
-    """Without gravity a mirror image is a scene, too; the lowest pair acts first in one, the highest in the other."""
-    scene, rule, odd = sticky(seed)
-    if scene.gravity or odd:
-        return
+    """The lowest pair acts first in one scene, the highest pair in its mirror image."""
+    scene, rule, _ = sticky(seed)
     force = None if scene.external_force is None else -scene.external_force[::-1]
     image = gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1], external_force=force)
     one = gr.edmd.simulate(scene, rule, t_end=3.0, ties="left", max_events=20_000)

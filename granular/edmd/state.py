@@ -235,10 +235,10 @@ class State:
         """
         clock = self.clock
         clock.length, clock.window = shrink * clock.length, shrink * clock.window
-        if self.walls is not None:
-            compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
-            return
         before, by = math.nan if whole else self.time(tau), tau - math.fmod(tau, clock.window) * whole
+        if self.walls is not None:
+            compiler(wall_state.shift)(self.run, self.pairs, self.bodies, by, self.walls)
+            return
         speed = compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
         total = clock.epoch + by
         back = total - clock.epoch

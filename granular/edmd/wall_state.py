@@ -142,7 +142,7 @@ def advance_epoch(
     if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:
         return False
     date_rows(clock, rows, done)
-    shift(run, pairs, bodies, now, walls)
+    shift(run, pairs, bodies, now - now % clock.window, walls)
     run.edge = min((clock.goal - clock.epoch) - clock.epoch_low, clock.window * BELOW)
     return True
 
@@ -157,10 +157,9 @@ def date_rows(clock: Record, rows: Records | None, done: int) -> None:
 
 
 @kernel
-def shift(run: Record, pairs: Records, bodies: Records, tau: float, walls: Walls) -> None:
-    """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
+def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls) -> None:
+    """Move the epoch forward by `by` s, no earlier than the last change of any pair, and adapt the window."""
     clock, n, total, speed = walls.clock, len(pairs), 0.0, walls.clock.fall
-    by = tau - tau % clock.window
     rebase(run, pairs, bodies, by, walls)
     epoch = clock.epoch + by
     back = epoch - clock.epoch
