@@ -6,8 +6,7 @@ A first reader may skip: `app/`, `cases/`, `studies/`.
 
 from typing import TYPE_CHECKING
 
-from granular._engine.about import VERSION
-from granular._engine.lazy import attributes
+from granular._engine.package import VERSION, attributes
 
 if TYPE_CHECKING:
     from granular import cases, edmd, md

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.comparison.captions import number, pair_name, parameters
 from granular.comparison.figure import both
-from granular.comparison.view import closeup, window
+from granular.comparison.view import closeup, number, pair_name, parameters, window
 
 pytest.importorskip("matplotlib")
 

@@ -1,6 +1,7 @@
-"""Numbers in other units than SI: a report warns once of what no solid is, and never of solids."""
+"""Warnings of a report: numbers in other units than SI, of which no solid is, and forces that attract."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -58,3 +59,26 @@ def test_a_contact_faster_than_sound_in_solids_is_warned_of():
     assert warnings(points) == []
     still = gr.compare(scene.replace(velocity=[0.0] * 3), gr.LinearDashpot(1e12), t_end=0.1)
     assert warnings(still) == []
+
+
+@dataclass(frozen=True)
+class Sticky:
+    """A spring that pulls with a constant force."""
+
+    k: float
+    pull: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi + 10.0 * xi_dot - self.pull
+
+
+def test_attraction_that_is_clipped_is_reported():
+    scene, seen = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.1, 0.1], [1.0, 0.0, 0.0]), []
+    for pull in (0.0, 5.0, 50.0):
+        report = gr.compare(scene, [gr.LinearDashpot(1e6, 10.0), Sticky(1e6, pull)], t_end=1.0)
+        seen.append([line for line in warnings(report) if "attraction" in line])
+    assert [len(lines) for lines in seen] == [0, 1, 1]
+    assert seen[2][0].startswith("the law of pair 1 pulls at an overlap of ")
+    for law in (gr.LinearDashpot(1e6, 500.0), gr.WaltonBraun.from_restitution(0.6, 1e6), gr.Hertz(1e9),
+                gr.TsujiHertz.from_restitution(0.3, 1e8), gr.ViscoelasticHertz(1e8, 1e4)):
+        assert not warnings(gr.compare(scene, law, t_end=1.0))

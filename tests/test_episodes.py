@@ -2,7 +2,7 @@
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,6 @@ from scenes_to_judge import KINDS, question
 import granular as gr
 from granular.comparison.episodes import _groups, episodes
 from granular.comparison.outcome import partings
-from granular.comparison.report import warnings
 
 INF = math.inf
 
@@ -345,26 +344,3 @@ def test_a_ball_that_just_reaches_a_ceiling_touches_it(height):
     report = gr.compare(scene, gr.LinearDashpot(1e6), t_end=1.0)
     said = "balls touch, but no faster than rounding" if len(report.hard.contacts) else "nothing collides"
     assert report.verdict == f"Yes, trivially: {said}."
-
-
-@dataclass(frozen=True)
-class Sticky:
-    """A spring that pulls with a constant force."""
-
-    k: float
-    pull: float
-
-    def force(self, xi, xi_dot, pair):
-        return self.k * xi + 10.0 * xi_dot - self.pull
-
-
-def test_attraction_that_is_clipped_is_reported():
-    scene, seen = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.1, 0.1], [1.0, 0.0, 0.0]), []
-    for pull in (0.0, 5.0, 50.0):
-        report = gr.compare(scene, [gr.LinearDashpot(1e6, 10.0), Sticky(1e6, pull)], t_end=1.0)
-        seen.append([line for line in warnings(report) if "attraction" in line])
-    assert [len(lines) for lines in seen] == [0, 1, 1]
-    assert seen[2][0].startswith("the law of pair 1 pulls at an overlap of ")
-    for law in (gr.LinearDashpot(1e6, 500.0), gr.WaltonBraun.from_restitution(0.6, 1e6), gr.Hertz(1e9),
-                gr.TsujiHertz.from_restitution(0.3, 1e8), gr.ViscoelasticHertz(1e8, 1e4)):
-        assert not warnings(gr.compare(scene, law, t_end=1.0))

@@ -13,7 +13,7 @@ import pytest
 
 import granular as gr
 from granular.app.cli import main
-from granular.run import log_file
+from granular.run import contact_log
 
 GAS, DROP = gr.scenes.gas(n=50), gr.scenes.three_balls()
 SOFT, LOSSY, DEAD = gr.LinearDashpot(1e6, 10.0), gr.ConstantRestitution(0.9), gr.ConstantRestitution(0.1)
@@ -57,7 +57,7 @@ def test_the_file_has_the_rows_of_a_log_in_memory_and_the_run_is_the_same(name, 
 
 
 def test_a_disk_that_is_full_ends_the_run_and_keeps_what_was_written(tmp_path, monkeypatch) -> None:
-    path, real = tmp_path / "run.npy", log_file.LogFile.extend
+    path, real = tmp_path / "run.npy", contact_log.LogFile.extend
 
     class Full:
         """A file on a disk with room for some rows."""
@@ -76,7 +76,7 @@ def test_a_disk_that_is_full_ends_the_run_and_keeps_what_was_written(tmp_path, m
         self.file = self.file if isinstance(self.file, Full) else Full(self.file)
         return real(self, (block[i : i + 3] for block in blocks for i in range(0, len(block), 3)))
 
-    monkeypatch.setattr(log_file.LogFile, "extend", extend)
+    monkeypatch.setattr(contact_log.LogFile, "extend", extend)
     with pytest.raises(OSError, match=r"run.npy': it cannot grow \(No space left on device\); the run ends here, the "
                                       r"first \d+ contacts are in the file"):
         RUNS["hard"](log=path)

@@ -10,8 +10,8 @@ import pytest
 import granular as gr
 from bench import mutants
 from granular._engine import kernels
-from granular._engine.about import EXTRAS, NAME, install
-from granular.app.cli import info
+from granular._engine.package import EXTRAS, NAME, install
+from granular.app.cli import installation
 from granular.app.page.assemble import LIVE, PLAYER, _needed
 
 pytestmark = pytest.mark.core
@@ -42,38 +42,38 @@ def test_every_file_of_the_package_is_read_by_it():
 
 
 def test_info_says_what_is_missing_and_who_else_is_there(granular, monkeypatch):
-    monkeypatch.setattr(info, "packages_distributions", lambda: OTHER)
+    monkeypatch.setattr(installation, "packages_distributions", lambda: OTHER)
     versions = {"granular": "0.24.2", "matplotlib": None}
     monkeypatch.setattr("granular._engine.files.version_of", lambda name: versions.get(name, "1.0"))
     code, out, _ = granular("info --json found.json")
     assert code == 0
-    assert out.startswith(f"{NAME} {gr.__version__}, in {info.FOLDER}\n")
+    assert out.startswith(f"{NAME} {gr.__version__}, in {installation.FOLDER}\n")
     assert f"extra plot   matplotlib missing: {install('plot')}\n" in out
-    assert out.endswith(f"granular 0.24.2 installs a package granular too: {info.REMEDY}\n")
+    assert out.endswith(f"granular 0.24.2 installs a package granular too: {installation.REMEDY}\n")
     found = json.loads(Path("found.json").read_text(encoding="utf-8"))
     assert (found["others"], found["extras"]["plot"]) == (["granular 0.24.2"], {"matplotlib": None})
 
 
 def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatch):
     monkeypatch.delattr(gr, "__version__")
-    monkeypatch.setattr(info, "packages_distributions", dict)
+    monkeypatch.setattr(installation, "packages_distributions", dict)
     code, _, err = granular("scenes")
-    assert (code, err) == (2, f"granular: {info.overwritten()}\n")
+    assert (code, err) == (2, f"granular: {installation.overwritten()}\n")
     assert "another package was installed over it, or uninstalled; uninstall it and install" in err
     code, out, err = granular("info")
-    assert (code, err) == (2, f"granular: {info.overwritten()}\n")
+    assert (code, err) == (2, f"granular: {installation.overwritten()}\n")
     assert out.startswith(NAME)
 
 
 def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
-    assert (info.numba().startswith("kept in ")) == kernels.have_numba()
+    assert (installation.numba().startswith("kept in ")) == kernels.have_numba()
 
     def nowhere():
         raise RuntimeError("no locator available")
 
     monkeypatch.setattr("granular._engine.kernels.no_compiler", str)
     monkeypatch.setattr("granular._engine.kernels.load_numba", nowhere)
-    assert "set NUMBA_CACHE_DIR" in info.numba()
+    assert "set NUMBA_CACHE_DIR" in installation.numba()
 
 
 def test_what_contributing_names_is_there():

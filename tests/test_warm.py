@@ -8,7 +8,7 @@ import pytest
 
 from granular import cases
 from granular._engine import kernels
-from granular.app.cli import info, warm
+from granular.app.cli import installation
 from granular.md.located import many
 
 MAPS = "maps"
@@ -35,8 +35,8 @@ def stubbed(monkeypatch):
     monkeypatch.setattr(cases.Case, "simulate", lambda case, engine, **end: note(
         (frozenset(case.scene._flags), (engine, type(case.law).__name__), *sorted(case.run.items()))))
     monkeypatch.setattr(many, "solve_many", lambda *cells, **end: note(MAPS))
-    monkeypatch.setattr(warm, "load_numba", lambda: SimpleNamespace(core=SimpleNamespace(event=event)))
-    monkeypatch.setattr(info, "kept", lambda: "the folder")
+    monkeypatch.setattr(installation, "load_numba", lambda: SimpleNamespace(core=SimpleNamespace(event=event)))
+    monkeypatch.setattr(installation, "kept", lambda: "the folder")
     return asked
 
 
@@ -46,7 +46,7 @@ def test_warm_makes_code_for_every_kind_of_ready_made_scene(granular, stubbed):
     assert (code, err, stubbed.count(MAPS)) == (0, "", 1)
     made = [call for call in stubbed if call != MAPS]
     assert {dict(call[2:])["engine"] for call in made} == {"compiled"}
-    assert len(made) == len(set(made)) == len(warm.SCENES) * len(warm.WAYS)
+    assert len(made) == len(set(made)) == len(installation.SCENES) * len(installation.WAYS)
     assert {call[0] for call in made} == {frozenset(cases.make(name).scene._flags) for name in cases.names()
                                           if name != "compressed-chain"}
     lines = out.splitlines()
@@ -58,17 +58,17 @@ def test_warm_makes_code_for_every_kind_of_ready_made_scene(granular, stubbed):
 def test_code_that_is_there_is_not_made_again(granular, stubbed):
     first, again = (granular("warm ring-gas")[1].splitlines() for _ in range(2))
     assert first[1].endswith(" s")
-    assert [line.split()[0] for line in again[1:]] == ["ring-gas"] * len(warm.WAYS)
+    assert [line.split()[0] for line in again[1:]] == ["ring-gas"] * len(installation.WAYS)
     assert all(line.endswith("there already") for line in again[1:])
 
 
 def test_what_is_run_calls_what_other_runs_may():
     """Interpreted: hard balls collapse, which a closer look decides; soft ones and cells are in contact again and
     again."""
-    ways = warm.ways(cases.make("three-balls"))
+    ways = installation.ways(cases.make("three-balls"))
     hard, soft = (replace(ways[kind].func.__self__, run={}) for kind in ("hard", "soft"))
-    assert hard.simulate("edmd", **warm.END).stats["zooms"] == 1
-    end = warm.END | {"t_end": 0.5}
+    assert hard.simulate("edmd", **installation.END).stats["zooms"] == 1
+    end = installation.END | {"t_end": 0.5}
     assert len(soft.simulate("md", **end).contacts) > 2
     cells = many.solve_many(*ways["maps"].args, t_end=0.5, engine="plain")
     assert cells.status[0] >= 0

@@ -11,7 +11,7 @@ import granular as gr
 from bench.reference import solve
 from granular import cases, waves
 from granular.laws.contact_law import resolve
-from granular.laws.statics import overlap_under, stiffness_at
+from granular.laws.springs import overlap_under, stiffness_at
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular._engine.about import EXTRAS, install
+from granular._engine.package import EXTRAS, install
 from granular._engine.signature import Function, face as face, nearest, parameters as parameters
 
 Array = NDArray[np.float64]

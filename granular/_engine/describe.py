@@ -19,7 +19,7 @@ PLACES = {
         "tsuji-hertz": "granular.laws.hertz:TsujiHertz",
         "power-law": "granular.laws.springs:PowerLaw",
         "walton-braun": "granular.laws.springs:WaltonBraun",
-        "matched-end": "granular.laws.statics:MatchedEnd",
+        "matched-end": "granular.laws.springs:MatchedEnd",
     },
     "rule": {
         "constant-restitution": "granular.laws.rules:ConstantRestitution",

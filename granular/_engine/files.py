@@ -16,7 +16,7 @@ from typing import IO, Any, TypeAlias
 
 import numpy as np
 
-from granular._engine.about import VERSION
+from granular._engine.package import VERSION
 
 FORMAT = 3
 """Number of the format that files are written in; those without one, of releases before it had a number, are 1. Until 2

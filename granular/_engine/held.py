@@ -1,7 +1,7 @@
 """Named tuples of arrays that machine code takes by reference: one word instead of some eighty that every call copies.
 
 Machine code reads ``s.pairs`` from where the arrays are noted, in one place; interpreted code from the tuple itself.
-What numba is told of it is in `granular._engine.by_reference`.
+What numba is told of it is in `granular._engine.numba_pipeline`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Held:
     _plain: ClassVar[Callable[..., Any]]
     """The named tuple itself."""
     note: ClassVar[Callable[[Any, Any], None]]
-    """Writes where the arrays are into a room; see `granular._engine.by_reference`."""
+    """Writes where the arrays are into a room; see `granular._engine.numba_pipeline`."""
 
     @cached_property
     def room(self) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -38,7 +38,7 @@ class Held:
 def version() -> int:
     """Return a number that changes with what numba is told: machine code of another one must not be taken for ours."""
     try:
-        return crc32(Path(__file__).with_name("by_reference.py").read_bytes())
+        return crc32(Path(__file__).with_name("numba_pipeline.py").read_bytes())
     except OSError:  # no source, where nothing is kept on the disk either
         return 0
 

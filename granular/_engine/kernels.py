@@ -25,8 +25,8 @@ from time import process_time
 from typing import Any, TypeVar
 from zlib import crc32
 
-from granular._engine.about import install
 from granular._engine.held import version
+from granular._engine.package import install
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -151,7 +151,7 @@ def load_numba() -> Any:
     """Return the module numba, or raise `ImportError` that says what is missing."""
     if why := no_compiler():
         raise ImportError(f"engine is 'compiled': {why}.")
-    import granular._engine.by_reference  # noqa: F401  imports numba, and tells it of what is held
+    import granular._engine.numba_pipeline  # noqa: F401  imports numba, and tells it of what is held
 
     return sys.modules["numba"]
 
@@ -255,7 +255,7 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
 def _twin(function: Callable[..., Any], inline: bool, within: bool) -> Callable[..., Any]:
     """Return the compiled twin of a kernel; one that is `within` another is no machine code of its own."""
     code, numba = _without_dead_branches(function), load_numba()
-    from granular._engine.machine_code import PartCompiler, WholeCompiler, kept
+    from granular._engine.numba_pipeline import PartCompiler, WholeCompiler, kept
 
     called = {name: _twin(callee, inline, True)
               for name, callee in _callees(function).items() if name in _globals_read(code)}

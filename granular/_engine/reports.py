@@ -14,8 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from granular._engine.about import VERSION
 from granular._engine.check import optional
+from granular._engine.package import VERSION
 
 Rows = Sequence[Sequence[str]]
 """Rows of words, the first row the heads."""

@@ -5,7 +5,7 @@ A first reader may skip: `balls`, `build`, `case`, `materials`, `ready`, `scenes
 
 from typing import TYPE_CHECKING
 
-from granular._engine.lazy import attributes
+from granular._engine.package import attributes
 
 if TYPE_CHECKING:
     from granular.cases.case import Case

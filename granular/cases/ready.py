@@ -20,7 +20,7 @@ from granular.laws.rules import ConstantRestitution
 from granular.md import waves
 from granular.run import until
 from granular.scene import Pair, Scene, walls
-from granular.scene.walls import common
+from granular.scene.walls.motion import ends, fastest
 
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
@@ -39,8 +39,8 @@ def first_impact_speed(scene: Scene) -> float:
     from_flight = np.where(returns, closing**2, closing * np.abs(closing))
     square = from_flight + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
     speed = np.sqrt(np.maximum(0.0, square))
-    speed[0] += common.fastest(scene.floor)
-    speed[-1] += common.fastest(scene.ceiling)
+    speed[0] += fastest(scene.floor)
+    speed[-1] += fastest(scene.ceiling)
     return float(speed.max())
 
 
@@ -162,7 +162,7 @@ def swings(periods: float, scene: Scene) -> float | None:
 
 def shaken(periods: float, scene: Scene) -> float | None:
     """End time of so many periods of a floor that is shaken harmonically, or where its path ends."""
-    end = common.ends(scene.floor)
+    end = ends(scene.floor)
     return periods / scene.floor.frequency if isinstance(scene.floor, walls.Sine) else end if end < math.inf else None
 
 

@@ -1,13 +1,13 @@
 """One scene under both engines: `compare(scene, law) -> Comparison`. May the scene be event-driven?
 
 Main line: `run`, `answer`.
-A first reader may skip: `against`, `align`, `captions`, `checks`, `episodes`, `figure`, `film`, `further`, `measures`,
-`numbers`, `outcome`, `remedies`, `report`, `view`.
+A first reader may skip: `against`, `align`, `checks`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`,
+`outcome`, `remedies`, `report`, `view`.
 """
 
 from typing import TYPE_CHECKING
 
-from granular._engine.lazy import attributes
+from granular._engine.package import attributes
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Answer, Reason

@@ -28,7 +28,7 @@ from granular.run.drive import EVENTS
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
 from granular.scene.places import Closing
-from granular.scene.walls.common import ends
+from granular.scene.walls.motion import ends
 
 PATIENCE = 20.0
 """A contact still running at the end of a run is followed for so many of its isolated durations."""

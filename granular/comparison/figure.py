@@ -11,9 +11,8 @@ import numpy as np
 from granular._engine import files
 from granular._engine.check import Array
 from granular._engine.reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
-from granular.comparison.captions import pair_name, parameters
 from granular.comparison.further import with_rows
-from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, pair_name, parameters, window
 from granular.run.figures import NAMED, SMALL, head, world_lines
 from granular.run.trajectory import EARLY, Trajectory, points
 

@@ -18,10 +18,9 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.reports import GREY
-from granular.comparison.captions import number, parameters
 from granular.comparison.figure import FEW, both, draw_runs, force_curve, timeline
 from granular.comparison.further import Onward, apexes
-from granular.comparison.view import Closeup, View, closeup, draw_closeup, window
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
 from granular.run.figures import COLOURS, NAMED
 from granular.run.films import Page, blank, check, pace, paces, radii, save, stage
 from granular.run.trajectory import EARLY, Trajectory, points

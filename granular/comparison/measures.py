@@ -174,7 +174,7 @@ def static_overlaps(soft: Trajectory) -> Array:
     never[log["pair"][np.isnan(log["t_end"])]] = True
     if scene.endless or not never.any():
         return still
-    from granular.laws.statics import overlap_under
+    from granular.laws.springs import overlap_under
 
     laws = resolved(soft.law or (), scene)
     force = scene.external_force if scene.external_force is not None else np.zeros(scene.n)

@@ -18,8 +18,8 @@ from granular.laws.kinds import checked
 from granular.md.binary import rule_of_comparison
 from granular.run import until as stop
 from granular.run.drive import EVENTS
-from granular.run.limits import check_end
 from granular.run.trajectory import Trajectory
+from granular.run.until import check_end
 from granular.scene import Scene, checked as a_scene
 
 if TYPE_CHECKING:

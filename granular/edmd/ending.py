@@ -7,8 +7,8 @@ from typing import Any
 
 from granular._engine.records import column
 from granular.edmd.motion import LATEST
-from granular.run.limits import raised
 from granular.run.trajectory import Status
+from granular.run.until import raised
 
 WHY = {
     "exact": "body {ball} comes to rest on the wall after infinitely many bounces",

@@ -14,7 +14,7 @@ from granular.laws import rules
 from granular.laws.rules import Rule, constants, restitution_at
 from granular.scene import Scene
 from granular.scene.places import remembered
-from granular.scene.walls import common
+from granular.scene.walls.motion import fastest
 
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)
@@ -187,7 +187,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
         strength = float(np.abs(scene.lift - np.where(scene.is_wall, 0.0, strength)).max())
     fall = math.sqrt(2.0 * strength * length)
     if scene.driven:
-        fall = max(fall, *map(common.fastest, scene.motions))
+        fall = max(fall, *map(fastest, scene.motions))
     for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
     return max(speed, fall), fall, length, strength

@@ -20,8 +20,8 @@ from granular.laws.rules import Rule
 from granular.run import until as stop
 from granular.run.contact_log import Event, one_by_one
 from granular.run.drive import Request, drive, go_on, in_time, requested
-from granular.run.limits import check_end
 from granular.run.trajectory import Status, Trajectory
+from granular.run.until import check_end
 from granular.scene import Scene, checked as a_scene
 from granular.scene.places import fitted
 

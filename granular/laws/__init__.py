@@ -3,14 +3,13 @@
 A law returns the force F; F ≥ 0 repels. The engine clips F at zero and applies it only for overlaps ξ > 0.
 
 Main line: `contact_law`, `dashpot`.
-A first reader may skip: `hertz`, `kinds`, `rules`, `springs`, `statics`, `theory`, `viscoelastic_restitution`.
+A first reader may skip: `hertz`, `kinds`, `rules`, `springs`, `theory`, `viscoelastic_restitution`.
 """
 
 from granular.laws.contact_law import ForceLaw, LawWithMemory, PairLaw as PairLaw, resolve as resolve
 from granular.laws.dashpot import LinearDashpot
 from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
-from granular.laws.springs import PowerLaw, WaltonBraun
-from granular.laws.statics import MatchedEnd
+from granular.laws.springs import MatchedEnd, PowerLaw, WaltonBraun
 
 __all__ = [
     "ForceLaw", "Hertz", "LawWithMemory", "LinearDashpot", "MatchedEnd", "PowerLaw", "TsujiHertz", "ViscoelasticHertz",

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
@@ -236,3 +237,24 @@ class LawWithMemory(Protocol):
 
     def force(self, xi: float, xi_dot: float, pair: Any, xi_max: float, /) -> float:
         """Force in N, with the largest overlap `xi_max` in m of this contact so far."""
+
+
+def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
+    """Return the force at an overlap that is the largest so far, or raise the sentence that says what is wrong."""
+    value, force = law.given(xi, xi_dot, xi), math.nan
+    with suppress(TypeError, ValueError):
+        force = math.nan if isinstance(value, (str, bytes)) else float(value)
+    if not math.isfinite(force):
+        raise no_number(law, xi, xi_dot, value)
+    return force
+
+
+def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
+    """Return the error of a force that is no finite number."""
+    return refused(law, f"its force at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s is {value!r}; a "
+                        "finite number in N is needed.")
+
+
+def refused(law: PairLaw, what: str) -> ValueError:
+    """Return the error of a law that is not one, in words."""
+    return ValueError(f"law of pair {law.pair.index} is {law.law!r}: {what}")

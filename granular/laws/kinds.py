@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine.check import Array, is_own, per_pair
-from granular.laws.contact_law import PairLaw, instance, resolve
+from granular.laws.contact_law import PairLaw, finite, instance, no_number, refused, resolve
 from granular.scene.pair import Pairs
 from granular.scene.places import speed_scale
 from granular.scene.state import Scene
@@ -253,22 +253,6 @@ def check_deepest(laws: SceneLaws, contacts: Any) -> None:
             finite(laws[c], float(deepest[c]), 0.0)  # the same, said of this very pair
 
 
-def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
-    """Return the force at an overlap that is the largest so far, or raise the sentence that says what is wrong."""
-    value, force = law.given(xi, xi_dot, xi), math.nan
-    with suppress(TypeError, ValueError):
-        force = math.nan if isinstance(value, (str, bytes)) else float(value)
-    if not math.isfinite(force):
-        raise no_number(law, xi, xi_dot, value)
-    return force
-
-
-def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
-    """Return the error of a force that is no finite number."""
-    return _error(law, f"its force at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s is {value!r}; a finite "
-                       "number in N is needed.")
-
-
 def _probed(law: PairLaw, speed: float) -> float:
     """Evaluate the force up to overlaps (m) that an impact at `speed` is sure to reach, and return the last of them."""
     deepest = _size(law)
@@ -304,8 +288,8 @@ def _check_pure(law: PairLaw, speed: float) -> None:
             before[at] = finite(law, *at)
     for at, first in before.items():
         if (again := finite(law, *at)) != first:
-            raise _error(law, f"two calls with the same arguments, ξ = {at[0]:.6g} m and ξ̇ = {at[1]:.6g} m/s, gave "
-                              f"{first!r} and {again!r} N; a law must be a pure function, without state or chance.")
+            raise refused(law, f"two calls with the same arguments, ξ = {at[0]:.6g} m and ξ̇ = {at[1]:.6g} m/s, gave "
+                                f"{first!r} and {again!r} N; a law must be a pure function, without state or chance.")
 
 
 def _check_potential(law: PairLaw, said: float, xi: float) -> None:
@@ -318,8 +302,8 @@ def _check_potential(law: PairLaw, said: float, xi: float) -> None:
 
         got, doubt = quad(lambda x: law.force(x, 0.0, x), 0.0, xi, limit=200)
     if not abs(got - said) <= 1e-6 * abs(got) + 10.0 * doubt:
-        raise _error(law, f"its potential at overlap {xi:.6g} m is {said!r} J but the integral of its force is {got!r} "
-                          "J; mend the trait or leave it out.")
+        raise refused(law, f"its potential at overlap {xi:.6g} m is {said!r} J but the integral of its force is "
+                            f"{got!r} J; mend the trait or leave it out.")
 
 
 def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> None:
@@ -327,8 +311,8 @@ def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> Non
     for xi, rate in ((0.25, 0.5), (0.5, -0.25)):
         said, got = k * math.pow(xi, p) + gamma * math.pow(xi, d) * rate, law.force(xi, rate, xi)
         if not abs(got - said) <= 1e-9 * (abs(k) + abs(gamma)):
-            raise _error(law, f"force({xi}, {rate}) gives {got!r} but its linear or power trait says {said!r}; mend "
-                              "the trait or leave it out.")
+            raise refused(law, f"force({xi}, {rate}) gives {got!r} but its linear or power trait says {said!r}; mend "
+                                "the trait or leave it out.")
     if k == 0.0 < gamma and d == 0.0:
         raise _without_spring(law, gamma, 1.0)
     if gamma < 0.0:
@@ -339,24 +323,20 @@ def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> Non
 
 def _without_spring(law: PairLaw, damping: float, speed: float) -> ValueError:
     """Return the error of a law whose force hangs on the rate alone: bodies would creep into each other for good."""
-    return _error(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and no "
-                       "push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")
+    return refused(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and no "
+                         "push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")
 
 
 def _denied(law: PairLaw, xi: float, rate: float) -> ValueError:
     """Return the error of a law whose force depends on the rate although it says that it does not."""
     still, moving = law.force(xi, 0.0, xi), law.force(xi, rate, xi)
-    return _error(law, f"force({xi:.6g}, 0) gives {still!r} but force({xi:.6g}, {rate:.6g}) gives {moving!r}, "
-                       "although rate_dependent is False; mend the trait or leave it out.")
+    return refused(law, f"force({xi:.6g}, 0) gives {still!r} but force({xi:.6g}, {rate:.6g}) gives {moving!r}, "
+                         "although rate_dependent is False; mend the trait or leave it out.")
 
 
 def _gains(law: PairLaw, xi: float, speed: float) -> ValueError:
     """Return the error of a law that pushes harder while bodies part than while they approach."""
     closing, parting = (max(0.0, law.force(xi, rate, xi)) for rate in (speed, -speed))
-    return _error(law, f"at overlap ξ = {xi:.6g} m it pushes with {parting:.6g} N while the bodies part and with "
-                       f"{closing:.6g} N while they approach at {speed:.6g} m/s, and so gains energy; damping that is "
-                       "not negative is needed.")
-
-
-def _error(law: PairLaw, what: str) -> ValueError:
-    return ValueError(f"law of pair {law.pair.index} is {law.law!r}: {what}")
+    return refused(law, f"at overlap ξ = {xi:.6g} m it pushes with {parting:.6g} N while the bodies part and with "
+                         f"{closing:.6g} N while they approach at {speed:.6g} m/s, and so gains energy; damping that "
+                         "is not negative is needed.")

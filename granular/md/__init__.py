@@ -6,7 +6,7 @@ A first reader may skip: `binary`, `isolation`, `simulation`, `time_step`, `wave
 
 from typing import TYPE_CHECKING
 
-from granular._engine.lazy import attributes
+from granular._engine.package import attributes
 
 if TYPE_CHECKING:
     from granular.md.simulation import events, resume, simulate

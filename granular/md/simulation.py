@@ -18,8 +18,8 @@ from granular.md.located import run as located
 from granular.run import until as stop
 from granular.run.contact_log import Event, one_by_one
 from granular.run.drive import Request, drive, go_on, in_time, requested
-from granular.run.limits import check_end
 from granular.run.trajectory import Status, Trajectory
+from granular.run.until import check_end
 from granular.scene.places import Closing, checked, fitted
 from granular.scene.state import Scene
 

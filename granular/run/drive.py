@@ -11,20 +11,17 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from enum import Enum
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from granular._engine import check
 from granular._engine.progress import Told, shown
 from granular.run import until as stop
-from granular.run.contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order, one_by_one
+from granular.run.contact_log import CONTACT, CONTACT_ROW, LogFile, Rows, contacts, in_order, one_by_one
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
-
-if TYPE_CHECKING:
-    from granular.run.log_file import LogFile
 
 EVENTS = 1_000_000
 """Default of `max_events`, the number of contacts after which a run ends."""
@@ -242,7 +239,6 @@ def drive(run: Run) -> Trajectory:
         return one_by_one(run)  # type: ignore[return-value]
     if run.request.stream is None:
         return _driven(run, [])
-    from granular.run.log_file import LogFile
 
     with LogFile(run.request.stream, CONTACT_ROW) as stream:
         return _driven(run, stream)

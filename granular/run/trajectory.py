@@ -14,7 +14,7 @@ import numpy as np
 
 from granular._engine.check import Array, face, whole
 from granular.laws.kinds import resolved
-from granular.run.contact_log import CONTACT as CONTACT, PublicWhenRead, given_by_walls
+from granular.run.contact_log import CONTACT as CONTACT, PublicWhenRead, batches, given_by_walls, grouped, mapped
 from granular.scene import Scene
 from granular.scene.places import points as scene_points
 
@@ -122,8 +122,6 @@ class Trajectory(PublicWhenRead):
         OSError, ValueError
             If the file is not there any more, or is no log.
         """
-        from granular.run.log_file import batches, mapped
-
         count = whole("size", size, at_least=1)
         path = self.stats.get("log")
         return batches(mapped(path) if path else self.contacts, count)
@@ -249,9 +247,9 @@ class Trajectory(PublicWhenRead):
         Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
         that a function of yours moves is stored as far as the run goes.
         """
-        from granular.run.export import files
+        from granular.run import tables
 
-        files.save(path, self, compressed)
+        tables.save(path, self, compressed)
 
     def to_xarray(self) -> Any:
         """Rows and contacts as an `xarray.Dataset` (extra ``sweep``), with units, scene, law and versions in its attrs.
@@ -259,9 +257,9 @@ class Trajectory(PublicWhenRead):
         Dimensions are *time*, *body*, *pair*, *contact*, and *side* (lower, upper); the pair of a contact is
         ``contact_pair``. By xarray's own writers it becomes netCDF or zarr.
         """
-        from granular.run.export import table
+        from granular.run import tables
 
-        return table.dataset(self)
+        return tables.dataset(self)
 
     def to_frame(self, what: str = "contacts") -> Any:
         """The contacts, or the samples, as a `pandas.DataFrame` (extra ``sweep``) of flat columns, in SI units.
@@ -269,9 +267,9 @@ class Trajectory(PublicWhenRead):
         Of contacts *pair*, *t_begin*, *t_end*, *duration*, *v_in_lower*, *v_in_upper*, …; of samples *time*,
         *position_0*, …, *velocity_0*, …, *gap_0*, … and, of soft spheres, *force_0*, ….
         """
-        from granular.run.export import table
+        from granular.run import tables
 
-        return table.frame(self, what)
+        return tables.frame(self, what)
 
     @classmethod
     def from_arrays(
@@ -300,9 +298,9 @@ class Trajectory(PublicWhenRead):
         It has rows only: no law, no rule, no forces, no state, and an empty log, for when contacts began and ended is
         not known from rows; its energy is without that of overlaps.
         """
-        from granular.run.export import table
+        from granular.run import tables
 
-        parts = table.of_arrays(scene, time, position, gap, velocity)
+        parts = tables.of_arrays(scene, time, position, gap, velocity)
         return cls(**parts, law=None, rule=None, force=None, contacts=np.zeros(0, CONTACT), status=Status.time,
                    message="numbers from elsewhere: rows only, no contact log", stats={"contacts": math.nan})
 
@@ -352,12 +350,6 @@ EARLY = (Status.collapse, Status.bounded, Status.max_events, Status.unstable, St
 def points(run: Trajectory) -> Array:
     """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
     return scene_points(run.scene, run.gap, run.position)
-
-
-def grouped(key: Any, n: int) -> tuple[Any, Any]:
-    """Positions in the array `key` of whole numbers, ordered by key, and where in that each key 0 … n-1 begins."""
-    order = np.argsort(key, kind="stable")
-    return order, np.searchsorted(key[order], np.arange(n + 1))
 
 
 load = Trajectory.load

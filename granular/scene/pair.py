@@ -57,6 +57,13 @@ class Pairs(Sequence[Pair]):
         if len(wrong):
             self[int(wrong[0])]  # raises
 
+    @classmethod
+    def between(cls, mass: tuple[Array, Array], radius: tuple[Array, Array]) -> Pairs:
+        """Return the pairs of bodies of these masses in kg and radii in m, each (lower, upper); a wall has both inf."""
+        light, heavy = np.minimum(*mass), np.maximum(*mass)
+        with np.errstate(divide="ignore"):
+            return cls(light / (1.0 + light / heavy), 1.0 / (1.0 / radius[0] + 1.0 / radius[1]))
+
     def __len__(self) -> int:
         return len(self.m_eff)
 

@@ -16,7 +16,7 @@ from granular._engine.check import Array
 from granular._engine.flight import time_to_contact
 from granular._engine.records import FEW, plain
 from granular.scene.state import Scene, summed
-from granular.scene.walls import common
+from granular.scene.walls.motion import fastest, fitted as fitted_motion
 from granular.scene.walls.path import moved
 
 
@@ -71,7 +71,7 @@ def speed_scale(scene: Scene) -> float:
         speed += scene.pendulum * float(np.ptp(scene.displacement))
     if scene.heated:
         speed += sum(heat.fastest(m) for heat, m in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if heat)
-    return speed + sum(map(common.fastest, scene.motions)) if scene.driven else speed
+    return speed + sum(map(fastest, scene.motions)) if scene.driven else speed
 
 
 def in_order(scene: Scene) -> Scene:
@@ -154,7 +154,7 @@ def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
     `ValueError` where a wall's path does not last."""
     if not scene.driven:
         return scene
-    paths = [common.fitted(motion, t_start, t_end) for motion in scene.motions]
+    paths = [fitted_motion(motion, t_start, t_end) for motion in scene.motions]
     floor, ceiling = (heat if path is None else path for path, heat in zip(paths, scene.heat, strict=True))
     return scene.replace(floor=floor, ceiling=ceiling)
 
@@ -164,7 +164,7 @@ def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tu
     wall to wall, of a scene that is `fitted` and whose instant is `t_start` (s); of all, or of those that ever move."""
     found, first = list[tuple[int, Any, Any]](), 0
     for body, side, motion in zip((0, scene.n - 1), (1.0, -1.0), scene.motions, strict=True):
-        if motion is not None and (still or common.fastest(motion) > 0.0):
+        if motion is not None and (still or fastest(motion) > 0.0):
             stands = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body])}
             panels = motion.panels(t_start, t_start)
             found.append((body, *panels.records(side, **stands, t_start=t_start, first=first)))

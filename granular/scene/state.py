@@ -14,7 +14,8 @@ from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
-from granular.scene.walls import common
+from granular.scene.walls.motion import checked, moved
+from granular.scene.walls.thermal import Thermal
 
 
 @check.face
@@ -88,8 +89,8 @@ class Scene(ByNumbers):
         self.__dict__.update(
             gravity=check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in"),
             origin=check.number("origin", origin), external_force=external_forces(external_force, walls),
-            floor=common.checked("floor", floor, bool(walls[0])),
-            ceiling=common.checked("ceiling", ceiling, bool(walls[-1])),
+            floor=checked("floor", floor, bool(walls[0])),
+            ceiling=checked("ceiling", ceiling, bool(walls[-1])),
             pendulum=check.number("pendulum", pendulum, at_least=0.0),
         )
         self.__dict__["rest_gap"] = rest_gaps(rest_gap, self.pendulum, len(walls))
@@ -159,11 +160,7 @@ class Scene(ByNumbers):
     @cached_property
     def pairs(self) -> Pairs:
         """All pairs of neighbours, bottom to top."""
-        lower, upper = self.sides(self.mass)
-        light, heavy = np.minimum(lower, upper), np.maximum(lower, upper)
-        with np.errstate(divide="ignore"):
-            r_eff = 1.0 / sum(self.sides(np.where(self.is_wall, 0.0, 1.0 / self.radius)))
-        return Pairs(light / (1.0 + light / heavy), r_eff)
+        return Pairs.between(self.sides(self.mass), self.sides(np.where(self.is_wall, math.inf, self.radius)))
 
     @property
     def motions(self) -> tuple[Any, Any]:
@@ -176,7 +173,7 @@ class Scene(ByNumbers):
         return self._ends(thermal=True)
 
     def _ends(self, thermal: bool) -> tuple[Any, Any]:
-        floor, ceiling = (one if one and common.of_kind(one, "Thermal") is thermal else None
+        floor, ceiling = (one if one and isinstance(one, Thermal) is thermal else None
                           for one in (self.floor, self.ceiling))
         return floor, ceiling
 
@@ -294,7 +291,7 @@ class Scene(ByNumbers):
 
     def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far a wall has moved in m beside its constant velocity, and how fast in m/s."""
-        return common.moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
+        return moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
 
     @property
     def _fall(self) -> float:

@@ -1,6 +1,6 @@
 """The `granular` command. Misuse ends in one line on stderr, never in a traceback.
 
-A first reader may skip: `ends`, `info`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`, `warm`.
+A first reader may skip: `ends`, `installation`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 import granular
-from granular._engine.about import VERSION
 from granular._engine.files import plain_text
 from granular._engine.kernels import on_making
+from granular._engine.package import VERSION
 from granular.app.cli import ends
 from granular.run.trajectory import Status
 
@@ -66,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _act(arguments: Sequence[str]) -> int:
     """Do what the command line says."""
     if getattr(granular, "__version__", None) != VERSION and list(arguments[:1]) != ["info"]:
-        from granular.app.cli.info import overwritten
+        from granular.app.cli.installation import overwritten
 
         raise ImportError(overwritten())
     from granular.app.cli import output, parser

@@ -11,7 +11,7 @@ from typing import Any
 from granular._engine import files as _files
 from granular._engine.check import optional
 from granular.cases.ready import is_file
-from granular.run.export import files
+from granular.run import tables
 
 ENDINGS = {"plot": "png", "film": "gif", "json": "json"}
 
@@ -39,7 +39,7 @@ def check(given: argparse.Namespace) -> None:
         _files.check_writable(name)
     check_apart([*written.values()], [given.target] if given.target and is_file(given.target) else [])
     if "save" in written:
-        files.ending_of(given.save) if given.save_as == ".npz" else _files.check_ending(given.save, given.save_as)
+        tables.ending_of(given.save) if given.save_as == ".npz" else _files.check_ending(given.save, given.save_as)
     if "plot" in written:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 from granular import cases
 from granular._engine import check
-from granular._engine.about import VERSION
+from granular._engine.package import VERSION
 from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
 from granular.cases.toml import stop_condition
@@ -25,7 +25,7 @@ COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
     "sensitivity": "sweep:Sensitivity", "ensemble": "sweep:Ensemble", "page": "pages:Page", "view": "pages:View",
-    "verify": "verify:Verify", "warm": "warm:Warm", "info": "info:Info",
+    "verify": "verify:Verify", "warm": "installation:Warm", "info": "installation:Info",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\

@@ -18,7 +18,7 @@ from posixpath import dirname, normpath
 from typing import Any
 
 from granular._engine import files as _files
-from granular._engine.about import VERSION
+from granular._engine.package import VERSION
 from granular.app.page import opening, recording
 from granular.app.page.opening import LANGUAGES
 from granular.cases import balls

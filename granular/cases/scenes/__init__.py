@@ -8,7 +8,7 @@ A first reader may skip: `falling`, `gases`, `rows`.
 
 from typing import TYPE_CHECKING
 
-from granular._engine.lazy import attributes
+from granular._engine.package import attributes
 from granular.cases.scenes.falling import ball_stack, bouncing_ball, column, real_balls, three_balls, vibrated_column
 
 if TYPE_CHECKING:

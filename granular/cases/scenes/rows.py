@@ -186,7 +186,7 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     if callable(law) and not hasattr(law, "force"):
         check.takes("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
-    from granular.laws.statics import overlap_under
+    from granular.laws.springs import overlap_under
 
     laws = resolved(check.per_pair("law", law, scene.n_pairs), scene)
     gap = -laws.column(lambda one: overlap_under(one, load))

@@ -27,8 +27,8 @@ from granular.run import until as stop
 from granular.run.contact_log import COLUMNS, CONTACT_ROW, Rows
 from granular.run.drive import End, Pause, Request, Row, portion
 from granular.run.levels import first_met, shown
-from granular.run.limits import raised
 from granular.run.trajectory import Status
+from granular.run.until import raised
 from granular.scene import Scene, positions
 from granular.scene.places import Closing
 

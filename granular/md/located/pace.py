@@ -38,9 +38,8 @@ from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
 from granular.run.contact_log import CONTACT_ROW, Rows
 from granular.run.drive import Pause, portion
-from granular.run.limits import raised
 from granular.run.trajectory import Status
-from granular.run.until import Contact
+from granular.run.until import Contact, raised
 
 OWN, PLAIN, COMPILED = 8, 100, 20_000
 """Pieces between two looks at progress and log, at most: under laws that are functions, interpreted, compiled."""

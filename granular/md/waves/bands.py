@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from granular._engine import check
 from granular.laws import MatchedEnd
 from granular.laws.kinds import resolved
-from granular.laws.statics import stiffness_at
+from granular.laws.springs import stiffness_at
 from granular.scene import Scene, checked
 
 FASTEST = 1e100

@@ -3,7 +3,7 @@
 A wall stands at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start): at t_start it is where origin and gaps of
 the scene put it, and moves at its own velocity + m'(t_start).
 
-A first reader may skip: `common`, `formulas`, `gap`, `hits`, `motion`, `panels`, `path`, `thermal`.
+A first reader may skip: `formulas`, `gap`, `hits`, `motion`, `panels`, `path`, `thermal`.
 """
 
 from granular.scene.walls.formulas import Piecewise, Sine

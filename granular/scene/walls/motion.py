@@ -1,4 +1,4 @@
-"""A wall that moves by any smooth function of time."""
+"""A wall that moves by any smooth function of time; what runs and scenes read of a wall of any kind."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array
+from granular.scene.walls.formulas import Piecewise, Sine
 from granular.scene.walls.panels import Panels
 from granular.scene.walls.path import TERMS
+from granular.scene.walls.thermal import Thermal
 
+__all__ = ["Motion"]
 NODES = 24
 """Values asked for on a panel; the series kept has at most `TERMS` terms, the others must have died out."""
 AT_FIRST = 16
@@ -170,3 +173,57 @@ def _powers() -> Array:
         power = np.polynomial.chebyshev.cheb2poly([0.0] * k + [1.0])
         rows[: len(power), k] = power
     return rows
+
+
+def checked(name: str, motion: Any, is_wall: bool) -> Any:
+    """Return how a wall behaves, or None, if it is one of these and its body is a wall."""
+    if motion is None:
+        return None
+    if not isinstance(motion, (Motion, Panels, Piecewise, Sine, Thermal)):
+        raise TypeError(check._sentence(name, motion, "one of granular.walls is needed, such as "
+                                         "granular.walls.Sine(1e-3, 50.0)"))
+    if not is_wall:
+        end = "first" if name == "floor" else "last"
+        raise ValueError(f"{name} is {motion!r}, but the {end} body is a ball: give it the mass math.inf.")
+    return motion
+
+
+def fitted(motion: Any, t_start: float, t_end: float) -> Any:
+    """Return a motion as runs keep it: a `Motion` as its panels, others as they are.
+
+    Raises
+    ------
+    ValueError
+        If it does not last from `t_start` to `t_end` (s), or cannot be fitted.
+    """
+    panels = None if motion is None else motion.panels(t_start, t_end)
+    return panels if isinstance(motion, Motion) else motion
+
+
+def ends(*motions: Any) -> float:
+    """Return the time in s at which the first of these paths ends: inf of a `Sine`, and of a `Motion`, whose function
+    says how far it goes."""
+    paths = [getattr(motion, "function", motion) for motion in motions]
+    last = [*(path.breaks[-1] for path in paths if isinstance(path, Piecewise)),
+            *(path.edges[-1] for path in paths if isinstance(path, Panels) and not path.frequency)]
+    return float(min(last, default=math.inf))
+
+
+def fastest(motion: Any) -> float:
+    """Return a bound of |m'| in m/s; 0 of a wall at constant velocity, and of a `Motion`, of which runs have panels."""
+    panels = getattr(motion, "_panels", getattr(motion, "function", motion))
+    return float(panels.speed) if isinstance(panels, Panels) else 0.0
+
+
+def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
+    """Return m(t) - m(start) in m and m'(t) in m/s of a motion, or of none, at times (s) so long after `start`."""
+    if motion is None:
+        return 0.0, 0.0
+    # paths that last are asked no farther than the start: the end of a run may be a rounding beyond theirs
+    end = math.nextafter(start + float(np.max(elapsed)), math.inf) if isinstance(motion, Motion) else start
+    panels: Panels = motion.panels(start, end)
+    times = np.atleast_1d(np.asarray(elapsed, dtype=float))
+    origin = panels.at(start, 0.0)[0]
+    both = np.array([panels.at(start, dt)[:2] for dt in times.tolist()]).reshape(-1, 2)
+    x, v = both[:, 0] - origin, both[:, 1]
+    return (x, v) if np.ndim(elapsed) else (float(x[0]), float(v[0]))

@@ -15,6 +15,8 @@ from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.dashpot import restitution_pulling
 from granular.scene import Scene, checked
 
+__all__ = ["lammps"]
+__dir__ = __all__.copy
 HEAD = """\
 # Written by granular. SI units; the line of balls is the x axis, upwards is +x. No friction.
 # Run: lmp -in THIS_FILE, with -var dt 1e-8 -var steps 1000000 for other numbers than the two below.

@@ -1,9 +1,22 @@
-"""Names of a package that are imported when they are first used."""
+"""Name, version and extras of this package, and names of a package that are imported when they are first used."""
+
+from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
+
+NAME = "granular-collisions"
+"""For pip: the package index has another `granular`, which installs a folder of the same name."""
+VERSION = "0.2.0"
+EXTRAS = {"fast": "numba", "plot": "matplotlib", "sweep": "xarray netCDF4 pandas"}
+"""Packages that only some tasks need, by the extra that installs them."""
+
+
+def install(extra: str) -> str:
+    """Return the line that installs an extra, also where this package was installed from a folder."""
+    return f"pip install '{NAME}[{extra}]'"
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
