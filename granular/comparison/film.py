@@ -22,7 +22,7 @@ from granular.comparison.figure import FEW, both, draw_runs, force_curve, timeli
 from granular.comparison.further import Onward, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
 from granular.run.figures import COLOURS, NAMED
-from granular.run.films import Page, blank, check, pace, paces, radii, save, stage
+from granular.run.films import Page, blank, check, pace, radii, save, slowed
 from granular.run.trajectory import EARLY, Trajectory, points
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ SLOW = 10.0  # contacts that are slowed down less are no act of their own
 SAID = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, {}",
         "end": "the highest point of each ball"}
 PANELS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # beside the balls, with their heights
-BARE = (6.4, 4.8)  # size in inches without charts
 
 
 def animate(
@@ -93,18 +92,11 @@ class Story:
         return [(contacts, k) if name == "slow" else (flights, next(flown))
                 for name, times in self.acts.items() for k in range(len(times))]
 
-    def page(self, panels: list[str], wide: float) -> Page:
-        """An empty page: balls of both engines; beside them, so `wide`, or below panels; or but a strip of time."""
-        report, high = self.view.report, [PANELS.get(name, 1.0) for name in panels]
-        stages = [[*COLOURS]] if report.scene.gravity > 0.0 else [[name] for name in COLOURS]
-        if not self.charts:
-            page = blank("", "", [["time"] * len(stages[0]), *stages], BARE, height_ratios=[0.04] + [1] * len(stages))
-            page.axes["time"].set(xticks=[], yticks=[])
-            return page
-        words = report.verdict, parameters(report)
-        if len(stages) > 1:
-            return blank(*words, stages + [[name] for name in panels], height_ratios=[1.25, 1.25, *high])
-        return blank(*words, [[*COLOURS, name] for name in panels], width_ratios=[1, 1, wide], height_ratios=high)
+    def page(self, panels: dict[str, float], beside: float) -> Page:
+        """An empty page: balls of both engines, beside or below them panels of these heights, or a strip of time."""
+        report = self.view.report
+        words = (report.verdict, parameters(report)) if self.charts else ("", "")
+        return blank(*words, report.scene, COLOURS, panels if self.charts else {}, beside, tall=1.25)
 
 
 def flying(story: Story) -> Page:
@@ -113,7 +105,7 @@ def flying(story: Story) -> Page:
     time = np.concatenate(list(shown.values()))
     drawn = np.union1d(np.linspace(time[0], time[-1], 1200), time)
     heights = {name: story.heights(name, drawn) for name in COLOURS}
-    page, above = story.page(["heights"], 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
+    page, above = story.page({"heights": 1.0}, 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
     for name in page.axes.keys() - {"time"}:
         page.axes[name].set_ylim(0.0, above)
         page.axes[name].axhline(report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY, lw=0.8, ls=":")
@@ -122,11 +114,10 @@ def flying(story: Story) -> Page:
         if story.charts:
             flown = np.where(drawn[:, None] > story.tops[name][:, 0], np.nan, path)
             page.axes["heights"].plot(drawn, flown, color=COLOURS[name], ls={"hard": "--"}.get(name, "-"), lw=1.1)
-    clock = page.axes["heights" if story.charts else "time"]
-    clock.set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
+    page.panels[0].set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
     page.axes["hard"].set_ylabel("height, radii taken out, m; dotted: dropped from here")
     fast = pace(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
-    page.tell([clock], time, [SAID[act].format(fast) for act, times in shown.items() for _ in times])
+    page.tell(page.panels, time, [SAID[act].format(fast) for act, times in shown.items() for _ in times])
     return page
 
 
@@ -161,18 +152,12 @@ def touching(story: Story) -> Page:
     if look is not None and (look.view is not view or len(look.touches) < 2):
         look = None  # a short moment of a long film, or nothing hops
     runs = both(report, np.unique(np.concatenate([time, view.moments, look.moments if look else []])))
-    names = list(PANELS)[: 4 if look else 3]
-    page = story.page(names, 3.2)
-    stage(page, report.scene, {
-        name: np.asarray(points(run))[np.searchsorted(run.time, time, side="right") - 1] for name, run in runs.items()})
-    panels = [page.axes[name] for name in names] if story.charts else [page.axes["time"]]
+    page = story.page(dict(list(PANELS.items())[: 4 if look else 3]), 3.2)
     if story.charts:
-        chart(panels, view, look, runs)
-    for axis in panels:
-        axis.set(xlim=view.limits, xlabel=view.named if axis is panels[-1] and story.charts else "")
-        axis.tick_params(labelbottom=axis is panels[-1])
-    page.tell(panels, view.clock(time), paces(view, time, story.fps))
-    page.figure.align_ylabels(panels)
+        chart(page.panels, view, look, runs)
+    slowed(page, report.scene, {
+        name: np.asarray(points(run))[np.searchsorted(run.time, time, side="right") - 1] for name, run in runs.items()
+    }, view, time, story.fps)
     return page
 
 

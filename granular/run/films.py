@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -22,6 +23,7 @@ STYLE = {
     "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
     "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.labelsize": 8.5, "axes.titlesize": 10.5,
 }
+SIZE, BARE = (9.6, 5.4), (6.4, 4.8)  # of a page in inches, and of one without charts
 THICK, LEAST = 0.14, 0.16  # radius of the largest ball in lengths of the stage, and of the smallest beside it
 
 
@@ -30,13 +32,9 @@ def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> No
     check(path, run.scene, seconds, fps)
     span, name = spans_of(run)[-1], engine(run)
     time = np.linspace(span.begin, span.end, max(2, round(seconds * fps)))
-    page = (blank(*words(run), [[name, "paths"]], width_ratios=[1, 5]) if run.scene.gravity > 0.0 else
-            blank(*words(run), [[name], ["paths"]], height_ratios=[1, 3]))
-    stage(page, run.scene, {name: paths(run, time)})
-    axis = page.axes["paths"]
-    draw_paths(axis, run, span)
-    axis.set_xlabel(span.named)
-    page.tell([axis], span.clock(time), paces(span, time, fps))
+    page = blank(*words(run), run.scene, [name], {"paths": 3.0}, beside=5.0, tall=1.0)
+    draw_paths(page.axes["paths"], run, span)
+    slowed(page, run.scene, {name: paths(run, time)}, span, time, fps)
     save(path, [(page, k) for k in range(len(time))], fps)
 
 
@@ -59,10 +57,12 @@ def check_film(path: str | PathLike[str]) -> str:
 
 @dataclass(eq=False)
 class Page:
-    """A figure, what moves on it, each with its path in the coordinates it is drawn in, and its title's words."""
+    """A figure, its axes over time, what moves on it, each with its path in the coordinates it is drawn in, and its
+    title's words."""
 
     figure: Any
     axes: dict[str, Any]
+    panels: list[Any]
     moving: list[tuple[Any, Array]] = field(default_factory=list)
 
     def tell(self, axes: list[Any], clock: Array, words: list[str]) -> None:
@@ -92,16 +92,43 @@ class Page:
 
 
 def blank(
-    said: str, more: str, mosaic: list[list[str]], size: tuple[float, float] = (9.6, 5.4), **ratios: Any
+    said: str, more: str, scene: Scene, engines: Iterable[str], panels: Mapping[str, float], beside: float, tall: float,
 ) -> Page:
-    """Return a page with nothing but its words and empty axes; its size is in inches."""
+    """Return a page with nothing but its words and empty axes: a stage for each engine, and panels of these heights.
+
+    Balls that fall have the panels, so wide, `beside` their stages; others stand above them on stages as `tall`.
+    Without panels there is a strip of time above the stages, and no words.
+    """
+    names, upright = [*engines], scene.gravity > 0.0
+    stages = [names] if upright else [[name] for name in names]
+    if not panels:
+        rows, ratios = [["time"] * len(stages[0]), *stages], {"height_ratios": [0.04, *[1.0] * len(stages)]}
+    elif upright:
+        rows = [[*names, panel] for panel in panels]
+        ratios = {"width_ratios": [*[1.0] * len(names), beside], "height_ratios": [*panels.values()]}
+    else:
+        rows = [*stages, *([panel] for panel in panels)]
+        ratios = {"height_ratios": [*[tall] * len(stages), *panels.values()]}
     with optional("matplotlib", "animate").rc_context(STYLE):
-        figure = optional("matplotlib.figure", "animate").Figure(size, 100, layout="constrained")
+        figure = optional("matplotlib.figure", "animate").Figure(SIZE if panels else BARE, 100, layout="constrained")
         head(figure, said, more, 10.0)
-        page = Page(figure, figure.subplot_mosaic(mosaic, **ratios))
-    for name in page.axes.keys() & COLOURS.keys():
-        page.axes[name].set_title(f"{name} spheres", color=COLOURS[name])
-    return page
+        axes = figure.subplot_mosaic(rows, **ratios)
+    for name in names:
+        axes[name].set_title(f"{name} spheres", color=COLOURS[name])
+    if not panels:
+        axes["time"].set(xticks=[], yticks=[])
+    return Page(figure, axes, [axis for name, axis in axes.items() if name not in names])
+
+
+def slowed(page: Page, scene: Scene, of: dict[str, Array], span: Span, time: Array, fps: int) -> None:
+    """Let a page show a span at these times (s): balls of each engine, in places (len(time), n) in m, and the clock."""
+    stage(page, scene, of)
+    last = page.panels[-1]
+    for axis in page.panels:
+        axis.set(xlim=span.limits, xlabel=span.named if axis is last and "time" not in page.axes else "")
+        axis.tick_params(labelbottom=axis is last)
+    page.tell(page.panels, span.clock(time), paces(span, time, fps))
+    page.figure.align_ylabels(page.panels)
 
 
 def paces(span: Span, time: Array, fps: int) -> list[str]:
