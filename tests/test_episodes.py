@@ -226,8 +226,6 @@ SCENE = gr.Scene([INF, 0.44745080468656334, 1.0], [0, 0.1, 0.1], [3.958436963552
 
 def checks(monkeypatch, refuse, status=None):
     """A touching pair, and far away a single ball on the ceiling, where the run under a tie rule raises, or stops."""
-    from granular.comparison import checks as module
-
     run = gr.edmd.simulate
 
     def simulate(scene, rule, **options):
@@ -236,7 +234,7 @@ def checks(monkeypatch, refuse, status=None):
         found = run(scene, rule, **options)
         return replace(found, status=status) if options["ties"] == refuse else found
 
-    monkeypatch.setattr(module.edmd, "simulate", simulate)
+    monkeypatch.setattr(gr.edmd, "simulate", simulate)
     scene = gr.Scene([1.0, 1.0, 1.0, INF], [0.1] * 3 + [0.0], [0.0, 10.0, 0.1], [0.0, -1.0, 1.0, 0.0])
     return gr.compare(scene, gr.LinearDashpot(1e6), t_end=0.5)
 
