@@ -1,8 +1,8 @@
 """One scene under both engines: `compare(scene, law) -> Comparison`. May the scene be event-driven?
 
 Main line: `run`, `answer`.
-A first reader may skip: `against`, `align`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`, `outcome`,
-`remedies`, `report`, `view`.
+A first reader may skip: `align`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`, `outcome`, `remedies`,
+`report`, `view`.
 """
 
 from typing import TYPE_CHECKING

@@ -23,7 +23,7 @@ from granular.run.until import check_end
 from granular.scene import Scene, checked as a_scene
 
 if TYPE_CHECKING:
-    from granular.comparison.against import Against
+    from granular.comparison.further import Against
     from granular.comparison.remedies import Remedies
 
 
@@ -128,7 +128,7 @@ class Comparison(Judged, Report):
         TypeError, ValueError
             If it is no trajectory, of another scene, or begins before it.
         """
-        from granular.comparison.against import against
+        from granular.comparison.further import against
 
         return against(self, run)
 
