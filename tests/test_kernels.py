@@ -10,7 +10,7 @@ import types
 import numpy as np
 import pytest
 
-from granular._engine import held, kernels, records as _records
+from granular._engine import kernels, records as _records
 from granular._engine.kernels import compiled, fitted, have_numba, kernel, specialised
 from granular.edmd import motion
 
@@ -200,7 +200,7 @@ assert have_numba()
 
 def test_what_never_happens_is_left_out_of_machine_code():
     plain, forced = motion.predicted, kernels.fitted(motion.predicted, FORCED=True)
-    left = [set(kernels._globals_read(kernels._without_dead_branches(one))) for one in (plain, forced)]
+    left = [set(kernels._globals_read(kernels.without_dead_branches(one))) for one in (plain, forced)]
     assert left[1] - left[0] >= {"opening", "next_wall_hit"}
     assert not (left[0] | left[1]) & {"FORCED", "HUNG", "hung"}
 
@@ -216,7 +216,7 @@ def test_code_stays_as_it_was_loaded_where_its_source_is_no_longer_that(source, 
         return [line.replace("rate < 0.0", "rate < 9.0") for line in lines], first
 
     monkeypatch.setattr(kernels, "getsourcelines", read)
-    assert kernels._without_dead_branches(forced) is forced.__code__
+    assert kernels.without_dead_branches(forced) is forced.__code__
 
 
 def test_a_tournament_knows_who_is_due_first_and_of_ties_the_lowest_key():
@@ -239,7 +239,8 @@ def test_a_tournament_knows_who_is_due_first_and_of_ties_the_lowest_key():
 
 
 def test_machine_code_that_takes_records_otherwise_is_not_ours(monkeypatch):
-    """What is kept on the disk has a name that changes with how tuples are held."""
-    ours = kernels._checksum.__wrapped__(outer)
-    monkeypatch.setattr(kernels, "version", lambda: held.version() + 1)
-    assert kernels._checksum.__wrapped__(outer) != ours
+    """The name of cached machine code changes with the pipeline and with its source."""
+    ours, number = kernels.cache_key(outer, True), kernels.version()
+    assert ours != kernels.cache_key(outer, False)
+    monkeypatch.setattr(kernels, "version", lambda: number + 1)
+    assert kernels.cache_key(outer, True) != ours

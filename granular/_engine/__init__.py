@@ -3,6 +3,6 @@
 Nothing here knows scenes, laws or engines.
 
 Main line: `flight`.
-A first reader may skip: `check`, `describe`, `files`, `held`, `kernels`, `numba_pipeline`, `package`, `progress`,
+A first reader may skip: `check`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`, `progress`,
 `records`, `reports`, `roots`, `signature`.
 """

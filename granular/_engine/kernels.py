@@ -1,12 +1,16 @@
-"""Compile or interpret: one source for both.
+"""Kernels: numerical functions that run interpreted or compiled, from one source.
 
-A kernel is a Python function of floats, lists or arrays in the subset numba compiles. Run as it stands it is the
-plain engine; `compiled` returns its numba twin, in which every kernel it calls is compiled too. Only + - * /,
-`math.sqrt`, `math.pow`, `exp`, `log` and the like are used (no ``**``, `hypot`, `sum`, no fast-math), so both give
-the same bits.
+A kernel is a Python function of floats, lists or arrays in the subset of Python that numba compiles. Interpreted, it is
+the plain function. `compiled` returns its numba version, in which every kernel that it calls is compiled as well. Only
++ - * /, `math.sqrt`, `math.pow`, `exp`, `log` and the like are used (no ``**``, `hypot`, `sum`, and no fast-math).
+Both versions therefore give bitwise identical results.
 
-A kernel is made to fit what a scene has by `fitted` and `specialised`: the same source with other constants, such as
-the flags of `granular._engine.kernels`, or with other kernels called by the same names.
+`fitted` and `specialised` adapt a kernel to a scene: the same source with other constants, such as the flags below, or
+with other kernels called by the same names.
+
+numba compiles by a faster pipeline (`granular._engine.numba_pipeline`), which depends on internals of numba. Versions
+of numba that are not in `TESTED_NUMBA` use numba's default pipeline instead, with bitwise identical results. If the
+fast pipeline fails in a tested version, the whole process switches to the default pipeline, with one warning.
 """
 
 from __future__ import annotations
@@ -17,15 +21,19 @@ import gc
 import os
 import sys
 import types
+import warnings
 from collections.abc import Callable
-from functools import cache, wraps
+from contextlib import suppress
+from functools import cache, cached_property, wraps
 from importlib.util import find_spec
 from inspect import getsourcelines
+from pathlib import Path
 from time import process_time
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 from zlib import crc32
 
-from granular._engine.held import version
+import numpy as np
+
 from granular._engine.package import install
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -33,54 +41,86 @@ F = TypeVar("F", bound=Callable[..., Any])
 DRIVEN: bool = False
 """A wall moves."""
 HEATED: bool = False
-"""A wall is thermal: balls leave it with a speed drawn at its temperature."""
+"""A wall is thermal: balls leave it with a random speed drawn at its temperature."""
 WORKED: bool = False
-"""A wall moves or is thermal: it does work on the balls, or heats them, and an account of energy is kept."""
+"""A wall moves or is thermal, so that it exchanges energy with the balls and an energy balance is kept."""
 FORCED: bool = False
-"""As `WORKED`, or constant forces act on balls: not all of them fall alike."""
+"""`WORKED`, or constant forces act on balls: the balls do not all have the same acceleration."""
 HUNG: bool = False
-"""Balls are pendula."""
+"""The balls are pendula."""
 RING: bool = False
-"""Balls stand on a ring; the last one touches the first."""
+"""The balls are on a ring: the last one touches the first one."""
 FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING"})
-"""The names of the flags, which any kernel may leave unread."""
+"""Names of the flags. `fitted` accepts them for every kernel, also for one that does not read them."""
+TESTED_NUMBA = ((0, 68),)
+"""Versions of numba (major, minor) that use the fast pipeline: all tests were run with them."""
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+"""numba's options of every kernel: 1/0 is inf, and the interpreter lock is released."""
+FAST_OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True}
+"""Further options of the fast pipeline: arrays are not reference-counted (half of the time), no entry for C."""
+REFERENCE_WORDS = 256
+"""Length of the table of array addresses of one tuple, in words of 8 bytes."""
 on_making: list[Callable[[], object]] = []
-"""Who wants to know, once, that machine code is about to be made, which takes a while."""
-MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "nogil": True}
-"""How numba compiles: 1/0 is inf, references to arrays are not counted (half of the time), and nobody calls from C."""
+"""Function to call once before the first compilation, which takes several seconds. At most one entry."""
+
+
+class ByReference:
+    """Base class of named tuples of arrays that compiled code receives by reference.
+
+    Compiled code reads the fields from a table of addresses, so that a call copies one word instead of about eighty.
+    Interpreted code reads the tuple itself. `granular._engine.numba_pipeline` defines the numba type.
+    """
+
+    _plain: ClassVar[Callable[..., Any]]
+    """The named tuple without this base class."""
+    write_addresses: ClassVar[Callable[[Any, Any], None]]
+    """Function that writes the addresses of the arrays into a table. Set by `granular._engine.numba_pipeline`."""
+
+    @cached_property
+    def room(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Table of the addresses of the arrays, valid as long as the tuple exists."""
+        room = np.zeros(REFERENCE_WORDS, np.int64)
+        ByReference.write_addresses(self._plain(*self), room)  # type: ignore[misc]  # it is a tuple
+        return room
 
 
 def kernel(function: F) -> F:
-    """Mark `function` as a kernel: it runs as it is, and `compiled` knows that its callers compile it too."""
+    """Mark a function as a kernel. It runs unchanged, and `compiled` compiles it with the kernels that call it."""
     function.__granular_kernel__ = True  # type: ignore[attr-defined]
     return function
 
 
+@kernel
+def by_reference(fields: Any, room: Any) -> Any:
+    """Return a named tuple in the form that kernels take: compiled, a reference to its fields in the table `room`."""
+    return fields
+
+
 def rare(function: F) -> F:
-    """Mark a kernel as called too seldom to pay for the compilation time of inlining it."""
+    """Mark a kernel that is called too rarely to justify the compilation time of inlining it."""
     function.__granular_rare__ = True  # type: ignore[attr-defined]
     return function
 
 
 def specialised(function: F, **instead: Any) -> F:
-    """Return a twin of a kernel in which globals, in it and in all kernels it calls, are replaced by their names.
+    """Return a copy of a kernel in which globals of the given names are replaced.
 
-    ``specialised(march, step=verlet, force=spring)`` is the source of `march` with these two kernels called as `step`
-    and `force`; constants are replaced alike. Twins are kernels as others are: they run as they stand, `compiled` has
-    one machine code for each of them, on disk too. The same replacements give the same twin.
+    The replacement also holds in all kernels that it calls. ``specialised(march, step=verlet, force=spring)`` is the
+    source of `march` with these two kernels called as `step` and `force`. Constants are replaced in the same way.
+    Copies are kernels, too: they run interpreted, and `compiled` keeps separate machine code for each of them, also on
+    disk. Equal replacements return the same copy.
 
     Parameters
     ----------
     function : kernel
-        What to make a twin of.
+        Kernel to copy.
     **instead : kernel, or number, string or tuple of them
-        What stands for each global name. A kernel put in place may itself read names that are replaced, but not its
-        own.
+        Replacement for each global name. A kernel as a replacement may read other replaced names, but not its own.
 
     Raises
     ------
     TypeError
-        If neither the kernel nor any kernel it calls reads a global of that name.
+        If neither the kernel nor any kernel that it calls reads a global of that name.
     """
     for name, value in instead.items():
         if fitted(function, **{name: value}) is function:
@@ -89,7 +129,7 @@ def specialised(function: F, **instead: Any) -> F:
 
 
 def fitted(function: F, **instead: Any) -> F:
-    """Return a twin of a kernel as `specialised` does, or the kernel itself if it reads none of the names.
+    """Return a copy of a kernel like `specialised`, or the kernel itself if it does not read any of the names.
 
     Raises
     ------
@@ -103,38 +143,41 @@ def fitted(function: F, **instead: Any) -> F:
         raise TypeError(f"{function.__name__} cannot be specialised for {min(unknown)}: no kernel in it reads that "
                         "name.")
     known = sorted((name, value) for name, value in instead.items() if name in read)
-    twin: F = _specialised(function, tuple((name, value, repr(value)) for name, value in known))
-    return twin
+    copy: F = _specialised_copy(function, tuple((name, value, repr(value)) for name, value in known))
+    return copy
 
 
 @cache
-def _specialised(function: Any, instead: tuple[tuple[str, Any, str], ...]) -> Any:
-    """Return the twin; what is replaced comes with its `repr`, for 1 and 1.0 are the same key and not the same code."""
+def _specialised_copy(function: Any, instead: tuple[tuple[str, Any, str], ...]) -> Any:
+    """Return the copy for sorted triples of name, replacement and its `repr`.
+
+    The `repr` is part of the cache key, because 1 and 1.0 are equal but give different code.
+    """
     scope, read = function.__globals__, _globals_read(function.__code__)
     own = {name: value for name, value, _ in instead if name in read}
     called = {name: callee for name, callee in (_callees(function) | own).items() if _is_kernel(callee)}
-    twins = own | {name: _specialised(callee, instead) for name, callee in called.items()}
-    if not own and all(twin is scope[name] for name, twin in twins.items()):
+    copies = own | {name: _specialised_copy(callee, instead) for name, callee in called.items()}
+    if not own and all(copy is scope[name] for name, copy in copies.items()):
         return function
-    twin = types.FunctionType(
-        function.__code__, scope | twins, function.__name__, function.__defaults__, function.__closure__
+    copy = types.FunctionType(
+        function.__code__, scope | copies, function.__name__, function.__defaults__, function.__closure__
     )
-    twin.__module__, twin.__doc__ = function.__module__, function.__doc__
-    twin.__dict__.update(function.__dict__)
-    return twin
+    copy.__module__, copy.__doc__ = function.__module__, function.__doc__
+    copy.__dict__.update(function.__dict__)
+    return copy
 
 
 def have_numba() -> bool:
-    """Return whether numba (the extra ``fast``) can be loaded and compiles, without loading it."""
+    """Return whether numba (the extra ``fast``) is installed and enabled, without loading it."""
     return not no_compiler()
 
 
 def no_compiler() -> str:
-    """Return why kernels cannot be compiled, or nothing."""
+    """Return the reason why kernels cannot be compiled, or an empty string."""
     if sys.modules.get("numba", True) is None or not _is_installed("numba"):
         return f"numba is not installed: {install('fast')}"
     if "numba" in sys.modules:
-        import numba  # waits for another thread that is loading it
+        import numba  # waits if another thread is loading it
 
         disabled = bool(numba.config.DISABLE_JIT)
     else:
@@ -147,133 +190,140 @@ def _is_installed(module: str) -> bool:
     return find_spec(module) is not None
 
 
+class Mode:
+    """State of the compiler in this process."""
+
+    fast: bool | None = None
+    """Whether kernels are compiled by the fast pipeline. None before numba is loaded."""
+
+
 def load_numba() -> Any:
-    """Return the module numba, or raise `ImportError` that says what is missing."""
+    """Return the module numba, and choose the pipeline. Raises `ImportError` with the reason if numba is unusable."""
     if why := no_compiler():
         raise ImportError(f"engine is 'compiled': {why}.")
-    import granular._engine.numba_pipeline  # noqa: F401  imports numba, and tells it of what is held
+    import numba
 
-    return sys.modules["numba"]
+    if Mode.fast is None:
+        Mode.fast = numba_version() in TESTED_NUMBA
+        if Mode.fast:
+            try:
+                import granular._engine.numba_pipeline  # noqa: F401
+            except Exception as error:
+                use_default_pipeline(error)
+    return numba
 
 
-def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
-    """Return whether machine code of a kernel is loaded already, so that going over to it costs nothing."""
-    if "numba" not in sys.modules or not have_numba():
-        return False
-    return bool(_twin(function, inline, False).overloads)  # type: ignore[attr-defined]
+def numba_version() -> tuple[int, ...]:
+    """Return the version of numba (major, minor). numba must be loaded."""
+    return tuple(map(int, sys.modules["numba"].__version__.split(".")[:2]))
+
+
+def use_default_pipeline(reason: BaseException) -> None:
+    """Compile by numba's default pipeline from now on, and warn once."""
+    if Mode.fast:
+        Mode.fast = False
+        on_disk.cache_clear()
+        warnings.warn(
+            f"the fast compiler pipeline failed with numba {sys.modules['numba'].__version__} "
+            f"({type(reason).__name__}: {reason}). Kernels are compiled by the default pipeline, which takes twice as "
+            "long and gives the same results.", RuntimeWarning, stacklevel=2)
 
 
 @cache
-def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
-    """Return whether machine code of a kernel lies in numba's cache: to load it takes a second, to make it up to 12.
+def version() -> int:
+    """Return a number that changes with the source of the fast pipeline. Part of the names of cached machine code."""
+    text = __spec__.loader.get_data(str(Path(__file__).with_name("numba_pipeline.py")))  # type: ignore[union-attr]
+    return crc32(text) or 1  # 0 would read like "unknown"
 
-    Loads numba. What another process makes in the meantime is not seen.
+
+def dispatcher(function: Callable[..., Any], inline: bool = False, within: bool = False) -> Any:
+    """Return the numba dispatcher of a kernel. `within` another kernel it is a `Part` in the fast pipeline."""
+    load_numba()
+    return _dispatcher(function, inline, within, bool(Mode.fast))
+
+
+@cache
+def _dispatcher(function: Callable[..., Any], inline: bool, within: bool, fast: bool) -> Any:
+    numba, code = load_numba(), without_dead_branches(function)
+    called = {name: dispatcher(callee, inline, True)
+              for name, callee in _callees(function).items()
+              if name in _globals_read(code) and not (fast and callee is by_reference)}
+    scope = function.__globals__ | called
+    copy = types.FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
+    copy.__module__ = function.__module__
+    options = dict(OPTIONS)
+    if fast:
+        from granular._engine.numba_pipeline import PartCompiler, WholeCompiler
+
+        options |= FAST_OPTIONS | {"pipeline_class": PartCompiler if within else WholeCompiler}
+        options |= {"no_cpython_wrapper": True} if within else {}
+        options |= {"forceinline": inline and within and not getattr(function, "__granular_rare__", False)}
+    copy.__qualname__ = f"{function.__qualname__}_{cache_key(function, fast):08x}{'i' * inline}{'p' * within}"
+    result = numba.njit(**options)(copy)
+    result.compile = _without_collection(result.compile)
+    if within:
+        return result
+    cache_on_disk(result)
+    if fast:
+        result._compile_for_args = _or_by_default(result._compile_for_args, function, inline)
+    return result
+
+
+def cache_key(function: Callable[..., Any], fast: bool) -> int:
+    """Return the number in the name of a kernel's machine code, compiled by the fast pipeline or the default one."""
+    return crc32(repr((checksum(function), OPTIONS, FAST_OPTIONS, version(), fast)).encode())
+
+
+def _or_by_default(compile_for: Callable[..., Any], function: Callable[..., Any], inline: bool) -> Callable[..., Any]:
+    """Return a function that compiles a kernel for given arguments, by the default pipeline if the fast one fails.
+
+    numba calls it if a dispatcher has no machine code for the types of its arguments, and then calls its return value.
     """
-    if not have_numba():
-        return False
-    try:
-        return bool(_twin(function, inline, False)._cache._cache_file._load_index())  # type: ignore[attr-defined]
-    except (AttributeError, OSError):  # another numba, or no place to keep a cache
-        return False
+
+    @wraps(compile_for)
+    def compiled(*values: Any, **named: Any) -> Any:
+        if Mode.fast:
+            try:
+                return compile_for(*values, **named)
+            except Exception as error:
+                use_default_pipeline(error)
+        return dispatcher(function, inline)
+
+    return compiled
 
 
-def worth(function: Callable[..., Any], work: float, warm: float, cold: float, inline: bool = False) -> bool:
-    """Return whether `work` pays for going over to the machine code of a kernel.
-
-    Parameters
-    ----------
-    work : float
-        What is left to do, or what was done so far where nobody knows what is left; in any unit.
-    warm, cold : float
-        The work in that unit that takes as long as loading the code from the disk, and as making it.
-    """
-    if work < warm or not have_numba():
-        return False
-    return work >= cold or in_memory(function, inline) or on_disk(function, inline)
-
-
-class Toll:
-    """The time that this process has spent on a kernel as it stands, and whether it is time for its machine code.
-
-    Nobody knows how long a run goes on. Who goes over once he has spent as long as the code takes to load, or to make,
-    needs at most about twice as long in all as who knew beforehand.
-
-    Parameters
-    ----------
-    function : kernel
-        Which.
-    warm, cold : float
-        Seconds that its machine code takes to be loaded from the disk, and to be made.
-    """
-
-    spent: dict[Any, float] = {}  # noqa: RUF012  one account for all runs of a process
-
-    def __init__(self, function: Callable[..., Any], warm: float, cold: float) -> None:
-        self.function, self.warm, self.cold, self.since = function, warm, cold, process_time()
-
-    def lap(self) -> float:
-        """Count the time since the last call as spent on the kernel; return all seconds spent on it."""
-        now = process_time()
-        total = self.spent[self.function] = self.spent.get(self.function, 0.0) + now - self.since
-        self.since = now
-        return total
-
-    def due(self, ahead: float = 0.0) -> bool:
-        """Return whether to go over to the machine code, if `ahead` more seconds are sure to be spent."""
-        return in_memory(self.function) or worth(self.function, self.lap() + ahead, self.warm, self.cold)
-
-
-def interpreted(function: F) -> F:
-    """Return a kernel as it stands: what `compiled` is for the other engine."""
+def cache_on_disk(function: Any) -> Any:
+    """Let numba cache the machine code of a function on disk, if there is a writable folder."""
+    with suppress(RuntimeError):
+        function.enable_caching()
     return function
 
 
-@cache
-def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[..., Any]:
-    """Return the compiled twin of a kernel, with the kernels it calls compiled as well.
+def _without_collection(make: Any) -> Any:
+    """Return `make` with the garbage collector disabled while it runs.
 
-    The machine code is cached on disk beside the source, so that a second process starts computing at once, under a
-    name that changes with the code of the kernel and of all it calls. A kernel cannot make arrays.
-
-    Parameters
-    ----------
-    inline : bool
-        Put the kernels it calls, except for the `rare` ones, into its body: faster where they are short and many, at
-        the price of a longer compilation.
-
-    Raises
-    ------
-    ImportError
-        If numba is not installed, or told not to compile.
+    Compilation creates millions of objects that stay alive. Traversing them repeatedly takes up to a tenth of the time.
     """
-    if on_making and not on_disk(function, inline):
-        on_making.pop()()
-    return _twin(function, inline, False)
+
+    @wraps(make)
+    def made(signature: Any) -> Any:
+        enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return make(signature)
+        finally:
+            if enabled:
+                gc.enable()
+
+    return made
 
 
-@cache
-def _twin(function: Callable[..., Any], inline: bool, within: bool) -> Callable[..., Any]:
-    """Return the compiled twin of a kernel; one that is `within` another is no machine code of its own."""
-    code, numba = _without_dead_branches(function), load_numba()
-    from granular._engine.numba_pipeline import PartCompiler, WholeCompiler, kept
+def without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
+    """Return the code of a kernel with the truth values that it reads as constants.
 
-    called = {name: _twin(callee, inline, True)
-              for name, callee in _callees(function).items() if name in _globals_read(code)}
-    scope = function.__globals__ | called
-    twin = types.FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
-    twin.__module__ = function.__module__
-    twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}{'p' * within}"
-    how = {"pipeline_class": PartCompiler, "no_cpython_wrapper": True} if within else {"pipeline_class": WholeCompiler}
-    inside = inline and within and not getattr(function, "__granular_rare__", False)
-    result: Any = numba.njit(**MANNER, **how, forceinline=inside)(twin)
-    result = result if within else kept(result)
-    result.compile = _uncollected(result.compile)
-    return result  # type: ignore[no-any-return]
-
-
-def _without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
-    """Return the code of a kernel as if the truth values that it reads stood there: Python drops what never happens,
-    before numba inlines and types it. Where the source is not there, or was edited meanwhile, it stays as it is."""
+    Python then drops branches that are never executed, before numba inlines and types them. The code is returned
+    unchanged if its source is missing or was edited after it was loaded.
+    """
     code, scope = function.__code__, function.__globals__
     known = {name: ast.Constant(scope[name]) for name in _globals_read(code) if isinstance(scope.get(name), bool)}
 
@@ -294,30 +344,108 @@ def _without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
 
 
 def _code_in(tree: ast.Module, code: types.CodeType) -> types.CodeType:
-    """Return the code of the function of the name of `code` that a piece of source defines."""
+    """Return the code object of the function in a syntax tree that has the name of `code`."""
     made = compile(tree, code.co_filename, "exec", dont_inherit=True).co_consts
     return next(one for one in made if isinstance(one, types.CodeType) and one.co_name == code.co_name)
 
 
-def _uncollected(make: F) -> F:
-    """Have machine code made, or loaded, with the garbage collector off: numba leaves millions of objects that live on,
-    and looking at all of them again and again is up to a tenth of the time."""
+def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
+    """Return whether machine code of a kernel is loaded, so that its first compiled call costs nothing extra."""
+    if "numba" not in sys.modules or not have_numba():
+        return False
+    return bool(dispatcher(function, inline).overloads)
 
-    @wraps(make)
-    def made(signature: Any) -> Any:
-        on = gc.isenabled()
-        gc.disable()
-        try:
-            return make(signature)
-        finally:
-            if on:
-                gc.enable()
 
-    return made  # type: ignore[return-value]
+@cache
+def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
+    """Return whether machine code of a kernel is in numba's cache on disk.
+
+    Loading it takes up to one second, compiling up to 12 s. Loads numba. Code that another process adds to the cache
+    later is ignored.
+    """
+    if not have_numba():
+        return False
+    try:
+        return bool(dispatcher(function, inline)._cache._cache_file._load_index())
+    except (AttributeError, OSError):  # another version of numba, or no writable folder for the cache
+        return False
+
+
+def worth(function: Callable[..., Any], work: float, warm: float, cold: float, inline: bool = False) -> bool:
+    """Return whether `work` justifies loading or compiling the machine code of a kernel.
+
+    Parameters
+    ----------
+    work : float
+        Remaining work, or the work done so far if the remaining work is unknown, in any unit.
+    warm, cold : float
+        Work in the same unit that takes as long as loading the code from disk, and as compiling it.
+    """
+    if work < warm or not have_numba():
+        return False
+    return work >= cold or in_memory(function, inline) or on_disk(function, inline)
+
+
+class Toll:
+    """Interpreted time of a kernel in this process, which decides when to compile it.
+
+    The length of a run is unknown in advance. Compilation starts once the time spent interpreted equals the time that
+    loading or compiling takes. The total is then at most about twice the time of the best choice.
+
+    Parameters
+    ----------
+    function : kernel
+        The kernel.
+    warm, cold : float
+        Time in s to load its machine code from disk, and to compile it.
+    """
+
+    spent: dict[Any, float] = {}  # noqa: RUF012  shared by all runs of a process
+
+    def __init__(self, function: Callable[..., Any], warm: float, cold: float) -> None:
+        self.function, self.warm, self.cold, self.since = function, warm, cold, process_time()
+
+    def lap(self) -> float:
+        """Add the time since the last call to the time spent on the kernel, and return the total in s."""
+        now = process_time()
+        total = self.spent[self.function] = self.spent.get(self.function, 0.0) + now - self.since
+        self.since = now
+        return total
+
+    def due(self, ahead: float = 0.0) -> bool:
+        """Return whether to continue with machine code if at least `ahead` more seconds will be spent."""
+        return in_memory(self.function) or worth(self.function, self.lap() + ahead, self.warm, self.cold)
+
+
+def interpreted(function: F) -> F:
+    """Return the kernel itself. Counterpart of `compiled` for interpreted runs."""
+    return function
+
+
+def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[..., Any]:
+    """Return the compiled version of a kernel, in which the kernels that it calls are compiled as well.
+
+    numba caches the machine code on disk beside the source, under a name that changes with the code of the kernel, of
+    all kernels that it calls, and of the compiler pipeline. A kernel cannot create arrays.
+
+    Parameters
+    ----------
+    inline : bool
+        Inline the kernels that it calls, except for those marked `rare`. This is faster for many short kernels, but
+        takes longer to compile.
+
+    Raises
+    ------
+    ImportError
+        If numba is not installed, or disabled.
+    """
+    if on_making and not on_disk(function, inline):
+        on_making.pop()()
+    return dispatcher(function, inline)  # type: ignore[no-any-return]
 
 
 def _callees(function: Callable[..., Any]) -> dict[str, Callable[..., Any]]:
-    """Return the kernels that `function` calls, by name."""
+    """Return the kernels that `function` calls, by their names."""
     scope = function.__globals__
     return {name: scope[name] for name in _globals_read(function.__code__) if _is_kernel(scope.get(name))}
 
@@ -328,22 +456,22 @@ def _is_kernel(value: Any) -> bool:
 
 @cache
 def _globals_read(code: types.CodeType) -> tuple[str, ...]:
-    """Return the names of the globals that a function's code reads, each once; to read it takes .5 ms."""
+    """Return the distinct names of the globals that a code object reads (0.5 ms without the cache)."""
     return tuple(dict.fromkeys(i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"))
 
 
 @cache
 def _read_below(function: Callable[..., Any]) -> frozenset[str]:
-    """Return the names of the globals that a kernel and all kernels it calls read."""
+    """Return the names of the globals that a kernel and all kernels that it calls read."""
     return frozenset(_globals_read(function.__code__)).union(*map(_read_below, _callees(function).values()))
 
 
 @cache
-def _checksum(function: Callable[..., Any]) -> int:
-    """Return a checksum of the code of a kernel, of the constants it reads, and of all kernels it calls."""
+def checksum(function: Callable[..., Any]) -> int:
+    """Return a checksum of the code of a kernel, of the constants that it reads, and of all kernels that it calls."""
     code, scope = function.__code__, function.__globals__
     constants = [x for x in code.co_consts if x != function.__doc__ and not isinstance(x, types.CodeType)]
     values = [scope.get(name) for name in _globals_read(code)]
     read = [value for value in values if isinstance(value, (int, float, str, tuple))]
-    below = [_checksum(callee) for callee in _callees(function).values()]
-    return crc32(repr((constants, code.co_names, read, below, MANNER, version())).encode(), crc32(code.co_code))
+    below = [checksum(callee) for callee in _callees(function).values()]
+    return crc32(repr((constants, code.co_names, read, below)).encode(), crc32(code.co_code))

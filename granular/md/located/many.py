@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular._engine.check import Array
-from granular._engine.held import WORDS, held
-from granular._engine.kernels import compiled, interpreted, kernel
+from granular._engine.kernels import REFERENCE_WORDS, by_reference, compiled, interpreted, kernel
 from granular._engine.records import play
 from granular.md.located.blocks import advance, expose_all, gather, set_out
 from granular.md.located.log import keep_unsettled
@@ -159,7 +158,7 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
-    seen, many, i, room = np.zeros((3, last.shape[-1])), s, 0, np.zeros(WORDS, np.int64)
+    seen, many, i, room = np.zeros((3, last.shape[-1])), s, 0, np.zeros(REFERENCE_WORDS, np.int64)
     given: Any = end, COMPILED, result, last, seen
     kernels: Any = compiled  # for types of a single run: less to compile
     if engine == "plain":
@@ -199,7 +198,7 @@ def scene_of(many: Any, i: int, room: Any) -> Any:
     """Return the records of scene i, which shares pool, queue and log with the others; noted in a `room`."""
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
     rest = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None
-    return held(Fields(*own, *rest), room)
+    return by_reference(Fields(*own, *rest), room)
 
 
 @kernel

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.held import Held
-from granular._engine.kernels import RING, kernel
+from granular._engine.kernels import RING, ByReference, kernel
 from granular._engine.records import NODE, packed, plain, tournament
 from granular._engine.roots import DEEPEST, workspace
 from granular.laws.kinds import SceneLaws, alike
@@ -49,7 +48,7 @@ from granular.scene.state import Scene
 Fields = namedtuple("Fields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
 
 
-class System(Held, Fields):
+class System(ByReference, Fields):
     """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the
     `field` of flights: `Walls` that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
 
