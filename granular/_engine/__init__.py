@@ -1,6 +1,6 @@
 """Kernels, records, roots, argument checks and files that all rooms use.
 
-Nothing here knows scenes, laws or engines.
+Modules of this room do not depend on scenes, laws or engines.
 
 Main line: `flight`.
 A first reader may skip: `check`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`, `progress`,

@@ -1,4 +1,6 @@
-"""Force laws, collision rules, walls and scenes as JSON: a word and numbers, nothing that could run code from a file.
+"""Force laws, collision rules, walls and scenes as JSON: a word and numbers.
+
+Reading such a description never runs code from the file.
 """
 
 from __future__ import annotations
@@ -34,9 +36,9 @@ PLACES = {
         "thermal": "granular.scene.walls.thermal:Thermal",
     },
 }
-"""What a file may ask for, and where it stands: nothing else is ever made from a file, no function above all."""
+"""Classes that a file can name, by words. No other object is created from a file."""
 WORDS = {place: word for kind in PLACES.values() for word, place in kind.items()}
-"""The words of the places."""
+"""Word of each class, by its place."""
 OLDER = {f"granular.{place}": word for place, word in {
     "laws.dashpot:LinearDashpot": "linear-dashpot",
     "laws.hertz:Hertz": "hertz",
@@ -59,11 +61,14 @@ OLDER = {f"granular.{place}": word for place, word in {
     "walls.sine:Sine": "sine",
     "walls.piecewise:Piecewise": "piecewise",
 }.items()}
-"""The places by which files of formats 1 and 2 named these classes, without the name of the package: a fixed list."""
+"""Places of these classes in files of formats 1 and 2, with their words."""
 
 
 def to_json(physics: Any) -> dict[str, Any]:
-    """Word and numbers of a law, rule or wall; of one's own, and of a function, only the name."""
+    """Return the word and the numbers of a law, rule or wall.
+
+    For a user-defined class, and for a function, only the name is returned.
+    """
     kind = type(physics)
     place = f"{kind.__module__}:{kind.__qualname__}"
     described: dict[str, Any] = {"class": WORDS.get(place, place), "shown": plain_text(repr(physics))}
@@ -85,26 +90,26 @@ def _as_json(value: Any) -> Any:
 
 
 def scene_to_json(scene: Any) -> dict[str, Any]:
-    """The numbers of a scene, with the word inf for the mass of a wall."""
+    """Return the numbers of a scene, with the word inf for the mass of a wall."""
     return _numbers(scene) | {"mass": ["inf" if m == np.inf else m for m in scene.mass.tolist()]}
 
 
 def by_words(text: str) -> str:
-    """JSON text of a release that called classes by their places, as it is written now."""
+    """Return JSON text of an older format with words instead of places."""
     for place, word in OLDER.items():
         text = text.replace(f'"{place}"', f'"{word}"')
     return text
 
 
 def from_json(what: str, value: Any) -> Any:
-    """Make the law, rule or wall (`what`) that `to_json` described.
+    """Return the law, rule or wall (`what`) that `to_json` described.
 
     Raises
     ------
     LookupError
-        With its text if it is not of this package.
+        If it is a user-defined class. The message is its description.
     TypeError, ValueError
-        If it is none of `PLACES`, has other fields, or values that its class refuses.
+        If it is not in `PLACES`, has other fields, or values that its class refuses.
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
         raise ValueError(f"{what} is described by {plain_text(repr(value), 60)}: a class and its fields are needed.")
@@ -124,7 +129,7 @@ def from_json(what: str, value: Any) -> Any:
 
 
 def _value(value: Any) -> Any:
-    """A number, a tuple of such, or the laws that a rule is made of."""
+    """Return a number, a tuple of numbers, or the laws of a rule."""
     if isinstance(value, list):
         return tuple(map(_value, value))
     return from_json("law", value) if isinstance(value, dict) else value

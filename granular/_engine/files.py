@@ -1,5 +1,7 @@
-"""Files written whole or not at all, with their format and their provenance; numbers as JSON has them; arrays of an
-``.npz`` file: what each is, and how large, is known before memory is taken for any.
+"""Files: atomic writing, formats, provenance, JSON numbers, ``.npz`` archives.
+
+Files are written completely or not at all. The kind and the size of each array in an archive are checked before memory
+is allocated.
 """
 
 from __future__ import annotations
@@ -19,36 +21,42 @@ import numpy as np
 from granular._engine.package import VERSION
 
 FORMAT = 3
-"""Number of the format that files are written in; those without one, of releases before it had a number, are 1. Until 2
-laws, rules and walls were called by the places of their classes, since then by words."""
+"""Number of the current file format.
+
+Files without a number are of format 1. Up to format 2, laws, rules and walls were named by the places of their
+classes, since then by words.
+"""
 STDOUT = "/dev/stdout"
 FORMAT_BYTES = 1 << 20
-"""More than a format takes besides its numbers."""
+"""Upper bound of the bytes that a format takes besides its numbers."""
 LONGEST = 500
-"""Characters of a text from a file that are shown."""
+"""Maximum length of a text from a file that is shown."""
 DENSEST, ROOM = 1032, 4096
-"""Bytes that one byte of a deflated member can stand for at most, and the head of a small one."""
+"""Largest expansion of a deflated byte, and size of a small header."""
 Head: TypeAlias = tuple[np.dtype[Any], tuple[int, ...]]
 """Kind and shape of an array."""
 
 
 def plain_text(text: str, most: int = LONGEST) -> str:
-    """Return a text for terminal and page: blanks for what controls or turns it, and no more than `most` characters."""
+    """Return a text for terminal and page, without control characters.
+
+    Characters that control or turn text become blanks, and the text is shortened to `most` characters.
+    """
     shown = "".join(c if c.isprintable() else " " for c in text[: most + 1])
     return shown if len(text) <= most else shown[: most - 1] + "…"
 
 
 def write(path: str | os.PathLike[str], fill: Callable[[str], object]) -> None:
-    """Let `fill` write a draft, then make it the file `path`; on failure nothing is left behind.
+    """Let `fill` write a draft, then move it to `path`. Failure leaves no trace.
 
-    The draft of a plain file stands beside it and is moved into its place, with the mode of the file that was there; a
-    link stays a link, to a new file. Into devices, pipes and open files (``/dev/stdout``, ``/dev/fd/3``) the draft is
-    copied: they are never replaced.
+    The draft of a regular file is beside it and has the mode of the file that it replaces. A link remains a link, to a
+    new file. For devices, pipes and open files (``/dev/stdout``, ``/dev/fd/3``) the draft is copied: they are never
+    replaced.
 
     Raises
     ------
     OSError
-        With the path and the reason if it cannot be written.
+        If the file cannot be written, with the path and the reason.
     """
     given = os.path.abspath(checked_path("output path", path))
     if os.path.isdir(given):
@@ -63,14 +71,14 @@ def write(path: str | os.PathLike[str], fill: Callable[[str], object]) -> None:
 
 
 def checked_path(name: str, path: Any) -> str:
-    """Return a path as text if it is one: a number would be an open file of the process."""
+    """Return a path as text. Numbers are refused: they would be open files."""
     if not isinstance(path, (str, bytes, os.PathLike)):
         raise TypeError(f"{name} is {path!r}: the name of a file is needed.")
     return os.fsdecode(path)
 
 
 def checked_source(name: str, path: Any) -> str:
-    """Return a path as text if a file can be read from there; a device or a pipe might have no end."""
+    """Return the path of a file that can be read. Devices and pipes may be endless."""
     text = checked_path(name, path)
     if os.path.exists(text) and not (os.path.isfile(text) or os.path.isdir(text)):
         raise ValueError(f"{name} is {text!r}: a plain file is needed, this is a device or a pipe.")
@@ -78,7 +86,7 @@ def checked_source(name: str, path: Any) -> str:
 
 
 def check_writable(name: str) -> None:
-    """Raise if no file can be written there, before what it is to hold is computed."""
+    """Raise an error if no file can be written there, before a long computation."""
     if is_stream(name) and os.access(name, os.W_OK) and not os.path.isdir(name):
         return
     import tempfile
@@ -97,7 +105,7 @@ def check_writable(name: str) -> None:
 
 
 def is_stream(path: str | os.PathLike[str]) -> bool:
-    """Whether `path` is there and no plain file, or names an open file of a process: to be written into as it is."""
+    """Whether `path` is a device, a pipe or an open file, which is written in place."""
     if os.path.exists(path) and not os.path.isfile(path):
         return True
     name = os.path.abspath(os.fspath(path))
@@ -111,7 +119,7 @@ def is_stream(path: str | os.PathLike[str]) -> bool:
 
 
 def _replace(target: str, fill: Callable[[str], object]) -> None:
-    """Move a draft onto the plain file `target`, or the one that it links to."""
+    """Move a draft to the regular file `target`, or to the file that it links to."""
     target = os.path.realpath(target)
     folder, name = os.path.split(target)
     stem, ending = os.path.splitext(name)
@@ -129,7 +137,10 @@ def _replace(target: str, fill: Callable[[str], object]) -> None:
 
 
 def check_room(draft: str, size: int) -> None:
-    """Raise the system's own `OSError` if a file cannot hold so many bytes, and those of its format."""
+    """Raise the system's `OSError` without space for a file of `size` bytes.
+
+    The bytes of its format are added.
+    """
     with open(draft, "wb") as file:
         for _ in range(0, size + FORMAT_BYTES, FORMAT_BYTES):
             file.write(bytes(FORMAT_BYTES))
@@ -150,19 +161,19 @@ def _pour(stream: str, fill: Callable[[str], object]) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` in UTF-8, whole or not at all."""
+    """Write `text` in UTF-8, completely or not at all."""
     write(path, lambda draft: Path(draft).write_text(text, encoding="utf-8"))
 
 
 def write_json(path: str | os.PathLike[str], values: Any, indent: int | None = 1) -> None:
-    """Write `values` as JSON, whole or not at all."""
+    """Write `values` as JSON, completely or not at all."""
     import json
 
     write_text(path, json.dumps(plain(values), indent=indent, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def plain(value: Any) -> Any:
-    """The same for JSON: lists for arrays and tuples, plain numbers for numpy's, None for nan and inf."""
+    """Convert values for JSON: arrays and tuples to lists, nan and inf to None."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
@@ -173,12 +184,14 @@ def plain(value: Any) -> Any:
 
 
 def write_figure(path: str | os.PathLike[str] | None, figure: Any, dpi: int) -> Any:
-    """Save a matplotlib figure in the format of the file's ending, whole or not at all; without a path, return it.
+    """Save a matplotlib figure in the format of the file's suffix, or return it.
+
+    Without a path the figure is returned. Files are written completely or not at all.
 
     Raises
     ------
     OSError, ValueError
-        If the file cannot be written, or has no ending that matplotlib knows.
+        If the file cannot be written, or if matplotlib does not know its suffix.
     """
     if path is None:
         return figure
@@ -188,7 +201,7 @@ def write_figure(path: str | os.PathLike[str] | None, figure: Any, dpi: int) -> 
 
 
 def check_picture(path: str | os.PathLike[str]) -> None:
-    """Raise `ValueError` unless the ending of `path` is a format that matplotlib writes."""
+    """Raise `ValueError` unless matplotlib writes files with the suffix of `path`."""
     from matplotlib.backend_bases import FigureCanvasBase
 
     ending = os.path.splitext(checked_path("path", path))[1][1:]
@@ -198,11 +211,13 @@ def check_picture(path: str | os.PathLike[str]) -> None:
 
 
 class Later(ValueError):
-    """A file that a later version has written."""
+    """Error for a file of a later version."""
 
 
 def check_ending(path: str | os.PathLike[str], needed: str) -> None:
-    """Raise `ValueError` unless the name of a file has the ending that tells its format; a device or a pipe needs none.
+    """Raise `ValueError` unless the file name has the suffix of its format.
+
+    Devices and pipes need no suffix.
     """
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str) or "\0" in name or not (name.lower().endswith(needed) or is_stream(name)):
@@ -210,7 +225,7 @@ def check_ending(path: str | os.PathLike[str], needed: str) -> None:
 
 
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
-    """Raise `Later` for a file of a later format, or with contents that this version does not know."""
+    """Raise `Later` for a file of a later format, or with unknown contents."""
     name = os.fspath(path)
     if not isinstance(number, int) or not 1 <= number <= FORMAT:
         shown = plain_text(repr(number), 60)
@@ -221,7 +236,7 @@ def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[st
 
 @cache
 def version_of(package: str) -> str | None:
-    """Version of an installed package."""
+    """Return the version of an installed package, or None."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -231,7 +246,7 @@ def version_of(package: str) -> str | None:
 
 
 def provenance() -> dict[str, Any]:
-    """Format of the file, versions and platform, so that a number can be traced."""
+    """Return format, versions and platform, which make a number traceable."""
     import platform
 
     packages = ("numpy", "scipy", "numba", "sortedcontainers")
@@ -240,11 +255,14 @@ def provenance() -> dict[str, Any]:
 
 
 class Foreign(ValueError):
-    """A file that is no archive of arrays, is cut short or damaged, or has other sizes than it says."""
+    """Error for a file that is not a complete, undamaged archive of arrays."""
 
 
 def heads(file: IO[bytes]) -> dict[str, Head]:
-    """Return the heads of all arrays of an open file by name; none is of objects, none larger than its head says."""
+    """Return the headers of all arrays of an open file by name.
+
+    Arrays of objects are refused, and arrays larger than their header states.
+    """
     with _opened(file) as archive:
         members, size = archive.infolist(), file.seek(0, os.SEEK_END)
         sound = all(info.compress_type in (0, 8) and info.file_size <= DENSEST * info.compress_size + ROOM
@@ -269,7 +287,7 @@ def arrays(file: IO[bytes]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(file: IO[bytes]) -> Iterator[Any]:
-    """Open an archive; what zipfile and numpy raise, a dozen kinds, says that it is none."""
+    """Open an archive. All errors of zipfile and numpy become `Foreign`."""
     from zipfile import ZipFile
 
     try:

@@ -1,8 +1,8 @@
-"""Free flight of one gap: when it closes, and how far it has got.
+"""Free flight of one gap: time to contact, gap and rate.
 
-The gap's acceleration is ``-a``: a = g above a floor, 0 between two balls, -g below a ceiling (`Scene.pull`). Between
-two pendula that hang apart by d at rest it is Ω² (d - gap): these flights are called hung.
-`rate` is the gap's rate of change, negative when closing. Forms are chosen so that no digits cancel.
+The acceleration of the gap is ``-a``: a = g above a floor, 0 between two balls, -g below a ceiling (`Scene.pull`).
+Between two pendula with the gap d at rest it is Ω² (d - gap). These flights are called hung. `rate` is the rate of
+change of the gap in m/s, negative while it closes. All formulas avoid the cancellation of digits.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from granular._engine.kernels import kernel
 
 @kernel
 def time_to_contact(gap: float, rate: float, a: float) -> float:
-    """Return the time until a non-negative `gap` closes, inf if it never does.
+    """Return the time in s until a non-negative `gap` closes, or inf.
 
-    With s = √(rate² + 2·a·gap): 2·gap/(s - rate) while closing, (rate + s)/a while opening. (The textbook root
-    -(rate - s)/a without branches loses half its digits after every bounce.)
+    With s = √(rate² + 2·a·gap) it is 2·gap/(s - rate) while closing, and (rate + s)/a while opening. (The textbook root
+    -(rate - s)/a without cases loses half of its digits after every bounce.)
     """
     if a == 0.0:
         return gap / -rate if rate < 0.0 else math.inf
@@ -26,24 +26,28 @@ def time_to_contact(gap: float, rate: float, a: float) -> float:
         s = math.sqrt(rate * rate + 2.0 * a * gap)
         if rate > 0.0:
             return (rate + s) / a
-        return 2.0 * gap / (s - rate) if s > 0.0 else math.inf  # gap = rate = 0: at rest on the wall
+        return 2.0 * gap / (s - rate) if s > 0.0 else math.inf  # gap = rate = 0: the ball rests on the wall
     square = rate * rate + 2.0 * a * gap
-    if rate >= 0.0 or square < 0.0:
+    if rate >= 0.0 or square < 0.0:  # opening, or the apex is below contact
         return math.inf
     return 2.0 * gap / (math.sqrt(square) - rate)
 
 
 @kernel
 def gap_after(gap: float, rate: float, a: float, dt: float) -> float:
-    """Return the gap after a flight of `dt`; rounding may make a closing gap negative, so callers clamp at 0."""
+    """Return the gap in m after a flight of `dt` s.
+
+    Rounding can make a closing gap negative, so that callers clamp it at 0.
+    """
     return gap + rate * dt if a == 0.0 else gap + dt * (rate - 0.5 * a * dt)
 
 
 @kernel
 def rate_at_contact(gap: float, rate: float, a: float) -> float:
-    """Return the (negative) rate with which the gap closes, from the state and not from the rounded time.
+    """Return the (negative) rate in m/s with which the gap closes.
 
-    A bounce so low that the time of the next one rounds to the current one would otherwise seem to recede.
+    It follows from the state, not from the rounded time. Otherwise a bounce so low that its time rounds to the current
+    time would seem to recede.
     """
     if a == 0.0:
         return rate
@@ -53,10 +57,11 @@ def rate_at_contact(gap: float, rate: float, a: float) -> float:
 
 @kernel
 def hung(gap: float, rate: float, omega: float, d: float) -> float:
-    """Return the time until a non-negative `gap` between pendula closes, inf if it never does.
+    """Return the time in s until a non-negative `gap` between pendula closes, or inf.
 
-    With u = rate/Ω, a = 2d - gap and τ = tan(Ωt/2) it closes where aτ² + 2uτ + gap = 0: by the root in which no digits
-    cancel, as those of atan2 and acos would where the gap is small. Balls that touch at rest, d = 0, turn by Ωt.
+    With u = rate/Ω, a = 2d - gap and τ = tan(Ωt/2) the gap closes where aτ² + 2uτ + gap = 0. The root without
+    cancellation is used, whereas atan2 and acos would cancel for small gaps. For balls that touch at rest, d = 0, the
+    angle is Ωt.
     """
     if d == 0.0 and rate != 0.0:
         turn = math.atan(omega * gap / -rate)
@@ -75,9 +80,10 @@ def hung(gap: float, rate: float, omega: float, d: float) -> float:
 
 @kernel
 def hung_after(gap: float, rate: float, omega: float, d: float, dt: float) -> tuple[float, float]:
-    """Return gap and rate after a flight of `dt` between pendula; a closing gap may round below 0, so clamp it.
+    """Return gap and rate after a flight of `dt` s between pendula.
 
-    In the τ, u and a of `hung` the gap becomes (gap + 2uτ + aτ²) / (1 + τ²): one tangent, not two sines and a cosine.
+    With τ, u and a of `hung` the gap is (gap + 2uτ + aτ²) / (1 + τ²), which takes one tangent instead of two sines and
+    a cosine. Rounding can make a closing gap negative, so that callers clamp it at 0.
     """
     t = math.tan(0.5 * omega * dt)
     share = 1.0 / (1.0 + t * t)
@@ -87,13 +93,16 @@ def hung_after(gap: float, rate: float, omega: float, d: float, dt: float) -> tu
 
 @kernel
 def hung_rate_at_contact(gap: float, rate: float, omega: float, d: float) -> float:
-    """Return the (negative) rate with which a gap between pendula closes, from the state and not from the time."""
+    """Return the (negative) rate with which a gap between pendula closes.
+
+    It follows from the state, not from the rounded time.
+    """
     square = rate * rate - omega * omega * (2.0 * d - gap) * gap
     return -math.sqrt(square) if square > 0.0 else 0.0
 
 
 @kernel
 def swung(body: Any, omega: float, dt: float) -> tuple[float, float]:
-    """Return velocity and `fall` of a body that has swung freely for a time `dt` after its clock."""
+    """Return velocity and `fall` of a pendulum after a free swing of `dt` s."""
     cosine, sine = math.cos(omega * dt), math.sin(omega * dt)
     return body.v * cosine - body.fall / omega * sine, body.fall * cosine + body.v * omega * sine

@@ -145,7 +145,7 @@ class ReferenceAttribute(AttributeTemplate):  # type: ignore[misc]
     key = Reference
 
     def generic_resolve(self, reference: Any, name: str) -> Any:
-        """Return the type of a field, or None if there is no such field."""
+        """Return the type of a field, or None for an unknown name."""
         return reference.fields[reference.names.index(name)] if name in reference.names else None
 
 

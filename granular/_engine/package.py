@@ -1,4 +1,4 @@
-"""Name, version and extras of this package, and names of a package that are imported when they are first used."""
+"""Name, version and extras of this package, and lazy attributes of packages."""
 
 from __future__ import annotations
 
@@ -8,24 +8,27 @@ from importlib import import_module
 from typing import Any
 
 NAME = "granular-collisions"
-"""For pip: the package index has another `granular`, which installs a folder of the same name."""
+"""Name for pip. The package index has another `granular` with the same folder."""
 VERSION = "0.2.0"
 EXTRAS = {"fast": "numba", "plot": "matplotlib", "sweep": "xarray netCDF4 pandas"}
-"""Packages that only some tasks need, by the extra that installs them."""
+"""Optional packages, by the extra that installs them."""
 
 
 def install(extra: str) -> str:
-    """Return the line that installs an extra, also where this package was installed from a folder."""
+    """Return the command that installs an extra.
+
+    It also holds after an installation from a folder.
+    """
     return f"pip install '{NAME}[{extra}]'"
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package.
+    """Return the ``__getattr__`` of a package, which imports names at their first use.
 
     Parameters
     ----------
     package : str
-        Its ``__name__``.
+        ``__name__`` of the package.
     homes : mapping of str to str
         Names by the module that defines them, separated by spaces, such as {"granular.scene": "Pair Scene"}. The last
         part of a module's own name stands for the module.

@@ -1,4 +1,6 @@
-"""Progress reporting: a bar of tqdm where it is installed and the user watches, otherwise a line every 30 s on stderr.
+"""Progress reporting on standard error.
+
+A bar of tqdm if it is installed and standard error is a terminal, otherwise a line every 30 s.
 """
 
 from __future__ import annotations
@@ -13,29 +15,29 @@ from importlib.util import find_spec
 from granular._engine import check
 
 INTERVAL = 30.0
-"""Seconds between two lines."""
+"""Time in s between two lines."""
 DELAY = 2.0
-"""Seconds before a bar is shown."""
+"""Time in s before a bar is shown."""
 BAR = "{l_bar}{bar}| {elapsed}<{remaining}{postfix}"
 Told = Callable[[float, int], object]
-"""Callback of progress: time in s or share, and number of things done."""
+"""Progress callback: time reached in s or share, and number of things done."""
 
 
 def shown(
     progress: bool, on_progress: Told | None, things: str = "contacts", end: float = 1.0, start: float = 0.0
 ) -> AbstractContextManager[Told | None]:
-    """Check both options of a function that takes long; return the callback that reports, as a context.
+    """Check both progress options of a function and provide the progress callback.
 
     Parameters
     ----------
     progress : bool
         Whether to show a bar or lines.
     on_progress : callable or None
-        The callback of the user, which is called as well.
+        Callback of the user, which is called as well.
     things : str
-        What is counted: "contacts" of a run, or parts of some work, such as "cells".
+        Things that are counted: "contacts" of a run, or parts of other work, such as "cells".
     end, start : float
-        Times in s of a run; 1 and 0 for work that reports its share. An infinite end is not known.
+        Times in s of a run, or 1 and 0 for work that reports its share. An infinite end is unknown.
     """
     tell = check.callback("on_progress", on_progress, "reached", "count")
     return _reported(tell, things, end, start) if check.truth("progress", progress) else nullcontext(tell)

@@ -1,11 +1,11 @@
-"""State for two speeds: numpy records for compiled code, plain objects with the same fields for interpreted code;
-and who is due next: a tournament tree of such records.
+"""Records for compiled and interpreted kernels, and the event queue.
 
-Kernels read ``pairs[c].gap`` from either, so one source serves both, with the same bits.
+Records are numpy records in compiled code, and plain objects with the same fields in interpreted code. Kernels read
+``pairs[c].gap`` from either, so that one source serves both, with bitwise identical results.
 
-Node i of a tree holds what wins between nodes 2i and 2i + 1, its time and its key; node 1 holds what is due first. The
-leaves are the second half of the tree, in the order of their owners. The earlier time wins; of equal times, the lower
-key.
+The event queue is a tournament tree over such records. Node i holds the earlier one of nodes 2i and 2i + 1, with its
+time and its key, and node 1 holds the next event. The leaves are the second half of the tree, in the order of their
+owners. Of equal times the lower key comes first.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from granular._engine.kernels import kernel
 Records = Any
 """An array of records (compiled), or a list of plain objects (interpreted)."""
 Record = Any
-"""One of them."""
+"""A single record."""
 NODE = np.dtype([("due", float), ("key", int)], align=True)
 LAST = 1 << 62
-"""Key of the empty leaves, behind all others."""
+"""Key of empty leaves, larger than all others."""
 FEW = 64
-"""Records that are made plain, or put in order, without looking whether that can be done better."""
+"""Number of records up to which simple conversion and sorting are used."""
 
 
 def plain(records: Records) -> list[Any]:
-    """Return records as plain objects with the same fields, row by row; those that are plain stay."""
+    """Convert records to plain objects with the same fields. Plain objects stay."""
     if isinstance(records, list):
         return records
     if records.ndim > 1:
@@ -46,7 +46,10 @@ def plain(records: Records) -> list[Any]:
 
 
 def packed(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[Any, Any]:
-    """Return plain objects as an array of records (of `dtype`, if they do not say it); an array stays."""
+    """Convert plain objects to an array of records. An array stays.
+
+    `dtype` is needed if the objects do not contain it.
+    """
     if isinstance(objects, np.ndarray):
         return objects
     if dtype is None:
@@ -55,7 +58,7 @@ def packed(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[A
 
 
 def copied(records: Records) -> Records:
-    """Return a copy of records of either kind, with all that they hold."""
+    """Return a deep copy of records of either kind."""
     if isinstance(records, np.ndarray):
         return np.frombuffer(bytearray(records.tobytes()), records.dtype) if records.size else records.copy()
     held = map(_fields_of(type(records[0]).dtype), records) if records else ()
@@ -63,35 +66,34 @@ def copied(records: Records) -> Records:
 
 
 def taken(records: Records, numbers: Any) -> Records:
-    """Return some records: of an array copies, of a list they themselves."""
+    """Return the records with some numbers: copies from an array, not from a list."""
     return records[numbers] if isinstance(records, np.ndarray) else [records[i] for i in numbers.tolist()]
 
 
 def raw(records: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return a view of the records as so many bytes each, which numpy copies at once and not field by field."""
+    """Return a view of the records as raw bytes, which numpy copies in one step."""
     return records.view(np.dtype((np.void, records.dtype.itemsize)))
 
 
 def one(records: np.ndarray[Any, Any]) -> Any:
-    """Return the only record of an array: compiled and interpreted code read and write its fields by name.
+    """Return the only record of an array, with fields as attributes.
 
-    What is interpreted in either case does so four times as fast by ``record["name"]``, which plain objects know too.
-
-    No field may have a name that records have for something else, such as ``base`` or ``size``.
+    Interpreted code is four times as fast with ``record["name"]``, which plain objects support as well. No field may
+    have a name that records use otherwise, such as ``base`` or ``size``.
     """
     return records.view(_of_one(records.dtype))[0]
 
 
 @cache
 def _of_one(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the type of the only record of an array: numpy's own for that takes four times as long."""
+    """Return the type of the only record of an array, four times as fast as numpy's."""
     fields = {name: property(itemgetter(name)) for name in dtype.names or ()}
     assert not any(hasattr(np.void, name) for name in fields)
     return np.dtype((type("Record", (np.void,), fields | {"__setattr__": np.void.__setitem__}), dtype))
 
 
 def column(records: Records, name: str) -> np.ndarray[Any, Any]:
-    """Return one field of all records: a view of an array, a copy of what plain objects hold."""
+    """Return one field of all records: a view of an array, a copy from plain objects."""
     if isinstance(records, np.ndarray):
         return records[name]
     return np.fromiter(map(attrgetter(name), records), type(records[0]).dtype[name], len(records))
@@ -99,7 +101,7 @@ def column(records: Records, name: str) -> np.ndarray[Any, Any]:
 
 @cache
 def _fields_of(dtype: np.dtype[Any]) -> Callable[[Any], tuple[Any, ...]]:
-    """Return what reads all fields of a plain object."""
+    """Return a function that reads all fields of a plain object."""
     return attrgetter(*(dtype.names or ()))
 
 
@@ -114,7 +116,7 @@ def twin(dtype: np.dtype[Any]) -> Any:
 
 
 def tournament(n: int) -> np.ndarray[Any, Any]:
-    """Return the tree of `n` owners with their numbers as keys, none of which is ever due."""
+    """Return the tree of `n` owners with their numbers as keys, without events."""
     leaves = 1 << max(0, n - 1).bit_length()
     tree = np.empty(2 * leaves, NODE)
     tree["due"], tree["key"] = math.inf, LAST
@@ -124,22 +126,23 @@ def tournament(n: int) -> np.ndarray[Any, Any]:
 
 @kernel
 def leaf(tree: Records, owner: int) -> Record:
-    """Return the leaf of an owner; a change of it counts once `replay` is called."""
+    """Return the leaf of an owner. Call `replay` after changing it."""
     return tree[len(tree) // 2 + owner]
 
 
 @kernel
 def play(tree: Records, owner: int, due: float) -> None:
-    """Let an owner be due at another time, O(log n)."""
+    """Set the time of an owner's event, in O(log n)."""
     leaf(tree, owner).due = due
     replay(tree, owner, owner)
 
 
 @kernel
 def replay(tree: Records, first: int, last: int) -> None:
-    """Play the matches above the leaves of owners `first` … `last` again, O(log n) if they are few.
+    """Update the tree above the leaves `first` … `last`, in O(log n) for few leaves.
 
-    Who wins cannot be foretold, so nothing branches on it; and times, of which the keys wait, wait for no key.
+    The outcome of a comparison is unpredictable for the processor. The code therefore avoids branches. Times do not
+    depend on keys, so that they are computed first.
     """
     low, high = (len(tree) // 2 + first) >> 1, (len(tree) // 2 + last) >> 1
     while low < high:

@@ -1,5 +1,7 @@
-"""What reports and figures share: tables for the terminal, numbers with units, JSON with provenance;
-how a figure begins, its colours and its sizes, 8 pt and columns as in Physical Review.
+"""Common parts of reports and figures.
+
+Tables for the terminal, numbers with units, JSON with provenance, and the style of figures: colours, and sizes as in
+Physical Review (8 pt, columns).
 """
 
 from __future__ import annotations
@@ -18,19 +20,19 @@ from granular._engine.check import optional
 from granular._engine.package import VERSION
 
 Rows = Sequence[Sequence[str]]
-"""Rows of words, the first row the heads."""
+"""Rows of a table as text. The first row is the header."""
 LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
 HARD, SOFT = "#c1440e", "#1f4e79"
-"""Colours of hard and soft spheres, told apart also in grey print."""
+"""Colours of hard and soft spheres, which also differ in grey print."""
 GREY = "#8a8a8a"
 COLUMN, PAGE = 3.4, 7.0
 """Widths in inches."""
 
 
 class Report:
-    """What a study found: `_numbers` are all of it, `to_dict` makes them ready for JSON, `to_json` writes them."""
+    """Result of a study. `_numbers` are all numbers, ready for JSON by `to_dict`."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers with provenance, ready for JSON (nan and inf become None)."""
@@ -39,7 +41,7 @@ class Report:
         return dict(files.plain({"provenance": files.provenance(), **self._numbers()}))
 
     def to_json(self, path: str | os.PathLike[str]) -> None:
-        """Write `to_dict` to a file, whole or not at all."""
+        """Write `to_dict` to a file, completely or not at all."""
         from granular._engine import files
 
         files.write_json(path, self.to_dict())
@@ -54,17 +56,17 @@ class Report:
         return html(self._headline, more=self._whole(), picture=_picture(self))
 
     def _whole(self) -> str:
-        """All that there is to read."""
+        """Return the full text."""
         return str(self)
 
     @property
     def _headline(self) -> str:
-        """What was found, in one line."""
+        """The result in one line."""
         return str(self).partition("\n")[0]
 
 
 def problem(report: Any) -> dict[str, Any]:
-    """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
+    """Return the problem for JSON: the complete scene, the laws, and the end."""
     from granular._engine.describe import scene_to_json
 
     return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
@@ -72,12 +74,12 @@ def problem(report: Any) -> dict[str, Any]:
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process can use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine() -> dict[str, Any]:
-    """Return where run times are measured: processor, cores this process may use, system, and versions."""
+    """Return processor, available cores, system and versions, for run times."""
     from granular._engine import files
 
     packages = ("numpy", "scipy", "numba", "mpmath")
@@ -91,7 +93,10 @@ def machine() -> dict[str, Any]:
 
 
 def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
-    """Return a table for the terminal; `sides` has < or > for each column, the last of them for all that follow."""
+    """Return a table for the terminal.
+
+    `sides` contains < or > for each column. The last one holds for all following columns.
+    """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     sides = sides.ljust(len(widths), sides[-1])
     lines = ("  ".join(f"{word:{side}{width}}" for word, side, width in zip(row, sides, widths, strict=True))
@@ -100,13 +105,16 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
 
 
 def abridged(rows: Rows, most: int = 12) -> Rows:
-    """Return the rows of a table, of many the first and the last."""
+    """Return the rows of a table, or the first and last ones of a long table."""
     half = most // 2
     return rows if len(rows) <= most else [*rows[:half], ["…"] * len(rows[0]), *rows[-half:]]
 
 
 def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
-    """Return what a notebook shows: a line, a table or text, and a picture, in the colours of what is around them."""
+    """Return HTML for a notebook: a line, a table or text, and a figure.
+
+    It uses the colours of the notebook.
+    """
     from html import escape
 
     cell = "<td style='text-align:right;padding:0 .6em'>"
@@ -116,7 +124,7 @@ def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
 
 
 def _picture(report: Any) -> str:
-    """Return the figure of a report for a notebook; nothing where it has none, or matplotlib is not installed."""
+    """Return the figure of a report for a notebook, or nothing without matplotlib."""
     from base64 import b64encode
     from importlib.util import find_spec
 
@@ -128,7 +136,7 @@ def _picture(report: Any) -> str:
 
 
 def _png(figure: Any) -> bytes:
-    """Return a figure as a notebook shows it."""
+    """Return a figure as embedded PNG."""
     import io
 
     drawn = io.BytesIO()
@@ -137,7 +145,7 @@ def _png(figure: Any) -> bytes:
 
 
 def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:
-    """Return the pairs that have each different law or rule, by its words."""
+    """Return the pairs of each different law or rule, by its text."""
     found: dict[str, list[int]] = {}
     for pair, law in enumerate(laws):
         found.setdefault(repr(law), []).append(pair)
@@ -145,27 +153,27 @@ def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:
 
 
 def named_pairs(pairs: Sequence[int], n: int) -> str:
-    """Return which of `n` pairs these are, in words."""
+    """Return the text for some of `n` pairs."""
     return f"pair {pairs[0]}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
 
 
 def shortened(text: str) -> str:
-    """Return a law or a wall in words with four digits of its numbers."""
+    """Return the text of a law or a wall with numbers of four digits."""
     return LONG.sub(lambda found: f"{float(found[0]):.4g}", text)
 
 
 def number(value: float, form: str = ".6g", none: str = "–") -> str:
-    """Return a number in words; `none` if it is nan or infinite."""
+    """Return the text of a number, or `none` for nan and infinity."""
     return format(value, form) if math.isfinite(value) else none
 
 
 def rough(value: float) -> str:
-    """Return a number in two digits, and as many zeros as it takes."""
+    """Return the text of a number with two significant digits, without exponent."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def rounded(value: float, digits: int, *, up: bool) -> str:
-    """Return a number in so many digits that is no smaller, or if not `up` no larger: a bound stays one."""
+    """Return a number rounded up (or down) to some digits, so that it stays a bound."""
     from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
     context = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
@@ -175,19 +183,22 @@ def rounded(value: float, digits: int, *, up: bool) -> str:
 def unit_of(
     value: float, si: str, least: float = 2.0, prefixes: Sequence[tuple[float, str]] = PREFIXES
 ) -> tuple[float, str]:
-    """Return the largest multiple of the SI unit `si` of which `value` is at least so many, and its name."""
+    """Return the largest multiple of a unit in which `value` is at least `least`.
+
+    The factor and the name are returned.
+    """
     scale, prefix = next((one for one in prefixes if value >= least * one[0]), prefixes[-1])
     return scale, prefix + si
 
 
 def duration(seconds: float) -> str:
-    """Return a time with three digits and its unit."""
+    """Return the text of a time with three digits and its unit."""
     scale, name = unit_of(seconds, "s", 1.0)
     return f"{seconds / scale:.3g} {name}"
 
 
 def style() -> AbstractContextManager[None]:
-    """Settings of matplotlib within which a figure for print is drawn and saved."""
+    """Settings of matplotlib for figures in print."""
     context: AbstractContextManager[None] = optional("matplotlib", "plot").rc_context({
         "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
         "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
@@ -199,7 +210,7 @@ def style() -> AbstractContextManager[None]:
 
 
 def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
-    """Return a figure of this size in inches, which a notebook shows, and its axes as an array (rows, columns)."""
+    """Return a figure of a size in inches and its axes as an array (rows, columns)."""
     figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
     figure._repr_png_ = partial(_png, figure)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)

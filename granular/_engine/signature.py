@@ -1,4 +1,4 @@
-"""Calls that do not fit the signature of a public function: a sentence with the nearest parameter."""
+"""Messages for calls that do not fit the signature of a public function."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def face(thing: Function) -> Function:
-    """Decorate a public function, or the constructors of a public class: a call that does not fit the signature raises
-    `TypeError` with the nearest parameter.
+    """Decorate a public function or class, so that wrong calls name a parameter.
 
-    Other calls cost one frame more. Their exceptions pass unchanged.
+    A call that does not fit the signature raises `TypeError` with the nearest parameter. Other calls cost one more
+    frame. Their exceptions are unchanged.
     """
     if isinstance(thing, type):
         for name, made in list(vars(thing).items()):
@@ -35,7 +35,7 @@ def face(thing: Function) -> Function:
 
 
 def _misfit(function: Callable[..., Any], message: str) -> TypeError:
-    """Return the error for a call that does not fit the signature, from Python's own message."""
+    """Return the error for a call that does not fit, from Python's own message."""
     name, quoted = function.__qualname__.removesuffix(".__init__"), [*re.findall(r"'(\w+)'", message), ""]
     if "unexpected keyword" in message:
         near = nearest(quoted[0], parameters(function) - {"self", "cls"})

@@ -1,4 +1,6 @@
-"""Ready-made scenes, materials and balls; a scene with its law, rule and stop condition, by name or from a TOML file.
+"""Ready-made scenes, materials and balls, and complete cases from TOML files.
+
+A case is a scene with its law, rule and stop condition.
 
 A first reader may skip: `balls`, `build`, `case`, `materials`, `ready`, `scenes/`, `toml`.
 """

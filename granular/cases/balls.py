@@ -1,13 +1,13 @@
-"""Real balls: masses, radii, contact times on a hard floor and restitutions, as far as they are known.
+"""Real balls: masses, radii, contact durations on a hard floor and restitutions.
 
-A contact time is what a film of a single bounce shows. With the restitution it fixes the stiffness of a spring and
-dashpot, k = m (2f(ζ)/t_c)², and γ. **Masses, radii and restitutions are measured; contact times are estimates**,
-good to ±20 % at best (from inflation pressures, from Hertz's theory, from static compression), for a superball to a
-factor of 2: `Ball.spread`. All speeds are near 4.4 m/s, a drop from 1 m.
+A contact duration is what a film of a single bounce shows. With the restitution it determines the stiffness of a
+spring and dashpot, k = m (2f(ζ)/t_c)², and γ. **Masses, radii and restitutions are measured. Contact durations are
+estimates**, accurate to ±20 % at best (from inflation pressures, Hertz's theory and static compression), for a
+superball to a factor of 2: `Ball.spread`. All speeds are near 4.4 m/s, a drop from 1 m.
 
 Sources: rules of the sports (ITF, ITTF, FIFA, basketball); bounces on hard floors and steel plates; Cross, Am. J. Phys.
-67, 222 (1999) and Sports Eng. 2, 23 (1999); Hertz's theory for steel and glass on a thick steel plate. What two balls
-do to each other is nobody's measurement: see `contact`.
+67, 222 (1999) and Sports Eng. 2, 23 (1999); Hertz's theory for steel and glass on a thick steel plate. The contact of
+two balls has not been measured, see `contact`.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class Ball:
     Parameters
     ----------
     mass, radius : float
-        In kg and m.
+        Mass in kg and radius in m.
     duration : float
-        How long a bounce lasts, t_c in s.
+        Contact duration t_c of a bounce in s.
     restitution : float
         ε in (0, 1].
     filled : bool
-        Whether air, and not its wall, makes it stiff.
+        Whether air makes the ball stiff, and not its wall.
     spread : float
-        Factor by which `duration` may be wrong, either way.
+        Factor by which `duration` may be wrong in either direction.
     """
 
     mass: float
@@ -57,7 +57,7 @@ class Ball:
 
     @property
     def stiffness(self) -> float:
-        """k = m (2f(ζ)/t_c)² in N/m of the spring and dashpot that lasts so long and returns ε."""
+        """Stiffness k = m (2f(ζ)/t_c)² in N/m of a dashpot with this duration and ε."""
         rate = scaled_duration(damping_ratio(self.restitution)) / self.duration
         return self.mass * rate * rate
 
@@ -75,18 +75,24 @@ BALLS = {
     "small steel ball": Ball(0.00411, 0.005, 0.026e-3, 0.90),
     "glass marble": Ball(0.0053, 0.008, 0.035e-3, 0.92),
 }
-"""Balls by name. A restitution of steel or glass, and all of the volleyball, is from memory; see `granular.balls`."""
+"""Balls by name, see `granular.balls`.
+
+The restitution of steel and glass, and all values of the volleyball, are from memory.
+"""
 
 PRESETS = (
     ("basketball", "tennis ball", 0.05), ("basketball", "table-tennis ball", 0.05), ("football", "tennis ball", 0.04),
     ("golf ball", "table-tennis ball", 3e-3), ("superball", "small superball", 0.02),
     ("steel ball", "small steel ball", 1e-3),
 )
-"""Lower ball, upper ball, and a gap in m from which hard spheres are right within 1 % of the impact speed, dropped from
-1 m. On a basketball 0.7 to 1.8 % remain at any gap: its contact is so long that gravity acts during it, too."""
+"""Lower ball, upper ball, and a gap in m for which hard spheres are valid.
+
+The error is at most 1 % of the impact speed after a drop from 1 m. On a basketball 0.7 to 1.8 % remain at any gap,
+because its contact is long enough for gravity to matter.
+"""
 
 RULES = ("lens", "series")
-"""How two balls press on each other: see `contact`."""
+"""Rules for the contact of two balls, see `contact`."""
 
 
 @check.face
@@ -100,25 +106,28 @@ class Contact:
 
 @check.face
 def named(ball: str | Ball, what: str = "ball") -> Ball:
-    """Return a ball of `BALLS` by its name, or the ball itself; `what` it is called where it is neither."""
+    """Return a ball of `BALLS` by its name, or the ball itself.
+
+    `what` names the argument in error messages.
+    """
     return ball if isinstance(ball, Ball) else BALLS[check.choice(what, ball, list(BALLS))]
 
 
 @check.face
 def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact:
-    """Return what two balls do to each other, from what each does on a floor.
+    """Return the contact of two balls, estimated from their bounces on a floor.
 
-    Each ball loses its share of the stored energy, 1 - ε₁₂² = Σ (1 - ε_i²)/k_i / Σ 1/k_i. For the stiffness there are
-    two rules. None is measured; they agree for two balls of equal pressure.
+    Each ball loses its share of the stored energy, 1 - ε₁₂² = Σ (1 - ε_i²)/k_i / Σ 1/k_i. There are two rules for the
+    stiffness. Neither is measured. They agree for two balls of equal pressure.
 
     Parameters
     ----------
     lower, upper : str or Ball
-        Of `BALLS`, or a ball of one's own.
+        Names in `BALLS`, or your own balls.
     rule : {"lens", "series"}
-        "series": springs in series, 1/k₁₂ = 1/k₁ + 1/k₂. "lens", for an air-filled lower ball: a small ball meets a
-        smaller patch of it than a floor does, k₁ R₂/(R₁ + R₂), in series with k₂ unless the upper ball is filled with
-        air too; elsewhere as "series".
+        "series": springs in series, 1/k₁₂ = 1/k₁ + 1/k₂. "lens", for an air-filled lower ball: a small ball touches a
+        smaller area of it than a floor does, k₁ R₂/(R₁ + R₂), in series with k₂ unless the upper ball is filled with
+        air, too. For other lower balls it equals "series".
     """
     one, two = named(lower, "lower"), named(upper, "upper")
     soft_one, soft_two = 1.0 / one.stiffness, 1.0 / two.stiffness

@@ -1,6 +1,7 @@
-"""Make a scene, a wall, a law or a rule from the keys of a table: the set of keys decides which constructor is meant.
+"""Constructors of scenes, walls, laws and rules from the keys of a table.
 
-A function of one's own is named: ``"motion.py:shake"`` of a file beside the table's, or ``"module:shake"``.
+The set of keys selects the constructor. User-defined functions have names: ``"motion.py:shake"`` for a file beside the
+table's file, or ``"module:shake"``.
 """
 
 from __future__ import annotations
@@ -23,29 +24,31 @@ from granular.laws import rules
 from granular.scene import Pair, walls
 
 on_running: list[Callable[[str], object]] = []
-"""Who is told that a file read now names Python code, and which, before that runs."""
+"""Functions to call with the place of Python code before a file runs it."""
 CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
-"""Other ways to make a thing than by its fields."""
+"""Alternative constructors of classes."""
 LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__ if is_dataclass(getattr(laws, name))}
 RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
 WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
 MOVING = ("floor", "ceiling", "plate")
-"""Keys of a scene that say how a wall moves."""
+"""Keys of a scene that contain the motion of a wall."""
 Way = Callable[..., Any]
 parameters = cache(parameters_of)
-"""What a way takes."""
+"""Return the parameters of a constructor."""
 
 
 @dataclass(frozen=True, repr=False)
 class Named:
-    """A function by its name; it travels to other processes, and is looked up when it is first called.
+    """A function by its name, which is looked up at the first call.
+
+    It can be sent to other processes.
 
     Parameters
     ----------
     name : str
-        ``"file.py:function"``, or ``"package.module:function"`` of what can be imported.
+        ``"file.py:function"``, or ``"package.module:function"`` for an importable module.
     folder : str
-        Where the file is, if `name` says no more.
+        Folder of the file if `name` has none.
     """
 
     name: str
@@ -53,12 +56,12 @@ class Named:
 
     @property
     def place(self) -> str:
-        """Path of the file, or name of the module, whose code runs when the function is looked up."""
+        """Path of the file, or name of the module, whose code the lookup runs."""
         place = self.name.partition(":")[0]
         return os.path.join(self.folder, place) if place.endswith(".py") else place
 
     def __call__(self, *given: Any) -> Any:
-        """Call the function; what it raises passes through, marked as its own."""
+        """Call the function. Its exceptions are marked as its own."""
         function = self.function
         with _marked(self.name):
             return function(*given)
@@ -70,7 +73,7 @@ class Named:
         Raises
         ------
         ValueError
-            If there is no such file, module or function.
+            If the file, the module or the function does not exist.
         """
         place, word = self.place, self.name.partition(":")[2]
         try:
@@ -92,14 +95,20 @@ class Named:
 
 
 def sentence_of(error: BaseException) -> str:
-    """Return what an exception says, in one line; of one that a named function has raised, that too."""
+    """Return the message of an exception in one line.
+
+    The name of a user-defined function that raised it is included.
+    """
     said = " ".join(str(error).split())
     owner = getattr(error, "raised_by", None)
     return said if owner is None else f"function {owner} raised {type(error).__name__}: {said}"
 
 
 def name_of(function: Any) -> str:
-    """Return the name by which a file may ask for `function`, or raise `TypeError` if there is none."""
+    """Return the name by which a file can refer to `function`.
+
+    Raises `TypeError` if the function cannot be imported.
+    """
     if isinstance(function, Named):
         return function.name
     name = f"{getattr(function, '__module__', '')}:{getattr(function, '__qualname__', '')}"
@@ -112,7 +121,10 @@ def name_of(function: Any) -> str:
 
 @contextmanager
 def _marked(name: str) -> Iterator[None]:
-    """Mark what is raised within as `raised_by` the function `name`; it keeps that through other processes too."""
+    """Mark exceptions as `raised_by` the function `name`.
+
+    The mark survives the transfer from other processes.
+    """
     try:
         yield
     except Exception as error:
@@ -129,9 +141,10 @@ def _of_file(path: str) -> Any:
 
 
 def law(table: Mapping[str, Any], pair: Pair) -> Any:
-    """Make a force law: ``type`` and its coefficients, or what its `from_restitution` or `from_material` takes.
+    """Return a force law for a table with ``type`` and coefficients.
 
-    ``material``, a name of `granular.materials` or two (lower, upper), stands for ``young`` and ``poisson``.
+    The keys can also be arguments of `from_restitution` or `from_material`. ``material``, a name of
+    `granular.materials` or two (lower, upper), replaces ``young`` and ``poisson``.
     """
     given = dict(table)
     if "material" in given:
@@ -148,13 +161,15 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
 
 
 def rule(table: Mapping[str, Any]) -> Any:
-    """Make a collision rule: ``type`` and its values."""
+    """Return a collision rule for a table with ``type`` and values."""
     return of_type(RULES, table)
 
 
 def wall(table: Any, folder: str = "") -> Any:
-    """Make how a wall moves: ``type`` (a Sine if it is not said) and its numbers, or those of its `from_acceleration`;
-    a function by its name."""
+    """Return the motion of a wall for a table with ``type`` (default Sine) and values.
+
+    The values can also be arguments of `from_acceleration`. A function has a name.
+    """
     if not isinstance(table, Mapping):
         return table
     values = {"type": "Sine", **table}
@@ -169,7 +184,7 @@ def wall(table: Any, folder: str = "") -> Any:
 
 
 def walled(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
-    """Return the keys of a scene with walls made of the tables that say how they move."""
+    """Return the keys of a scene with tables of walls replaced by motions."""
     made = dict(table)
     for name in table.keys() & set(MOVING):
         with place(name):
@@ -178,7 +193,7 @@ def walled(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
 
 
 def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
-    """The rule of laws that are all given by an ε that depends on no speed: that very ε; else none."""
+    """Return the rule with the constant ε by which all laws are given, or None."""
     if any("restitution" not in table or "speed" in table for table in tables):
         return None
     eps = [float(table["restitution"]) for table in tables]
@@ -186,7 +201,7 @@ def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
 
 
 def each_pair(make: Callable[[Any, Pair], Any], given: Iterable[Any], pairs: Iterable[Pair]) -> tuple[Any, ...]:
-    """Make one law per pair from what is given for it; pairs that are alike share one."""
+    """Return one law per pair. Equal pairs share a law."""
     known: dict[Any, Any] = {}
     keys = []
     for one, pair in zip(given, pairs, strict=True):
@@ -197,7 +212,10 @@ def each_pair(make: Callable[[Any, Pair], Any], given: Iterable[Any], pairs: Ite
 
 
 def call(ways: Sequence[Way], values: Mapping[str, Any], **held: Any) -> Any:
-    """Call the first of `ways` whose parameters are those that `values` gives; `held` is added for those who ask."""
+    """Call the first of `ways` whose parameters match the keys of `values`.
+
+    `held` has further arguments, which only some of the functions take.
+    """
     keys = [[p for p in parameters(way) if p.name not in held] for way in ways]
     needed = [[p.name for p in each if p.default is p.empty] for each in keys]
     for way, each, least in zip(ways, keys, needed, strict=True):
@@ -210,7 +228,7 @@ def call(ways: Sequence[Way], values: Mapping[str, Any], **held: Any) -> Any:
 
 @contextmanager
 def place(where: str) -> Iterator[None]:
-    """Put a place, such as a file or a table, in front of the sentence of misuse raised within."""
+    """Put a place, such as a file or a table, before the message of misuse."""
     try:
         yield
     except (TypeError, ValueError) as error:
@@ -219,7 +237,7 @@ def place(where: str) -> Iterator[None]:
 
 
 def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> Any:
-    """Make what ``type`` of a table says, of its other keys."""
+    """Return the object that ``type`` of a table names, from its other keys."""
     if "type" not in table:
         raise ValueError(f"key 'type' is missing; needed is one of {', '.join(types)}.")
     kind = types[check.choice("type", table["type"], list(types))]

@@ -1,5 +1,6 @@
-"""What a run needs, in one value; and the parameters of a documented function as data, so that the command line and
-its help are written once, where the function is.
+"""Complete cases, and parameters of documented functions as data.
+
+The command line and its help texts are derived from the signatures and docstrings of functions.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from granular.scene import Scene
 
 ENGINES = ("edmd", "md")
 HELD = {"t_end", "until", "on_event", "on_progress", "progress"}
-"""Arguments of `simulate` that a `Case` holds itself, or that are no data."""
+"""Arguments of `simulate` that a `Case` contains, or that are not data."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +30,7 @@ class Option:
     Attributes
     ----------
     name, kind, about : str
-        The parameter, its annotation as written ("float", "Sequence[float] | None", …), and its description.
+        The parameter, its annotation as written ("float", "Sequence[float] | None", ...), and its description.
     default : object
         Its default value.
     """
@@ -41,26 +42,29 @@ class Option:
 
 
 def parameters_of(function: Callable[..., Any]) -> tuple[inspect.Parameter, ...]:
-    """Return what a function takes."""
+    """Return the parameters of a function."""
     return tuple(inspect.signature(function).parameters.values())
 
 
 def options_of(function: Callable[..., Any]) -> list[Option]:
-    """Return the parameters of `function` that have a default, in order, with their NumPy-style documentation."""
+    """Return the parameters of `function` with defaults, and their descriptions.
+
+    The descriptions come from its NumPy-style docstring.
+    """
     about = descriptions(function)
     return [Option(p.name, str(p.annotation), p.default, about.get(p.name, ""))
             for p in parameters_of(function) if p.default is not p.empty]
 
 
 def whole(function: Callable[..., Any]) -> frozenset[str]:
-    """Return the names of the parameters of `function` that are whole numbers, by their annotations."""
+    """Return the names of the parameters of `function` annotated as integers."""
     return frozenset(p.name for p in parameters_of(function) if p.annotation in (int, "int", "int | None"))
 
 
 def descriptions(function: Callable[..., Any]) -> dict[str, str]:
-    """Return what the Parameters section of a NumPy-style docstring says of each parameter, on one line each.
+    """Return the description of each parameter in a NumPy-style docstring.
 
-    A type that lists choices, such as ``{"left", "right"}``, comes first.
+    Each has one line. A type that lists choices, such as ``{"left", "right"}``, comes first.
     """
     text = inspect.getdoc(function) or ""
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
@@ -81,23 +85,23 @@ def summary(function: Callable[..., Any]) -> str:
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
-    """A scene, how its balls touch, and when to stop: the same question to both engines.
+    """A scene with its law, rule and stop condition, for both engines.
 
     Attributes
     ----------
     scene : Scene
-        Where it starts.
-    law : force law, sequence of them, or None
-        One for all pairs or one per pair, for `granular.md`; None if the case is about hard spheres only.
-    rule : collision rule, sequence of them, or None
-        For `granular.edmd`; None takes the restitution that the force laws have.
+        The initial state.
+    law : force law, sequence of force laws, or None
+        Force law for `granular.md`, one for all pairs or one per pair. None for a case of hard spheres only.
+    rule : collision rule, sequence of collision rules, or None
+        Collision rule for `granular.edmd`. None takes the restitution of the force laws.
     until, t_end : stop condition or None, float or None
-        When to stop; the earlier of the two.
+        End of the run. The earlier one counts.
     run : mapping
-        Further options of ``edmd.simulate`` or ``md.simulate`` (method, dt, samples, ties, …). An engine reads those
-        it knows.
+        Further options of ``edmd.simulate`` or ``md.simulate`` (method, dt, samples, ties, ...). Each engine uses the
+        options that it has.
     about : str
-        One line for people.
+        Description in one line.
     """
 
     scene: Scene
@@ -116,31 +120,34 @@ class Case:
         return f"Case({self.about or self.scene})"
 
     def simulate(self, engine: str, **changes: Any) -> Trajectory:
-        """Run the case on one engine.
+        """Run the case with one engine.
 
         Parameters
         ----------
         engine : {"edmd", "md"}
             Hard or soft spheres.
         **changes
-            Options of that engine's ``simulate`` in place of the case's own.
+            Options of the engine's ``simulate`` that replace options of the case.
 
         Raises
         ------
         TypeError, ValueError
-            For misuse: among others an option the engine does not know, or ``"md"`` for a case without force law.
+            For misuse, such as an unknown option, or ``"md"`` for a case without force law.
         """
         simulate = engine_named(engine)
         check.known(changes, keyword_options(simulate) | HELD, f"option of {engine}.simulate", TypeError)
         return simulate(self.scene, self.physics(engine), **self.options(simulate) | changes)
 
     def options(self, run: Callable[..., Any]) -> dict[str, Any]:
-        """Return when to stop, and of the further options those that a function such as `simulate` knows."""
+        """Return the end of the run and the options that `simulate` functions have.
+
+        Only options that the function `run` has are included.
+        """
         known = keyword_options(run)
         return {"until": self.until, "t_end": self.t_end} | {k: v for k, v in self.run.items() if k in known}
 
     def physics(self, engine: str) -> Any:
-        """The force laws for ``"md"``, the collision rule for ``"edmd"``."""
+        """Return the force laws for ``"md"``, or the collision rule for ``"edmd"``."""
         if engine == "edmd" and self.rule is not None:
             return self.rule
         if self.law is None:
@@ -153,7 +160,7 @@ class Case:
 
 
 def checked_run(run: Any) -> Mapping[str, Any]:
-    """Return options of the engines, or raise for what none of them knows."""
+    """Return options of the engines. Raises for options that neither engine has."""
     if check.of_kind("run", run, Mapping, "a mapping of options to values"):
         check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINES)),
                      "option of a run", TypeError)
@@ -167,5 +174,5 @@ def engine_named(engine: str) -> Callable[..., Trajectory]:
 
 
 def keyword_options(run: Callable[..., Any]) -> set[str]:
-    """Names of the keyword options that a function such as `simulate` takes besides those in `HELD`."""
+    """Return the keyword options of a function such as `simulate`, without `HELD`."""
     return {p.name for p in parameters_of(run) if p.kind is p.KEYWORD_ONLY} - HELD

@@ -1,18 +1,18 @@
-"""Materials: Young's modulus, Poisson's ratio and density of what balls are made of, and how far these are known.
+"""Materials: Young's modulus, Poisson's ratio and density, with their ranges.
 
 >>> import granular as gr
 >>> pair = gr.Pair(m_eff=0.01, r_eff=0.005, index=0)
 >>> law = gr.TsujiHertz.from_material(*gr.materials.steel, restitution=0.9, pair=pair)
 >>> unlike = gr.Hertz.from_material(*gr.materials.both("steel", "glass"), pair=pair)      # lower, upper
 
-In files ``material = "steel"``, or ``["steel", "glass"]``, stands in [law] for ``young`` and ``poisson``; the command
-takes ``--material steel --law TsujiHertz`` in place of a stiffness.
+In files ``material = "steel"``, or ``["steel", "glass"]``, replaces ``young`` and ``poisson`` in [law]. The command
+takes ``--material steel --law TsujiHertz`` instead of a stiffness.
 
-**The numbers are those of a kind, not of your ball.** Source of the ranges: the tables of moduli, Poisson's ratios and
-densities of J. M. Gere, *Mechanics of Materials* (appendix H), each number one inside its range, that of the commonest
-sort. E of metals is good to a few per cent, of glass to a fifth; of nylon and rubber it also depends on rate,
-temperature and (nylon) moisture, so that a static value is too low for an impact. What a ball *returns* is in no such
-table: ε depends on speed and size and has to be measured; for some whole balls see `granular.balls`.
+**The numbers describe a kind of material, not your ball.** Source of the ranges: the tables of moduli, Poisson's ratios
+and densities of J. M. Gere, *Mechanics of Materials* (appendix H). Each number lies inside its range and belongs to the
+commonest sort. E of metals is accurate to a few per cent, of glass to a fifth. E of nylon and rubber also depends on
+rate, temperature and (nylon) moisture, so that a static value is too low for an impact. Such tables do not contain ε,
+which depends on speed and size and has to be measured. For some whole balls see `granular.balls`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ __dir__ = __all__.copy
 @check.face
 @dataclass(frozen=True)
 class Material:
-    """What a body is made of; it unpacks to (young, poisson), which a law's `from_material` begins with.
+    """Material of a body. It unpacks to (young, poisson) for `from_material` of laws.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class Material:
     poisson : float
         Poisson's ratio in [0, 0.5].
     density : float
-        In kg/m³.
+        Density in kg/m³.
     young_range : (float, float)
-        Least and largest Young's modulus of its kind in Pa.
+        Least and largest Young's modulus of this kind of material in Pa.
     """
 
     young: float
@@ -58,17 +58,20 @@ class Material:
 
 
 steel = Material(200e9, 0.29, 7850.0, (190e9, 210e9))
-"""Carbon steel; bearing balls (AISI 52100) have 205 to 210 GPa, stainless ones 193 GPa."""
+"""Carbon steel. Bearing balls (AISI 52100) have 205 to 210, stainless 193 GPa."""
 glass = Material(70e9, 0.22, 2500.0, (48e9, 83e9))
-"""Soda-lime glass; ν from 0.17 to 0.27, lead glass is softer and denser."""
+"""Soda-lime glass, with ν from 0.17 to 0.27. Lead glass is softer and denser."""
 brass = Material(100e9, 0.34, 8500.0, (96e9, 110e9))
-"""From 60 to 80 % copper."""
+"""Brass with 60 to 80 % copper."""
 aluminium = Material(70e9, 0.33, 2700.0, (70e9, 79e9))
-"""Alloys; those with copper and zinc have 72 to 73 GPa."""
+"""Aluminium alloys. Those with copper and zinc have 72 to 73 GPa."""
 nylon = Material(2.8e9, 0.40, 1100.0, (2.1e9, 3.4e9))
-"""Dry nylon 6-6 at room temperature; moist and warm less than half of it."""
+"""Dry nylon 6-6 at room temperature. If moist and warm, E is less than half of it."""
 rubber = Material(2e6, 0.48, 1100.0, (0.7e6, 4e6))
-"""Soft rubber, slowly strained; hard sorts have up to 100 MPa. ν is so close to 1/2 that more digits mean nothing."""
+"""Soft rubber under slow strain. Hard sorts have up to 100 MPa.
+
+ν is so close to 1/2 that further digits have no meaning.
+"""
 MATERIALS = {"steel": steel, "glass": glass, "brass": brass, "aluminium": aluminium, "nylon": nylon, "rubber": rubber}
 """Materials by name."""
 
@@ -82,6 +85,9 @@ def named(material: str | Material) -> Material:
 
 @check.face
 def both(lower: str | Material, upper: str | Material) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return (young, poisson) of the contact of two materials, each (lower, upper), for a law's `from_material`."""
+    """Return (young, poisson) for the contact of two materials.
+
+    Both are pairs (lower, upper), as `from_material` of laws takes them.
+    """
     one, two = named(lower), named(upper)
     return (one.young, two.young), (one.poisson, two.poisson)

@@ -1,4 +1,4 @@
-"""Ready-made cases: each scene of `granular.scenes` with a default law, rule and stop condition."""
+"""Ready-made cases: scenes of `granular.scenes` with default law, rule and end."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from granular.scene import Pair, Scene, walls
 from granular.scene.walls.motion import ends, fastest
 
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
-"""Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
+"""Hertz contacts of steel balls of 1 kg, with Tsuji's damping for ε below 1."""
 
 
 def first_impact_speed(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
-    meets.
+    """Largest speed in m/s of the first impact of each pair on its own.
 
-    v² = v_0² + 2 a gap under the pull a, of pendula v² = v_0² + Ω² ((gap - rest)² - rest²).
+    Walls have their largest speed. v² = v_0² + 2 a gap under the acceleration a, and v² = v_0² + Ω² ((gap - rest)² -
+    rest²) for pendula. 0 if no pair collides.
     """
     closing = -scene.across(scene.velocity)
     gap = np.maximum(scene.gap, 0.0)
@@ -48,24 +48,24 @@ def of_restitution(
     scene: Scene, restitution: float | Sequence[float] = 0.7, stiffness: float = 5e7, law: str = "LinearDashpot",
     material: str | None = None,
 ) -> tuple[tuple[Any, ...], Any]:
-    """Return force laws and the collision rule of the same restitution for all pairs of a scene.
+    """Return force laws and the collision rule of equal restitution for a scene.
 
     Parameters
     ----------
     restitution : float or floats
         Coefficient of restitution in (0, 1]: one for all pairs, or one per pair bottom to top.
     stiffness : float
-        Stiffness k: in N/m, for the Hertz laws in N/m^(3/2).
+        Stiffness k in N/m, for the Hertz laws in N/m^(3/2).
     law : str
         LinearDashpot, Hertz (elastic: restitution 1), TsujiHertz, WaltonBraun, or ViscoelasticHertz (restitution then
-        holds at the speed of the first impact, and falls with speed).
+        holds at the speed of the first impact, and decreases with speed).
     material : str, optional
-        What balls and walls are made of, a name of `granular.materials`: in place of stiffness, for the Hertz laws.
+        Material of balls and walls, a name of `granular.materials`, for the Hertz laws instead of a stiffness.
 
     Returns
     -------
     tuple of laws, rule or None
-        The rule is None where restitution depends on speed: then it is to be taken from the laws.
+        The rule is None if the restitution depends on the speed. It then has to be taken from the laws.
     """
     known = list(WAYS) if material is None else [name for name in WAYS if "Hertz" in name]
     way = WAYS[check.choice("law" if material is None else "law of a material", law, known)]
@@ -84,7 +84,7 @@ def of_restitution(
 
 
 def _elastic_hertz(restitution: float, k: float) -> Hertz:
-    """Hertz's law, which has one restitution."""
+    """Return Hertz's law, for restitution 1 only."""
     check.number("restitution", restitution, at_least=1.0, at_most=1.0,
                   fix="Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped")
     return Hertz(k)
@@ -92,21 +92,21 @@ def _elastic_hertz(restitution: float, k: float) -> Hertz:
 
 WAYS = {"Hertz": _elastic_hertz} | {
     name: kind.from_restitution for name, kind in build.LAWS.items() if hasattr(kind, "from_restitution")}
-"""Laws that `of_restitution` makes, and how."""
+"""Laws of `of_restitution`, and their constructors."""
 
 
 def of_balls(
     scene: Scene, lower: str | balls.Ball = "basketball", upper: str | balls.Ball | None = "tennis ball",
     pair_rule: str = "lens",
 ) -> tuple[tuple[Any, ...], Any]:
-    """Return force laws and the collision rule of real balls, from what each does on a floor (`granular.balls`).
+    """Return force laws and the collision rule of real balls, see `granular.balls`.
 
     Parameters
     ----------
     lower, upper : str or Ball
         The balls of the scene.
     pair_rule : {"lens", "series"}
-        How the two press on each other.
+        Rule for the contact of the two balls.
     """
     check.choice("pair_rule", pair_rule, balls.RULES)
     floor = balls.named(lower, "lower")
@@ -118,22 +118,23 @@ def of_balls(
 
 @dataclass(frozen=True)
 class Template:
-    """How a scene becomes a case.
+    """Recipe for a case from a scene.
 
     Attributes
     ----------
     make : callable
         The function of `granular.scenes`.
     until : stop condition or None
-        When to stop.
+        The stop condition.
     t_end : callable
-        The end time in s for a scene; None: the stop condition is sure to come.
+        Function of the scene that returns the end time in s. None if the stop condition is certain to be met.
     contact : mapping
         Defaults of `touch` that differ for this scene.
     pressed : callable or None
-        The end time in s for a scene and its laws, if overlaps at the start hang on the laws: `make` then takes them.
+        Function of the scene and its laws that returns the end time in s, if overlaps at the start depend on the laws.
+        `make` then takes the laws.
     touch : callable
-        Makes the force laws and the collision rule of a scene: a function of `granular.cases.ready`.
+        Function of `granular.cases.ready` that returns the force laws and the collision rule of a scene.
     """
 
     make: Callable[..., Scene]
@@ -145,7 +146,10 @@ class Template:
 
 
 def falls(count: float, scene: Scene) -> float | None:
-    """End time of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
+    """End time after `count` fall times s/g.
+
+    s is the speed of the first impact on the floor.
+    """
     return (count * first_impact_speed(scene) / scene.gravity or None) if scene.gravity else None
 
 
@@ -156,23 +160,26 @@ def flights(count: float, scene: Scene) -> float | None:
 
 
 def swings(periods: float, scene: Scene) -> float | None:
-    """End time of so many periods of pendula."""
+    """End time after `count` periods of pendula."""
     return periods * 2.0 * math.pi / scene.pendulum
 
 
 def shaken(periods: float, scene: Scene) -> float | None:
-    """End time of so many periods of a floor that is shaken harmonically, or where its path ends."""
+    """End time after `count` periods of a shaken floor, or at the end of its path."""
     end = ends(scene.floor)
     return periods / scene.floor.frequency if isinstance(scene.floor, walls.Sine) else end if end < math.inf else None
 
 
 def bounces(count: float, periods: float, scene: Scene) -> float | None:
-    """End time of `count` falls on a floor at rest, or of so many periods of one that is shaken."""
+    """End time after `count` falls on a floor at rest, or periods of a shaken one."""
     return shaken(periods, scene) if scene.driven else falls(count, scene)
 
 
 def crossings(count: float, periods: float, scene: Scene, law: Any) -> float | None:
-    """End time in which a slow wave crosses a chain under pressure so often, or of so many periods of its floor."""
+    """End time of a compressed chain.
+
+    After `count` passages of a slow wave, or periods of its floor.
+    """
     if scene.driven:
         return shaken(periods, scene)
     once = waves.crossing_time(scene, law)
@@ -200,24 +207,24 @@ TEMPLATES = {
 
 @check.face
 def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None = None, **options: Any) -> Case:
-    """Make a ready-made case.
+    """Return a ready-made case.
 
     Parameters
     ----------
     name : str
         One of `names`.
     t_end : float, optional
-        End time in s in place of the case's own.
+        End time in s. Defaults to the case's own.
     run : mapping, optional
         Further options of ``simulate``.
     **options
-        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of its contacts;
-        of "real-balls" `pair_rule`.
+        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of its contacts.
+        "real-balls" has `pair_rule`.
 
     Raises
     ------
     TypeError, ValueError
-        For an unknown name or option (with a suggestion), or a bad value.
+        For an unknown name or option (with a suggestion), or an invalid value.
     """
     shapes, touches = shaping(name), _touching(name)
     check.known(options, shapes | touches, f"option of {name}", TypeError)
@@ -228,14 +235,17 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
 
 
 def of_table(name: str, given: Mapping[str, Any]) -> Case:
-    """Return a case of what a file says of its scene; options of `of_restitution` have tables of their own there."""
+    """Return a case from a table of a file.
+
+    The options of `of_restitution` have tables of their own.
+    """
     own = set() if _named(name).touch is of_restitution else _touching(name)
     case = bare(name, {key: value for key, value in given.items() if key not in own - shaping(name)})
     return touching(name, case, **{key: value for key, value in given.items() if key in own})
 
 
 def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
-    """Return the case of that name without its contacts: a scene of these parameters, and when to stop."""
+    """Return a ready-made case without contacts: the scene and its end."""
     template = _named(name)
     if template.pressed is not None:
         check.known(of_scene, shaping(name), f"parameter of {name}")
@@ -248,7 +258,7 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
 
 
 def touching(name: str, case: Case, **of_contact: Any) -> Case:
-    """Return a bare case of that name with its contacts, with options of how it touches."""
+    """Return a bare case with its contacts, from options of the contacts."""
     template = _named(name)
     if {"material", "stiffness"} <= of_contact.keys():
         raise ValueError("material and stiffness are both given: one of the two is needed.")
@@ -257,7 +267,7 @@ def touching(name: str, case: Case, **of_contact: Any) -> Case:
 
 
 def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
-    """Return a case of that name with the overlaps that its laws ask for, if they do, and its end time then."""
+    """Return a case with the overlaps that its laws demand, and its end time."""
     template = _named(name)
     if template.pressed is None or case.law is None:
         return case
@@ -266,7 +276,10 @@ def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
 
 
 def is_whole(name: str) -> bool:
-    """Return whether the scene of that name and its contacts hang on each other, by overlaps or by the kind of ball."""
+    """Return whether scene and contacts depend on each other.
+
+    They depend by overlaps, or by the kind of ball.
+    """
     template = _named(name)
     return template.pressed is not None or template.touch is not of_restitution
 
@@ -278,7 +291,10 @@ def names() -> list[str]:
 
 
 def is_file(scene: Any) -> bool:
-    """Return whether a word is no name of a case, but of a file: by its ending, or because there is one."""
+    """Return whether a word is the name of a file, by its ending or existence.
+
+    Names of cases are not file names.
+    """
     if not isinstance(scene, (str, os.PathLike)) or scene in TEMPLATES:
         return False
     return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
@@ -286,13 +302,16 @@ def is_file(scene: Any) -> bool:
 
 @check.face
 def about(name: str) -> str:
-    """Return what a ready-made case is, in one line."""
+    """Return the description of a ready-made case, in one line."""
     return summary(_named(name).make)
 
 
 @check.face
 def options(name: str) -> list[Option]:
-    """Return the options of a ready-made case: those of its scene, then those of the contacts, with its defaults."""
+    """Return the options of a ready-made case: scene first, then contacts.
+
+    They have the defaults of the case.
+    """
     template = _named(name)
     return options_of(template.make) + [
         replace(option, default=template.contact.get(option.name, option.default))
@@ -300,12 +319,12 @@ def options(name: str) -> list[Option]:
 
 
 def shaping(name: str) -> set[str]:
-    """Names of the options of a ready-made case that shape its scene."""
+    """Names of the options of a ready-made case that belong to its scene."""
     return {parameter.name for parameter in build.parameters(_named(name).make)} - {"law"}
 
 
 def _touching(name: str) -> set[str]:
-    """Names of the options of a ready-made case that say how its balls touch."""
+    """Names of the options of a ready-made case that belong to its contacts."""
     return {parameter.name for parameter in build.parameters(_named(name).touch)[1:]}
 
 

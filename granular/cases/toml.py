@@ -1,4 +1,7 @@
-"""Cases as TOML files with the tables [scene], [law], [rule] and [run]: read, and written with every digit."""
+"""Cases as TOML files with tables [scene], [law], [rule] and [run].
+
+Files are written with all digits, so that they read back bitwise identical.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,9 @@ from granular.scene import Pair, Scene, in_order
 
 TABLES = ("scene", "law", "rule", "run", "about")
 MOST_BYTES = 32_000_000
-"""Size of a file that is read: a scene of 300 000 balls."""
+"""Maximum size of a file: a scene of 300 000 balls."""
 LONG_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+\s*\.\s*){50}""")
-"""A key of 50 parts: tomllib needs gigabytes for one of thousands."""
+"""Pattern of keys with 50 parts. tomllib needs gigabytes for one of thousands."""
 STIFFNESS = ("k", "k_load")
 """Fields of a law that its `from_restitution` takes."""
 Table = dict[str, Any]
@@ -66,25 +69,25 @@ def load(path: str | PathLike[str]) -> Case:
             t_end = 10.0
             dt = 1e-7                    # and other options of md.simulate and edmd.simulate
 
-    A wall that moves by a function of yours says the name of a Python file beside this one, which is run, or of a
-    module that can be imported, and of the function in it::
+    A wall that moves by a user-defined function names a Python file beside this one, or an importable module, and the
+    function in it::
 
         floor = { type = "Motion", function = "motion.py:shake" }
 
-    This is the only way in which a file makes Python code run, and the reason to look into one from elsewhere first;
-    the command says on standard error which file or module it is, before it runs.
+    This is the only way in which a file runs Python code. Read files from others before you load them. The command
+    prints the file or module on standard error before it runs the code.
 
     Returns
     -------
     Case
-        A ready-made scene without [law], [rule] or `until` gets its usual ones.
+        The case. A ready-made scene without [law], [rule] or `until` has its defaults.
 
     Raises
     ------
     OSError
         If the file cannot be read.
     TypeError, ValueError
-        For a wrong key, a missing one or a bad value: with the file, the table and what is needed.
+        For a wrong or missing key, or an invalid value. The message names the file and the table.
     """
     with place(Path(checked_path("path", path)).name):
         return of_tables(tables_of(path), str(Path(path).parent))
@@ -92,12 +95,12 @@ def load(path: str | PathLike[str]) -> Case:
 
 @check.face
 def loads(text: str) -> Case:
-    """Read a case from the text of a TOML file; see `load`."""
+    """Read a case from the text of a TOML file, see `load`."""
     return of_tables(_parsed(check.of_kind("text", text, str, "the text of a TOML file", "for a file use load")))
 
 
 def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
-    """Read the tables of a file, with or without the mark that editors on Windows put first."""
+    """Read the tables of a file, with or without a byte order mark."""
     with open(path, "rb") as stream:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
@@ -120,7 +123,7 @@ def _parsed(text: str) -> dict[str, Any]:
 
 
 def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
-    """Make a case of the tables of a file in a folder."""
+    """Return a case from the tables of a file in a folder."""
     for key in tables:
         check.choice("table or key", key, TABLES)
     if "scene" not in tables:
@@ -142,7 +145,7 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
 
 
 def _base(table: Mapping[str, Any]) -> Case:
-    """The ready-made case that [scene] names, or a bare one around its arrays."""
+    """Return the ready-made case that [scene] names, or a bare one with its arrays."""
     if "name" not in table:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
     name = check.choice("name", table["name"], ready.names())
@@ -150,7 +153,10 @@ def _base(table: Mapping[str, Any]) -> Case:
 
 
 def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
-    """Laws and rule: of their own tables, one per pair or one for all, or those of the ready-made case."""
+    """Return laws and rule from their tables, or from the ready-made case.
+
+    A table holds for all pairs, or there is one per pair.
+    """
     laws, rule, scene = base.law, base.rule, base.scene
     if "law" in tables:
         each = isinstance(tables["law"], list)
@@ -172,7 +178,10 @@ def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
 
 
 def stop_condition(value: Any, scene: Scene) -> until.Until | None:
-    """Return the condition of `granular.until` that a table says, a contact if it has no `type`, or a word."""
+    """Return the condition of `granular.until` for a table or a word.
+
+    A table without `type` is a contact.
+    """
     if value == "separated":
         return until.separated()
     check.of_kind("until", value, Mapping, '"separated" or a table such as { pair = 0, nth = 2 }')
@@ -190,15 +199,15 @@ def _table(value: Any) -> Mapping[str, Any]:
 
 @check.face
 def save(case: Case, path: str | PathLike[str]) -> None:
-    """Write a case to a TOML file, whole or not at all.
+    """Write a case to a TOML file, completely or not at all.
 
     Raises
     ------
     OSError
         If the file cannot be written.
     TypeError
-        If a law or rule is not one of granular's own, or the function of a wall has no name that can be imported: TOML
-        holds numbers and names, not programs.
+        If a law or rule is user-defined, or the function of a wall cannot be imported by its name. TOML contains
+        numbers and names, but not programs.
     """
     write_text(path, dumps(case))
 
@@ -219,7 +228,7 @@ def dumps(case: Case) -> str:
 
 
 def _stop(condition: until.Until | None) -> Any:
-    """The table, or word, of a stop condition."""
+    """Return the table, or word, of a stop condition."""
     if condition is None:
         return None
     given = {name: value for name, value in asdict(condition).items() if value is not None}
@@ -228,17 +237,17 @@ def _stop(condition: until.Until | None) -> Any:
 
 
 def _scene(scene: Scene) -> Table:
-    """The fields of a scene, without those that say that it is no ring and has no pendula."""
+    """Return the fields of a scene. Fields of a ring or of pendula only if used."""
     return _numbers(scene) | {"ring": scene.ring or None, "pendulum": scene.pendulum or None}
 
 
 def _numbers(physics: Any) -> Table:
-    """The fields of a scene, law or rule."""
+    """Return the fields of a scene, law or rule."""
     return {f.name: getattr(physics, f.name) for f in fields(physics)}
 
 
 def _each(name: str, values: Any, types: Mapping[str, Any]) -> dict[str, Table | list[Table]]:
-    """The table of a law or rule, or one per pair."""
+    """Return the table of a law or rule, or one per pair."""
     each = list(values) if isinstance(values, (list, tuple)) else [] if values is None else [values]
     for value in each:
         if type(value) not in types.values():
@@ -247,14 +256,14 @@ def _each(name: str, values: Any, types: Mapping[str, Any]) -> dict[str, Table |
 
 
 def _joined(name: str, tables: list[Table]) -> dict[str, Table | list[Table]]:
-    """One table if all pairs have the same."""
+    """Return one table if all pairs have the same."""
     return {name: tables[0] if all(table == tables[0] for table in tables) else tables} if tables else {}
 
 
 def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
-    """Laws given by the ε that is also the rule's, so that the two stay one number; nothing if that is not so.
+    """Return tables of laws with ε if it is also the ε of the rule, otherwise nothing.
 
-    The tables are kept only if they make the very laws and the rule of the case again.
+    Law and rule then keep one common number. The tables are used only if they reproduce the laws and the rule exactly.
     """
     rule = case.rule
     if case.law is None or not isinstance(rule, ConstantRestitution):
@@ -265,7 +274,7 @@ def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
 
 
 def _of_restitution(given: Any, restitution: float, pair: Pair) -> Table:
-    """The table of a law by its restitution; empty if that does not make it again."""
+    """Return the table of a law with ε, or an empty one if it does not reproduce it."""
     kept = _numbers(given) if type(given) in LAWS.values() else {}
     table = {"type": type(given).__name__, "restitution": restitution} | {
         name: value for name, value in kept.items() if name in STIFFNESS}
@@ -276,7 +285,7 @@ def _of_restitution(given: Any, restitution: float, pair: Pair) -> Table:
 
 
 def _wall(motion: Any) -> Table:
-    """The table of how a wall moves."""
+    """Return the table of the motion of a wall."""
     table: Table = {"type": type(motion).__name__} | _numbers(motion)
     if "function" in table:
         function = table["function"]

@@ -1,4 +1,4 @@
-"""One scene under both engines: `compare(scene, law) -> Comparison`. May the scene be event-driven?
+"""Run one scene as hard and as soft spheres, and decide whether they agree.
 
 Main line: `run`, `answer`.
 A first reader may skip: `align`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`, `outcome`, `remedies`,

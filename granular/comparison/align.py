@@ -1,13 +1,12 @@
-"""What is arbitrary in a run: where it is cut, and the rule that decides ties. Both runs of a scene go on until they
-have the same contacts, each followed to its end; and the other tie rules are tried.
+"""Alignment of two runs at their ends, and further runs under other tie rules.
 
-Soft spheres lag behind hard ones by about a contact's duration per collision. So an end time may fall between the n-th
-contact of a pair in one run and in the other, or within it. That is no difference of the two: for each pair the larger
-number n of contacts by the end counts, both runs are gone on with until *its* n-th contact is over, and later ones are
-ignored. What is not there after the time by which it can be late is missing.
+Soft spheres lag behind hard spheres by about one contact duration per collision. The end time of a comparison can
+therefore lie between the n-th contact of a pair in one run and in the other, or within a contact. For each pair, the
+larger number n of contacts at the end counts. Both runs are continued until the n-th contact of the pair has ended,
+and later contacts are ignored. A contact that begins later than the lag allows is missing.
 
-Newton's equation decides a collision of balls that touch, or collide at once, by its force law. Hard spheres have no
-law, so a rule has to decide, and where two rules differ no answer is the right one.
+The outcome of collisions between touching balls, or of simultaneous collisions, follows from the force law for soft
+spheres. Hard spheres need a tie rule. If two tie rules give different results, the hard-sphere result is not unique.
 """
 
 from __future__ import annotations
@@ -31,36 +30,39 @@ from granular.scene.places import Closing
 from granular.scene.walls.motion import ends
 
 PATIENCE = 20.0
-"""A contact still running at the end of a run is followed for so many of its isolated durations."""
+"""Durations of an isolated contact for which a running contact is followed."""
 MOST = 100_000
-"""Collisions for which a hard run is gone on with, at least: beside a shaken wall they may pile up."""
+"""Least limit on the collisions of a continued hard run beside a shaken wall."""
 CUT = (Status.time, Status.until)
-"""Statuses of runs that can be gone on with."""
+"""Statuses of runs that can be continued."""
 RULES = ("left", "right", "poisson")
-"""One collision after the other in two orders, and a touching group as a whole, in the way that takes any ε."""
+"""Tie rules to try: two sequential orders, and Poisson's rule for groups."""
 FEW = 1000
-"""Scenes of more bodies are not tried with the last: the cost of a group grows with its square."""
+"""Bodies above which Poisson's rule is not tried: its cost is quadratic."""
 MOST_OF_OTHERS = 10
-"""Another rule is given up after so many times the collisions of the first."""
+"""Limit on the collisions under another tie rule, over the run's collisions."""
 
 
 def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
-    """Return both runs with the first n contacts of every pair in their logs, n the larger number at their ends.
+    """Continue both runs to equal numbers of contacts, and return them.
+
+    For each pair, n is the larger number of contacts at the end of the two runs. The contact logs that are returned
+    contain the first n contacts of every pair, as far as they occur.
 
     Parameters
     ----------
     hard, soft : Trajectory
         Runs of one scene, with the contacts that count in their logs.
     options : mapping
-        Those of `granular.md.simulate` with which the soft run was made.
+        Options of `granular.md.simulate` with which the soft run was made.
 
     Notes
     -----
-    A contact that one run has yet to make may be late by its isolated duration, and by the way that its balls lag
-    behind, at most the fastest approach times all durations so far, both of its component, at the speed with which it
-    closes, and not by more than the run has lasted. One that begins later is missing. Hard spheres that lie on each
-    other from the start, and have not collided by the end, are not waited for; nor are pairs at rest at the end, if the
-    contacts that they lack are those of balls that bounce ever lower.
+    A contact that one run still lacks may begin later by the lag: the isolated duration at its approach speed, plus the
+    time in which its balls travel the distance by which they may be behind. This distance is the largest approach speed
+    times the sum of all durations so far, both of the component. The second part is at most the length of the run. A
+    contact that begins later is missing. Two cases are not continued: hard spheres that touch at the start and have not
+    collided by the end, and pairs at rest at the end if the missing contacts belong to balls that bounce ever lower.
     """
     most, cut = np.maximum(counts(hard), counts(soft)), float(soft.time[-1])
     latest, followed = _latest(hard, soft, most), _patience(soft, cut)
@@ -78,19 +80,22 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
 
 
 def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
-    """Return the soft run with the contacts that have begun by its end in its log, each followed to its end."""
+    """Return the soft run with each contact that has begun followed to its end."""
     until, begun = _patience(soft, float(soft.time[-1])), counts(soft)
     return first(_endless(_gone_on(soft, float(until.max()), options), until), begun)
 
 
 def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
-    """Return the run with those of the first contacts of every pair that begin no later than `latest` (n-1,) says."""
+    """Keep the first `most` contacts of each pair that begin by `latest` (n-1,)."""
     kept = run.contacts["t_begin"] <= latest[run.contacts["pair"]]
     return first(run if kept.all() else replace(run, contacts=run.contacts[kept]), most)
 
 
 def _patience(soft: Trajectory, cut: float) -> Array:
-    """Until when in s the contact of each pair that has no end is followed, from the cut or its onset on, (n-1,)."""
+    """Time in s until which a contact without end is followed, per pair, (n-1,).
+
+    It is counted from the end of the run `cut`, or from the onset if that is later.
+    """
     until = np.full(soft.scene.n_pairs, -np.inf)
     running, patience = _running(soft)
     until[running["pair"]] = np.maximum(running["t_begin"], cut) + patience
@@ -98,7 +103,7 @@ def _patience(soft: Trajectory, cut: float) -> Array:
 
 
 def _running(soft: Trajectory) -> tuple[Any, Array]:
-    """The contacts that have no end, and for how long in s each is followed."""
+    """Contacts without an end, and the time in s for which each is followed."""
     endless = np.isnan(soft.contacts["t_end"])
     running = soft.contacts[endless]
     alone = Durations(soft.law or (), soft.scene)(running["pair"], strengths(soft)[endless])
@@ -106,7 +111,10 @@ def _running(soft: Trajectory) -> tuple[Any, Array]:
 
 
 def _endless(soft: Trajectory, until: Array) -> Trajectory:
-    """Return the run in which contacts that last longer than they are followed have no end, whatever others need."""
+    """Remove the end of contacts that last longer than they are followed.
+
+    Another pair may need a longer run, in which such a contact ends after all.
+    """
     upto = until[soft.contacts["pair"]]
     lasting = np.isfinite(upto) & (soft.contacts["t_end"] > upto)
     if not lasting.any():
@@ -118,7 +126,7 @@ def _endless(soft: Trajectory, until: Array) -> Trajectory:
 
 
 def first(run: Trajectory, most: Array) -> Trajectory:
-    """Return the run with only the first contacts of every pair in its log, as many as `most` (n-1,) says."""
+    """Keep the first `most` (n-1,) contacts of every pair."""
     order, edge = run.by_pair
     nth = np.empty(len(order), np.int64)
     nth[order] = np.arange(len(order)) - np.repeat(edge[:-1], np.diff(edge))
@@ -127,10 +135,10 @@ def first(run: Trajectory, most: Array) -> Trajectory:
 
 
 def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
-    """When in s the contacts that the hard, and the soft run has yet to make must have begun, (2, n-1).
+    """Latest onset in s of the missing contacts of each pair, (2, n-1).
 
-    A pair that has fewer contacts than in the other run may be late by the duration of a contact, and by the time in
-    which it goes as far as it may be behind, at the speed of the contact that it lacks.
+    The first row is for the hard run, the second one for the soft run. A pair with fewer contacts than in the other run
+    may be late by the lag of the contact that it lacks.
     """
     lag = lags(hard, soft)
     latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
@@ -148,10 +156,10 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
 
 
 def lags(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], Array]:
-    """Return a function of pairs and approach speeds in m/s: the time in s by which such contacts may be late.
+    """Return the function ``lag(pair, speed)``: delay in s allowed for a contact.
 
-    It is the duration of the contact, and the time in which its balls go as far as they may be behind, but no longer
-    than the run. 0 for contacts that do not end.
+    It is the isolated duration at an approach speed in m/s, plus the time in which the balls travel the distance by
+    which they may be behind, but at most the length of the run. It is 0 for contacts that do not end.
     """
     alone, span = Durations(soft.law or (), soft.scene), soft.time[-1] - soft.time[0]
     behind = _behind(hard, soft, alone)
@@ -165,8 +173,11 @@ def lags(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], Array]:
 
 
 def _ever_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[int]:
-    """Of these pairs, which rest in a run, those that in the other go on with contacts no faster than the last here, or
-    than those of balls that settle."""
+    """Return the pairs at rest in `run` that only bounce ever lower in `other`.
+
+    Their contacts in `other` that `run` lacks are no faster than the last contact in `run`, or than contacts of balls
+    that settle.
+    """
     if not resting:
         return resting
     run, other = counted(run, other)
@@ -177,7 +188,10 @@ def _ever_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[
 
 
 def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:
-    """How far in m balls may be behind, (n-1,): the time that all contacts of a component take, at its fastest."""
+    """Distance in m by which the balls of each pair may be behind, (n-1,).
+
+    It is the total duration of the contacts of a component times its largest approach speed.
+    """
     parts = components(hard, soft)
     isolated = np.nan_to_num(alone(hard.contacts["pair"], np.abs(approach(hard))), posinf=0.0)
     over = np.where(np.isnan(soft.contacts["t_end"]), 0.0, soft.contacts["duration"])
@@ -190,7 +204,7 @@ def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:
 
 
 def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
-    """Return the run with the contacts until a later time `end` in s in its log."""
+    """Continue a run until `end` in s, and return it with the new contacts."""
     end = min(end, ends(*run.scene.motions))
     if run.scene.is_wall[[0, -1]].all():  # nor beyond where they leave no room
         end = min(end, Closing(run.scene, float(run.time[0]), flattened=run.rule is None).look(end))
@@ -207,7 +221,7 @@ def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Traject
 
 
 def _restarted(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
-    """Return a run of fixed steps, which cannot be resumed, with the contacts of a run from its last row."""
+    """Continue a fixed-step run from its last sample, as it has no checkpoint."""
     scene, now = run.scene, float(run.time[-1])
     if scene.heated or has_memory(run):
         return run
@@ -226,25 +240,31 @@ def _restarted(run: Trajectory, end: float, options: Mapping[str, Any]) -> Traje
 
 
 def has_memory(soft: Trajectory) -> bool:
-    """Whether a law of a soft-sphere run has memory, so that its last state does not tell how it goes on."""
+    """Whether a law has memory, so that the last sample does not define the rest."""
     return soft.law is not None and any(law.memory for law in resolved(soft.law, soft.scene).each)
 
 
 def unfollowed(soft: Trajectory) -> Any:
-    """Whether each pair has a last contact without end that has not lasted long enough to be called endless, (n-1,)."""
+    """Whether the last contact of each pair has no end, but may have one, (n-1,).
+
+    It was not followed for long enough to be called endless.
+    """
     short, (running, patience) = np.zeros(soft.scene.n_pairs, np.bool_), _running(soft)
     short[running["pair"]] = running["duration"] < 0.99 * patience
     return short & (soft.status in CUT)
 
 
 def touching(scene: Scene) -> Any:
-    """Whether each pair is of two balls that touch at the start, shape of the gaps."""
+    """Whether each pair consists of two balls that touch at the start, (n-1,)."""
     return (scene.gap == 0.0) & ~np.logical_or(*scene.sides(scene.is_wall))
 
 
 def nudged(scene: Scene) -> Scene:
-    """Gaps shifted by 1e-12 of themselves, with changing sign; of touching balls by 1e-12 of the next gap beside them,
-    at most of both radii: what is far away counts for nothing."""
+    """Return the scene with gaps shifted by 1e-12 of themselves, up and down.
+
+    Gaps of touching balls are shifted by 1e-12 of the nearest gap beside them, at most of the sum of both radii.
+    Distant gaps therefore do not matter.
+    """
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
     here, size = touching(scene), np.add(*scene.sides(scene.radius))
     room = np.where(size > 0.0, size, math.inf)
@@ -258,8 +278,10 @@ def nudged(scene: Scene) -> Scene:
 
 
 def tied(run: Trajectory) -> Any:
-    """Whether the bodies of each pair touch at the start, or collide at the same time as a neighbouring pair does,
-    shape of the gaps."""
+    """Whether each pair touches at the start or collides with its neighbour.
+
+    A pair collides with its neighbour if both collisions are simultaneous. The result has the shape of the gaps.
+    """
     pair, time, found = run.contacts["pair"], run.contacts["t_begin"], run.scene.gap == 0.0
     order = np.lexsort([pair, time])
     at_once = np.flatnonzero((np.diff(time[order]) == 0.0) & (np.abs(np.diff(pair[order])) == 1))
@@ -268,11 +290,11 @@ def tied(run: Trajectory) -> Any:
 
 
 def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield options of `granular.edmd.simulate` for each other tie rule, if pairs of a run made with `options` are
-    `tied`.
+    """Yield options of `granular.edmd.simulate` for each of the other tie rules.
 
-    Poisson's rule is not defined for balls that stick, such as after a collapse, for the TC model and for an elastic
-    cut-off; it is slow for many bodies. Any rule may refuse the scene.
+    Nothing is yielded if no pair is `tied`. Poisson's rule is not defined for balls that stick, for example after a
+    collapse, for the TC model and for an elastic cut-off. It is slow for many bodies. Any tie rule may refuse the
+    scene.
     """
     if hard.scene.n < 3 or not tied(hard).any():
         return

@@ -1,17 +1,17 @@
-"""May this scene be event-driven? The answer as a value, with its reasons: of all components the worst answer.
+"""Answer of a comparison, with its reasons.
 
-Hard spheres are run again to check them: under other tie rules, and from gaps shifted by 1e-12 of themselves.
-
-What a component says, the first that is so:
+The hard spheres run again to check their result: under other tie rules, and from gaps shifted by 1e-12 of themselves.
+The answer of the scene is the worst answer of its components. For a component, the first matching rule determines the
+answer:
 
 ==================  ==================================================================================================
-no                  hard spheres collide forever where soft ones part; or nothing collides, and soft ones sink
+no                  hard spheres collide forever where soft ones separate; or nothing collides, and soft ones sink
 not uniquely        a ball leaves with another velocity under another tie rule, or from gaps shifted by 1e-12
-not ball by ball    hard spheres from gaps shifted by 1e-12 of themselves part from themselves: beyond predictability
+not ball by ball    hard spheres diverge from those with gaps shifted by 1e-12 of themselves: beyond predictability
 no verdict          a soft contact was still running and cannot be followed
 no                  other numbers of contacts, an error above `SAME`, or soft balls at rest that sink
 no verdict          another tie rule, or the run from shifted gaps, was refused or stopped early
-yes                 the error is at most `SAME`, and what has no value is at rest in both runs
+yes                 the error is at most `SAME`, and all other balls are at rest in both runs
 ==================  ==================================================================================================
 """
 
@@ -38,7 +38,7 @@ from granular.run.trajectory import EARLY, Status, Trajectory
 
 @_check.face
 class Answer(Enum):
-    """May the collisions of a scene be treated as instantaneous? In the order in which the worst is told."""
+    """Can the collisions of a scene be treated as instantaneous? From worst to best."""
 
     no = "No"
     not_unique = "Not uniquely"
@@ -53,18 +53,18 @@ ORDER = tuple(Answer)
 @_check.face
 @dataclass(frozen=True)
 class Reason:
-    """Why a component of a scene has its answer.
+    """Reason for the answer of one component of a scene.
 
     Attributes
     ----------
     answer : Answer
-        What follows.
+        The answer that follows.
     words : str
-        The reason in words, behind the answer's own.
+        The reason as text that continues the answer.
     balls, pairs : tuple of int
-        The bodies of the component, walls left out, and those of its pairs that the reason is about.
+        Bodies of the component without walls, and the pairs to which the reason refers.
     error, unit : float
-        Error of the component, in units of its largest closing speed, and that unit in m/s; nan where there is none.
+        Error of the component in its unit, and the unit in m/s. nan without one.
     """
 
     answer: Answer
@@ -79,11 +79,11 @@ class Reason:
 
 
 class Checked(Compared):
-    """Both runs of a scene, and the further hard runs that check whether hard spheres have one answer."""
+    """Both runs of a scene, with further hard runs that check the result."""
 
     @cached_property
     def measures(self) -> dict[str, float]:
-        """The measures of `granular.measures` for these two runs, and the share of soft contacts that were isolated."""
+        """Measures of `granular.measures`, and the share of isolated soft contacts."""
         hard, soft = self.counted
         hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (hard, soft))
         return {
@@ -100,8 +100,11 @@ class Checked(Compared):
 
     @property
     def _lag(self) -> float:
-        """Soft end time minus hard end time in s. After a collapse both are the times at which balls come to rest: the
-        time of the collapse, and the onset of the last soft contact without end."""
+        """Soft end time minus hard end time in s.
+
+        After a collapse the times at which balls come to rest are used: the time of the collapse, and the onset of the
+        last soft contact without end.
+        """
         log, end = self.soft.contacts, float(self.soft.time[-1])
         if "collapse_time" not in self.hard.stats:
             return end - float(self.hard.time[-1])
@@ -110,26 +113,28 @@ class Checked(Compared):
 
     @cached_property
     def tie_errors(self) -> dict[str, _check.Array]:
-        """How far balls leave, and come to rest, in units of their component, under each other tie rule; empty without
-        ties."""
+        """Largest difference under each other tie rule, in the unit of each component.
+
+        Differences of leaving balls and of balls that come to rest. Empty without simultaneous collisions.
+        """
         return {name: self._apart_by_ties(run) for name, run in self._other_answers.items()
                 if not isinstance(run, str)}
 
     @cached_property
     def shift_errors(self) -> _check.Array:
-        """How far balls leave, in units of their component, from gaps shifted by 1e-12 of themselves."""
+        """Largest difference from gaps shifted by 1e-12, in the unit of each component."""
         return self.components.largest(np.zeros(self.scene.n_pairs), differences(*self._shifted)) / self.units
 
     @cached_property
     def shifts(self) -> _check.Array:
-        """D of hard spheres against themselves, gaps shifted by 1e-12 of themselves, of each component."""
+        """D between the hard run and its run from gaps shifted by 1e-12, per component."""
         mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
         apart = differences(*self._shifted)
         return np.sqrt(self.components.total(mass * apart**2) / self.components.total(mass)) / self.units
 
     @cached_property
     def twin(self) -> Trajectory:
-        """The hard run from gaps shifted a little."""
+        """Second hard run, from gaps shifted by 1e-12 of themselves."""
         most = align.MOST_OF_OTHERS * (self.hard.stats["events"] + self.scene.n)
         options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], most)}
         return edmd.simulate(align.nudged(self.scene), self.rule, **options)
@@ -140,14 +145,17 @@ class Checked(Compared):
 
     @cached_property
     def _shifted(self) -> tuple[Trajectory, Trajectory]:
-        """The twin and the hard run, without contacts that are rounding or just at the end time."""
+        """The second and the first hard run, without contacts at rounding level.
+
+        Contacts just before a common end time are also removed.
+        """
         hard = self.settled
         twin = hard if self._twin.status in EARLY else self._twin
         return measures.before_the_end(*(counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard)))
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory | str]:
-        """The hard run under each other tie rule, or why there is none."""
+        """The hard run under each other tie rule, or the reason why it is missing."""
         found: dict[str, Trajectory | str] = {}
         for options in align.others(self.settled, self.hard_options):
             name = options["ties"]
@@ -164,7 +172,7 @@ class Checked(Compared):
         return found
 
     def unchecked(self, j: int) -> str:
-        """Say which check of component `j` could not be made; empty if all were."""
+        """Return the check of component `j` that could not be made, or an empty string."""
         if self._twin.status in EARLY:
             return f"the run from gaps shifted by 1e-12 of themselves stopped early ({self._twin.status.name})"
         pairs = self.components.of_pair == j
@@ -174,24 +182,24 @@ class Checked(Compared):
         return f"the run with ties={failed[0][0]!r} {failed[0][1]}" if failed else ""
 
     def _apart_by_ties(self, one: Trajectory) -> _check.Array:
-        """Largest difference of a run under another tie rule, in units of each component."""
+        """Largest difference of a run under another tie rule, per component."""
         hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
         stuck = outcome.stuck_apart(one, hard, weight)
         return self.components.largest(stuck, differences(one, hard)) / self.units
 
     def _distance(self, apart: _check.Array) -> float:
-        """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
+        """D = √(Σ m Δu² / Σ m U²) over balls with contacts, with the unit U of each."""
         mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
         scale = float(mass @ np.append(self.units, 0.0)[of] ** 2)
         return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
 
 
 class Judged(Checked):
-    """Both runs of a scene, judged."""
+    """Both runs of a scene, with the answer and its reasons."""
 
     @cached_property
     def reasons(self) -> tuple[Reason, ...]:
-        """Why, component by component: the worst first, of several that weigh the same that of the largest error."""
+        """Reason of each component, the worst first, then by decreasing error."""
         found = [*_unfinished(self)] or [_judged(self, j) for j in range(self.components.count)]
         found.sort(key=lambda reason: (ORDER.index(reason.answer), -float(np.nan_to_num(reason.error))))
         if not found or found[0].answer is Answer.yes:
@@ -200,7 +208,7 @@ class Judged(Checked):
 
     @property
     def answer(self) -> Answer:
-        """May the collisions of this scene be treated as instantaneous?"""
+        """Can the collisions of this scene be treated as instantaneous?"""
         return self.reasons[0].answer
 
     @property
@@ -210,7 +218,10 @@ class Judged(Checked):
 
 
 def _unfinished(report: Checked) -> Iterator[Reason]:
-    """Runs that stopped before their end: which, and what stopped them; what is so of hard spheres that never will."""
+    """Yield reasons for runs that stopped before their end.
+
+    It is "no" if the soft run is complete and the hard spheres would collide forever, otherwise "undecided".
+    """
     soft, hard = report.soft, report.settled
     if soft.status not in EARLY and hard.status in EARLY and (so := _forever(report, range(report.scene.n_pairs))):
         yield Reason(Answer.no, so)
@@ -221,7 +232,7 @@ def _unfinished(report: Checked) -> Iterator[Reason]:
 
 
 def _judged(report: Checked, j: int) -> Reason:
-    """Return what is so of component `j`."""
+    """Return the reason of component `j`."""
     parts, error, unit = report.components, float(report.errors[j]), float(report.units[j])
     balls, pairs = (tuple(np.flatnonzero(of == j).tolist()) for of in (parts.of_ball, parts.of_pair))
     wrong = tuple(c for c in pairs if report.other_counts[c])
@@ -267,7 +278,7 @@ def _judged(report: Checked, j: int) -> Reason:
 
 
 def _yes(report: Checked, trivially: list[str]) -> Reason:
-    """Say yes, which only a true error of at most `SAME` may: nan is none."""
+    """Return the reason for "yes". The error must be at most `SAME`, and not nan."""
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= SAME:
         return Reason(Answer.undecided, ": no contact has come to its end")
@@ -289,7 +300,10 @@ def _yes(report: Checked, trivially: list[str]) -> Reason:
 
 
 def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | None:
-    """Say what is so where soft spheres at rest sink under their weight, or hard ones rest and do not collide."""
+    """Return answer and text for soft spheres that sink at rest, or None.
+
+    Also the answer for hard spheres that rest and never collide.
+    """
     lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.levelled[1]
     log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
     if not len(log) or not (report.scene.pull.any() or report.scene.driven):
@@ -309,7 +323,7 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
 
 
 def _forever(report: Checked, pairs: Sequence[int]) -> str:
-    """Return the words for hard spheres that collide forever where soft ones part; empty if it is not so."""
+    """Text for hard spheres that collide forever while soft ones separate, or ""."""
     hard = report.hard
     if "verdict" not in hard.stats:
         return ""
@@ -324,7 +338,7 @@ def _forever(report: Checked, pairs: Sequence[int]) -> str:
 
 
 def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
-    """Pairs with other numbers of contacts."""
+    """Text on pairs with different numbers of contacts."""
     p = max((report.pairs[c] for c in reversed(wrong)), key=lambda p: abs(p.soft_contacts - p.hard_contacts))
     said = f"pair {p.pair} has {p.soft_contacts} contact{'s' * (p.soft_contacts != 1)}, not {p.hard_contacts}"
     many = f"{len(wrong)} of {of} pairs differ in contacts; " if len(wrong) > 1 else ""
@@ -334,7 +348,7 @@ def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
 
 
 def _leaves(report: Checked, j: int) -> str:
-    """Say which ball of component `j` leaves with other velocities; empty if none does."""
+    """Text on the ball of component `j` with the largest difference, or ""."""
     one = report.departure(j)
     if one is None or not one.difference > SAME:
         return ""

@@ -1,8 +1,8 @@
-"""Episodes of linked contacts, and the velocities with which balls leave them in two runs of one scene.
+"""Episodes of linked contacts, and the velocities with which balls leave them.
 
-Contacts of soft spheres that share a ball and overlap in time are linked. An episode is a group of contacts joined by
-such links. States within an episode are intermediate; the velocities with which balls leave it are outcomes. A ball
-also leaves an episode for each long free flight between two of its contacts.
+Two contacts of soft spheres are linked if they share a ball and overlap in time. An episode is a group of contacts
+joined by such links. States within an episode are intermediate. The velocities with which balls leave an episode are
+outcomes, which are compared. A ball also leaves an episode before each long free flight between two of its contacts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 
 LONG_FLIGHT = 5.0
-"""A flight within an episode is compared if it lasts longer than this number of durations of the contact before it."""
+"""Flight time, over the duration of the contact before it, to be compared."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Departure:
     pairs : tuple of int
         The pairs of these contacts, in ascending order.
     hard_t, soft_t : float
-        Time in s at which the contact that the ball leaves ends.
+        Time in s at which the ball's last contact ends.
     hard_velocity, soft_velocity : float
         Velocity of the ball in m/s at that time.
     difference : float
-        Difference of the velocities over the unit U of the component. The hard ball is first carried in free flight
-        towards `soft_t` if that makes the difference smaller.
+        Difference of the velocities divided by the unit U of the component. The hard ball is first carried in free
+        flight towards `soft_t` if this reduces the difference.
     """
 
     ball: int
@@ -55,14 +55,14 @@ class Departure:
 
 
 class Departures:
-    """All departures of balls from episodes that two runs have in common.
+    """All departures of balls from episodes that occur in both runs.
 
     Parameters
     ----------
     hard, soft : Trajectory
-        Runs with the same contacts of every pair as far as they have them, see `granular.comparison.align.levelled`.
+        Runs continued to equal contact counts, see `granular.comparison.align.levelled`.
     weight : (n-1,) array
-        Speed in m/s that weight gives during a contact, see `granular.comparison.outcome.Components.weight`.
+        Speed in m/s that weight gives a ball during a contact, see `granular.comparison.outcome.Components.weight`.
     lag : callable
         ``lag(pair, speed)``: time in s by which contacts of these pairs at these approach speeds may be late.
 
@@ -75,7 +75,7 @@ class Departures:
     time, velocity : (2, m) arrays
         Time in s and velocity in m/s of every departure, hard and soft.
     apart : (m,) array
-        Difference in m/s of every departure; nan where a ball is compared at rest only.
+        Difference in m/s of every departure. It is nan for a ball that is compared only at rest.
     """
 
     def __init__(self, hard: Trajectory, soft: Trajectory, weight: Array, lag: Callable[[Any, Array], Array]) -> None:
@@ -109,7 +109,7 @@ class Departures:
         self.apart[scene.is_wall[self.ball] | (end > _held_since(soft)[self.ball])] = np.nan
 
     def departure(self, k: int, unit: float) -> Departure:
-        """Return the k-th departure, its difference in a unit in m/s."""
+        """Return the k-th departure, with its difference divided by `unit` in m/s."""
         pair = self.soft.contacts["pair"][self.episode == self.of[k]]
         (begin, end), (u, v) = self.time[:, k].tolist(), self.velocity[:, k].tolist()
         return Departure(int(self.ball[k]), int(self.of[k]), len(pair), tuple(np.unique(pair).tolist()), begin, end,
@@ -117,11 +117,11 @@ class Departures:
 
 
 def episodes(soft: Trajectory, compared: Any) -> Any:
-    """Return the number of the episode of every contact of the log, counted from 0 by onset.
+    """Return the episode of every contact in the log, numbered from 0 by onset.
 
-    Of two contacts of neighbouring pairs that overlap in time, the later one begins during the last contact of the
-    other pair that has begun by then. So every contact has at most one such link to either side.
-    Contacts without end, and those that are not `compared`, have episodes of their own.
+    If two contacts of neighbouring pairs overlap in time, the later one begins during the last contact of the other
+    pair that has begun by then. Every contact therefore has at most one such link on either side. Contacts without
+    end, and contacts that are not `compared`, are episodes of their own.
     """
     log, scene, size = soft.contacts, soft.scene, len(soft.contacts)
     onset, links = np.empty(size, np.int64), []
@@ -139,10 +139,11 @@ def episodes(soft: Trajectory, compared: Any) -> Any:
 
 
 def flights(run: Trajectory, met: Any) -> Array:
-    """Return for how long in s both bodies of every contact of the log fly freely from its end on, (len(contacts), 2).
+    """Free time in s of both bodies of each contact after its end, shape (m, 2).
 
-    Not positive where another contact of the body is running, or where the next one is not `met` by the other run; inf
-    without a next contact. All hard contacts of a body in one instant have the flight that follows the instant.
+    It is not positive if another contact of the body is running, or if the next contact is not in the other run
+    (`met`). It is inf without a next contact. For all hard contacts of a body in one instant it is the flight after
+    the instant.
     """
     log = run.contacts
     body = np.column_stack(run.scene.bodies(log["pair"])).ravel()
@@ -159,7 +160,10 @@ def flights(run: Trajectory, met: Any) -> Array:
 
 
 def _groups(size: int, one: Any, other: Any) -> Any:
-    """Return the smallest member of the group of each of `size` numbers, of which `one` and `other` are linked."""
+    """Return the smallest member of the group that each of `size` numbers is in.
+
+    The numbers `one` and `other` are linked, element by element.
+    """
     least = np.arange(size)
     while (least[one] != least[other]).any():
         np.minimum.at(least, np.maximum(least[one], least[other]), np.minimum(least[one], least[other]))
@@ -169,7 +173,10 @@ def _groups(size: int, one: Any, other: Any) -> Any:
 
 
 def mates(hard: Trajectory, soft: Trajectory) -> Any:
-    """Return the row of the soft contact with the same pair and number for every hard contact; -1 without one."""
+    """Row of the soft contact with the same pair and number, per hard contact.
+
+    It is -1 without one.
+    """
     (order, edge), (others, start) = hard.by_pair, soft.by_pair
     pair = hard.contacts["pair"][order]
     number, mate = np.arange(len(order)) - edge[pair], np.full(len(order), -1)
@@ -179,7 +186,7 @@ def mates(hard: Trajectory, soft: Trajectory) -> Any:
 
 
 def _held_since(soft: Trajectory) -> Array:
-    """Return the time in s from which each body rests on a wall, in contacts without end between both; inf if never."""
+    """Time in s from which contacts without end connect each body to a wall, or inf."""
     endless, since = np.isnan(soft.contacts["t_end"]), np.full(soft.scene.n_pairs, np.inf)
     since[soft.contacts["pair"][endless]] = soft.contacts["t_begin"][endless]
     held, wall = np.full((2, soft.scene.n), np.inf), soft.scene.is_wall
@@ -191,14 +198,20 @@ def _held_since(soft: Trajectory) -> Array:
 
 
 def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
-    """Whether the last contact of each pair has no end in the soft run; and in the hard one, where spheres stick.
-    Both have the shape of the gaps."""
+    """Whether each pair is at rest at the end of the soft run, and of the hard run.
+
+    In the soft run its last contact has no end. In the hard run its bodies stick, and it has fewer contacts. Both
+    arrays have the shape of the gaps.
+    """
     sticks = np.abs(partings(hard)) <= sticking(hard)
     return np.isnan(partings(soft)) & (counts(soft) > 0), sticks & (counts(hard) < counts(soft))
 
 
 def resting_in_both(hard: Trajectory, soft: Trajectory) -> Any:
-    """Whether each pair that is `at_rest` in one run rests at the end of the other one too, shape of the gaps."""
+    """Whether each pair `at_rest` in one run also rests at the end of the other.
+
+    The result has the shape of the gaps.
+    """
     never, sticks = at_rest(hard, soft)
     parting = np.where(never, partings(hard), partings(soft))
     still = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= sticking(hard))
@@ -206,12 +219,14 @@ def resting_in_both(hard: Trajectory, soft: Trajectory) -> Any:
 
 
 def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
-    """Yield pairs that come to rest in a contact without end, and how far in m/s the two runs differ there.
+    """Yield pairs that rest in a contact without end, and their difference in m/s.
 
-    A contact before it that the other run lacks counts in full; it begins alike in both; what one run still has from
-    there on, as a ball that bounces ever lower, begins no faster, and leaves the pair at rest too. The largest counts.
-    Where both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that
-    settle. How the contacts before it end is compared by episodes, see `granular.comparison.episodes`.
+    The difference of the two runs is the largest of the following. A contact before the contact without end that the
+    other run lacks contributes its full speed. The contact without end begins in both runs, and the difference of its
+    approach speeds counts. Further contacts of one run, for example of a ball that bounces ever lower, contribute the
+    speed by which they are faster, and the speed with which they leave the pair. If the pair is at rest in both runs,
+    contacts with an approach speed of at most `weight` (n-1,) belong to balls that settle, and are ignored. The ends of
+    the contacts before it are compared by episodes, see `granular.comparison.episodes`.
     """
     (never, sticks), still = at_rest(hard, soft), resting_in_both(hard, soft)
     for c in np.flatnonzero(never | sticks).tolist():

@@ -1,4 +1,4 @@
-"""The figure of a comparison: contacts, forces and paths of both engines, each in a panel of its own, and a lens."""
+"""Figure of a comparison: contacts, forces and paths, and an enlarged view."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
 THIN = 1.5
-"""Least width in points of what marks a contact, however short it is beside the span that is drawn."""
+"""Least width in points of the mark of a contact."""
 OF_FORCE = ((1e6, "M"), (1e3, "k"), *PREFIXES[:3])
 """Multiples of the newton."""
 COLUMNS = 300
-"""Number of spans of time in a force map; each shows the largest force in it, so that no contact is lost."""
+"""Time intervals of a force map. Each shows its largest force."""
 FEW = 6
-"""Up to this many pairs forces are drawn as curves, beyond as a map over pairs and time."""
+"""Pairs up to which forces are drawn as curves; for more pairs as a map."""
 
 
 def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
-    """See `Comparison.plot`."""
+    """Draw the figure, see `Comparison.plot`."""
     view, n = window(report), report.scene.n_pairs
     look = closeup(view)
     heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= FEW else [0.2 * min(n, 12) + 1.0]), 2.4]
@@ -57,20 +57,23 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
 
 
 def both(report: Judged, times: Array) -> dict[str, Trajectory]:
-    """Both runs with rows at those times; of hard spheres only if they do not collide too often."""
+    """Repeat both runs with samples at `times`; not hard runs of 100 000 collisions."""
     few = len(report.hard.contacts) < 100_000
     return {engine: with_rows(report, engine, times) for engine in ("soft", "hard") if engine == "soft" or few}
 
 
 def mark(axis: Any, view: View, look: Closeup) -> None:
-    """Shade the span of time that the lens shows, if it is a part only of what is drawn."""
+    """Shade the interval of the enlarged view if it is only a part of the figure."""
     begin, end = look.view.begin, look.view.end
     if end - begin < 0.8 * (view.end - view.begin):
         axis.axvspan(view.clock(begin), view.clock(end), color=GREY, alpha=0.2, lw=0, zorder=0)
 
 
 def timeline(axis: Any, view: View, named: int = NAMED) -> None:
-    """Bars where soft contacts last, marks where hard collisions happen; one line a pair, up to so many with a name."""
+    """Draw bars for soft contacts and marks for hard collisions, one line per pair.
+
+    Up to `named` pairs have names.
+    """
     from matplotlib.ticker import MaxNLocator
 
     (hard, soft), n = (run.contacts for run in view.report.counted), view.report.scene.n_pairs
@@ -89,7 +92,7 @@ def timeline(axis: Any, view: View, named: int = NAMED) -> None:
 
 
 def _tell_of_later(axis: Any, view: View) -> None:
-    """Say how many contacts come after the end of the axis, and mark their pairs."""
+    """Print how many contacts follow after the end of the axis, and mark their pairs."""
     later = np.concatenate([run.contacts[run.contacts["t_begin"] > view.end] for run in view.report.counted])
     if not len(later):
         return
@@ -101,7 +104,7 @@ def _tell_of_later(axis: Any, view: View) -> None:
 
 
 def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
-    """Forces in a unit of their own: of few pairs as curves, the uppermost on top, of many as a map."""
+    """Draw forces: curves with their own units for few pairs, otherwise a map."""
     force = np.asarray(soft.force)
     if soft.scene.n_pairs > FEW:
         _force_map(figure, axes[0], view, soft)
@@ -113,14 +116,17 @@ def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
 
 
 def force_curve(axis: Any, clock: Array, force: Array) -> None:
-    """A force that pushes, filled down to zero."""
+    """Draw a force over time, filled down to zero."""
     axis.fill_between(clock, force, color=SOFT, alpha=0.25, lw=0)
     axis.plot(clock, force, color=SOFT, lw=1.0)
     axis.set_ylim(0.0, 1.12 * float(force.max(initial=0.0)) or 1.0)
 
 
 def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
-    """The largest force in each column and on each pair: from samples, and from the log of short contacts."""
+    """Draw the largest force per time interval and pair.
+
+    From samples, and from the log for short contacts.
+    """
     from matplotlib.colors import PowerNorm
 
     largest = np.zeros((COLUMNS, soft.scene.n_pairs))
@@ -145,7 +151,7 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
 
 
 def draw_runs(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
-    """Paths of both runs; a cross where the hard one ended early."""
+    """Draw the paths of both runs, with a cross where the hard one ended early."""
     of = {label: (run.time, np.asarray(points(run))) for label, run in runs.items()}
     unit = world_lines(axis, view, view.report.scene, of)
     for t, y in (of["hard"],) if "hard" in of else ():

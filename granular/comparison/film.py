@@ -1,9 +1,9 @@
-"""Films of a comparison for slides: both engines side by side; fall, contacts slowed down, flight.
+"""Films of a comparison: both engines side by side.
 
-The same story as that of the teaching page, granular/app/page/live/film.mjs. A film has two pages:
-`flying`, as fast as life against a ruler, and `touching`, where balls are drawn by the square root of their radii,
-paths and overlaps by a common factor so large that they can be seen. Every ball that flies stops at its own apex, where
-a tick and a number stay: that of the top ball is its `Comparison.rises`.
+A film has two pages. `flying` shows fall and flight in real time against a ruler, `touching` the contacts in slow
+motion. There, balls are drawn by the square root of their radii, and paths and overlaps by a common factor that makes
+them visible. Every flying ball stops at its own apex, which is marked with its height. The height of the top ball is
+`Comparison.rises`. The teaching page tells the same story, see granular/app/page/live/film.mjs.
 """
 
 from __future__ import annotations
@@ -40,14 +40,17 @@ def animate(
     report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
     charts: bool = True,
 ) -> None:
-    """See `Comparison.animate`."""
+    """Write the film, see `Comparison.animate`."""
     check(path, report.scene, seconds, fps)
     save(path, Story(window(report), seconds, fps, whole, charts).pictures(), fps)
 
 
 @dataclass(frozen=True)
 class Story:
-    """What a film shows: the contacts for so many seconds, or the `whole` story; with `charts` beside the balls."""
+    """Content of a film: the contacts for `seconds`, or the `whole` story.
+
+    With `charts` beside the balls.
+    """
 
     view: View
     seconds: float
@@ -57,14 +60,14 @@ class Story:
 
     @cached_property
     def tops(self) -> dict[str, Array]:
-        """When in s, and how high in m, each body is at its apex as hard and as soft sphere, (n, 2)."""
+        """Time in s and height in m of each body's apex, for both engines, (n, 2)."""
         return {name: apexes(self.view.report, name, range(self.view.report.scene.n)) for name in COLOURS}
 
     @cached_property
     def acts(self) -> dict[str, Array]:
-        """The time in s of every picture, act by act.
+        """Times in s of all frames, act by act.
 
-        Without a fall, and where contacts and flights take turns, there is one act only.
+        There is only one act if nothing falls, or if contacts and flights alternate.
         """
         view, fps = self.view, self.fps
         contacts = np.linspace(view.begin, view.end, max(2, round(self.seconds * fps)))
@@ -81,26 +84,26 @@ class Story:
         }
 
     def heights(self, name: str, times: Array) -> Array:
-        """Heights (len(times), n) in m of hard or soft spheres, radii taken out: a ball stops at its apex."""
+        """Heights in m without radii, (len(times), n), constant from the apex on."""
         when, top = self.tops[name].T
         return np.where(times[:, None] >= when, top, Onward(self.view.report, name).heights(times))
 
     def pictures(self) -> list[tuple[Page, int]]:
-        """Which picture of which page is shown, from the first to the last."""
+        """Page and number on the page of every frame, in order."""
         contacts, flown = touching(self), count()
         flights = flying(self) if len(self.acts) > 1 else contacts
         return [(contacts, k) if name == "slow" else (flights, next(flown))
                 for name, times in self.acts.items() for k in range(len(times))]
 
     def page(self, panels: dict[str, float], beside: float) -> Page:
-        """An empty page: balls of both engines, beside or below them panels of these heights, or a strip of time."""
+        """Return an empty page: the balls of both engines, and panels of given heights."""
         report = self.view.report
         words = (report.verdict, parameters(report)) if self.charts else ("", "")
         return blank(*words, report.scene, COLOURS, panels if self.charts else {}, beside, tall=1.25)
 
 
 def flying(story: Story) -> Page:
-    """Return the page on which balls fall and fly: against a ruler, side by side, and their heights over time."""
+    """Return the page of fall and flight: balls beside a ruler, heights over time."""
     report, shown = story.view.report, {name: times for name, times in story.acts.items() if name != "slow"}
     time = np.concatenate(list(shown.values()))
     drawn = np.union1d(np.linspace(time[0], time[-1], 1200), time)
@@ -122,8 +125,10 @@ def flying(story: Story) -> Page:
 
 
 def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> None:
-    """Stand the balls of one engine side by side at these heights (len(time), n) in m; ticks with numbers come when
-    they are at their apexes, and are out of sight before."""
+    """Draw the balls of one engine side by side at `heights` (len(time), n) in m.
+
+    Marks with the heights of the apexes appear when the balls reach them.
+    """
     from matplotlib import markers, transforms
 
     scene, axis, colour = story.view.report.scene, page.axes[name], COLOURS[name]
@@ -146,7 +151,7 @@ def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> N
 
 
 def touching(story: Story) -> Page:
-    """Return the page of the contacts: the balls, and beside (below) them contacts, forces, paths and the lens."""
+    """Return the page of the contacts: balls, contacts, forces, paths, enlarged view."""
     view, time = story.view, story.acts["slow"]
     report, look = view.report, closeup(view)
     if look is not None and (look.view is not view or len(look.touches) < 2):
@@ -162,7 +167,7 @@ def touching(story: Story) -> Page:
 
 
 def chart(panels: list[Any], view: View, look: Closeup | None, runs: dict[str, Trajectory]) -> None:
-    """Draw contacts, forces, paths and, if there is one, the lens."""
+    """Draw contacts, forces, paths and, if there is one, the enlarged view."""
     timeline(panels[0], view, NAMED if view.report.scene.gravity > 0.0 else FEW)
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))

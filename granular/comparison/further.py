@@ -1,9 +1,12 @@
-"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; when and how high
-balls rise, as granular/app/page/physics/apex.mjs defines it; how much of the floor's push neighbours share;
-and how far a run of another program is from both engines, ball by ball.
+"""Quantities of a comparison that need further runs.
 
-A ball rises to the first apex of its free flight after it has been touched, from the floor contact on that is asked
-for, all hits before that apex included, a run that stops earlier being carried on. A ball that rests instead rises 0.
+They are the effective ε of hard spheres, the heights and times of apexes (defined as in
+granular/app/page/physics/apex.mjs), the share of the floor's impulse during contacts above, and the difference between
+a run of another program and both engines.
+
+A ball rises to the first apex of its free flight after a contact, beginning with a given contact with the floor. All
+collisions before that apex are included, and a run that stops earlier is continued. A ball that comes to rest
+instead rises to 0.
 """
 
 from __future__ import annotations
@@ -24,23 +27,28 @@ from granular.run.until import Separated
 from granular.scene import Scene, speed_scale
 
 ROUNDING = 1e-14
-"""Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""
+"""Values below this share of the largest one are zero.
+
+A function that jumps near its root may have no change of sign there.
+"""
 MERGED = 1e-4
-"""Hard spheres that collide at less than this share of the impact speed stick together once the run has stopped."""
+"""Hard spheres stick after the stop below this share of the impact speed."""
 LONGEST = 1000.0
-"""Falls after which a rise is given up."""
+"""Limit on the time to an apex, in fall times."""
 MOST = 3000
-"""Events of each run."""
+"""Limit on the events of each run."""
 STEPS = 10 * MOST
-"""Steps of each soft run: of a pile that settles, hours may pass before so many events."""
+"""Limit on the steps of each soft run. A pile that settles has few events."""
 Flight = tuple[float, float, float]
 MANY = 12
-"""Balls that are shown one by one: of more, those farthest from soft spheres."""
+"""Number of balls that are printed: those with the largest differences."""
 
 
 def roots(function: Callable[[float], float], grid: check.Array, scale: float) -> tuple[float, ...]:
-    """Where a function that may jump is zero: on the grid, but for rounding, or between two of its points; a jump
-    across is left out."""
+    """Return the zeros of a function that may jump: grid points, or between them.
+
+    Values at rounding level are zero. A jump across zero is not a root.
+    """
     from scipy.optimize import brentq
 
     values = np.array([function(x) for x in grid.tolist()])
@@ -54,8 +62,10 @@ def roots(function: Callable[[float], float], grid: check.Array, scale: float) -
 
 
 def with_rows(report: Any, engine: str, times: check.Array, further: bool = False) -> Trajectory:
-    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
-    is to go `further`."""
+    """Repeat one of the two runs with samples at sorted `times` in s.
+
+    The run extends beyond its end if free flight follows, or if `further`.
+    """
     hard = engine == "hard"
     run = report.hard if hard else report.soft
     parted = run.status is Status.until and (hard or isinstance(report.until, Separated))
@@ -70,20 +80,23 @@ def with_rows(report: Any, engine: str, times: check.Array, further: bool = Fals
 
 @dataclass(frozen=True, eq=False)
 class Onward:
-    """One of the two runs of a comparison, past its stop too, where hard spheres that hardly collide stick together."""
+    """Continuation of one of the two runs beyond its stop.
+
+    Hard spheres that collide slowly stick together then.
+    """
 
     report: Any
     engine: str
 
     @cached_property
     def before(self) -> Trajectory:
-        """The run up to its stop; of soft spheres one that can be gone on from."""
+        """The run up to its stop. A soft run has a checkpoint."""
         run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
         return run if self.engine == "hard" or "creeping" in run.state else md.simulate(
             run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
 
     def run(self, t_end: float, samples: check.Array | None = None) -> Trajectory:
-        """What follows, up to `t_end` in s."""
+        """Continue the run up to `t_end` in s."""
         run, start = self.before, float(self.before.time[-1])
         if self.engine == "soft":
             return md.resume(run, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
@@ -94,8 +107,10 @@ class Onward:
             merge_below=MERGED * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
     def heights(self, times: check.Array) -> check.Array:
-        """Heights (len(times), n) in m above the lowest body, radii taken out, at times in s, which increase; nan from
-        where the run is given up."""
+        """Heights in m without radii above the lowest body, (len(times), n).
+
+        `times` in s increase. nan from where the run stops at a limit.
+        """
         early = times <= self.before.time[-1]
         gaps = [with_rows(self.report, self.engine, times[early]).gap] if early.any() else []
         if not early.all():
@@ -106,26 +121,29 @@ class Onward:
 
 
 class Rises(tuple[float, float]):
-    """How high in m the top ball rises, as hard and as soft sphere; called, the same after a later bounce."""
+    """Height in m to which the top ball rises, as a hard and as a soft sphere.
+
+    Call it for the height after a later bounce.
+    """
 
     report: Any
 
     def __call__(self, bounce: int = 1) -> Rises:
-        """Return the same after that contact with the floor, 1 the first."""
+        """Return the heights after the given contact with the floor, 1 for the first."""
         return rises(self.report, check.whole("bounce", bounce, at_least=1))
 
 
 def rises(report: Any, bounce: int = 1) -> Rises:
-    """Return how high the top ball rises after that contact with the floor."""
+    """Return how high the top ball rises after the given contact with the floor."""
     found = Rises(float(apexes(report, engine, [report.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
     found.report = report
     return found
 
 
 def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> check.Array:
-    """When in s, and how high in m, each of these bodies is at its apex after that contact with the floor, (count, 2).
+    """Time in s and height in m of the apex of each body after a bounce, (count, 2).
 
-    A ball that comes to rest has no time, and the height 0; nan where it cannot be told.
+    A ball that comes to rest has time nan and height 0. Both are nan if the apex cannot be determined.
     """
     scene, onward, options = report.scene, Onward(report, engine), report.hard_options
     found = np.full((len(bodies), 2), math.nan)
@@ -152,7 +170,7 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
 
 
 def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
-    """When in s a body is, or will be if nothing hits it, at the first apex of its free flight after that bounce."""
+    """Time in s of the first apex of a body after a bounce, if nothing hits it before."""
     floor = np.sort(log["t_begin"][log["pair"] == 0])[bounce - 1 :]
     since = float(floor.min(initial=math.inf)) if bounce > 1 else -math.inf
     apex = ((begin + v / scene.gravity, hit) for begin, v, hit in _flights(log, body, since) if v > 0.0)
@@ -160,7 +178,10 @@ def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
 
 
 def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
-    """Begin, velocity and end of the free flights of a body after its contacts that begin `since`, in order of time."""
+    """Yield start, velocity and end of the free flights of a body, in time order.
+
+    The flights follow contacts that begin at `since` or later.
+    """
     rows = log[(log["pair"] == body) | (log["pair"] == body - 1)]
     rows = rows[np.argsort(rows["t_end"], kind="stable")]
     for k, row in enumerate(rows[~np.isnan(rows["t_end"])]):
@@ -172,9 +193,9 @@ def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
 
 
 def floor_share(report: Any) -> float:
-    """Share of the floor's impulse during which the ball on it is pressed from above too, of soft spheres.
+    """Share of the soft impulse of the floor while its ball is pressed from above.
 
-    Between any two times the wall gives Σ m (Δv + g Δt); nan without a floor, with a ceiling, or with forces besides
+    Between any two times the wall gives Σ m (Δv + g Δt). nan without a floor, with a ceiling, or with other forces than
     weight.
     """
     scene, log, total = report.scene, report.counted[1].contacts, report.soft.of(0)["impulse"].sum()
@@ -189,17 +210,16 @@ def floor_share(report: Any) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Against:
-    """Velocities of a third run less those of both engines at the same times.
+    """Velocities of a third run minus the velocities of both engines.
 
     Attributes
     ----------
     time : (T,) array
-        In s, of the third run.
+        Times in s of the third run.
     unit : (n,) array
-        In m/s: the largest closing speed of each ball's component, as in the report; of balls that touch none, the
-        largest of all.
+        Unit in m/s of each ball: the unit of its component in the report, for balls without contacts the largest one.
     hard, soft : (T, n) arrays
-        Differences in these units, theirs less ours; nan for walls, and behind the end of a run that stopped early.
+        Differences in these units, third run minus ours. nan for walls, and after the end of a run that stopped early.
     """
 
     time: check.Array
@@ -221,7 +241,10 @@ class Against:
                           * (len(shown) < len(balls))])
 
     def _since(self, apart: check.Array) -> str:
-        """From when on a ball is beyond `SAME`; up to where it is known that it is not, if a run stopped early."""
+        """Time from which a ball differs by more than `SAME`, as text.
+
+        If a run stopped early, the time up to which the ball agrees is known.
+        """
         off, known = np.flatnonzero(np.abs(apart) > SAME), np.flatnonzero(np.isfinite(apart))
         if len(off):
             return f"t = {self.time[off[0]]:.9g} s"
@@ -230,13 +253,13 @@ class Against:
 
 
 def _last(apart: check.Array) -> check.Array:
-    """Sizes of the last differences that are known, ball by ball: of a run that stopped early of an earlier row."""
+    """Absolute values of the last known difference of each ball."""
     row = len(apart) - 1 - np.isfinite(apart)[::-1].argmax(axis=0)
     return np.asarray(np.abs(np.take_along_axis(apart, row[None], axis=0)[0]))
 
 
 def against(report: Any, run: Trajectory) -> Against:
-    """See `Comparison.against`."""
+    """Compare a run of another program with a report, see `Comparison.against`."""
     check.of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
     for name in ("mass", "radius"):
         ours, theirs = getattr(report.scene, name), getattr(run.scene, name)
@@ -254,7 +277,7 @@ def against(report: Any, run: Trajectory) -> Against:
 
 
 def _apart(theirs: Trajectory, ours: Trajectory, unit: check.Array) -> check.Array:
-    """Differences of velocities at the times of a third run."""
+    """Differences of the velocities, at the times of a third run."""
     row = np.searchsorted(ours.time, theirs.time).clip(max=len(ours.time) - 1)
     known = (ours.time[row] == theirs.time)[:, None] & ~ours.scene.is_wall
     return np.where(known, (theirs.velocity - ours.velocity[row]) / unit, np.nan)

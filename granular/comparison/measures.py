@@ -1,9 +1,9 @@
-"""How far event-driven simulation is wrong, as numbers: pure functions of two trajectories of one scene.
+"""Measures of the error of event-driven simulation, as functions of trajectories.
 
 =========  ===========================================================================================================
 φ          share of the contact impulse exchanged while a neighbouring pair is active (0: every contact is binary)
 p          share of EDMD events with an event of a neighbouring pair within t_c
-Λ          mean t_c × rate of collisions of a pair: the share of time a pair spends in contact
+Λ          mean t_c times the collision rate of a pair: share of time a pair spends in contact
 D          √(Σ m (Δu)² / Σ m U²), u the velocity with which a ball leaves its last contact, U the fastest impact
 K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall at constant velocity
 T          Σ m (v - V)² / (N - 1) of N balls, V the velocity of their centre of mass
@@ -40,20 +40,20 @@ ACCOUNT = {
     "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
     "dissipated": "dissipated", "end": "at the end", "remainder": "remainder",
 }
-"""The parts of a `balance` in words."""
+"""Descriptions of the parts of a `balance`."""
 
 
 @check.face
 @dataclass(frozen=True)
 class Overlap:
-    """Two contacts of neighbouring pairs that share a span of time: the reason why the engines differ.
+    """Two contacts of neighbouring pairs that overlap in time.
 
     Attributes
     ----------
     lower, upper : int
-        Rows of the contact log; the pair of `upper` is the next one up.
+        Rows of the contact log. The pair of `upper` is the next one above the pair of `lower`.
     begin, end : float
-        The shared span in s.
+        The common time interval in s.
     """
 
     lower: int
@@ -63,7 +63,7 @@ class Overlap:
 
 
 def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
-    """All overlaps in time of contacts of neighbouring pairs, in order of time."""
+    """Return all overlaps in time of contacts of neighbouring pairs, in time order."""
     begin, finish = run.contacts["t_begin"], np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
     found = []
     for below, above in _beside(run):
@@ -75,13 +75,19 @@ def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
 
 
 def shared_impulse(run: Trajectory) -> float:
-    """φ in [0, 1], of hard spheres 0; nan without contacts, and of a run that went on from another with contacts."""
+    """Shared impulse φ in [0, 1]; 0 for hard spheres.
+
+    nan without contacts, and for a run resumed from another run with contacts.
+    """
     total, known = float(run.contacts["impulse"].sum()), run.stats.get("contacts", 0) <= len(run.contacts)
     return float(run.stats.get("shared_impulse", 0.0)) / total if total > 0.0 and known else math.nan
 
 
 def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
-    """p in [0, 1]: share of EDMD events with an event of a neighbouring pair within t_c; nan without events."""
+    """Share p in [0, 1] of EDMD events with a neighbour's event within t_c.
+
+    nan without events.
+    """
     begin, lasting = hard.contacts["t_begin"].copy(), durations(hard, laws)
     crowded = np.zeros(len(begin), dtype=np.bool_)
     for below, above in _beside(hard):
@@ -92,25 +98,31 @@ def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
 
 
 def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
-    """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
+    """Isolated durations in s of EDMD events under the force laws of their pairs."""
     return Durations(laws, hard.scene)(hard.contacts["pair"], np.abs(approach(hard)))
 
 
 def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
-    """The rows of the contact log of every two neighbouring pairs."""
+    """Rows of the contact log of every two neighbouring pairs."""
     below, above = run.scene.neighbours
     return zip(map(run.rows, below.tolist()), map(run.rows, above.tolist()), strict=True)
 
 
 def occupation(soft: Trajectory) -> float:
-    """Λ: share of time a pair spends in contact, from the soft log; nan for an empty span, and without a log."""
+    """Share Λ of time that a pair of soft spheres spends in contact.
+
+    nan for an empty time interval, and without a contact log.
+    """
     span = float(soft.time[-1] - soft.time[0])
     known = span > 0.0 and is_logged(soft)
     return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if known else math.nan
 
 
 def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
-    """Both runs without what happens just at a common end time, where rounding decides what is still seen."""
+    """Remove contacts just before a common end time from both runs.
+
+    Rounding errors decide whether such contacts are in the log.
+    """
     if not twin.status is hard.status is Status.time:
         return twin, hard
     before = hard.time[-1] - 1e-9 * (hard.time[-1] - hard.time[0])
@@ -119,16 +131,16 @@ def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Traj
 
 
 def fastest_approach(*runs: Trajectory) -> float:
-    """Largest speed in m/s at which a contact of these runs begins; 0 without contacts."""
+    """Largest approach speed in m/s of all contacts of these runs; 0 without any."""
     return max(float(approach(run).max(initial=0.0)) for run in runs)
 
 
 def impact_speed(run: Trajectory) -> float:
-    """v₁ in m/s: speed of the first collision of hard spheres; nan without contacts.
+    """Speed v₁ in m/s of the first collision of hard spheres; nan without contacts.
 
-    Where several pairs collide at that instant, the fastest approach among them before any of them has acted: a ball
-    has the velocity with which it enters the first of its rows. So it hangs neither on a tie rule nor on the order of
-    rows; in a touching group most pairs do not approach at all.
+    For simultaneous collisions it is the fastest approach before any of them has acted: a ball has the velocity with
+    which it enters its first contact. The result depends neither on the tie rule nor on the order of the rows. Most
+    pairs of a touching group do not approach at all.
     """
     log = run.contacts[run.contacts["t_begin"] == run.contacts["t_begin"][:1]]
     body = np.column_stack(run.scene.bodies(log["pair"])).ravel()
@@ -138,8 +150,10 @@ def impact_speed(run: Trajectory) -> float:
 
 
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
-    """Velocities in m/s just before the first contact of `run` (the initial ones without any); nan if its first row is
-    later."""
+    """Velocities in m/s just before the first contact of `run`.
+
+    They are the initial velocities without a contact, and nan if the first sample is later than the first contact.
+    """
     fall = float(run.contacts["t_begin"][0] - run.time[0]) if len(run.contacts) else 0.0
     if fall < 0.0:
         return np.full(scene.n, math.nan)
@@ -147,8 +161,11 @@ def impact_velocities(scene: Scene, run: Trajectory) -> Array:
 
 
 def mass_centre_restitution(run: Trajectory) -> float:
-    """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, at constant velocity and not
-    thermal, with contacts that end, and no pendula."""
+    """Restitution of the centre of mass, -V_cm after / V_cm before all contacts.
+
+    nan unless the scene has exactly one wall, at constant velocity and not thermal, all contacts have an end, and no
+    ball is a pendulum.
+    """
     scene, balls, log = run.scene, ~run.scene.is_wall, run.contacts
     at_wall = run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)
     lasting = run.status in (Status.collapse, Status.bounded) or np.isnan(at_wall["t_end"]).any()
@@ -162,11 +179,12 @@ def mass_centre_restitution(run: Trajectory) -> float:
 
 
 def static_overlaps(soft: Trajectory) -> Array:
-    """Overlaps in m at which balls that rest on each other are in equilibrium, shape of the gaps; nan of all other
-    pairs, under laws with memory (a dent), between two walls, at walls that are driven, of pendula and on a ring.
+    """Overlaps in m of balls in static equilibrium, in the shape of the gaps.
 
-    The contact of pair c bears F_c = Σ (m_i a + m_i g - f_i) over the balls above it in its pile, a = 0 on a floor, the
-    acceleration of their mass centre where no wall holds them, below a ceiling the same of the balls below.
+    nan for pairs that are not at rest, under laws with memory (a dent), between two walls, at driven walls, for
+    pendula and on a ring. The contact of pair c carries F_c = Σ (m_i a + m_i g - f_i) over the balls above it in its
+    pile. On a floor a = 0. Without a wall, a is the acceleration of the centre of mass. Below a ceiling, the balls
+    below are summed.
     """
     scene, still = soft.scene, np.full(soft.scene.n_pairs, math.nan)
     log = soft.contacts
@@ -194,12 +212,13 @@ def static_overlaps(soft: Trajectory) -> Array:
 
 
 def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float]:
-    """Dimensionless groups of a scene whose balls meet at `speed` in m/s; nan if they do not meet.
+    """Dimensionless groups of a scene at an impact `speed` in m/s.
 
-    Mass ratio (largest over smallest ball), stiffness ratio over the pairs, the largest Δh·ω₀/v (a gap between balls
-    against the slower neighbouring contact, which is over before the gap has closed beyond about π) and g/(ω₀ v)
-    (gravity against the contact force), with ω₀ = √(∂F/∂ξ / m_eff) at the expected overlap. Of a wall that is shaken
-    harmonically Γ = A ω²/g and ω/ω₀ of its own contact, the larger ones if there are two.
+    They are the mass ratio (largest over smallest ball), the stiffness ratio over the pairs, the largest Δh·ω₀/v and
+    g/(ω₀ v), with ω₀ = √(∂F/∂ξ / m_eff) at the expected overlap. Δh·ω₀/v compares a gap between balls with the duration
+    of the slower neighbouring contact, which ends before the gap has closed for values above about π. g/(ω₀ v) compares
+    gravity with the contact force. For a harmonically shaken wall Γ = A ω²/g and ω/ω₀ of its own contact are added, the
+    larger values if there are two. Values are nan if the balls do not meet.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
     speed = speed if isinstance(speed, float) and math.isnan(speed) else check.number("speed", speed, at_least=0.0)
@@ -220,7 +239,7 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
 
 
 def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
-    """Γ and ω/ω₀ of walls that are shaken harmonically; nan without."""
+    """Γ and ω/ω₀ of harmonically shaken walls; nan without any."""
     shaken = [(motion, own) for motion, own in zip(scene.motions, omega[[0, -1]].tolist(), strict=True)
               if motion is not None and isinstance(motion, walls.Sine)]
     largest = max((motion.omega * motion.omega * motion.amplitude for motion, _ in shaken), default=math.nan)
@@ -229,25 +248,25 @@ def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
 
 
 def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
-    """Poincaré section at a shaken wall: what is seen at each contact of its pair.
+    """Stroboscopic data at each contact with a shaken wall (Poincaré section).
 
     Parameters
     ----------
     run : Trajectory
-        Of hard or soft spheres, with its log.
+        Run of hard or soft spheres, with its contact log.
     pair : int
         0 for the floor, ``scene.n_pairs - 1`` for the ceiling.
 
     Returns
     -------
     dict
-        *time* of the onset in s; *phase* of the wall there as a fraction of a turn, from 0 to 1 (nan where it is no
-        `granular.walls.Sine`); velocities in m/s of the *wall* at the onset, and of the ball *before* and *after*.
+        *time* of the onset in s, *phase* of the wall as a fraction of a period from 0 to 1 (nan unless the motion is a
+        `granular.walls.Sine`), and velocities in m/s of the *wall* at the onset and of the ball *before* and *after*.
 
     Raises
     ------
     ValueError
-        If `pair` has no wall.
+        If `pair` does not contain a wall.
     """
     scene = run.scene
     at_walls = [c for c, end in ((0, 0), (scene.n_pairs - 1, -1)) if scene.is_wall[end]]
@@ -262,12 +281,12 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
 
 
 def temperature(run: Trajectory) -> Array:
-    """Temperature T = Σ m (v - V)² / (N - 1) of the N balls at every row, shape (T,).
+    """Temperature T = Σ m (v - V)² / (N - 1) of N balls in J, per sample, (T,).
 
-    V = Σ m v / Σ m is the velocity of the centre of mass, whose motion, one of N degrees of freedom, is taken off. So T
-    is k_B times an absolute temperature, in J, as that of `granular.walls.Thermal`: in equilibrium its mean is
-    that of the wall, for any masses. (Per unit mass, as the granular temperature often is, it is T/m in m²/s².) nan of
-    a single ball.
+    V = Σ m v / Σ m is the velocity of the centre of mass. Its motion is one of N degrees of freedom and is subtracted.
+    T is k_B times an absolute temperature, like the temperature of `granular.walls.Thermal`: in equilibrium its mean
+    equals the temperature of the wall, for any masses. The granular temperature is often defined per unit mass, as T/m
+    in m²/s². nan for a single ball.
     """
     balls = ~run.scene.is_wall
     m, v = run.scene.mass[balls], run.velocity[:, balls]
@@ -276,10 +295,10 @@ def temperature(run: Trajectory) -> Array:
 
 
 def height(run: Trajectory) -> Array:
-    """Height h = Σ m s / Σ m in m of the centre of mass of the balls as points, at every row, shape (T,).
+    """Height h = Σ m s / Σ m in m of the centre of mass, without radii, (T,).
 
-    Radii are taken out: s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below,
-    above body 0 as it stood at the start: the floor, if there is one. It is 0 of balls that lie on a floor.
+    s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below, above the initial
+    position of body 0, which is the floor if there is one. The height of balls that lie on a floor is 0.
     """
     balls = ~run.scene.is_wall
     m = run.scene.mass[balls]
@@ -287,10 +306,11 @@ def height(run: Trajectory) -> Array:
 
 
 def balance(run: Trajectory) -> dict[str, float]:
-    """The account of the energy from the first row of a run to its last, in J; see `Trajectory.account`.
+    """Energy balance in J from the first to the last sample of a run.
 
-    Energy at the *start*, work of *floor* and *ceiling*, *heat* of both, what was *dissipated*, energy at the *end*,
-    and the *remainder* end - start - floor - ceiling - heat + dissipated, which is rounding. nan where nobody counted.
+    Energy at the *start*, work of *floor* and *ceiling*, *heat* of both walls, *dissipated* energy, energy at the
+    *end*, and *remainder* = end - start - floor - ceiling - heat + dissipated, which is rounding error. nan for parts
+    that the run did not record; see `Trajectory.account`.
     """
     account = run.account()
     work, heats, losses = (account[name][-1] - account[name][0] for name in ("work", "heat", "dissipated"))
@@ -301,7 +321,7 @@ def balance(run: Trajectory) -> dict[str, float]:
 
 
 def _distance(times: Array, others: Array) -> Array:
-    """Distance in s from each time to the nearest of `others` (sorted)."""
+    """Distance in s from each time to the nearest of the sorted times `others`."""
     at = np.searchsorted(others, times)
     left = np.abs(times - others[np.maximum(at - 1, 0)])
     return np.minimum(left, np.abs(others[np.minimum(at, len(others) - 1)] - times))

@@ -1,6 +1,7 @@
-"""What a run comes to, read from its contact log: how pairs part, how balls leave, and how far two runs differ.
+"""Outcomes of a run, read from its contact log, and differences of two runs.
 
-Balls that touch each other in either of two runs form a component, and each component is judged on its own.
+Outcomes are the numbers of contacts, the separation speeds of pairs, and the velocities with which balls leave their
+contacts. Balls that touch each other in either run form a component. Each component is compared separately.
 """
 
 from __future__ import annotations
@@ -17,33 +18,43 @@ from granular.md.isolation import Durations
 from granular.run.trajectory import Trajectory
 
 SAME = 0.01
-"""Outcomes closer than this share of the fastest impact are called the same."""
+"""Largest difference, over the unit of the error, at which outcomes agree."""
 INSTANT = 1e-12
-"""Collisions closer than this share of the time since the start are in one instant: rounding decides which is first."""
+"""Collisions are simultaneous if closer than this share of the time elapsed.
+
+Rounding errors decide their order.
+"""
 FAINT = 1e-12
-"""Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
+"""Contacts weaker than this share of the fastest approach are ignored.
+
+One contact leaves a rounding error of about 1e-15, and a thousand contacts leave this one.
+"""
 ROUNDING = 1e-13
-"""Speeds below this share of the velocities that they are differences of are rounding."""
+"""Relative rounding error of a difference of two velocities."""
 ROUNDS = 100
-"""Iterations of v = a t_c(v) at most. In F = k ξ^p an error decreases by (p - 1)/(p + 1) each: 1/5 of Hertz spheres."""
+"""Limit on the iterations of v = a t_c(v).
+
+For F = k ξ^p the error decreases by the factor (p - 1)/(p + 1) per iteration, 1/5 for Hertz spheres.
+"""
 
 
 @dataclass(frozen=True)
 class PairOutcome:
-    """What one pair has done under both engines by the end of its last contact that counts.
+    """Outcome of one pair under both engines, after its last contact that counts.
 
     Attributes
     ----------
     pair : int
         Number of the pair.
     hard_contacts, soft_contacts : int
-        Number of contacts, without those that are rounding (`granular.comparison.outcome.without_rounding`).
+        Number of contacts, without those at rounding level (`granular.comparison.outcome.without_rounding`).
     hard_v_rel, soft_v_rel : float
-        Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact; nan without contacts.
+        Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact. nan without contacts.
     hard_t_f, soft_t_f : float
-        When that was, in s.
+        Time in s of that end.
     ongoing : bool
-        The last soft contact was still running at `until` and was followed to its end (v_rel is nan if it rests).
+        Whether the last soft contact was still running at `until` and was followed to its end. v_rel is nan if the pair
+        comes to rest.
     """
 
     pair: int
@@ -57,7 +68,10 @@ class PairOutcome:
 
 
 def pair_outcomes(hard: Trajectory, soft: Trajectory, cut: Trajectory) -> tuple[PairOutcome, ...]:
-    """Outcome of every pair of two runs that are `end_time.levelled`; `cut` is the soft run as it was cut."""
+    """Return the outcome of every pair of two runs with equal contact counts.
+
+    The runs come from `granular.comparison.align.levelled`. `cut` is the soft run before it was continued.
+    """
     ongoing = np.zeros(soft.scene.n_pairs, dtype=np.bool_)
     ongoing[cut.contacts["pair"][np.isnan(cut.contacts["t_end"])]] = True
     columns = [counts(hard), counts(soft), *separations(hard), *separations(soft), ongoing]
@@ -71,19 +85,25 @@ def counts(run: Trajectory) -> Any:
 
 
 def partings(run: Trajectory) -> Array:
-    """Separation speed v′ in m/s at the end of the last contact of every pair; nan without one."""
+    """Separation speed v′ in m/s after the last contact of every pair, or nan."""
     return separations(run)[0]
 
 
 def sticking(run: Trajectory) -> float:
-    """Speed in m/s up to which pairs of hard spheres that part are at rest: `merge_below`, 0 if the rule itself merges
-    balls, -1 if none merge. Balls may also leave one instant with the same velocity, and do not stick."""
+    """Speed in m/s up to which separating hard spheres are at rest.
+
+    It is `merge_below`, 0 if the collision rule itself merges balls, and -1 if no balls merge. Balls that leave one
+    instant with the same velocity do not stick.
+    """
     rests = run.stats.get("merged", 0) + run.stats.get("settled", 0) > 0
     return float(run.stats.get("merge_below", 0.0 if rests else -1.0))
 
 
 def separations(run: Trajectory) -> tuple[Array, Array]:
-    """Separation speed in m/s and time in s at the end of the last contact of every pair; nan without one."""
+    """Separation speed in m/s and time in s of the last contact end of every pair.
+
+    Both are nan without a contact.
+    """
     order, edge = run.by_pair
     met = np.flatnonzero(np.diff(edge))
     last = run.contacts[order[edge[met + 1] - 1]]
@@ -93,9 +113,10 @@ def separations(run: Trajectory) -> tuple[Array, Array]:
 
 
 def leaving(run: Trajectory) -> tuple[Array, Array]:
-    """Velocity u in m/s with which each body leaves the last of its contacts that ends, and when in s, shapes (n,).
+    """Velocity u in m/s after the last contact end of each body, and its time in s.
 
-    The initial velocity, at the start, without contacts; nan where the last contact to begin has no end.
+    Both have shape (n,). Without contacts they are the initial velocity and the start time. They are nan if the last
+    contact to begin has no end.
     """
     u, at = run.scene.velocity.copy(), np.full(run.scene.n, float(run.time[0]))
     body, row, side = last_contacts(run, np.arange(len(run.contacts)), np.zeros(len(run.contacts), np.int64))
@@ -104,8 +125,11 @@ def leaving(run: Trajectory) -> tuple[Array, Array]:
 
 
 def last_contacts(run: Trajectory, rows: Any, group: Any) -> tuple[Any, Any, Any]:
-    """Return the number ``group * n + body`` of each body in each group of some rows of the log, and the row and side
-    of its contact that ends last; one without end is the last."""
+    """Return, for each body and group of contacts, the contact that ends last.
+
+    `rows` are rows of the contact log, `group` the number of the group of each. The result contains the number
+    ``group * n + body``, the row, and the side of the body in the pair. A contact without end is the last one.
+    """
     key = np.repeat(group, 2) * run.scene.n + np.column_stack(run.scene.bodies(run.contacts["pair"][rows])).ravel()
     order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))
     last = order[np.append(np.diff(key[order]) != 0, np.ones(min(len(order), 1), np.bool_))]
@@ -113,15 +137,16 @@ def last_contacts(run: Trajectory, rows: Any, group: Any) -> tuple[Any, Any, Any
 
 
 def leaving_velocities(run: Trajectory) -> Array:
-    """Velocity u in m/s with which each body leaves, see `leaving`."""
+    """Velocity u in m/s with which each body leaves its last contact, see `leaving`."""
     return leaving(run)[0]
 
 
 def at_once(hard: Trajectory) -> Trajectory:
-    """The run of hard spheres with the collisions of a pair in one instant as one, at whose end the instant is over.
+    """Combine the simultaneous collisions of each pair of hard spheres.
 
-    What a rule does within an instant, such as ball after ball, is no physics: a pair parts with the velocities that
-    its bodies have after all collisions of that instant. Collisions within `INSTANT` of the time are in one.
+    The order of collisions within an instant follows from the tie rule and has no physical meaning. A pair therefore
+    separates with the velocities that its bodies have after all collisions of the instant. Collisions within `INSTANT`
+    of the elapsed time are simultaneous.
     """
     log = hard.contacts
     if len(log) < 2:
@@ -144,8 +169,11 @@ def at_once(hard: Trajectory) -> Trajectory:
 
 
 def energy_at_hand(run: Trajectory) -> Array:
-    """Energy in J, shape (T,), as `Trajectory.energy` but for heights: those of points above body 0 as it stood at the
-    start. Radii are taken out, as in `granular.measures.height`; balls that lie on a floor have none."""
+    """Energy in J of every sample, with heights measured between surfaces, (T,).
+
+    It is `Trajectory.energy` with the heights of points above the initial position of body 0. Radii are subtracted as
+    in `granular.measures.height`, so that balls lying on a floor have no potential energy.
+    """
     scene, balls = run.scene, ~run.scene.is_wall
     below = (run.position[0] - np.append(0.0, run.gap[0].cumsum())[: scene.n])[balls]  # a ring has a gap more
     fixed = scene.gravity * (scene.mass[balls] @ below)
@@ -155,32 +183,36 @@ def energy_at_hand(run: Trajectory) -> Array:
 
 
 def energy_left(run: Trajectory) -> float:
-    """E/E0, the share of its energy that a run has left at its end, see `energy_at_hand`; nan if it begins without."""
+    """Share E/E0 of the energy of `energy_at_hand` at the end; nan for E0 = 0."""
     energy = energy_at_hand(run)
     return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
 
 
 def strengths(run: Trajectory) -> Array:
-    """How hard each contact of the log is, in m/s: by approach, and by impulse / m_eff, as touching balls have none."""
+    """Strength in m/s of each contact in the log.
+
+    It is the larger one of the approach speed and of impulse / m_eff, because touching balls have no approach speed.
+    """
     log = run.contacts
     return np.asarray(np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]]))
 
 
 def approach(run: Trajectory) -> Array:
-    """Speeds in m/s at which the contacts of the log close at their onset."""
+    """Approach speeds in m/s of the contacts in the log at their onset."""
     return np.asarray(run.contacts["v_in"][:, 0] - run.contacts["v_in"][:, 1])
 
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """Which component pairs and balls belong to.
+    """Components of the contact graph of two runs.
 
     Attributes
     ----------
     count : int
-        How many there are.
+        Number of components.
     of_pair, of_ball : (n-1,), (n,) arrays of int
-        Number of the component; `count` for pairs that never touch, for balls that touch none, and for walls.
+        Component of each pair and of each ball. It is `count` for pairs that never touch, for balls that never touch
+        another ball, and for walls.
     """
 
     count: int
@@ -188,7 +220,10 @@ class Components:
     of_ball: Any
 
     def largest(self, of_pairs: Array, of_balls: Array | None = None) -> Array:
-        """Largest of some values of the pairs, and of the balls, of each component, (count,); nan does not count."""
+        """Largest value over the pairs, and the balls, of each component, (count,).
+
+        nan is ignored.
+        """
         most = np.zeros(self.count + 1)
         np.fmax.at(most, self.of_pair, of_pairs)
         if of_balls is not None:
@@ -196,14 +231,15 @@ class Components:
         return most[:-1]
 
     def total(self, of_balls: Array) -> Array:
-        """Sum of some values of the balls of each component, (count,); nan does not count."""
+        """Sum of values of the balls of each component, (count,); nan is ignored."""
         return np.asarray(np.bincount(self.of_ball, np.nan_to_num(of_balls), self.count + 1)[:-1], float)
 
     def weight(self, soft: Trajectory) -> Array:
-        """Speed a t_c in m/s that weight and forces give a ball in a contact, per pair the largest of its component.
+        """Speed v_g = a·t_c in m/s that weight and forces give a ball during a contact.
 
-        a is the largest acceleration at which they close one of its gaps: g at a floor, 0 where all balls fall alike.
-        No more than it gives in the whole run.
+        Returned for each pair, as the largest value of its component. a is the largest acceleration with which they
+        close a gap of the component: g at a floor, 0 where all balls fall together. v_g is at most the speed gained in
+        the whole run.
         """
         closing = np.append(self.largest(np.abs(soft.scene.pull)), 0.0)[self.of_pair]
         most = closing * float(soft.time[-1] - soft.time[0])
@@ -211,7 +247,7 @@ class Components:
 
 
 def components(hard: Trajectory, soft: Trajectory) -> Components:
-    """Find the components of two runs of one scene: neighbouring pairs that have contacts belong together."""
+    """Return the components: neighbouring pairs with contacts are connected."""
     scene, met = hard.scene, (counts(hard) + counts(soft)) > 0
     of_pair = np.cumsum(met) - 1
     of_pair[1:] -= np.cumsum(met[1:] & met[:-1])
@@ -228,10 +264,11 @@ def components(hard: Trajectory, soft: Trajectory) -> Components:
 
 
 def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
-    """Largest closing speed U in m/s of each component, during contacts and at their onset, in either run.
+    """Unit U of the error in m/s of each component.
 
-    A contact that begins at rest, as of balls that touch, closes later at about the speed with which it parts. U is
-    at least what weight gives a ball while a contact lasts, and more than rounding.
+    U is the largest approach speed, at the onset of contacts and during them, in either run. A contact that begins at
+    rest, such as one of touching balls, later closes at about its separation speed, which is used instead. U is at
+    least the speed that weight gives a ball during a contact, and larger than rounding errors.
     """
     speed = parts.weight(soft)
     for run in (hard, soft):
@@ -243,7 +280,7 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
 
 
 def _sagging(soft: Trajectory, acceleration: Array) -> Array:
-    """Speed v = a t_c(v) in m/s that an acceleration a gives a ball in the contact that begins with it, per pair."""
+    """Speed v = a t_c(v) in m/s that an acceleration gives in a contact, per pair."""
     if not acceleration.any():
         return acceleration
     speed, alone = acceleration, Durations(soft.law or (), soft.scene)
@@ -256,11 +293,11 @@ def _sagging(soft: Trajectory, acceleration: Array) -> Array:
 
 
 def differences(one: Trajectory, other: Trajectory) -> Array:
-    """Differences in m/s of the velocities with which every ball leaves its last contact in two runs, shape (n,).
+    """Differences in m/s of the velocities with which balls leave two runs, (n,).
 
-    A ball is compared where its last contacts end, or `one`, of hard spheres, carried in free flight to where those of
-    the other end, whichever is less: runs that end a contact some time apart under gravity are not that far apart. nan
-    where a contact has no end.
+    Each ball is compared after its last contact in both runs. The ball of `one`, a run of hard spheres, can also be
+    carried in free flight to the time of the other, and the smaller difference is used: contacts that end at different
+    times under gravity do not make a difference. It is nan where a contact has no end.
     """
     (u, at), (v, then) = leaving(one), leaving(other)
     apart = np.fmin(np.abs(u - v), np.abs(carried(one, u, np.arange(len(u)), then - at) - v))
@@ -269,8 +306,10 @@ def differences(one: Trajectory, other: Trajectory) -> Array:
 
 
 def carried(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any = None) -> Array:
-    """Velocities in m/s of hard balls in free flight, some time in s after they leave with `u`: by default their last
-    contacts, else those with the rows and sides `contact`."""
+    """Velocities in m/s of hard balls after a free flight of `elapsed` s.
+
+    The balls leave with velocity `u` their last contacts, or the contacts given by rows and sides `contact`.
+    """
     scene, omega = hard.scene, hard.scene.pendulum
     if omega == 0.0:
         return np.asarray(u + scene.fall[ball] * elapsed)
@@ -285,8 +324,11 @@ def carried(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any 
 
 
 def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
-    """How far in m/s two hard runs differ in pairs that end up stuck in both, contact by contact, shape of the gaps;
-    what one run has alone counts in full, but for contacts of balls that settle."""
+    """Differences in m/s of two hard runs in pairs that stick in both, per pair.
+
+    The approach and separation speeds are compared contact by contact. A contact present in only one run contributes
+    its full speed. Contacts of balls that settle, not faster than `weight`, are ignored.
+    """
     apart, runs = np.zeros(one.scene.n_pairs), (one, other)
     stuck = [(partings(run) == 0.0) & (sticking(run) >= 0.0) for run in runs]
     for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
@@ -298,7 +340,10 @@ def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
 
 
 def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
-    """Both runs without contacts that are rounding beside the fastest of either in their component."""
+    """Remove contacts at rounding level from both runs.
+
+    They are weaker than `FAINT` times the fastest approach of their component in either run.
+    """
     parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)
     for run in (hard, soft):
         np.maximum.at(speed, run.contacts["pair"], approach(run))
@@ -307,21 +352,21 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
 
 
 def without_rounding(run: Trajectory, fastest: Array) -> Trajectory:
-    """The run with only those contacts in its log that are more than rounding beside one at `fastest` (n-1,) m/s.
+    """Remove contacts weaker than `FAINT` times `fastest` (n-1,) in m/s from a run.
 
-    Balls that an engine leaves with a relative speed of 1e-16 m/s meet again after some 1e12 s: that is nothing.
+    Balls that an engine leaves with a relative speed of 1e-16 m/s would meet again after about 1e12 s.
     """
     kept = strengths(run) > FAINT * fastest[run.contacts["pair"]]
     return run if kept.all() else replace(run, contacts=run.contacts[kept])
 
 
 def order(run: Trajectory) -> int:
-    """A number that stands for the order in which contacts of pairs near each other begin and end, and how.
+    """Return a number that identifies the order in which contacts begin and end.
 
-    Between two runs with the same number, of scenes that differ a little, outcomes are smooth. Events of a pair stand
-    beside those of the next pair, of soft spheres also of the next but one, and beside the breaks of a wall's path;
-    what happens farther away may change its turn. A contact begins by a touch, or again while the overlap is still
-    there, or at rest. Of events in one instant the lower pair is first.
+    Outcomes depend smoothly on a parameter between runs with the same number. The order concerns events of
+    neighbouring pairs, for soft spheres also of next but one pairs, and of the breaks of a wall's path. The order of
+    distant events does not matter. A contact begins with a touch, with residual overlap, or at rest. Of simultaneous
+    events the lower pair is first.
     """
     log, scene, closing = run.contacts, run.scene, approach(run)
     begins = np.sign(np.round(closing / (float(np.abs(closing).max(initial=0.0)) or 1.0), 9))

@@ -1,4 +1,4 @@
-"""Remedies for an inelastic collapse beside Newton: what each makes of one scene, in one table."""
+"""Remedies for inelastic collapse, compared with soft spheres in one table."""
 
 from __future__ import annotations
 
@@ -20,30 +20,33 @@ if TYPE_CHECKING:
 
 __all__ = ["Remedies", "Remedy"]
 SLOW = 0.01
-"""Below this share of the fastest impact balls merge, or collide elastically, if nothing else is said."""
+"""Default speed for merging and elastic collisions, over the fastest impact."""
 LONGEST, STEP, COUNT, HALVINGS = 10.0, 10.0**0.5, 9, 11
-"""From ten contacts down to a thousandth a tc is sought, in such steps; then by so many halvings, to 1e-3 of itself."""
+"""Search for tc: from ten contact durations down to a thousandth in these steps.
+
+The interval is then halved this number of times, to 1e-3 of itself.
+"""
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """One way to run the scene.
+    """One run of the scene.
 
     Attributes
     ----------
     name : str
-        What it is.
+        Name of the remedy.
     setting : float
-        Its tc in s, or its speed in m/s; 0 where there is none to choose.
+        Its tc in s, or its speed in m/s. 0 for remedies without one.
     value : float
-        What the run has of the observable, as it stops; nan if the engine refused the remedy.
+        Value of the observable at the end of the run. nan if the engine refused the remedy.
     error : float
-        Largest error of a velocity, in units of the largest closing speed of its component: that of
-        `granular.Comparison.error`, but of the run as it stops; nan where it was cut off.
+        Largest error of a velocity in the unit of its component: `granular.Comparison.error` of the run at its end. nan
+        for a run that stopped at a limit.
     contacts : int
-        Collisions, or contacts of soft spheres.
+        Number of collisions, or of contacts of soft spheres.
     status : str
-        How the run ended; what is wrong where it was refused.
+        Status of the run, or the message of the refusal.
     """
 
     name: str
@@ -56,21 +59,21 @@ class Remedy:
 
 @dataclass(frozen=True, repr=False)
 class Remedies(Report):
-    """Remedies for an inelastic collapse beside Newton; print it, save it with `to_json`.
+    """Remedies for inelastic collapse beside soft spheres. Save with `to_json`.
 
     Attributes
     ----------
     report : Comparison
-        What was compared.
+        The comparison.
     what : str
         The observable.
     rows : tuple of Remedy
-        Newton, hard spheres as they stop, and with each remedy; the TC model also with the tc with which it comes
-        nearest to Newton, where hard spheres are not right without.
+        Soft spheres, hard spheres as they stop, and hard spheres with each remedy. If hard spheres are not right
+        without a remedy, also the TC model with the value of tc that comes nearest to soft spheres.
     tc : float
-        A tc in s with which the TC model is right: its value within 0.01 of Newton's, of 1 for E/E0, else of the value.
-        It is sought from ten contacts down to a thousandth of one; 0 where hard spheres are right without, nan where
-        none was found: the value jumps with tc.
+        A value of tc in s with which the TC model is right: its observable differs from the value of soft spheres by at
+        most 0.01 for E/E0, otherwise by at most 0.01 of the value. It is searched from ten contact durations down to a
+        thousandth. 0 if hard spheres are right without it, nan if none was found because the value jumps with tc.
     """
 
     report: Judged
@@ -101,7 +104,7 @@ class Remedies(Report):
 
 def table(report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
           ) -> Remedies:
-    """See `Comparison.remedies`."""
+    """Return the table of remedies, see `Comparison.remedies`."""
     measure, soft = check.callback("observable", observable, "run") or energy_left, report.soft
     duration = float(measures.durations(report.hard, report.law).min(initial=math.inf))
     slow = SLOW * measures.fastest_approach(report.hard)
@@ -131,7 +134,10 @@ def table(report: Judged, observable: Callable[[Trajectory], float] | None, give
 
 
 def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
-    """Run the hard spheres with this remedy and no other; they are given up as those of another tie rule are."""
+    """Run the hard spheres with this remedy and no other.
+
+    The limit on collisions is the same as for runs under another tie rule.
+    """
     none = {"collapse": "stop", "merge_below": None, "tc": 0.0, "elastic_below": 0.0}
     options = {**report.hard_options, **none, **remedy}
     if options == report.hard_options and rule is report.rule:
@@ -141,14 +147,16 @@ def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
 
 
 def _off(row: Remedy, newton: Remedy) -> float:
-    """How far a row is from Newton's value; inf where it has none, or was cut off."""
+    """Difference of a row from soft spheres; inf without a value or after a limit."""
     off = abs(row.value - newton.value)
     return off if math.isfinite(off + row.error) else math.inf
 
 
 def _best(at: Callable[[float], Remedy], newton: Remedy, duration: float) -> Remedy:
-    """Return the row of the tc in s nearest to Newton of all that are tried: from long ones down to where the value
-    goes through Newton's, then by bisection."""
+    """Return the row of the TC model that is nearest to soft spheres.
+
+    tc decreases from long durations until it crosses the value of soft spheres, and is then bisected.
+    """
     tried = [at(LONGEST * duration / STEP**k) for k in range(COUNT)]
     above = tried[0].value > newton.value
     low = next((row.setting for row in tried if (row.value > newton.value) is not above), tried[-1].setting)

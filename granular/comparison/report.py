@@ -1,4 +1,4 @@
-"""A comparison in words and numbers: the table that a person reads, and what JSON has of it."""
+"""Text and numbers of a comparison: the printed report, and the content of JSON."""
 
 from __future__ import annotations
 
@@ -22,14 +22,17 @@ if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
 FEW, MANY = 2, 8
-"""Up to this many pairs are shown one by one, and in the whole report as many pairs or laws."""
+"""Pairs listed in the short report; pairs or laws listed in the full report."""
 SAME_RESTITUTION = 1e-9
-"""Values of ε closer than this are the same."""
+"""Difference of ε below which two values are equal."""
 SHALLOWER = 0.5 ** np.arange(16)
-"""Shares of the largest overlap at which laws are checked for attraction."""
+"""Shares of the largest overlap at which force laws are checked for attraction."""
 LIGHTEST, HEAVIEST, FASTEST = 0.15, 23_000.0, 20_000.0
-"""Densities in kg/m³ and speed of sound in m/s beyond those of all solids: aerographene has 0.16 and osmium 22 590, and
-diamond 18 000. None is too soft, for then overlaps are deep."""
+"""Limits of solids: densities in kg/m³, and the speed of sound in m/s.
+
+Aerographene has 0.16 and osmium 22 590 kg/m³, and diamond 18 000 m/s. The speed of sound has no lower limit:
+soft balls have deep overlaps, which are reported.
+"""
 MEASURES = {
     "error": "largest error of a velocity, of the fastest impact = {error:.3g}",
     "shared_impulse": "impulse shared with a neighbour      φ   = {shared_impulse:.4g}",
@@ -46,12 +49,15 @@ GROUPS = {
     "gravity_over_omega_speed": "g/(ω₀v) {gravity_over_omega_speed:.2g}",
     "shaking": "Γ {shaking:.6g}", "shaking_omega": "ω/ω₀ {shaking_omega:.3g}",
 }
-"""How measures and groups read; those that are nan are left out."""
+"""Formats of measures and groups. Values that are nan are left out."""
 MORE = "More (laws, overlaps, φ, p, Λ, D) with -v, in Python with report.details()."
 
 
 def text(report: Judged) -> str:
-    """What one needs, within 20 lines: the verdict, why it is so, and where both engines differ most."""
+    """Return the short report of up to 20 lines.
+
+    It contains the verdict, its reason, and the largest difference of the engines.
+    """
     first, *more = warnings(report) or [""]
     return "\n".join([
         report.verdict, *list(_why(report))[:2], "",
@@ -63,7 +69,7 @@ def text(report: Judged) -> str:
 
 
 def details(report: Judged) -> str:
-    """All that there is to read: `str` has what one needs of it."""
+    """Return the full report."""
     from granular.comparison.further import floor_share
 
     return "\n".join([
@@ -77,13 +83,15 @@ def details(report: Judged) -> str:
 
 
 def warnings(report: Judged) -> list[str]:
-    """What to mind: a rule that is not that of the laws, balls that were merged, and what no solid or no
-    force law would bear."""
+    """Return warnings about the input.
+
+    They are different ε of law and rule, merged balls, attraction, properties of no solid, and deep overlaps.
+    """
     return [*_two_restitutions(report), *_merged(report), *_attraction(report), *_no_solid(report), *_extremes(report)]
 
 
 def _two_restitutions(report: Judged) -> Iterator[str]:
-    """Pairs whose hard spheres collide with another ε than their force law has."""
+    """Warn about pairs whose hard spheres have another ε than their force law."""
     hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
     differ = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
     for c in differ[:1]:
@@ -91,7 +99,7 @@ def _two_restitutions(report: Judged) -> Iterator[str]:
 
 
 def _merged(report: Judged) -> Iterator[str]:
-    """Hard spheres that move as one, or lose no energy, because they were told to."""
+    """Warn about hard spheres that merge or collide elastically by an option."""
     many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
     if many and below < math.inf:
         yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
@@ -100,8 +108,10 @@ def _merged(report: Judged) -> Iterator[str]:
 
 
 def _attraction(report: Judged) -> Iterator[str]:
-    """Force laws that pull at an overlap at rest that a contact reaches: engines clip that force to 0. A dashpot pulls
-    only while balls part."""
+    """Warn about force laws that attract at rest at an overlap that a contact reaches.
+
+    Engines clip this force to 0. A dashpot attracts only while balls separate.
+    """
     log, (kind, each) = report.soft.contacts, resolved(report.law, report.scene).in_pairs
     depth = np.zeros(len(each))
     np.maximum.at(depth, kind[log["pair"]], log["xi_max"])
@@ -114,7 +124,10 @@ def _attraction(report: Judged) -> Iterator[str]:
 
 
 def _no_solid(report: Judged) -> Iterator[str]:
-    """A density, or else a speed of waves in a contact, 2 R √(∂F/∂ξ / m_eff), that no solid has: units are wrong."""
+    """Warn about densities, or speeds of contact waves, that no solid has.
+
+    The speed is 2 R √(∂F/∂ξ / m_eff). The usual reason are wrong units.
+    """
     scene = report.scene
     slope = resolved(report.law, scene).column(lambda law: law.impact_stiffness(report.impact_speed))
     with np.errstate(all="ignore"):
@@ -132,12 +145,15 @@ def _no_solid(report: Judged) -> Iterator[str]:
 
 
 def _and(some: Any) -> str:
-    """That it is so of more than the first."""
+    """Return the text for further balls or pairs."""
     return f" (and of {len(some) - 1} more)" if len(some) > 1 else ""
 
 
 def _extremes(report: Judged) -> Iterator[str]:
-    """Deep overlaps, and speeds near the speed of sound, 2 π R / t_c; of an unstable run both mean nothing."""
+    """Warn about deep overlaps, and speeds near the speed of sound, 2 π R / t_c.
+
+    Both are meaningless for an unstable run.
+    """
     if report.soft.status is Status.unstable:
         return
     run = report.counted[1]
@@ -156,7 +172,7 @@ def _extremes(report: Judged) -> Iterator[str]:
 
 
 def numbers(report: Judged) -> dict[str, Any]:
-    """All numbers."""
+    """Return all numbers."""
     return {
         **problem(report),
         "rule": repr(report.rule),
@@ -197,7 +213,7 @@ def _run(run: Trajectory) -> dict[str, Any]:
 
 
 def _laws(report: Judged) -> list[str]:
-    """Each different law, or each pair's, with its own ε; then the rule of the hard spheres with its own."""
+    """Return a line for each law, or for each pair, and one for the collision rule."""
     eps, n = np.array(report.law_restitution), len(report.law)
     of_law = pairs_by_law(report.law)
     few = len(of_law) > 1 and n <= MANY
@@ -217,7 +233,7 @@ def _eps(of: Any) -> str:
 
 
 def _deciding(report: Judged) -> Iterator[str]:
-    """Both engines side by side: the ball and the episode that decide the error."""
+    """Yield the ball and the episode with the largest error, for both engines."""
     one = report.deciding
     yield _line("", "hard spheres", "soft spheres")
     yield _line("", "(event-driven)", "(Newton)")
@@ -229,7 +245,7 @@ def _deciding(report: Judged) -> Iterator[str]:
 
 
 def _ends(report: Judged) -> Iterator[str]:
-    """Numbers of contacts of both runs, how they ended, and how high the top ball rises."""
+    """Yield numbers of contacts, ends of the runs, and rises of the top ball."""
     hard, soft = report.hard, report.soft
     yield _line("all contacts", len(report.settled.contacts), len(soft.contacts))
     if any(left := _left_out(report)):
@@ -248,7 +264,7 @@ def _ends(report: Judged) -> Iterator[str]:
 
 
 def _pairs(report: Judged, most: int, speeds: bool = False) -> Iterator[str]:
-    """Contacts, and separation speeds, of the pairs that differ `most`."""
+    """Yield contacts and separation speeds of the `most` pairs that differ most."""
     shown = sorted(sorted(report.pairs, key=_alike)[:most], key=lambda p: p.pair)
     for p in shown:
         yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
@@ -260,7 +276,7 @@ def _pairs(report: Judged, most: int, speeds: bool = False) -> Iterator[str]:
 
 
 def _meanwhile(report: Judged, p: PairOutcome) -> str:
-    """Mark a separation speed at which another soft contact of the two balls is still running."""
+    """Mark a separation speed while a neighbouring soft contact is running."""
     soft, (below, above) = report.levelled[1], report.scene.neighbours
     for c in {*below[above == p.pair].tolist(), *above[below == p.pair].tolist()}:
         log = soft.of(c)
@@ -270,12 +286,12 @@ def _meanwhile(report: Judged, p: PairOutcome) -> str:
 
 
 def _alike(p: PairOutcome) -> tuple[bool, float]:
-    """A key by which the pairs come first that differ most."""
+    """Sort key: pairs that differ most come first."""
     return p.hard_contacts == p.soft_contacts, -float(np.nan_to_num(abs(p.soft_v_rel - p.hard_v_rel), nan=-1.0))
 
 
 def _account(report: Judged) -> Iterator[str]:
-    """Where the energy comes from and goes to, where walls do work or heat; what cannot be told of balls there."""
+    """Yield the energy balance if walls do work or heat, and its limits."""
     if not report.scene.fed:
         return
     hard, soft = measures.balance(report.hard), measures.balance(report.soft)
@@ -294,13 +310,13 @@ def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
 
 
 def _left_out(report: Judged) -> tuple[int, int]:
-    """How many contacts of the hard and of the soft run are rounding, and count for nothing."""
+    """Numbers of hard and of soft contacts at rounding level, which are ignored."""
     hard, soft = report.counted
     return len(report.settled.contacts) - len(hard.contacts), len(report.soft.contacts) - len(soft.contacts)
 
 
 def _why(report: Judged) -> Iterator[str]:
-    """What makes the engines differ; then up to where the soft contacts are certified to be isolated."""
+    """Yield the reason why the engines differ, and how many contacts are isolated."""
     shared = report.overlaps
     if not shared and report.measures["isolated_share"] < 1.0:
         yield "Why: contacts overlap in time only where no force counts; only the finite durations differ."
@@ -312,7 +328,7 @@ def _why(report: Judged) -> Iterator[str]:
 
 
 def _overlaps(report: Judged) -> Iterator[str]:
-    """The contacts that share a span of time."""
+    """Yield the first contacts that overlap in time."""
     shared, log = report.overlaps, report.counted[1].contacts
     some = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"
     yield f"Why: {some} in time with a contact of a neighbouring pair, first of all:"
@@ -325,5 +341,5 @@ def _overlaps(report: Judged) -> Iterator[str]:
 
 
 def _known(texts: dict[str, str], values: dict[str, float]) -> list[str]:
-    """The texts whose values are known."""
+    """Return the texts whose values are not nan."""
     return [text.format(**values) for name, text in texts.items() if not math.isnan(values.get(name, math.nan))]

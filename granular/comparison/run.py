@@ -1,4 +1,4 @@
-"""One scene under both engines: `compare(scene, law) -> Comparison`. May this scene be event-driven?"""
+"""Comparison of hard and soft spheres: `compare(scene, law)`."""
 
 from __future__ import annotations
 
@@ -30,33 +30,36 @@ if TYPE_CHECKING:
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Judged, Report):
-    """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
+    """Discrepancy between hard and soft spheres in one scene.
+
+    Print it for a report, draw it with `plot`, save it with `to_json`.
 
     Attributes
     ----------
     scene : Scene
-        The common start.
+        The common initial state.
     law, rule : tuple, Any
-        Force law per pair, and collision rule (the law's own restitution unless one was given).
+        Force law of each pair, and collision rule. The rule is the restitution of the law unless one was given.
     hard, soft : Trajectory
-        The event-driven and the soft-sphere run.
+        The event-driven run and the soft-sphere run.
     pairs : tuple of PairOutcome
-        Contacts and separation speeds, pair by pair.
+        Numbers of contacts and separation speeds of each pair.
     twin : Trajectory
-        EDMD from gaps shifted by 1e-12 of themselves, run when it is asked for: how far the scene can be predicted at
-        all. It ends at ten times the collisions.
+        Second event-driven run, from gaps shifted by 1e-12 of themselves. It shows how far the scene can be predicted.
+        Computed when first used. It stops at ten times the number of collisions.
     levelled : (2,) tuple of Trajectory
-        Both runs without contacts that are rounding, those still running or to come at the end followed to theirs.
+        Both runs, continued until every pair has the same number of contacts where possible, and every contact has
+        ended. Contacts at rounding level are left out.
     deciding : Departure or None
-        The ball and the episode of contacts that decide the error.
+        Ball and episode of contacts with the largest error.
     answer : Answer
-        May these collisions be treated as instantaneous?
+        Can these collisions be treated as instantaneous?
     reasons : tuple of Reason
-        Why, component by component, the worst first.
+        Reason for the answer of each component, the worst one first.
     verdict : str
         The first reason in one line.
     hard_options, soft_options : mapping
-        Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs are made again, for details.
+        Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs can be repeated.
     """
 
     __str__ = report.text
@@ -65,11 +68,11 @@ class Comparison(Judged, Report):
     _numbers = report.numbers
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw what both engines make of the scene; return the figure, or save it to `path`.
+        """Draw both runs, and return the figure or save it to `path`.
 
-        From top to bottom: the verdict and the parameters; when the balls of each pair touch; the forces of the soft
-        spheres; the paths of all balls; and, where contacts of neighbours overlap in time, a lens on the distance of
-        the two balls that touch most often meanwhile, on its own scale.
+        From top to bottom: the verdict and the parameters, the contacts of each pair over time, the forces of the soft
+        spheres, and the paths of all balls. Where contacts of neighbouring pairs overlap in time, an enlarged panel
+        shows the distance of the two balls that touch most often during the overlap.
         """
         from granular.comparison import figure
 
@@ -83,50 +86,56 @@ class Comparison(Judged, Report):
         merge_below: float | None = None,
         elastic_below: float | None = None,
     ) -> Remedies:
-        """Hold every remedy for an inelastic collapse against Newton: none, merge, TC model, elastic cut-off, sticky.
+        """Compare every remedy for inelastic collapse with soft spheres.
+
+        The remedies are merging balls, the TC model, an elastic cut-off and a sticky rule. Hard spheres without
+        a remedy are included.
 
         Parameters
         ----------
         observable : callable, optional
-            Trajectory → float, what is to be right; default: the share E/E0 of its energy that a run has left.
+            Function of a trajectory that returns the number to compare. Defaults to the share E/E0 of the energy that
+            is left at the end.
         tc : float, optional
-            Duration in s of the TC model; if not given that of the comparison, else the shortest isolated contact of
-            its force laws at the speed of the first collision.
+            Contact duration in s of the TC model. Defaults to the one of the comparison, otherwise to the shortest
+            isolated contact under its force laws at the speed of the first collision.
         merge_below, elastic_below : float, optional
-            Speeds in m/s below which balls merge, or collide elastically; if not given those of the comparison, else
-            1/100 of the speed of the first collision.
+            Speeds in m/s below which balls merge, or collide elastically. Default to the ones of the comparison,
+            otherwise to 1/100 of the speed of the first collision.
 
         Returns
         -------
         Remedies
-            A row for each, and the tc with which the TC model has Newton's value, if any.
+            One row per remedy, and the value of tc for which the TC model gives the value of the soft spheres, if any.
 
         Raises
         ------
         TypeError, ValueError
-            If a duration or a speed is no positive number.
+            If a duration or a speed is not a positive number.
         """
         from granular.comparison.remedies import table
 
         return table(self, observable, {"tc": tc, "merge_below": merge_below, "elastic_below": elastic_below})
 
     def against(self, run: Trajectory) -> Against:
-        """Hold the rows of a run of another program against both engines, solved anew at exactly its times.
+        """Compare a run of another program with both engines at the times of its samples.
+
+        Both engines run again so that they have a sample at exactly these times.
 
         Parameters
         ----------
         run : Trajectory
-            Of the same scene, such as `granular.Trajectory.from_arrays` makes.
+            Run of the same scene, for example from `granular.Trajectory.from_arrays`.
 
         Returns
         -------
         Against
-            Differences of velocities ball by ball, in the units of this report; its `str` is a small table.
+            Differences of the velocities of each ball, in the units of this report. Printed, it is a small table.
 
         Raises
         ------
         TypeError, ValueError
-            If it is no trajectory, of another scene, or begins before it.
+            If `run` is not a trajectory, belongs to another scene, or begins before the start of this scene.
         """
         from granular.comparison.further import against
 
@@ -136,27 +145,27 @@ class Comparison(Judged, Report):
         self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
         charts: bool = True,
     ) -> None:
-        """Write a film of both engines; of at most 60 balls.
+        """Write a film of both engines side by side, for at most 60 balls.
 
-        A fall has three times, as on the teaching page: the fall as fast as life, a stop at the floor, the contacts
-        slowed down (thousands of times, as the film says), and the flight against a ruler, as fast as life unless it
-        takes longer than 6 s. Every ball stops at its own apex, where a tick and its height in m stay; that of the top
-        ball is `rises`. Where nothing falls, or contacts and flights take turns, all of the film has one time, slowed
-        down or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two balls that
-        touch most often while a neighbouring contact lasts.
+        The film of a fall has three parts, as on the teaching page: the fall in real time with a stop at the floor, the
+        contacts in slow motion (the factor is shown), and the flight beside a ruler, in real time unless it takes
+        longer than 6 s. Every ball stops at its apex, which is marked with its height in m. The height of the top ball
+        is `rises`. If nothing falls, or if contacts and flights alternate, the whole film has one time scale. Balls
+        without gravity are drawn in a horizontal row. An enlarged view shows the distance of the two balls that touch
+        most often while a neighbouring contact lasts.
 
         Parameters
         ----------
         path : str or path
-            A ``.gif`` file, or an ``.mp4`` file where ffmpeg is installed.
+            A ``.gif`` file, or an ``.mp4`` file if ffmpeg is installed.
         seconds : float
-            How long the contacts are shown, in s; fall, stop and flight come on top of it.
+            Duration in s of the part that shows the contacts. The fall, the stop and the flight are added to it.
         fps : int
-            Pictures per second.
+            Frames per second.
         whole : bool
-            False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
+            If False, the film shows only the contacts in slow motion and lasts `seconds`.
         charts : bool
-            False leaves out all charts and parameters: balls, and a ruler for those that fall.
+            If False, charts and parameters are omitted: the film shows the balls, and a ruler if they fall.
         """
         from granular.comparison import film
 
@@ -184,48 +193,67 @@ def compare(
     on_progress: Callable[[float, int], object] | None = None,
     progress: bool = False,
 ) -> Comparison:
-    """Run one scene as hard and as soft spheres and report where and why they part ways.
+    """Run one scene as hard and as soft spheres, and report where and why they differ.
 
     Parameters
     ----------
     scene : Scene
-        The common start; no overlaps.
-    law : force law or sequence of them
-        For the soft spheres, one or one per pair.
-    rule : collision rule or sequence of them, optional
-        For the hard spheres; default the law's own ε as a function of impact speed and pair.
+        The common initial state, without overlaps.
+    law : force law or sequence of force laws
+        Force law of the soft spheres, one for all pairs or one per pair.
+    rule : collision rule or sequence of collision rules, optional
+        Coefficient of restitution of the hard spheres. Defaults to the restitution of an isolated contact under `law`,
+        as a function of the approach speed and the pair.
     until, t_end : stop condition, float, optional
-        When both engines stop. By default they run until no further contact is possible. Scenes that never end, such
-        as balls beside a driven wall or an elastic ball above a floor, need one of them or `max_events`.
+        Condition or time in s at which both engines stop. By default they run until no further contact is possible.
+        Scenes that never end, such as balls beside a driven wall or an elastic ball above a floor, need one of the two
+        or `max_events`.
     max_events : int, optional
         Maximum number of contacts of each run. Defaults to 1 000 000.
     ties : str
-        What simultaneous hard-sphere collisions do; see `granular.edmd.simulate`.
+        Tie rule for simultaneous hard-sphere collisions, see `granular.edmd.simulate`.
     seed : int
-        For ``ties="random"``.
+        Seed for ``ties="random"``.
     collapse : str
-        What hard spheres do about an inelastic collapse: "stop", or "merge"; see `granular.edmd.simulate`.
+        Treatment of an inelastic collapse of the hard spheres: "stop" or "merge", see `granular.edmd.simulate`.
     merge_below : float, optional
         Speed in m/s for ``collapse="merge"``.
     tc : float
-        Contact duration in s of the TC model of the hard spheres; 0: not used. See `granular.edmd.simulate`, and
+        Contact duration in s of the TC model of the hard spheres. 0 disables it. See `granular.edmd.simulate`, and
         `Comparison.remedies` for all remedies side by side.
     elastic_below : float
-        Speed in m/s below which hard collisions are elastic; 0: not used.
+        Speed in m/s below which hard collisions are elastic. 0 disables it.
     method : str, optional
-        How Newton's equation is solved: "located" (every event to rounding, the default) or a fixed-step integrator.
+        Integrator of the soft spheres: "located" (events located to rounding error, the default) or the name of a
+        fixed-step integrator.
     dt : float, optional
         Time step in s of a fixed-step integrator.
     engine : str
-        "auto", "plain" or "compiled", of the soft spheres.
+        "auto", "plain" or "compiled", for the soft spheres.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` of both engines, one after the other: time in s, and contacts so far.
+        ``on_progress(reached, count)`` is called by both engines, one after the other, with the time reached in s and
+        the number of contacts so far.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
 
     Returns
     -------
     Comparison
+        Both runs with the answer, its reasons and all measures. They are computed when they are first used.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid, if balls overlap, or if the scene never ends and no end is given.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> scene = gr.scenes.three_balls(gap=1e-2)
+    >>> law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    >>> report = gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
+    >>> report.answer.name, f"{report.error:.4f}"
+    ('yes', '0.0017')
     """
     known = checked(law, a_scene(scene))
     laws = known.given

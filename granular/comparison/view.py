@@ -1,6 +1,7 @@
-"""What is drawn of a comparison: which span of time, both runs again with enough rows, a lens on one pair, the
-distance of its balls on its own scale while contacts overlap in time; and the words for its scene: pairs, parameters,
-numbers with their units.
+"""Data of the figures and films of a comparison.
+
+The time interval to draw, both runs with enough samples, an enlarged view of one pair while contacts overlap in time,
+and the texts for the scene: pairs, parameters, and numbers with units.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ MUCH = 0.6  # a lens that would show this share of the time axis has the same on
 NUMBERED = 12  # so many touches are numbered, and hops measured
 ROOM = 0.05  # share of the width that two numbers stand apart at least
 SAME = 1e-9
-"""Numbers whose relative difference is less are one number."""
+"""Relative difference below which two numbers are equal."""
 EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 OF_MASS = ((1e3, "k"), *PREFIXES)
 """Multiples of the gram."""
@@ -38,22 +39,25 @@ OF_MASS = ((1e3, "k"), *PREFIXES)
 
 @dataclass(frozen=True)
 class View(Span):
-    """A comparison over a span of time."""
+    """A comparison over a time interval."""
 
     report: Judged
 
     @cached_property
     def moments(self) -> Array:
-        """Times in s to draw at: evenly spread, and within each soft contact (of very many, evenly chosen ones)."""
+        """Times in s to draw: evenly spaced, and within each soft contact.
+
+        For more than 500 contacts, evenly chosen contacts are used.
+        """
         log = self.report.counted[1].contacts
         log = log[:: max(1, len(log) // 500)]
         return self.times(np.column_stack([log["t_begin"], np.nan_to_num(log["t_end"], nan=self.end)]), 1500)
 
 
 def window(report: Judged) -> View:
-    """The span of time worth drawing: from the first contact that counts to the end of the last, with a margin.
+    """Return the interval to draw: from the first to the last contact, with a margin.
 
-    A few late contacts of next to no impulse are left out if the others would fill less than a third of the span.
+    A few late contacts of negligible impulse are left out if the others would fill less than a third of the interval.
     """
     start = float(report.soft.time[0])
     runs = report.levelled
@@ -75,15 +79,14 @@ def window(report: Judged) -> View:
 
 @dataclass(frozen=True)
 class Closeup:
-    """One pair, and the span of time in which it is looked at.
+    """One pair of balls in a short time interval.
 
     Attributes
     ----------
     pair : int
-        The pair of balls that soft spheres make touch most often while a neighbouring contact lasts, the upper of
-        equals.
+        Pair of balls whose soft spheres touch most often while a neighbouring contact lasts, the upper one of equals.
     view : View
-        The spell of contacts that overlap in time, with a margin.
+        Interval of the contacts that overlap in time, with a margin.
     touches : (count, 2) array
         Onset and end in s of the soft contacts in it.
     """
@@ -94,16 +97,16 @@ class Closeup:
 
     @property
     def moments(self) -> Array:
-        """Times in s to draw at."""
+        """Times in s to draw."""
         return self.view.times(self.touches, 800)
 
     def path(self, run: Trajectory) -> tuple[Array, Array]:
-        """Times in s within the span, and the distances in m of the pair."""
+        """Times in s within the interval, and the distances in m of the pair."""
         inside = (run.time >= self.view.begin) & (run.time <= self.view.end)
         return run.time[inside], run.gap[inside, self.pair]
 
     def hops(self, soft: Trajectory) -> list[tuple[float, float]]:
-        """Time in s and height in m of the highest point between one contact and the next."""
+        """Time in s and height in m of the highest point between consecutive contacts."""
         time, gap = self.path(soft)
         found = []
         for end, begin in zip(self.touches[:-1, 1], self.touches[1:, 0], strict=True):
@@ -114,7 +117,7 @@ class Closeup:
 
 
 def closeup(view: View) -> Closeup | None:
-    """What is worth a lens of what is drawn; None where no contacts of neighbouring pairs overlap in time."""
+    """Return the enlarged view, or None if no neighbouring contacts overlap in time."""
     report, end = view.report, view.end
     scene, log = report.scene, report.counted[1].contacts
     between = ~np.logical_or(*scene.sides(scene.is_wall))
@@ -140,7 +143,10 @@ def closeup(view: View) -> Closeup | None:
 
 
 def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> None:
-    """Distances over time, drawn so large that every hop can be seen; touches are numbered, hops measured."""
+    """Draw the distance of a pair over time, with numbered contacts.
+
+    The scale shows every separation between contacts, which are labelled with their heights.
+    """
     view, (time, gap), hops = look.view, look.path(runs["soft"]), look.hops(runs["soft"])
     depth = -float(gap.min(initial=0.0))
     to_see = max(0.4 * depth, 0.1 * float(gap[:1].max(initial=0.0)), 1e-15)  # overlap or approach, without hops
@@ -166,7 +172,7 @@ def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> No
 
 
 def apart(places: Array, least: float) -> list[tuple[int, float]]:
-    """Those places, with their numbers, that are at least so far from the last one kept."""
+    """Return the places, with their numbers, at least `least` from the last one kept."""
     kept: list[tuple[int, float]] = []
     for i, place in enumerate(np.asarray(places).tolist()):
         if not kept or place - kept[-1][1] >= least:
@@ -175,7 +181,7 @@ def apart(places: Array, least: float) -> list[tuple[int, float]]:
 
 
 def pair_name(scene: Scene, pair: int) -> str:
-    """The two bodies of a pair, such as 1·2, or floor·1; their numbers are those of the library."""
+    """Return the two bodies of a pair, such as 1·2 or floor·1, as numbered everywhere."""
     return "·".join(_body(scene, int(body)) for body in scene.bodies(pair))
 
 
@@ -184,7 +190,7 @@ def _body(scene: Scene, body: int) -> str:
 
 
 def parameters(report: Judged) -> str:
-    """Two lines with the parameters of a comparison: the scene, and the laws of its contacts."""
+    """Return two lines with the parameters of a comparison: the scene, and the laws."""
     return f"{_scene(report)}\n{_laws(report)}"
 
 
@@ -205,7 +211,7 @@ def _scene(report: Judged) -> str:
 
 
 def _laws(report: Judged) -> str:
-    """The law, its constants, ε and t_c at the speed of the first impact; from which to which pair they go."""
+    """Law, constants, ε and t_c at the speed of the first impact, with ranges."""
     kinds = list(dict.fromkeys(type(law).__name__ for law in report.law))
     numbers = {name: np.array([getattr(law, name) for law in report.law])
                for name in (_constants(report.law) if len(kinds) == 1 else ())}
@@ -220,25 +226,25 @@ def _laws(report: Judged) -> str:
 
 
 def _stiffness(report: Judged) -> str:
-    """The unit of k in F = k ξ^p, if that is the law."""
+    """Return the unit of k in F = k ξ^p, or an empty string for other laws."""
     form = resolved(report.law, report.scene)[0].form
     return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m$^{{{form[1]:g}}}$"
 
 
 def _constants(laws: Sequence[Any]) -> list[str]:
-    """Constants of a law that say how hard a ball is: the damping is told by ε."""
+    """Constants of a law except for its damping, which ε describes."""
     named = [field.name for field in fields(laws[0])] if is_dataclass(laws[0]) else []
     return [name for name in named if name not in ("gamma", "alpha") and isinstance(getattr(laws[0], name), float)]
 
 
 def _durations(report: Judged) -> Any:
-    """How long a contact of each pair lasts by itself, at the speed of the first impact, in s; inf without an end."""
+    """Isolated duration in s of each pair at the first impact speed, inf without end."""
     n = report.scene.n_pairs
     return Durations(report.law, report.scene)(np.arange(n), np.full(n, report._speed))
 
 
 def _span(values: Any, unit: str = "", prefixes: Any = PREFIXES, digits: int = 4) -> str:
-    """One number, or from which to which they go, with a unit."""
+    """Return one number, or a range of numbers, with a unit."""
     known = values[np.isfinite(values)]
     if not len(known):
         return "–"
@@ -258,7 +264,7 @@ def _one(value: float, unit: str, prefixes: Any, digits: int) -> str:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number with so many digits, its power of ten as one writes it by hand."""
+    """Return a number with `digits` digits and a power of ten in superscripts."""
     factor, _, power = f"{value:.{digits}g}".partition("e")
     if not power:
         return factor

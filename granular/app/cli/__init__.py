@@ -1,4 +1,4 @@
-"""The `granular` command. Misuse ends in one line on stderr, never in a traceback.
+"""The `granular` command. Misuse prints one line on stderr, never a traceback.
 
 A first reader may skip: `ends`, `installation`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`.
 """
@@ -26,15 +26,19 @@ from granular.run.trajectory import Status
 
 OK, MISUSE, ABNORMAL, ENDED = 0, 2, 3, 128
 MISTAKES = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError
-"""What a user is told in one line; what a function of the user's own raises is too."""
+"""Exceptions that are printed in one line.
+
+Exceptions raised by a function of the user are printed in the same way.
+"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with the arguments `argv` (default: those of the process) and return its exit code.
+    """Run the command with the arguments `argv`, and return its exit code.
 
-    0 done · 1 a number of another code is wrong or missing · 2 misuse, or a file that cannot be read or written · 3 the
-    run did not come to a proper end (status ``unstable`` or ``max_events``) · 128 + the number of the signal that ended
-    it, 130 for Ctrl-C.
+    The default of `argv` are the arguments of the process. Exit codes: 0 success · 1 a number of another code is wrong
+    or missing · 2 misuse, or a file that cannot be read or written · 3 the run did not end properly (status
+    ``unstable``, ``broken`` or ``max_events``) · 128 + the number of the signal that ended the process, 130 for
+    Ctrl-C.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
@@ -64,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _act(arguments: Sequence[str]) -> int:
-    """Do what the command line says."""
+    """Run the command that the arguments name."""
     if getattr(granular, "__version__", None) != VERSION and list(arguments[:1]) != ["info"]:
         from granular.app.cli.installation import overwritten
 
@@ -88,8 +92,10 @@ def _act(arguments: Sequence[str]) -> int:
 
 @contextmanager
 def _naming(options: Mapping[str, Any]) -> Iterator[None]:
-    """Put the first option that is too large or too small in front of a refusal that names something else, which
-    follows from it: an end time that is infinite, a mass that is 0."""
+    """Name the first extreme option in error messages that follow from it.
+
+    An example is an infinite end time that follows from a mass that is too small. 0 is not extreme.
+    """
     try:
         yield
     except (ValueError, ArithmeticError) as error:
@@ -105,7 +111,7 @@ def _naming(options: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """The numbers among options and in their lists and tables, except for 0."""
+    """Yield the non-zero numbers of the options, also in lists and tables."""
     for name, value in options.items():
         inner = value.items() if isinstance(value, Mapping) else [("", value)]
         for key, entry in inner:
@@ -115,7 +121,7 @@ def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 
 
 def _say_compiling() -> None:
-    """Tell who watches why nothing is to be seen for a while."""
+    """Print on a terminal why there is no output for up to half a minute."""
     if sys.stderr is not None and sys.stderr.isatty():
         print("granular: compiling, once, for up to half a minute; later runs start at once …", file=sys.stderr)
 

@@ -1,4 +1,4 @@
-"""What asks a process to end is an interrupt, as Ctrl-C is: what was done is kept, and nothing is left behind."""
+"""Signals that end a process, handled like Ctrl-C: finished work is kept."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from contextlib import contextmanager
 from threading import Timer, current_thread, main_thread
 
 ASKING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Ctrl-C; `kill`, `timeout` and batch systems; a terminal that is closed."""
+"""Signals of Ctrl-C, `kill`, `timeout`, batch systems, and closed terminals."""
 AGAIN = 0.2
-"""Seconds after which it is said again: what is raised is lost where a library calls back, as compilers do."""
+"""Time in s after which the signal is repeated.
+
+Exceptions that are raised inside callbacks of a library, such as a compiler, get lost.
+"""
 
 
 class Asked(KeyboardInterrupt):
-    """The process is asked to end, by the signal of that number."""
+    """The process received the signal with this number."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -23,9 +26,10 @@ class Asked(KeyboardInterrupt):
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Raise `Asked`, a `KeyboardInterrupt`, at these signals; a second one does not disturb who sees to the first.
+    """Raise `Asked`, a `KeyboardInterrupt`, when one of the signals arrives.
 
-    Signals that somebody else sees to or ignores, as under `nohup`, stay his; in the end all are as before.
+    A second signal does not interrupt the handling of the first one. Signals that are already handled or ignored, for
+    example under `nohup`, are left alone. All handlers are restored at the end.
     """
     over: list[bool] = []
     main = main_thread().ident or 0
@@ -56,5 +60,5 @@ def as_interrupts() -> Iterator[None]:
 
 
 def _seen_to(error: BaseException | None) -> bool:
-    """Whether what is being handled is an interrupt, or came of one."""
+    """Whether the exception being handled is an interrupt or was caused by one."""
     return error is not None and (isinstance(error, KeyboardInterrupt) or _seen_to(error.__context__))

@@ -1,8 +1,8 @@
-"""What is installed, to look for a fault or to report one; whether another package lies over this one; and machine
-code made once, before anybody has to wait for it: for images, classes, test servers.
+"""Commands `info` and `warm`: the installed packages, and compilation in advance.
 
-A kernel is compiled once for each set of flags that a scene has (`granular._engine.kernels`): the scenes here have all
-sets of them that ready-made scenes have.
+`info` helps to report a fault, and finds another package that overwrote this one. `warm` compiles all kernels once,
+for images, classes and test servers. A kernel is compiled once for each set of flags of a scene
+(`granular._engine.kernels`). The scenes of `SCENES` have all sets of flags that ready-made scenes have.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from granular.laws.rules import ConstantRestitution
 FOLDER = Path(__file__).parents[__name__.count(".") - 1]
 REMEDY = f"uninstall it and install {NAME} again (--force-reinstall --no-deps), or give each an environment of its own"
 SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
-"""Plain; with a driven wall; thermal walls; on a ring; pendula."""
+"""Scenes without flags, with driven wall, thermal walls, ring, and pendula."""
 WAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "hard": ("edmd", {}),
     "hard, no log": ("edmd", {"log": False}),
@@ -41,15 +41,20 @@ WAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "fixed steps, no log": ("md", {"method": "verlet", "log": False}),
     "elastic": ("md", {"method": "verlet"}),
     "elastic, no log": ("md", {"method": "verlet", "log": False})}
-"""What has machine code of its own: an engine, and options. Hard balls collapse; elastic ones take fixed steps."""
+"""Runs with machine code of their own: an engine, and its options.
+
+The hard balls collapse. The elastic ones use a fixed-step integrator.
+"""
 END: dict[str, Any] = {"t_end": 5.0, "until": None, "max_events": 1000}
-"""Enough for a run to call all that it may."""
+"""End of a run that calls all kernels it can call."""
 
 
 @dataclass(frozen=True)
 class Installation(Report):
-    """Where this package lies, what numba does, the versions of the packages of each extra, and who else installs a
-    package `granular`."""
+    """Location of this package, state of numba, and versions of all dependencies.
+
+    Other distributions that install a package `granular` are listed as well.
+    """
 
     folder: str
     numba: str
@@ -70,7 +75,7 @@ class Installation(Report):
 
 
 class Info(Command):
-    """Say what is installed: versions, extras, numba's cache, and whether another package lies over this one."""
+    """Print the installed versions, numba's cache folder, and conflicting packages."""
 
     USAGE = "[--json FILE.json]"
 
@@ -88,7 +93,7 @@ class Info(Command):
 
 
 def numba() -> str:
-    """Return where numba keeps machine code, in its own words; or why there is none."""
+    """Return where numba caches machine code, or why it cannot."""
     try:
         return f"kept in {kept()}, which can be written"
     except (ImportError, OSError) as why:
@@ -96,7 +101,7 @@ def numba() -> str:
 
 
 def kept() -> str:
-    """Return the folder in which numba keeps machine code; raise if there is no compiler, or no such folder."""
+    """Return the folder of cached machine code. Raises an error without one."""
     if why := kernels.no_compiler():
         raise ImportError(why)
     try:
@@ -107,20 +112,20 @@ def kept() -> str:
 
 
 def others() -> list[str]:
-    """Return names and versions of other distributions that install a package `granular`."""
+    """Return names and versions of other distributions with a package `granular`."""
     names = set(packages_distributions().get("granular", ())) - {NAME}
     return [f"{name} {files.version_of(name)}" for name in sorted(names)]
 
 
 def overwritten() -> str:
-    """Return what is wrong, and what to do, where Python loads another package's `granular/__init__.py`, or none."""
+    """Return a message for a `granular/__init__.py` of another package, or none."""
     who = ", ".join(others()) or "another package"
     return (f"{FOLDER / '__init__.py'} is not that of {NAME} {VERSION}: {who} was installed over it, or uninstalled; "
             f"{REMEDY}.")
 
 
 class Warm(Command):
-    """Make the machine code of all runs and maps, so that nobody waits for it later; or that of some scenes."""
+    """Compile the numba kernels in advance, all of them or those for given scenes."""
 
     USAGE = "[SCENE ...]"
 
@@ -140,7 +145,7 @@ class Warm(Command):
 
 
 def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
-    """Return what calls all kernels that runs of a scene need, and maps if they are open to it, by what they are."""
+    """Return functions that call all kernels for runs and maps of a scene, by name."""
     from granular.md.located import many
 
     scene, rule = case.scene, ConstantRestitution(0.1)
@@ -153,7 +158,7 @@ def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
 
 
 def made(make: Callable[[], object]) -> str:
-    """Return the processor time that a call takes for which kernels are compiled; or that they were there already."""
+    """Return the processor time of a call that compiles, or that all was compiled."""
     begun = process_time()
     with load_numba().core.event.install_recorder("numba:compile") as recorder:
         make()

@@ -1,5 +1,6 @@
-"""Commands on one scene: print it, run it on one engine or on both; from where on hard spheres will do, at what price
-methods are right, and who is right where it becomes extreme; one trajectory in words and a few numbers.
+"""Commands on one scene.
+
+`scenes` prints it, `run` runs one engine, `compare` both. `threshold`, `frontier` and `stability` study it.
 """
 
 from __future__ import annotations
@@ -24,15 +25,21 @@ from granular.comparison.outcome import energy_at_hand
 from granular.run.trajectory import Status, Trajectory
 
 MOST = 20
-"""Rows of a table at most."""
+"""Maximum number of rows of a table."""
 LIGHT = 200
-"""Contacts × bodies of a scene up to which the whole report tells what its outcomes answer to: some hundred runs."""
+"""Contacts × bodies up to which the full report includes sensitivities.
+
+They take several hundred runs.
+"""
 MOST_READ = 10**6
-"""Contacts that are read back from the file of --log, for the table."""
+"""Maximum number of contacts that are read back from the file of --log."""
 ROUNDING = 1e-14
-"""Part of the energy that heights, which are sums, may leave of balls that lie still."""
+"""Relative rounding error of the energy of balls at rest, from sums of heights."""
 MOST_CONTACTS = 16
-"""Contacts of a ready-made scene that only its time would end: the slow solvers take seconds for each, interpreted."""
+"""Maximum number of contacts of a ready-made scene that only its time ends.
+
+The slow interpreted solvers take seconds for each contact.
+"""
 
 
 class Scenes(Command):
@@ -51,7 +58,7 @@ class Scenes(Command):
 
 
 class Run(Command):
-    """Run a scene on one engine."""
+    """Run a scene with one engine."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -87,7 +94,7 @@ class Run(Command):
 
 
 class Compare(Command):
-    """Run a scene on both engines and say where and why they differ."""
+    """Run a scene with both engines and report where and why they differ."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -117,7 +124,7 @@ class Compare(Command):
 
 
 class Threshold(Command):
-    """Find from which gap, stiffness, … on a scene may be event-driven."""
+    """Find the gap, stiffness, ... from which on hard spheres are valid."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -130,7 +137,7 @@ class Threshold(Command):
 
 
 class Frontier(Command):
-    """Measure the error of every method against its run time, on one scene."""
+    """Measure the error of every method against its run time, for one scene."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -148,7 +155,7 @@ class Frontier(Command):
 
 
 class Stability(Command):
-    """Make a scene stiff, close, damped, unequal: which method is right, flagged, or wrong unseen?"""
+    """Make a scene stiff, close, damped, unequal: which methods stay right?"""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -161,7 +168,7 @@ class Stability(Command):
 
 
 def with_log(run: Trajectory) -> Trajectory:
-    """Return a run with the contacts that it has written to a file as it went on, unless they are too many."""
+    """Return a run with the contacts of its log file, unless there are too many."""
     if not run.stats.get("log") or _count(run) > MOST_READ:
         return run
     log = np.concatenate([run.contacts, *run.contact_batches()])
@@ -169,8 +176,11 @@ def with_log(run: Trajectory) -> Trajectory:
 
 
 def shortened(case: cases.Case) -> cases.Case:
-    """Return a case that ends after its first contacts, if it has more than can be measured within a minute, and
-    any of them ends: where for the longest time none of the later ones begins or ends."""
+    """Return a case that ends after its first contacts, if it has too many.
+
+    The end lies in the longest interval in which none of the later contacts begins or ends. A case is shortened if it
+    would take more than a minute.
+    """
     first = case.simulate("md", max_events=MOST_CONTACTS)
     if first.status is not Status.max_events or np.isnan(first.contacts["t_end"]).all():
         return case
@@ -183,7 +193,10 @@ def shortened(case: cases.Case) -> cases.Case:
 
 
 def summary(case: cases.Case, run: Trajectory) -> str:
-    """Return how a run ended; if its numbers mean anything, its contacts by pair, and each body at the end."""
+    """Return the end of a run, its contacts by pair, and the final state of each body.
+
+    Numbers that have no meaning after an unstable run are left out.
+    """
     from granular.comparison import measures
     from granular.md import isolation
 
@@ -236,7 +249,7 @@ def _label(run: Trajectory, body: int) -> str:
 
 
 def _some(n: int) -> Iterator[tuple[int, str]]:
-    """The numbers of `n` pairs or bodies; of many only the first and the last, and a row for those left out."""
+    """Return the numbers of up to `n` pairs or bodies, the first and the last ones."""
     for i in range(n):
         if i < MOST - 2 or i == n - 1 or n <= MOST:
             yield i, ""

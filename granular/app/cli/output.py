@@ -1,4 +1,4 @@
-"""What a command shows and writes: files, offered, looked at before a long run, and written after it."""
+"""Output of a command: printed text and files, checked before a long run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ENDINGS = {"plot": "png", "film": "gif", "json": "json"}
 
 
 def offer(parser: argparse.ArgumentParser, save_as: str = "npz", **about: str) -> None:
-    """Add the options --plot, --film, --json and --save, as far as they are described."""
+    """Add the options --plot, --film, --json and --save for which a text is given."""
     for name, text in about.items():
         to_stdout = "; - for standard output" if name == "json" else ""
         ending = save_as if name == "save" else ENDINGS[name]
@@ -27,12 +27,12 @@ def offer(parser: argparse.ArgumentParser, save_as: str = "npz", **about: str) -
 
 
 def _stdout(name: str) -> str:
-    """The file to write to; ``-`` is standard output."""
+    """Return the name of the file to write. ``-`` is standard output."""
     return _files.STDOUT if name == "-" else name
 
 
 def check(given: argparse.Namespace) -> None:
-    """Raise if a file that is asked for cannot be written, or no figure be drawn in the format it has."""
+    """Raise an error if an output file cannot be written in its format."""
     written = {option: name for option in ("plot", "film", "json", "save")
                if (name := getattr(given, option, None)) is not None}
     for name in written.values():
@@ -51,7 +51,7 @@ def check(given: argparse.Namespace) -> None:
 
 
 def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
-    """Raise if a file that is to be written is one that is read, or one that is to be written already."""
+    """Raise an error if an output file is also an input, or is written twice."""
     taken = set(map(os.path.realpath, read))
     for name in written:
         if os.path.realpath(name) in taken and not _files.is_stream(name):
@@ -60,7 +60,10 @@ def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
 
 
 def deliver(report: Any, given: argparse.Namespace) -> None:
-    """Print a report, on stderr if stdout is to have nothing but JSON; draw and write it where that is asked."""
+    """Print a report, and draw and write it as the options demand.
+
+    Text goes to stderr if standard output receives JSON.
+    """
     text = report.details() if getattr(given, "verbose", False) else report
     more = f"\n\n{report.remedies()}" if getattr(given, "remedies", False) else ""
     print(f"{text}{more}", file=stream(given))
@@ -73,5 +76,5 @@ def deliver(report: Any, given: argparse.Namespace) -> None:
 
 
 def stream(given: argparse.Namespace) -> Any:
-    """Where words go: to stderr if stdout is to have nothing but JSON."""
+    """Return the stream for text: stderr if standard output receives JSON."""
     return sys.stderr if given.json == _files.STDOUT else sys.stdout

@@ -1,4 +1,4 @@
-"""Commands that write a page: the teaching page, and the player of recorded runs."""
+"""Commands that write an HTML page: the teaching page, and the player of runs."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def offer_page(parser: argparse.ArgumentParser, default: str | None, shown: str)
 
 
 def announce(name: str, show: bool) -> None:
-    """Print how large the file is; open it if `show`."""
+    """Print the size of the file, and open it in the browser if `show`."""
     path = Path(name).resolve()
     print(f"{name}: {path.stat().st_size / 1000:.0f} kB, opens in any browser, needs no network")
     if show:

@@ -1,6 +1,6 @@
-"""Arguments of the command. The options of a scene and of a run come from the signatures and docstrings that have them.
+"""Command-line parser. Options come from signatures and docstrings.
 
-So ``granular compare gas --help`` lists the parameters of `granular.scenes.gas`, with their units and defaults.
+``granular compare gas --help`` lists the parameters of `granular.scenes.gas`, for example, with units and defaults.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ COMMANDS = {
     "sensitivity": "sweep:Sensitivity", "ensemble": "sweep:Ensemble", "page": "pages:Page", "view": "pages:View",
     "verify": "verify:Verify", "warm": "installation:Warm", "info": "installation:Info",
 }
-"""Where each command stands: a file beside this one, and a `Command` in it."""
+"""Location of each command: a module of this package, and its `Command`."""
 ABOUT = """\
 Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
 equation with a contact force). Do the two agree? All numbers are in SI units."""
@@ -57,30 +57,33 @@ exit codes: 0 done; 1 verify found a number wrong or missing; 2 misuse, or a fil
  can be; max_events: the limit on the amount of work); 130 interrupted; 143 ended by SIGTERM"""
 SEPARATED = "separated"
 HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
-"""Options of the engines that the command line does not offer; a TOML file's [run] does."""
+"""Options of the engines that only the table [run] of a TOML file offers."""
 
 
 class Command:
-    """What a command is. Its own docstring says what it does, in one line."""
+    """A command. Its docstring is its description, in one line."""
 
     USAGE = "SCENE|FILE.toml [options]"
-    """What it takes."""
+    """Arguments, as printed in the help text."""
     TITLE = "run"
-    """Over its options."""
+    """Heading of its options."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        """Add its options; return those that come from a signature."""
+        """Add its own options, and return the options that come from a signature."""
         return []
 
     @staticmethod
     def run(given: argparse.Namespace) -> list[Trajectory] | int | None:
-        """Do it; runs that it returns must have come to a proper end; a number is the exit code."""
+        """Run the command.
+
+        Returns an exit code, or runs whose status decides the exit code, or None.
+        """
         raise NotImplementedError
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises ValueError with one sentence in place of printing usage and leaving."""
+    """Parser that raises `ValueError` with one sentence instead of exiting."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
@@ -94,7 +97,11 @@ class Parser(argparse.ArgumentParser):
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return what the command line says: what to `act`, its `target`, and `given`, `run` with the options given."""
+    """Parse the arguments.
+
+    The result has the function `act` of the command, its `target`, and the given options of the scene (`given`) and of
+    the run (`run`).
+    """
     # a negative number such as -1e-4 would be taken for an option, but not behind a space
     command, *rest = [f" {word}" if re.match(r"-[\d.]", word) else word for word in arguments] or ["--help"]
     top = Parser(prog="granular", description=ABOUT, epilog=EXAMPLES)
@@ -125,7 +132,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def case_of(given: argparse.Namespace) -> cases.Case:
-    """The case that a command line names."""
+    """Return the case that a command line names."""
     case = cases.load(given.target) if is_file(given.target) else cases.make(given.target, **given.given)
     words = getattr(given, "until", None)
     if words is None:
@@ -135,7 +142,7 @@ def case_of(given: argparse.Namespace) -> cases.Case:
 
 
 def offer_until(parser: argparse.ArgumentParser) -> None:
-    """Add the option that says when to stop."""
+    """Add the option --until."""
     parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
                         type=lambda text: SEPARATED if text.strip() == SEPARATED else _entry(text),
                         help="stop there: pair=0 nth=2 (a contact); type=force pair=0 above=1e3; type=speed ball=2 "
@@ -143,7 +150,7 @@ def offer_until(parser: argparse.ArgumentParser) -> None:
 
 
 def teller(target: str | None) -> Callable[[str], None]:
-    """Return what tells, once for each place of it, that a scene names Python code, before that runs."""
+    """Return a function that prints once per place that a scene runs Python code."""
     places: set[str] = set()
 
     def tell(place: str) -> None:
@@ -155,14 +162,17 @@ def teller(target: str | None) -> Callable[[str], None]:
 
 
 def offered(function: Callable[..., Any], *names: str) -> list[Option]:
-    """Options of a run on a scene: its end, and those of a function, of these names or all but `HIDDEN`."""
+    """Return options of a run: its end, and options of a function.
+
+    They are the options with the given names, or all but `HIDDEN`.
+    """
     end = [option for option in options_of(cases.make) if option.name == "t_end"]
     return end + [option for option in options_of(function)
                   if (option.name in names if names else option.name not in HIDDEN)]
 
 
 def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
-    """Split off the scene's name or TOML file: the first argument, else the first that looks like one."""
+    """Split off the scene or TOML file: the first argument, or one that looks like it."""
     for k, word in enumerate(rest):
         if (k == 0 and not word.startswith("-")) or word in cases.names() or word.lower().endswith(".toml"):
             if not is_file(word):
@@ -178,13 +188,13 @@ def _command(name: str) -> type[Command]:
 
 
 def _about(command: type[Command]) -> str:
-    """What a command does, as part of a sentence."""
+    """Return the description of a command with a small first letter."""
     about = str(command.__doc__)
     return about[0].lower() + about[1:]
 
 
 def _settings(command: str, chosen: type[Command], target: str | None) -> dict[str, Any]:
-    """Name, usage and description of a command, and of its scene."""
+    """Return name, usage and description of a command with its scene."""
     description, usage = _about(chosen), chosen.USAGE
     settings = {"prog": f"granular {command}"}
     if usage.startswith("SCENE"):
@@ -209,7 +219,7 @@ def _add(parser: argparse.ArgumentParser, title: str, options: Iterable[Option])
 
 
 def _reading(kind: str) -> dict[str, Any]:
-    """How argparse reads a parameter with this annotation."""
+    """Return argparse settings for a parameter with this annotation."""
     ways: dict[str, dict[str, Any]] = {
         "bool$": {"action": argparse.BooleanOptionalAction},
         ".*Sequence\\[str\\]": {"nargs": "+", "metavar": "WORD"},
@@ -224,12 +234,12 @@ def _reading(kind: str) -> dict[str, Any]:
 
 
 def _given(options: Iterable[Option], found: argparse.Namespace) -> dict[str, Any]:
-    """The options that are given."""
+    """Return the options that are given, by name."""
     return {one.name: _meant(one.kind, getattr(found, one.name)) for one in options if one.name in found}
 
 
 def _meant(kind: str, value: Any) -> Any:
-    """One number where one or several may stand; a table, as a TOML file has for how a wall moves, of NAME=VALUE."""
+    """Return one number of a list of one, or the table of NAME=VALUE entries."""
     if kind == "Any":
         return dict(value)
     return value[0] if kind.startswith("float") and isinstance(value, list) and len(value) == 1 else value

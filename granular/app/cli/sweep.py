@@ -1,5 +1,4 @@
-"""The commands `granular sweep`, its processes, and what came out of it in words; `granular sensitivity`, `ensemble`.
-"""
+"""Commands `sweep`, `sensitivity` and `ensemble`, and the pool of processes."""
 
 from __future__ import annotations
 
@@ -30,15 +29,15 @@ from granular.studies.sweeps.sensitivities import sensitivity
 from granular.studies.sweeps.subject import axis
 
 WORTH_POOL = 20_000
-"""Cells from which on several processes are started."""
+"""Number of cells from which on several processes are used by default."""
 MOST_WORKERS = 1024
-"""Processes that one machine is asked for."""
+"""Maximum number of processes."""
 MOST = 40
-"""Jumps that are printed."""
+"""Maximum number of jumps that are printed."""
 
 
 class Sweep(Command):
-    """Solve a scene for all combinations of some parameters."""
+    """Solve a scene for all combinations of parameter values."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -68,7 +67,7 @@ class Sweep(Command):
 
 
 class Sensitivity(Command):
-    """Find what outcomes answer to: derivatives, condition numbers, and how uncertain they are."""
+    """Compute derivatives, condition numbers and uncertainties of outcomes."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -102,7 +101,10 @@ class Sensitivity(Command):
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor | None]:
-    """A pool of so many processes, none for one. They end at once if something is raised, and with this process."""
+    """Provide a pool of `count` processes, or None for one process.
+
+    The processes end immediately if an exception is raised, and together with this process.
+    """
     if count == 1:
         yield None
         return
@@ -125,14 +127,14 @@ def processes(count: int) -> Iterator[Executor | None]:
 
 
 def _obey() -> None:
-    """Leave it to the process that started this one when to end."""
+    """Ignore signals in worker processes; the parent process decides."""
     for one in ends.ASKING:
         signal.signal(one, signal.SIG_IGN)
     end_with_parent(os.getpid())
 
 
 class Ensemble(Command):
-    """Run both engines over many draws of a scene: do their means agree?"""
+    """Run both engines for many random draws of a scene, and compare the means."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -152,7 +154,7 @@ class Ensemble(Command):
 
 
 def summary(data: Any) -> str:
-    """Axes, results with their ranges, statuses and jumps, in words."""
+    """Return axes, ranges of results, statuses and jumps as text."""
     status = data["status"]
     lines = [f"{data.attrs['title']}: {' × '.join(str(data.sizes[name]) for name in status.dims)} cells"]
     names = [name for name in (*status.dims, *data.data_vars) if name != "status" and not name.startswith("edge")]

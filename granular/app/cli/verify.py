@@ -1,4 +1,4 @@
-"""The command `verify`: reference answers for other people's codes, and whether theirs are right."""
+"""Command `verify`: reference numbers for other codes, and a check of theirs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ WORDS = "right", "ill-conditioned", "wrong", "missing"
 OK, NOT_RIGHT = 0, 1
 """Exit codes."""
 SHOWN = 12
-"""Answers, or numbers that are not right, printed at most."""
+"""Maximum number of printed answers, and of printed wrong numbers."""
 
 
 class Verify(Command):
-    """Reference answers for other codes: list the cases, show or write one, check somebody's numbers."""
+    """List or write reference cases for other codes, or check their numbers."""
 
     USAGE = "[CASE] [-o FILE.csv|FILE.json] [--check THEIRS.csv [--tolerance NUMBER]]"
 
@@ -62,7 +62,7 @@ def _show(name: str) -> None:
 
 
 def _checked(given: argparse.Namespace) -> int:
-    """Say what somebody's numbers are worth; return `NOT_RIGHT` if one of them is wrong or missing."""
+    """Print how many numbers are right. Return `NOT_RIGHT` unless all of them are."""
     found = verification.check(given.case, given.check, given.tolerance)
     count = Counter(one.word for one in found)
     bad = [one for one in found if one.word in ("wrong", "missing")]

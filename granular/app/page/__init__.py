@@ -1,9 +1,8 @@
-"""The teaching page and the player: one HTML file each that needs no network, no server and no framework.
+"""The teaching page and the player: single HTML files without network access.
 
-`assemble` puts a file together from the parts shipped beside it and writes it: ``shell`` (frame, style, time bar,
-charts), ``physics`` (both engines for linear contacts, event-located, in JavaScript), ``live`` (the teaching page),
-``player`` (the page without physics that shows recorded runs). `opening` is what the teaching page opens with,
-`recording` makes a recorded run small enough to embed, and says what it was made of.
+`assemble` joins the parts that lie beside it: ``shell`` (frame, style, time bar, charts), ``physics`` (both engines
+for linear contacts with event location, in JavaScript), ``live`` (the teaching page), ``player`` (recorded runs).
+`opening` has the initial states of the teaching page, `recording` reduces a run to embed it.
 
 A first reader may skip: `assemble`, `opening`, `recording`.
 """

@@ -1,6 +1,6 @@
-"""The pages: one HTML file each from the shipped parts, nothing to load, nothing to run but what is inside.
+"""Assembly of the HTML pages from the shipped parts.
 
-`live_page` writes the one with its own physics, `player_page` that with recorded runs.
+`live_page` writes the teaching page with its own physics, `player_page` a page that plays recorded runs.
 """
 
 from __future__ import annotations
@@ -27,27 +27,30 @@ from granular.run.trajectory import Trajectory
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
 MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTILINE)
-"""Comments, indents and blank lines: a page goes without."""
+"""Comments, indents and blank lines, which are removed."""
 KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
-"""Texts and patterns of a script, in which spaces count; templates are not nested."""
+"""Strings and regular expressions of a script, in which spaces matter.
+
+Template strings are not nested.
+"""
 SIGNS = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
 SHORTER = {"const": "let", "Infinity": "1/0", "true": "!0", "false": "!1"}
-"""Words of a script with a shorter equivalent, unless they are names of properties."""
+"""Words of a script with a shorter equivalent, unless they are property names."""
 AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|"
                  rf"(?<![\w.])(?:{'|'.join(SHORTER)})(?![\w:])")
-"""Spaces at the signs of a script, zeros before decimals, and words of `SHORTER`."""
+"""Spaces around operators, zeros before decimals, and words of `SHORTER`."""
 LONE = re.compile(r"(?<![\w$])\((\w+)\)=>")
-"""A single name for which a function needs no brackets."""
+"""Parentheses around a single parameter of a function."""
 JOINED = re.compile(r"(?<![^;{}\n])(let (?:[^;{}]|\{[^;{}]*\})*);let ")
-"""Declarations one after another, which can be one."""
+"""Consecutive declarations, which are joined."""
 SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)",
                    re.MULTILINE)
-"""The same of a style, and spaces at its signs."""
+"""Unnecessary spaces of a style sheet."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 BLOCKED = "blocked"
-"""The sentence that is there from the beginning, and is said where the script cannot say anything."""
+"""Key of the sentence that is shown if scripts are blocked."""
 
 
 def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
@@ -58,11 +61,11 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
     parts : tuple of str
         Body, main module and styles: `LIVE` or `PLAYER`.
     title : str
-        Of the window.
+        Title of the window.
     start : str
-        State the page opens with if its link has none: ``scene=three-balls&eps=0.7``.
+        Initial state if the link has none, for example ``scene=three-balls&eps=0.7``.
     data : mapping, optional
-        What the page finds as JSON in its element ``#data``.
+        Data that the page finds as JSON in its element ``#data``.
     """
     slots = {
         "title": escape(title),
@@ -86,21 +89,21 @@ def shipped(name: str) -> str:
 
 @cache
 def words(language: str) -> dict[str, str]:
-    """Return all sentences of the pages by key, in one language."""
+    """Return all sentences of the pages in one language, by key."""
     return dict(json.loads(shipped(f"words/{language}.json")))
 
 
 @cache
 def bundle(*mains: str) -> str:
-    """Return one script in one scope: the modules `mains` after all they import, each once.
+    """Join modules into one script: `mains` after all modules that they import.
 
-    So no two of them may have a name in common; a browser refuses a script that declares one twice.
+    All modules share one scope. Their names must therefore differ: browsers refuse a script that declares a name twice.
     """
     return "\n".join(_plain(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
 
 
 def _needed(name: str) -> Iterator[str]:
-    """Names of all that a module imports, directly or not, before its own."""
+    """Yield the names of all modules that a module imports, then its own name."""
     for path in IMPORT.findall(shipped(name)):
         yield from _needed(normpath(f"{dirname(name)}/{path}"))
     yield name
@@ -122,12 +125,12 @@ def _tight(found: re.Match[str]) -> str:
 
 
 def embedded(data: Mapping[str, Any]) -> str:
-    """Return JSON that may stand inside a script element."""
+    """Return JSON that is safe inside a script element."""
     return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[str, Any] | None = None) -> None:
-    """Write the teaching page, opening with its story or one of its scenes.
+    """Write the teaching page with its story or one of its scenes.
 
     Parameters
     ----------
@@ -136,13 +139,13 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     scene : str
         "story", "real-balls", "three-balls", "ball-stack", "newtons-cradle" or "bouncing-ball".
     values : mapping, optional
-        What to start with, by the names and in the units of the library and the command: restitution, gap, stiffness,
-        lower="football", …; language="de". `granular.app.page.opening` has all of them.
+        Initial values, with the names and units of the library: restitution, gap, stiffness, lower="football", ...;
+        language="de". `granular.app.page.opening` has all of them.
 
     Raises
     ------
     ValueError, TypeError
-        For a scene or a name that is none, or a value that the page cannot show.
+        If the scene or a name is unknown, or if the page cannot show a value.
     """
     start = opening.link(scene, values or {})
     keys = [key for key in words(LANGUAGES[0]) if key != BLOCKED]
@@ -156,24 +159,24 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
 def player_page(
     path: str | PathLike[str], runs: Sequence[Trajectory], names: Sequence[str] | None = None, title: str = ""
 ) -> None:
-    """Write a page that plays one recorded run, or two of one scene side by side.
+    """Write a page that plays one recorded run, or two runs side by side.
 
     Parameters
     ----------
     path : str or path
         The HTML file.
     runs : one or two trajectories
-        Of any scene, engine and length, two of the same balls; long ones are thinned out, and the page says by how
-        much.
+        Runs of any scene, engine and length; two runs of the same balls. Long runs are thinned out, and the page states
+        by how much.
     names : sequence of str, optional
-        What to call them.
+        Names of the runs.
     title : str
-        Heading of the page; the names if empty.
+        Heading of the page. Defaults to the names.
 
     Raises
     ------
     ValueError
-        If there are no runs or more than two, or two of different balls.
+        If there are no runs, more than two runs, or two runs of different balls.
     """
     if not 1 <= len(runs) <= 2:
         raise ValueError(f"runs are {len(runs)}: one or two trajectories are needed.")

@@ -1,6 +1,7 @@
-"""What the teaching page can open with: its scenes, what can be set in each and within what limits, as a link.
+"""Initial states of the teaching page, as links: scenes, settings and limits.
 
-Names are the library's (restitution, stiffness, mass_ratio, …); the page's links have shorter ones (eps, k, massRatio).
+The library's names are used here (restitution, stiffness, mass_ratio, ...). Links have shorter ones (eps, k,
+massRatio).
 """
 
 from __future__ import annotations
@@ -15,28 +16,28 @@ from granular.cases import balls
 from granular.cases.case import Option
 
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
-"""Of the pages; all have the same sentences."""
+"""Languages of the pages. All have the same sentences."""
 SHORT = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
 ARRIVING = 5
-"""Balls of the cradle, where nothing is said of their number."""
+"""Default number of balls of the cradle."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A number, or a whole one.
+    """A number, or an integer.
 
     Parameters
     ----------
     slider : str
-        Its name in a link.
+        Name in a link.
     about : str
-        What it is, for the command's help.
+        Description for the help text of the command.
     least, most : float
-        Its limits.
+        Limits.
     whole, zero : bool
-        Whether it is a whole number; whether 0 is allowed below `least`.
+        Whether the value is an integer, and whether 0 is allowed below `least`.
     words : tuple of str
-        What it may be, if it is no number.
+        Possible values, if the value is a word.
     """
 
     slider: str
@@ -48,7 +49,7 @@ class Setting:
     words: tuple[str, ...] = ()
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return what a link says of `value`, or raise what is wrong with it."""
+        """Return the entries of a link for `value`, or raise an error."""
         if self.whole:
             return {self.slider: check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
         if self.zero and type(value) in (int, float) and value == 0:
@@ -58,35 +59,35 @@ class Setting:
 
 
 class Choice(Setting):
-    """A few words, of which a link has the place."""
+    """One of several words, which a link has as its index."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return what a link says of a word."""
+        """Return the entry of a link for a word."""
         return {self.slider: self.words.index(check.choice(name, value, self.words))}
 
 
 class Language(Setting):
-    """A language, of which a link has the sign."""
+    """A language."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return what a link says of a language."""
+        """Return the entry of a link for a language."""
         return {self.slider: check.choice(name, value, self.words)}
 
 
 class Kind(Setting):
-    """A ball by its name in `granular.balls`; `slider` is 1 for the lower one, 2 for the upper one."""
+    """A ball by its name in `granular.balls`. `slider` is 1 for the lower ball, else 2."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return what a link says of a ball."""
+        """Return the entries of a link for a ball."""
         ball = balls.BALLS[check.choice(name, value, self.words)]
         return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT.items()}
 
 
 class Truth(Setting):
-    """Yes or no."""
+    """True or False."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return what a link says of yes or no."""
+        """Return the entry of a link for a truth value."""
         return {self.slider: +check.truth(name, value)}
 
 
@@ -99,7 +100,10 @@ COUNT = Setting("n", "number of balls", 2, 8, whole=True)
 
 
 def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
-    """Return what can be set of ball i: which one it is, or its numbers; what fills one alone does not matter."""
+    """Return the settings of ball `i`: its name, or its numbers.
+
+    Whether a single ball is filled with air does not matter.
+    """
     name = before or "ball_"
     return {
         name.rstrip("_"): Kind(str(i), f"{called}: a name of granular.balls", words=tuple(balls.BALLS)),
@@ -132,9 +136,9 @@ SETTINGS: dict[str, dict[str, Setting]] = {
     },
     "bouncing-ball": {**of_ball(1, "", "the ball"), "height": HEIGHT},
 }
-"""What can be set in each. The limits are those of the sliders in ``physics/setups.mjs``; a test compares them."""
+"""Settings of each scene, with the limits of ``physics/setups.mjs`` (tested)."""
 SCENES = tuple(SETTINGS)
-"""What the page can open with: its story, or a scene it can run itself."""
+"""Scenes with which the page can open, and its story."""
 ANYWHERE = {
     "language": Language("lang", "language of the page; else the browser's", words=LANGUAGES),
     "at": Setting("at", "share of the time that has passed", 0.0, 1.0),
@@ -143,18 +147,18 @@ IN_A_SCENE = {"predict": Truth("predict", "ask for a prediction first")}
 
 
 def settings(scene: str) -> dict[str, Setting]:
-    """Return what can be set where the page opens with one of `SCENES`."""
+    """Return the settings of one of `SCENES`."""
     own = SETTINGS[check.choice("scene", scene, SCENES)]
     return own | ANYWHERE | ({} if scene == "story" else IN_A_SCENE)
 
 
 def link(scene: str, values: Mapping[str, Any]) -> str:
-    """Return the state of the page in which it opens with a scene and values, as the end of its link has it.
+    """Return the initial state of the page as the query string of its link.
 
     Raises
     ------
     ValueError, TypeError
-        For a scene or a name that is none, or a value that the page cannot show.
+        If the scene or a name is unknown, or if the page cannot show a value.
     """
     known = settings(scene)
     begin: dict[str, Any] = {} if scene == "story" else {"scene": scene}
@@ -172,7 +176,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
 
 
 def options() -> list[Option]:
-    """Return all settings for the command line, each with the scenes that have it."""
+    """Return all settings as options of the command line, with their scenes."""
     everywhere: dict[str, Setting] = {}
     for scene in SCENES:
         everywhere = settings(scene) | everywhere

@@ -1,12 +1,12 @@
-"""A recorded run made small enough to embed in a page: thinned out evenly, and told by how much.
+"""Recorded runs reduced to a size that a page can embed.
 
-Rows and contacts beyond the limits are left out one in so many, never merged or smoothed; where contacts are left out a
-map counts all of them over pairs and time. Numbers are kept as 32-bit floats, positions with the radii taken out, where
-equal means touching.
+Samples and contacts beyond the limits are thinned out evenly, and never merged or smoothed. The page states by how
+much. A map then counts all contacts over pairs and time. Numbers are stored as 32-bit floats. Positions are
+stored without radii, so that equal positions mean contact.
 
-Hard runs get rows that they lack (`filled`): at their contacts, and between these where paths are curved. They follow
-from the rows and the log: from a row on every body flies freely, and each contact says with which velocities its two
-bodies leave. Where that does not lead to the next row (no log, or not all of it), nothing is added.
+Hard runs get the samples that they lack (`filled`): at their contacts, and between contacts where paths are curved.
+They follow from the samples and the log: every body flies freely after a sample, and each contact has the velocities
+after it. Nothing is added if this does not reproduce the next sample, because the log is missing or incomplete.
 """
 
 from __future__ import annotations
@@ -28,29 +28,29 @@ from granular.run.trajectory import Trajectory, points
 from granular.scene import Scene
 
 NUMBERS = 200_000
-"""Most positions of bodies kept: rows times bodies."""
+"""Maximum number of positions: samples times bodies."""
 ROWS, BODIES, CONTACTS = 2000, 1024, 20_000
-"""Most rows, bodies and single contacts kept."""
+"""Maximum numbers of samples, bodies and single contacts."""
 MAP = (600, 250)
-"""Most columns (time) and rows (pairs or balls) of the map of contacts and of that of velocities."""
+"""Maximum numbers of columns (time) and rows (pairs or balls) of the maps."""
 EVEN, EACH = 200, 8
-"""Parts of the whole run, and of the time from contact to contact, that curved paths are drawn with."""
+"""Number of points on curved paths, for the whole run and between contacts."""
 CLOSE = 1e-6
-"""By how much of the way of all bodies a row may be missed."""
+"""Tolerance for the reproduction of a sample, relative to the paths."""
 MANY = 6
-"""Up to this many values or laws are told one by one."""
+"""Number of values or laws up to which each one is listed."""
 WALLS = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
 
 
 def recorded(run: Trajectory, name: str) -> dict[str, Any]:
-    """Return what the player shows of a run, as JSON-ready values.
+    """Return the data of the player for a run, ready for JSON.
 
     Parameters
     ----------
     run : Trajectory
-        Of any scene, engine and length.
+        Run of any scene, engine and length.
     name : str
-        What to call it.
+        Name of the run.
     """
     bodies = evenly(run.scene.n, BODIES)
     most = min(ROWS, max(2, NUMBERS // len(bodies)))
@@ -84,7 +84,10 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
 
 
 def different_balls(one: Scene, other: Scene) -> str:
-    """Return in what two scenes differ other than gaps, velocities and place; nothing if they have the same balls."""
+    """Return how the balls or forces of two scenes differ, or an empty string.
+
+    Gaps, velocities and positions are ignored.
+    """
     if one.n != other.n:
         return f"{one.n} and {other.n} bodies"
     heavy = f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
@@ -95,26 +98,31 @@ def different_balls(one: Scene, other: Scene) -> str:
 
 
 def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Return at most `most` of the numbers 0 … n-1, evenly spread, with the first and the last."""
+    """Return `most` of the numbers 0 ... n-1, evenly spaced, with first and last.
+
+    All n numbers are returned if they are fewer.
+    """
     return np.unique(np.round(np.linspace(0, n - 1, min(n, most))).astype(np.int64))
 
 
 def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajectory:
-    """Return the run with only some of its rows."""
+    """Return the run with the given samples only."""
     names = ("time", "position", "velocity", "gap", "force", "ledger")
     return replace(run, **{name: getattr(run, name)[rows] for name in names if getattr(run, name) is not None})
 
 
 def _account(run: Trajectory) -> list[list[str | float]]:
-    """What walls do and contacts dissipate in a whole run, in words and J; nothing where no wall moves or heats."""
+    """Return the parts of the energy balance in J, except those that are 0."""
     parts = balance(run)
     return [[ACCOUNT[name], parts[name]] for name in ("floor", "ceiling", "heat", "dissipated", "remainder")
             if run.scene.fed and parts[name] and math.isfinite(parts[name])]
 
 
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:
-    """Return the log of the contacts kept, column by column; a contact still open ends with the run, and the ends of
-    hard ones are their begins."""
+    """Return the log of the contacts `kept`, column by column.
+
+    A contact without an end ends with the run. The end of a hard contact is its onset.
+    """
     log = run.contacts[kept]
     before, after = (log[name][:, 1] - log[name][:, 0] for name in ("v_in", "v_out"))
     return {
@@ -128,7 +136,10 @@ def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict
 
 
 def contact_map(run: Trajectory) -> dict[str, Any]:
-    """Return how many contacts were under way in each cell of a grid of time and pairs; all are counted."""
+    """Return the number of running contacts in each cell of a grid of time and pairs.
+
+    All contacts are counted.
+    """
     start, span = float(run.time[0]), float(run.time[-1] - run.time[0]) or 1.0
     columns, lanes = MAP[0], min(MAP[1], run.scene.n_pairs)
     log, end = run.contacts, np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
@@ -143,9 +154,10 @@ def contact_map(run: Trajectory) -> dict[str, Any]:
 
 
 def velocity_map(run: Trajectory) -> dict[str, Any]:
-    """Return velocities of balls as shares of the largest in 127 steps; of balls that share a lane that of the fastest.
+    """Return velocities of balls over time in 127 steps of the largest one.
 
-    So a wave narrower than a lane is not lost. Rows are left out one in so many.
+    Balls that share a row of the map are represented by the fastest one, so that narrow waves are not lost. Samples are
+    thinned out evenly.
     """
     rows, balls = evenly(len(run.time), MAP[0]), np.flatnonzero(~run.scene.is_wall)
     lanes = np.arange(min(len(balls), MAP[1]))
@@ -159,7 +171,10 @@ def velocity_map(run: Trajectory) -> dict[str, Any]:
 
 
 def packed(values: Any, kind: Any = None) -> str:
-    """Return an array as base64: whole numbers as int32, others as float32 unless `kind` says otherwise."""
+    """Return an array as base64.
+
+    Integers are stored as int32 and other numbers as float32, unless `kind` is given.
+    """
     array = np.asarray(values)
     kind = kind or (np.int32 if array.dtype.kind in "iu" else np.float32)
     little = np.dtype(kind).newbyteorder("<")
@@ -167,7 +182,10 @@ def packed(values: Any, kind: Any = None) -> str:
 
 
 def filled(run: Trajectory, most: int) -> Trajectory:
-    """Return a hard run with more rows, `most` at most; any other run, and one with driven walls, as it is."""
+    """Return a hard run with additional samples, `most` at most.
+
+    Soft runs, and runs with driven walls, are returned unchanged.
+    """
     if run.rule is None or run.scene.driven:
         return run
     instants = next((found for found in _instants(run) if len(found) + len(run.contacts) <= most), run.time)
@@ -179,7 +197,7 @@ def filled(run: Trajectory, most: int) -> Trajectory:
 
 
 def _instants(run: Trajectory) -> Iterator[Array]:
-    """Times of rows and contacts, with some between them if paths are curved; and without those between."""
+    """Yield times of samples and contacts, first with additional ones between them."""
     corners = np.union1d(run.time, np.append(run.contacts["t_begin"], run.stats.get("collapse_time", run.time[-1])))
     scene = run.scene
     if scene.gravity or scene.pendulum or scene.external_force is not None:
@@ -191,7 +209,10 @@ def _instants(run: Trajectory) -> Iterator[Array]:
 
 
 def _rows(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Array, Array]]:
-    """Time, position, velocity and gap at each instant, before and after contacts; none once a row is missed."""
+    """Yield time, position, velocity and gap at each instant, around contacts.
+
+    Ends early if a sample is not reproduced.
+    """
     log, scene, met = run.contacts, run.scene, 0
     near = CLOSE * float(np.ptp(run.position, axis=0).max(initial=0.0))
     at = dict(zip(run.time.tolist(), range(len(run.time)), strict=True))
@@ -222,7 +243,7 @@ def _rows(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Arra
 
 
 def _flown(scene: Scene, x: Array, v: Array, dt: float) -> tuple[Array, Array]:
-    """Positions and velocities after a free flight."""
+    """Return positions and velocities after a free flight."""
     if scene.pendulum == 0.0:
         return x + (v + 0.5 * scene.fall * dt) * dt, v + scene.fall * dt
     rest, turn = scene.at_rest, scene.pendulum * dt
@@ -232,12 +253,12 @@ def _flown(scene: Scene, x: Array, v: Array, dt: float) -> tuple[Array, Array]:
 
 
 def about(run: Trajectory) -> list[list[str]]:
-    """Return names and words of what a run was made of.
+    """Return names and values that describe a run.
 
     Parameters
     ----------
     run : Trajectory
-        Of any scene and engine.
+        Run of any scene and engine.
     """
     scene, balls = run.scene, ~run.scene.is_wall
     return [
@@ -248,7 +269,10 @@ def about(run: Trajectory) -> list[list[str]]:
 
 
 def scene_in_words(of: Scene) -> str:
-    """Return the words of a scene: its balls, what is at its ends (walls, where nothing falls), what acts."""
+    """Return a description of a scene: balls, ends and forces.
+
+    The ends are called walls if nothing falls.
+    """
     said = shortened(str(of)[len("Scene(") : -1])
     if of.gravity == 0.0:
         for named, words in WALLS.items():
@@ -257,7 +281,7 @@ def scene_in_words(of: Scene) -> str:
 
 
 def _values(values: Array) -> str:
-    """Each of a few values, one for all that are equal, or from which to which they go."""
+    """Return a few values, one value if all are equal, or their range."""
     low, high = float(values.min()), float(values.max())
     if high - low <= 1e-9 * abs(high):
         return f"{low:.5g}"
@@ -267,7 +291,10 @@ def _values(values: Array) -> str:
 
 
 def _laws(run: Trajectory) -> str:
-    """Every different law or rule with its pairs, and the ε of soft contacts at the speed of the first impact."""
+    """Return every different law or rule with its pairs and, for soft contacts, ε.
+
+    ε holds at the speed of the first impact.
+    """
     given = run.law if run.rule is None else run.rule
     of_law = pairs_by_law(given or ())
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
@@ -283,7 +310,10 @@ def _eps(values: Array) -> str:
 
 
 def _restitutions(run: Trajectory) -> Array:
-    """ε of each pair's isolated contact; nan where it does not end, or where pairs are of too many kinds."""
+    """Return ε of an isolated contact of each pair.
+
+    nan if it does not end, or if there are too many kinds of pairs.
+    """
     laws, speed = resolved(run.law or (), run.scene), impact_speed(run)
     if len(laws.in_pairs[1]) > MANY or not speed > 0.0:
         return np.full(run.scene.n_pairs, math.nan)

@@ -1,7 +1,7 @@
-"""Ready-made scenes: physical parameters in, `Scene` out.
+"""Ready-made scenes: functions of physical parameters that return a `Scene`.
 
-Everywhere the lowest (leftmost) body comes first, masses and radii of spheres are tied by m = (4/3) π R³ ρ, and one
-number for `gap` means the same gap in every pair between balls.
+The lowest (leftmost) body comes first. Masses and radii of spheres are related by m = (4/3) π R³ ρ. A single number
+for `gap` is the gap of every pair of balls.
 
 A first reader may skip: `falling`, `gases`, `rows`.
 """

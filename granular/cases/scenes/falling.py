@@ -1,4 +1,4 @@
-"""Balls that fall on a floor; and what scenes are made of."""
+"""Scenes of balls that fall on a floor, and helpers for all scenes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ def three_balls(
     radii: Sequence[float] = (0.10, 0.01), gap: float = 1e-4, height: float = 0.6, density: float = 900.0,
     gravity: float = 9.81,
 ) -> Scene:
-    """Two balls, one above the other, dropped on a floor: the scene of the paper (the floor is the third ball).
+    """Two balls, one above the other, dropped on a floor: the scene of the paper.
 
-    Both are released from rest. Pair 0 is floor and lower ball, pair 1 the two balls (Müller & Pöschel 2011, Fig. 1).
+    The floor is the third ball. Both balls are released from rest. Pair 0 is the floor and the lower ball, pair 1 the
+    two balls (Müller & Pöschel 2011, Fig. 1).
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ def three_balls(
     height : float
         Height z1 of the *centre* of the lower ball above the floor in m, at least R1.
     density : float
-        Density ρ in kg/m³. The paper gives none: only 858 to 936 makes all of its observations true.
+        Density ρ in kg/m³. The paper does not give it. Only 858 to 936 reproduces all of its observations.
     gravity : float
         g in m/s².
     """
@@ -49,28 +50,29 @@ def ball_stack(
     n: int = 3, mass_ratio: float = 0.1, masses: Sequence[float] | None = None, height: float | None = None,
     speed: float | None = None, gap: float | Sequence[float] = 1e-4, density: float = 900.0, gravity: float = 9.81,
 ) -> Scene:
-    """Stack of balls, lighter and lighter, that falls on a floor and throws its top ball high (Harter, Kerwin).
+    """Stack of balls that fall on a floor, each lighter than the one below.
 
-    Either dropped from rest, or meeting the floor at t = 0 with a given speed.
+    It throws its top ball high (Harter, Kerwin). It is either dropped from rest, or hits the floor at t = 0 with a
+    given speed.
 
     Parameters
     ----------
     n : int
         Number of balls.
     mass_ratio : float
-        m[k+1]/m[k] from each ball to the one above; the lowest has 1 kg.
+        m[k+1]/m[k] of each ball and the one above. The lowest ball has 1 kg.
     masses : floats, optional
-        All masses in kg, bottom to top, in place of `n` and `mass_ratio`.
+        All masses in kg, bottom to top, instead of `n` and `mass_ratio`.
     height : float, optional
         Drop height in m, from the floor to the lowest point of the lowest ball (default 1 m).
     speed : float, optional
-        In place of `height`: all balls move down at this speed in m/s as the lowest touches the floor.
+        Instead of `height`: all balls move down with this speed in m/s as the lowest touches the floor.
     gap : float or floats
         Distances between the surfaces of the balls in m: one, or n-1 bottom to top.
     density : float
-        Density in kg/m³, from which the radii follow.
+        Density in kg/m³, which determines the radii.
     gravity : float
-        g in m/s²; 0 gives the textbook stack in free flight.
+        g in m/s². 0 gives the textbook stack in free flight.
     """
     if height is not None and speed is not None:
         raise ValueError(f"height is {height!r} and speed is {speed!r}: give one of the two; a stack that starts at "
@@ -87,20 +89,22 @@ def column(
     n: int = 5, gap: float | Sequence[float] = 1e-3, speed: float = 1.0, mass: float = 1.0, density: float = 900.0,
     gravity: float = 0.0,
 ) -> Scene:
-    """Column of equal balls that falls on a floor as one: how much of it bounces back?
+    """Column of equal balls that falls on a floor.
+
+    It shows how a column bounces back as a whole.
 
     Parameters
     ----------
     n : int
         Number of balls.
     gap : float or floats
-        Distances between the surfaces in m: one, or n bottom to top, that of the floor first.
+        Distances between the surfaces in m: one, or n bottom to top, beginning at the floor.
     speed : float
         Speed in m/s with which all balls move down at the start.
     mass : float
         Mass of a ball in kg.
     density : float
-        Density in kg/m³, from which the radius follows.
+        Density in kg/m³, which determines the radius.
     gravity : float
         g in m/s².
     """
@@ -116,16 +120,16 @@ def bouncing_ball(
     height: float | None = None, radius: float = 0.01, speed: float = 0.0, density: float = 900.0,
     gravity: float = 9.81, plate: Any = None,
 ) -> Scene:
-    """One ball bouncing on a floor until it comes to rest, or on a plate that is shaken.
+    """One ball bouncing on a floor until it comes to rest, or on a shaken plate.
 
-    On a plate z = A sin(ωt) that is shaken with Γ = A ω²/g, hard spheres have a bounce of k periods for Γ > G_k =
-    kπ (1 - ε)/(1 + ε); it doubles its period at Γ = √(G_k² + [2(1 + ε²)/(1 + ε)²]²).
+    On a plate z = A sin(ωt) with Γ = A ω²/g, hard spheres have a bounce of k periods for Γ > G_k = kπ (1 - ε)/(1 + ε).
+    Its period doubles at Γ = √(G_k² + [2(1 + ε²)/(1 + ε)²]²).
 
     Parameters
     ----------
     height : float, optional
-        Drop height in m, from the floor to the lowest point of the ball: 1 if not given; on a plate 0, where it begins
-        at rest.
+        Drop height in m, from the floor to the lowest point of the ball. Defaults to 1, on a plate to 0, where the ball
+        starts at rest.
     radius : float
         Radius in m.
     speed : float
@@ -135,7 +139,7 @@ def bouncing_ball(
     gravity : float
         g in m/s².
     plate : granular.walls.Sine, Piecewise or Motion, optional
-        How the floor moves; to the command type=Sine gamma=2 frequency=50, or amplitude= (in m) in place of gamma=.
+        Motion of the floor. On the command line type=Sine gamma=2 frequency=50, or amplitude= (in m) instead of gamma=.
     """
     r = np.array([check.number("radius", radius, above=0.0)])
     drop = check.number("height", (1.0 if plate is None else 0.0) if height is None else height, at_least=0.0)
@@ -149,10 +153,10 @@ def vibrated_column(
     phase: float = 0.5 * math.pi, gap: float | Sequence[float] = 1e-3, radius: float = 0.005, density: float = 900.0,
     gravity: float = 9.81,
 ) -> Scene:
-    """Column of equal balls on a floor that is shaken: z = A sin(2π f t + φ), Γ = A (2π f)²/g.
+    """Column of equal balls on a shaken floor: z = A sin(2π f t + φ), Γ = A (2π f)²/g.
 
-    Hard spheres are fluidized while N (1 - ε) is small, up to a height of their centre of mass h_cm of about
-    1.25 (A 2π f)²/(g N (1 - ε)), and move as one piece where it is large (Luding et al. 1994).
+    Hard spheres are fluidized if N (1 - ε) is small, up to a height of their centre of mass h_cm of about
+    1.25 (A 2π f)²/(g N (1 - ε)). They move as one piece if it is large (Luding et al. 1994).
 
     Parameters
     ----------
@@ -163,17 +167,18 @@ def vibrated_column(
     frequency : float
         Frequency f in Hz.
     amplitude : float, optional
-        Amplitude A in m, in place of `gamma`.
+        Amplitude A in m, instead of `gamma`.
     phase : float
-        Phase φ in rad at t = 0: at π/2 the floor starts from its highest point at rest, at 0 with a jolt 2π f A.
+        Phase φ in rad at t = 0: at π/2 the floor starts at its highest point at rest, at 0 with a jump of the speed
+        2π f A.
     gap : float or floats
-        Distances between the surfaces in m: one, or n bottom to top, that of the floor first.
+        Distances between the surfaces in m: one, or n bottom to top, beginning at the floor.
     radius : float
         Radius of a ball in m.
     density : float
         Density in kg/m³.
     gravity : float
-        g in m/s², positive where `gamma` is to count.
+        g in m/s², positive if `gamma` is used.
     """
     count = count_of(n)
     r = np.full(count, check.number("radius", radius, above=0.0))
@@ -188,14 +193,14 @@ def real_balls(
     lower: str | Ball = "basketball", upper: str | Ball | None = "tennis ball", gap: float = 0.0, height: float = 1.0,
     gravity: float = 9.81,
 ) -> Scene:
-    """Two real balls, one on top of the other, dropped on a hard floor; or one alone.
+    """Two real balls, one on top of the other, dropped on a hard floor; or one ball.
 
-    What they do to each other is in `granular.balls`.
+    Their contact is described in `granular.balls`.
 
     Parameters
     ----------
     lower, upper : str or Ball
-        Names of `granular.balls.BALLS`, or balls of one's own; without an upper one the lower falls alone.
+        Names in `granular.balls.BALLS`, or your own balls. Without an upper ball the lower one falls alone.
     gap : float
         Distance between the surfaces of the two balls in m.
     height : float
@@ -213,18 +218,18 @@ def real_balls(
 
 @np.errstate(over="ignore")
 def mass_of(radius: Array, density: float) -> Array:
-    """Masses in kg of spheres of some radii in m and a density in kg/m³."""
+    """Masses in kg of spheres with radii in m and a density in kg/m³."""
     return 4.0 / 3.0 * math.pi * check.number("density", density, above=0.0) * radius**3
 
 
 @np.errstate(over="ignore")
 def radius_of(mass: Array, density: float) -> Array:
-    """Radii in m of spheres of some masses in kg and a density in kg/m³."""
+    """Radii in m of spheres with masses in kg and a density in kg/m³."""
     return np.asarray(np.cbrt(mass * 0.75 / (math.pi * check.number("density", density, above=0.0))))
 
 
 def count_of(n: int, at_least: int = 1) -> int:
-    """Number of balls."""
+    """Return the checked number of balls."""
     return check.whole("n", n, at_least=at_least, at_most=check.MOST)
 
 
@@ -236,7 +241,7 @@ def geometric(n: int, mass_ratio: float) -> Array:
 
 
 def gaps_of(gap: float | Sequence[float], n_pairs: int, name: str = "gap") -> Array:
-    """Gaps in m of so many pairs."""
+    """Return the checked gaps in m of a number of pairs."""
     if check.is_one(gap):
         return np.full(n_pairs, check.number(name, gap))
     return check.array(name, gap, (n_pairs,), fix="one gap for all, or one per pair from the bottom up")
@@ -246,7 +251,7 @@ def above_floor(
     mass: Array, radius: Array, drop: float, gap: float | Sequence[float], speed: float, gravity: float,
     plate: Any = None,
 ) -> Scene:
-    """Balls that all move down at `speed`, the lowest point of the lowest at height `drop` above a floor."""
+    """Balls that move down at `speed`, with the lowest point at height `drop`."""
     n = len(mass)
     velocity = [0.0] + [0.0 - speed] * n  # not -speed, which makes -0.0 of rest
     gaps = [drop, *gaps_of(gap, n - 1)]

@@ -1,4 +1,4 @@
-"""Gases of balls: between walls, on a ring, between walls of two temperatures or above a hot floor."""
+"""Gases: between walls, on a ring, between thermal walls, above a hot floor."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ def gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
     mass: float = 1.0, mass_spread: float = 1.0, walls: bool = True, seed: int = 1,
 ) -> Scene:
-    """Gas of balls between two walls (or free), at random places with random velocities.
+    """Gas of balls between two walls (or free), with random places and velocities.
 
-    The places are an equilibrium of hard spheres on a line (Tonks gas): every free arrangement is equally likely.
+    The places are an equilibrium of hard spheres on a line (Tonks gas): every free arrangement has the same
+    probability.
 
     Parameters
     ----------
@@ -29,15 +30,15 @@ def gas(
     length : float
         Length of the line in m.
     packing : float
-        Share of the length that the balls' diameters fill, in [0, 1); 0 gives point particles.
+        Share of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
     temperature : float
         T = ⟨m v²⟩ in J.
     speeds : str
         "maxwell" (normal distribution), "uniform" (between ±√(3T/m)) or "two" (±√(T/m)).
     mass : float
-        Mass in kg: the geometric mean if the masses differ.
+        Mass in kg, or the geometric mean if the masses differ.
     mass_spread : float
-        Heaviest over lightest possible mass, at least 1: masses are drawn log-uniformly, the radii follow as m^(1/3).
+        Heaviest over lightest possible mass, at least 1. Masses are drawn log-uniformly, and radii follow as m^(1/3).
     walls : bool
         Whether walls close the line at both ends.
     seed : int
@@ -57,9 +58,9 @@ def ring_gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
     mass: float = 1.0, mass_spread: float = 1.0, seed: int = 1,
 ) -> Scene:
-    """Gas of balls on a ring, at random places with random velocities, its mass centre at rest.
+    """Gas of balls on a ring, with random places and velocities.
 
-    Left to itself it cools as Haff's law says, T = T0/(1 + t/t0)², until clusters form.
+    Its centre of mass is at rest. It cools by Haff's law, T = T0/(1 + t/t0)², until clusters form.
 
     Parameters
     ----------
@@ -68,15 +69,15 @@ def ring_gas(
     length : float
         Circumference in m.
     packing : float
-        Share of the length that the balls' diameters fill, in [0, 1); 0 gives point particles.
+        Share of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
     temperature : float
         T = ⟨m v²⟩ in J.
     speeds : str
-        "maxwell" (normal distribution), "uniform" or "two" (of one size before the mass centre is brought to rest).
+        "maxwell" (normal distribution), "uniform" or "two" (equal speeds before the centre of mass is brought to rest).
     mass : float
-        Mass in kg: the geometric mean if the masses differ.
+        Mass in kg, or the geometric mean if the masses differ.
     mass_spread : float
-        Heaviest over lightest possible mass, at least 1: masses are drawn log-uniformly, the radii follow as m^(1/3).
+        Heaviest over lightest possible mass, at least 1. Masses are drawn log-uniformly, and radii follow as m^(1/3).
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
@@ -93,20 +94,20 @@ def heated_gas(
     n: int = 50, length: float = 50.0, packing: float = 0.1, lower: float = 2.0, upper: float | None = None,
     gravity: float = 0.0, mass: float = 1.0, dimer: float = 1.0, seed: int = 1,
 ) -> Scene:
-    """Gas of balls between two walls of different temperatures, or a column of them above a hot floor.
+    """Gas of balls between two thermal walls, or a column above a hot floor.
 
     Between walls of T1 and T2 hard elastic balls of equal masses m carry the heat flow n (T1 - T2) / (√(πm/2)
-    (T1^-½ + T2^-½)), n = N over the free length, and have the temperature √(T1 T2) everywhere, whatever N. Points above
-    a floor of T have their mass centre at the mean height T/(mg).
+    (T1^-½ + T2^-½)), n = N over the free length, and have the temperature √(T1 T2) everywhere, for any N. The centre of
+    mass of points above a floor of T has the mean height T/(mg).
 
     Parameters
     ----------
     n : int
         Number N of balls.
     length : float
-        Length of the line in m; of an open column it only says how large the balls are.
+        Length of the line in m. For an open column it only determines the size of the balls.
     packing : float
-        Share of the length that the balls' diameters fill, in [0, 1); 0 gives point particles.
+        Share of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
     lower : float
         T1 = k_B T in J of the floor.
     upper : float, optional
@@ -116,9 +117,9 @@ def heated_gas(
     mass : float
         Mass of the first ball in kg.
     dimer : float
-        Mass of every second ball relative to its neighbours; the radii follow as m^(1/3).
+        Mass of every second ball relative to its neighbours. The radii follow as m^(1/3).
     seed : int
-        Seed of the random numbers, of places, velocities and walls.
+        Seed of the random numbers, for places, velocities and walls.
     """
     g = check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
     floor = Thermal(check.number("lower", lower, above=0.0, fix="k_B T in J"), seed)
@@ -140,8 +141,10 @@ def heated_gas(
 def _places(
     pattern: check.Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
 ) -> tuple[np.random.Generator, check.Array, check.Array, check.Array]:
-    """Random numbers for what follows, masses and radii of balls whose masses are mass · `pattern` but for the spread,
-    and as many gaps and `spaces` more."""
+    """Return a random generator, masses, radii and gaps of a gas.
+
+    The masses are mass · `pattern`, with the given spread. There are `spaces` more gaps than needed between balls.
+    """
     count = len(pattern)
     line = check.number("length", length, above=0.0)
     filled = check.number("packing", packing, at_least=0.0)

@@ -1,4 +1,4 @@
-"""Rows of balls, struck, pressed together or hanging side by side."""
+"""Rows of balls that are struck, compressed, or hang side by side."""
 
 from __future__ import annotations
 
@@ -19,23 +19,25 @@ def newtons_cradle(
     n: int = 5, moving: int = 1, gap: float | Sequence[float] = 0.0, speed: float = 1.0, mass: float = 1.0,
     density: float = 7800.0,
 ) -> Scene:
-    """Newton's cradle: equal balls in a row, some of which arrive from the left; no gravity along the row.
+    """Newton's cradle: equal balls in a row, some of which arrive from the left.
+
+    There is no gravity along the row.
 
     Parameters
     ----------
     n : int
         Number of balls, at least 2.
     moving : int
-        How many of them arrive, fewer than `n`.
+        Number of arriving balls, fewer than `n`.
     gap : float or floats
-        Distances between the surfaces in m: one, or n-1 left to right. 0 means balls that touch: then the outcome of
-        hard spheres depends on the rule for simultaneous contacts (``ties``).
+        Distances between the surfaces in m: one, or n-1 left to right. 0 means touching balls: the outcome of hard
+        spheres then depends on the tie rule for simultaneous collisions (``ties``).
     speed : float
         Speed of the arriving balls in m/s.
     mass : float
         Mass of a ball in kg.
     density : float
-        Density in kg/m³ (steel), from which the radius follows.
+        Density in kg/m³ (steel), which determines the radius.
     """
     count = count_of(n, 2)
     arriving = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
@@ -47,28 +49,28 @@ def pendulum_cradle(
     n: int = 5, moving: int = 1, amplitude: float = 0.05, rest_gap: float | Sequence[float] = 0.0, length: float = 1.0,
     mass: float = 1.0, density: float = 7800.0, gravity: float = 9.81,
 ) -> Scene:
-    """Newton's cradle on its strings: equal balls that hang side by side, some of which are pulled aside and let go.
+    """Newton's cradle of pendula: equal balls that hang side by side.
 
-    Each is a pendulum of Ω² = g/l, for small angles. Whatever the restitution ε < 1, hard balls come to swing together,
-    with 1/N of the energy if one of N was pulled aside; soft ones lose less on the way.
+    Some of them are pulled aside and released. Each is a pendulum of Ω² = g/l, for small angles. For any restitution
+    ε < 1, hard balls finally swing together, with 1/N of the energy if one of N was pulled aside. Soft balls lose less.
 
     Parameters
     ----------
     n : int
         Number of balls, at least 2.
     moving : int
-        How many of them are pulled to the left, fewer than `n`.
+        Number of balls that are pulled to the left, fewer than `n`.
     amplitude : float
-        How far in m; little beside `length`.
+        Initial displacement in m, small compared with `length`.
     rest_gap : float or floats
-        Distances between the surfaces at rest in m: one, or n-1 left to right. 0 means balls that touch: then the
-        outcome of hard spheres depends on the rule for simultaneous contacts (``ties``).
+        Distances between the surfaces at rest in m: one, or n-1 left to right. 0 means touching balls: the outcome of
+        hard spheres then depends on the tie rule for simultaneous collisions (``ties``).
     length : float
         Length l of the strings in m.
     mass : float
         Mass of a ball in kg.
     density : float
-        Density in kg/m³ (steel), from which the radius follows.
+        Density in kg/m³ (steel), which determines the radius.
     gravity : float
         g in m/s², across the row: it only makes the balls swing.
     """
@@ -88,28 +90,28 @@ def chain(
     n: int = 10, mass_ratio: float = 1.0, dimer: float = 1.0, striker: float | None = None, speed: float = 1.0,
     gap: float | Sequence[float] = 0.0, mass: float = 1.0, density: float = 7800.0,
 ) -> Scene:
-    """Chain of balls at rest, struck from the left: uniform, tapered, or of alternating masses.
+    """Chain of balls at rest, struck from the left: uniform, tapered or diatomic.
 
-    Ball k has mass ``mass * mass_ratio**k``, times `dimer` for odd k; ball 0 is the striker.
+    Ball k has mass ``mass * mass_ratio**k``, times `dimer` for odd k. Ball 0 is the striker.
 
     Parameters
     ----------
     n : int
         Number of balls including the striker, at least 2.
     mass_ratio : float
-        m[k+1]/m[k]; below 1 the chain tapers towards its far end.
+        m[k+1]/m[k]. Below 1 the chain tapers towards its far end.
     dimer : float
         Mass of every second ball relative to its neighbours.
     striker : float, optional
-        Mass of the striker in kg, in place of `mass`.
+        Mass of the striker in kg, instead of `mass`.
     speed : float
         Speed of the striker in m/s.
     gap : float or floats
         Distances between the surfaces in m: one, or n-1 left to right.
     mass : float
-        Mass of ball 0 in kg, from which all others follow.
+        Mass of ball 0 in kg, which determines all others.
     density : float
-        Density in kg/m³ (steel), from which the radii follow.
+        Density in kg/m³ (steel), which determines the radii.
     """
     m = check.number("mass", mass, above=0.0) * geometric(count_of(n, 2), mass_ratio)
     m[1::2] *= check.number("dimer", dimer, above=0.0)
@@ -124,29 +126,30 @@ def compressed_chain(
     striker: float | None = None, speed: float = 0.1, floor: Any = None, radius: float = 0.009525,
     density: float = 8027.0,
 ) -> Scene:
-    """Chain of balls at rest under a static force (granular crystal): each contact is as deep as the law says.
+    """Chain of balls at rest under a static force (granular crystal).
 
-    Small waves in it have the dispersion of `granular.waves`, with the stiffness of its contacts under that force.
+    Each contact has the overlap at which its law gives this force. Small waves in the chain have the dispersion of
+    `granular.waves`, with the stiffness of the contacts under that force.
 
     Parameters
     ----------
     n : int
         Number of balls, without a striker.
     force : float
-        Force in N that every contact bears, not negative; at 0 the balls just touch.
-    law : force law, sequence of them, function of a pair, or None
-        Law of the contacts: one for all, one per pair left to right, or one made for each pair; None: the balls only
-        touch, as without a force.
+        Force in N of every contact, not negative. At 0 the balls just touch.
+    law : force law, sequence of force laws, function of a pair, or None
+        Law of the contacts: one for all, one per pair left to right, or a function that returns one for each pair.
+        None: the balls only touch, as without a force.
     ends : {"walls", "force", "forces"}
-        What holds the chain: two walls, a floor and a force on the last ball, or forces on both of its ends.
+        Two walls, a floor and a force on the last ball, or forces on both ends of the chain.
     dimer : float
-        Mass of every second ball relative to its neighbours, of the same density.
+        Mass of every second ball relative to its neighbours, with the same density.
     striker : float, optional
-        Mass in kg of one more ball that arrives from the left and touches the first; for ends="forces".
+        Mass in kg of an additional ball that arrives from the left and touches the first one, for ends="forces".
     speed : float
         Speed of the striker in m/s.
     floor : granular.walls.Sine, Piecewise or Motion, optional
-        How the floor moves; to the command type=Sine amplitude=1e-9 frequency=5000.
+        Motion of the floor. On the command line type=Sine amplitude=1e-9 frequency=5000.
     radius : float
         Radius of the first ball in m.
     density : float
@@ -178,11 +181,14 @@ def compressed_chain(
 
 
 WALL = math.inf, 0.0, 0.0, 0.0
-"""Mass, radius, velocity, and force on it."""
+"""Mass, radius, velocity, and force of a wall."""
 
 
 def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
-    """Return `scene` with the overlaps, from the pair `first` on, at which contacts at rest bear `load`."""
+    """Return `scene` with the static overlaps of contacts that carry `load`.
+
+    They begin at pair `first`.
+    """
     if callable(law) and not hasattr(law, "force"):
         check.takes("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
@@ -195,6 +201,6 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
 
 
 def _in_a_row(mass: check.Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
-    """Balls of which the first few arrive with `speed` at the others, which are at rest."""
+    """Balls in a row, of which the first few approach the others with `speed`."""
     v = np.where(np.arange(len(mass)) < moving, check.number("speed", speed, above=0.0), 0.0)
     return in_order(Scene(mass, radius_of(mass, density), gaps_of(gap, len(mass) - 1), v))
