@@ -23,7 +23,7 @@ from granular.md.located import blocks, plan
 from granular.md.located.one_contact import tables
 from granular.md.located.own_law import Collocation
 from granular.md.located.plan import plan_all_due
-from granular.md.located.records import DONE, GENERAL, NO_PAUSE, SLOWEST, WANTS_TABLE
+from granular.md.located.records import DONE, GENERAL, SLOWEST, WANTS_TABLE
 from granular.md.located.system import system_of, to_plain, with_room_for_a_table
 
 INF = math.inf
@@ -122,7 +122,7 @@ def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], mo
             met.append(c)
         return came
 
-    limits = {"tol": 1e-16, "pause": NO_PAUSE, "max_events": contacts, "max_steps": 1000, "log_level": 0}
+    limits = {"tol": 1e-16, "max_events": contacts, "max_steps": 1000, "log_level": 0}
     s = to_plain(system_of(scene, laws, None, **limits))
     asked = Collocation(laws, scene.ring) if s.kinds[0].kind == GENERAL else None
     with monkeypatch.context() as patch:

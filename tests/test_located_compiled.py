@@ -60,7 +60,7 @@ def test_solve_many_is_simulate_many_times(engine: str) -> None:
     gaps = np.array([SCENE.replace(gap=[0.0, gap]).gap for gap in (0.0, 1e-6, 1e-5, 1e-4, 1e-3)])
     law = LinearDashpot(5e7, 1500.0)
     scenes = Scenes(SCENE.mass, gaps, SCENE.velocity, [[law.k, 1.0, law.gamma, 0.0]] * 2, 9.81)
-    many = solve_many(scenes, until=until.contact(0, 2), leave_piles=False, engine=engine)
+    many = solve_many(scenes, until=until.contact(0, 2), engine=engine)
     for i, gap in enumerate(gaps):
         soft = run(SCENE.replace(gap=gap), (law,) * 2, until=until.contact(0, 2), engine="plain")
         last = soft.of(1)[-1]
@@ -73,6 +73,16 @@ def test_solve_many_is_simulate_many_times(engine: str) -> None:
         assert list(Status)[many.status[i]] is soft.status
 
 
+def test_solve_many_leaves_balls_that_come_to_rest_to_simulate() -> None:
+    """A run without an end goes on from the proof until its overlaps are static."""
+    pile = Scene([math.inf, 1.0, 0.1], [0.0, 0.1, 0.1], [1e-3, 1e-3], [0.0] * 3, 9.81)
+    scenes = Scenes(pile.mass, [pile.gap], pile.velocity, [[1e5, 1.0, 300.0, 0.0]] * 2, 9.81)
+    many = solve_many(scenes, engine="plain")
+    alone = run(pile, (LinearDashpot(1e5, 300.0),) * 2, engine="plain")
+    assert alone.status is Status.resting and many.time[0] < alone.time[-1]
+    assert many.status.tolist() == [-1]
+
+
 def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that bounces through the octaves of speed, each with a table; single runs make room, to the same bits."""
     monkeypatch.setattr(sys.modules["granular.md.located.one_contact.tables"], "WARM", 1)
@@ -80,7 +90,7 @@ def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch
     ball, k = Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 0.0], 9.81), 1e9
     ends, gamma = [0.4, 0.78], 0.8 * k**0.6
     scenes = Scenes(ball.mass, [ball.gap] * 2, ball.velocity, [[k, 1.5, gamma, 0.5]], 9.81)
-    many = solve_many(scenes, t_end=ends, leave_piles=False, engine="plain")
+    many = solve_many(scenes, t_end=ends, engine="plain")
     alone = [run(ball, (ViscoelasticHertz(k, gamma),), t_end=end, engine="plain") for end in ends]
     assert alone[0].stats["tables"] <= 2 < alone[1].stats["tables"]
     assert many.status.tolist() == [list(Status).index(Status.time)] * 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.md.located.settle import SETTLED
+from granular.md.located.ending import SETTLED
 
 FLOOR = gr.Scene([math.inf, 1.0], [0.0, 0.1], [1.0], [0.0, 0.0], 9.81)
 PILE = gr.Scene([math.inf, 1.0, 0.5, 2.0], [0.0, 0.1, 0.1, 0.1], [0.3, 0.1, 0.05], [0.0] * 4, 9.81)

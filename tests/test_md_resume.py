@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -67,11 +68,11 @@ def test_two_halves_are_the_whole(law, engine, tmp_path):
 def test_a_pile_that_creeps_is_gone_on_with():
     column = gr.scenes.column(4, gravity=9.81)
     law = gr.LinearDashpot(1e5, 300.0)
-    whole = gr.md.simulate(column, law, t_end=1.0)
+    whole = gr.md.simulate(column, law, t_end=1.0, engine="plain")
     assert whole.stats["resting"]
     for time in (0.1, 0.5, 0.9):
-        one = gr.md.simulate(column, law, t_end=time)
-        check_same(whole, one, gr.md.resume(one, t_end=1.0))
+        one = gr.md.simulate(column, law, t_end=time, engine="plain")
+        check_same(whole, one, gr.md.resume(one, t_end=1.0, engine="plain"))
 
 
 @pytest.mark.parametrize("nth", [1, 2, 3, 4])
@@ -143,3 +144,15 @@ def test_ignored_contacts_are_soft_event_driven():
             assert row["duration"] == pytest.approx(alone.duration, rel=1e-11)
             near = log[abs(log["pair"] - row["pair"]) == 1]
             assert not ((near["t_begin"] > row["t_begin"]) & (near["t_begin"] < row["t_end"])).any()
+
+
+def test_a_run_of_an_earlier_version_that_crept_by_modes_goes_on():
+    """Its records are those of the start of the creep, earlier than the end of its first part."""
+    scene, law, end = gr.scenes.column(4, gravity=9.81), gr.LinearDashpot(1e5, 3e4), 3.0
+    start, one = (gr.md.simulate(scene, law, t_end=time) for time in (0.5, 2.0))
+    old = dataclasses.replace(one, state=dict(start.state) | {"creeping": True})
+    again, whole = gr.md.resume(old, t_end=end, samples=[2.0, 2.5, end]), gr.md.simulate(scene, law, t_end=end)
+    assert again.status is gr.Status.time and again.time.tolist() == [2.0, 2.5, end]
+    np.testing.assert_allclose(again.gap[-1], whole.gap[-1], rtol=1e-13)
+    np.testing.assert_allclose(again.gap[0], one.gap[-1], rtol=1e-13)
+    assert again.contacts["t_begin"].tolist() == whole.contacts["t_begin"].tolist()

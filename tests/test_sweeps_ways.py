@@ -103,11 +103,11 @@ def pile_that_creeps(gamma):
 
 @pytest.mark.usefixtures("interpreted")
 def test_a_pile_that_creeps_ends_as_it_does_alone(monkeypatch):
-    """A run by itself goes on by the pile's modes, where steps would take millions; here with one law for all pairs."""
+    """In steps as long as the creep, where those of the fast decay would be millions; with one law for all pairs."""
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
     data = gr.sweep(pile_that_creeps, {"gamma": [1e3, 1e4]}, ("v_final", "contacts"))
     for i, gamma in enumerate([1e3, 1e4]):
         case = pile_that_creeps(gamma)
         alone = gr.md.simulate(case.scene, case.law, t_end=0.5)
         assert data.v_final.values[i].tobytes() == alone.velocity[-1].tobytes()
-        assert alone.stats["steps"] <= 2048
+        assert alone.stats["steps"] <= 10_000

@@ -92,7 +92,7 @@ class Onward:
     def before(self) -> Trajectory:
         """The run up to its stop. A soft run has a checkpoint."""
         run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
-        return run if self.engine == "hard" or "creeping" in run.state else md.simulate(
+        return run if self.engine == "hard" or "origin" in run.state else md.simulate(
             run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
 
     def run(self, t_end: float, samples: check.Array | None = None) -> Trajectory:

@@ -272,7 +272,7 @@ def resume(
     state = check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
     check.refuse({
         "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
-        "needed; for hard spheres see granular.edmd.resume.": trajectory.law is None or "creeping" not in state,
+        "needed; for hard spheres see granular.edmd.resume.": trajectory.law is None or "origin" not in state,
         "trajectory is broken: nothing follows it; see its message.": trajectory.status is Status.broken,
     })
     laws = checked_laws(trajectory.law, trajectory.scene)

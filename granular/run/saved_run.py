@@ -280,7 +280,7 @@ def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: A
         "status": words["status"],
         "message": files.plain_text(words["message"]),
         "stats": {files.plain_text(name): tuple(value) if isinstance(value, list) else value for name, value in stats},
-        "state": state if words["rule"] is not None or "creeping" in state else {},  # md was not to be gone on from
+        "state": state if words["rule"] is not None or "origin" in state else {},  # md was not to be gone on from
     }
 
 

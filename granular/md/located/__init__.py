@@ -1,8 +1,9 @@
 """Event-located integration of soft spheres: a step is a polynomial, an event is its first root.
 
 Main line: `pieces`, `series`, `plan`, `blocks`, `one_contact/`, `run`.
-A first reader may skip: `checkpoint`, `collocation`, `contacts`, `islands`, `jumps`, `ledger`, `levels`, `log`, `many`,
-`own_law`, `pace`, `pendula`, `power_form`, `records`, `rest/`, `restore`, `settle`, `step_size`, `system`, `walls`.
+A first reader may skip: `checkpoint`, `collocation`, `contacts`, `ending`, `islands`, `jumps`, `ledger`,
+`levels`, `log`, `many`, `own_law`, `pace`, `pendula`, `power_form`, `records`, `rest/`, `restore`, `step_size`,
+`system`, `walls`.
 """
 
 from granular.md.located.run import Run

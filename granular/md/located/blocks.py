@@ -137,7 +137,7 @@ def reason_to_return(s: Any, limit: float) -> int:
         return REST if run.rests == 1 else QUIET
     if run.contacts >= run.max_events or run.steps >= run.max_steps:
         return WORK_LIMIT
-    if run.rows + 2 > len(s.log) or run.steps >= run.pause:
+    if run.rows + 2 > len(s.log):
         return MORE
     if s.pairs[queue[1].key].slot < 0 and run.members + SPARE >= len(s.pool):
         return CRAMPED

@@ -148,6 +148,7 @@ def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) ->
         lo, hi = lo - count_of(pairs), hi - count_of(pairs)
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
     block.t, block.tail, block.last_step, block.manner = run.t, run.tail, run.last_step, MOVES
+    block.doubts = 0
     for i in range(lo, hi):
         c = nth(pairs, i)
         pairs[c].first, pairs[c].lasts, pairs[c].ahead = lo, 0.0, 0

@@ -20,7 +20,6 @@ from granular.md.located.pace import COMPILED, WHY, looked_at, seldom
 from granular.md.located.plan import make_table
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
-    ACTIVE,
     ASKS,
     BINDING,
     CRAMPED,
@@ -29,7 +28,6 @@ from granular.md.located.records import (
     KIND,
     LINEAR,
     MORE,
-    NO_PAUSE,
     OCTAVES,
     QUIET,
     REACHED,
@@ -39,12 +37,11 @@ from granular.md.located.records import (
     WANTS_LOOK,
     WANTS_TABLE,
 )
-from granular.md.located.run import FIRST_LOOK
 from granular.md.located.system import Fields, System, new_system, to_plain, with_room_for_a_table
 from granular.run import until as stop
 from granular.run.trajectory import Status
 
-CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
+CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items() if why != REST} | {REACHED: 0, MORE: -1}
 """Places in `Status` of the reasons for which `advance` returns."""
 AT_ONCE = 10_000
 """Scenes of which there are records at a time."""
@@ -87,8 +84,8 @@ class Many(NamedTuple):
     Attributes
     ----------
     status : (S,) int array
-        Place in `Status` of why the run ended; -1 if it is left to `granular.md.simulate`, as piles that may creep and
-        laws that no power series follows.
+        Place in `Status` of why the run ended; -1 if the scene is left to `granular.md.simulate`: piles that creep at
+        the end, balls proved to rest, whose overlaps are not static yet, and laws that no power series follows.
     time : (S,) array
         When it ended, in s.
     counts : (S, n-1) int array
@@ -117,7 +114,7 @@ class Many(NamedTuple):
 def solve_many(
     scenes: Scenes, *, until: stop.Until | None = None, t_end: ArrayLike = math.inf, tol: float = 1e-16,
     max_events: int = 1_000_000, max_steps: int = 20_000_000,
-    leave_piles: bool = True, engine: str = "compiled",
+    engine: str = "compiled",
 ) -> Many:
     """Run many scenes, each as `granular.md.simulate` would, bit for bit.
 
@@ -129,8 +126,6 @@ def solve_many(
         When to stop.
     tol, max_events, max_steps : float, int, int
         As in `granular.md.simulate`.
-    leave_piles : bool
-        Whether a pile that may creep is left to `granular.md.simulate`, which needs no steps for it.
     engine : {"compiled", "plain"}
         Compiled by numba, or interpreted.
     """
@@ -140,9 +135,7 @@ def solve_many(
     columns = [1.0 / mass, velocity, gap, gravity[..., None], _kinds(law, m_eff), end]
     (count,) = np.broadcast_shapes(*(column.shape[:-1] for column in columns), (1,))
     columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
-    pause = FIRST_LOOK if leave_piles else NO_PAUSE
-    limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log_level": ROWS,
-                              "pause": pause}
+    limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log_level": ROWS}
     parts = []
     for first in range(0, max(1, count), AT_ONCE):
         *part, kinds, end = (column[first : first + AT_ONCE].copy() for column in columns)
@@ -233,9 +226,7 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
             result.why = STOPPED
         harvest(s, last, 0.0)
     why = result.why if result.why in (STOPPED, REST, BINDING) else MORE
-    while why == MORE and not may_creep(s):
-        if run.steps >= run.pause:
-            run.pause *= 2
+    while why == MORE:
         why = advance(s, t_end, chunk, None)
         harvest(s, last, run.t)
     result.why, result.time = why, run.t
@@ -253,15 +244,6 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
         last[c].ongoing = pair.slot >= 0 and s.pool[pair.slot].going_on == 1
         if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner in (CREEPS, ASKS):
             result.why = CRAMPED  # left to a run by itself
-
-
-@kernel
-def may_creep(s: Any) -> bool:
-    """Return whether a run by itself would now look whether a pile creeps, and go on by its modes; left to that."""
-    if s.run[0].steps < s.run[0].pause or s.bodies[0].inverse_mass > 0.0 or s.pairs[0].slot < 0:
-        return False
-    first = s.pool[s.pairs[0].slot]
-    return bool(first.mode == ACTIVE and first.kind == LINEAR and first.gamma > 0.0)
 
 
 @kernel

@@ -1,5 +1,4 @@
-"""How far a run goes between two looks at it, whether it comes on, and the words and numbers at its end; `run` is one
-of `located.run`.
+"""How far a run goes between two looks at it, and whether it comes on; `run` is one of `located.run`.
 
 Steps of laws that are functions are found by trial, and none is longer than the sharpest rate of the law allows. A
 contact takes some tens of trials. One that is damped a thousand times too strongly creeps, and takes millions; so does
@@ -9,21 +8,16 @@ one that would rest where its force jumps. What has been found is right, but the
 from __future__ import annotations
 
 import math
-from itertools import groupby
 from time import process_time
 from typing import Any
 
-import numpy as np
-
 from granular._engine.kernels import Toll, compiled
-from granular._engine.records import column, plain
+from granular._engine.records import column
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
 from granular.md.located.records import (
-    ACTIVE,
     ASKS,
     BINDING,
-    DORMANT,
     MORE,
     OPEN,
     QUIET,
@@ -36,10 +30,7 @@ from granular.md.located.records import (
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
 from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
-from granular.run.contact_log import CONTACT_ROW, Rows
 from granular.run.drive import Pause, portion
-from granular.run.trajectory import Status
-from granular.run.until import Contact, raised
 
 OWN, PLAIN, COMPILED = 8, 100, 20_000
 """Pieces between two looks at progress and log, at most: under laws that are functions, interpreted, compiled."""
@@ -158,76 +149,3 @@ def seldom(kernel: Any, kernels: Any) -> Any:
         return found
 
     return look
-
-
-def stats_of(run: Any, r: Any, crept: float) -> dict[str, Any]:
-    """Return the amount of work; `r` are the counters, `crept` the impulse in N s that was shared while creeping."""
-    return {
-        "engine": "compiled" if run.engine == "compiled" else "plain",
-        "steps": int(r.steps), "events": int(r.events), "contacts": int(r.contacts),
-        "error_estimate": float(r.error), "resting": bool(r.rests) or run.creep is not None,
-        "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if run.request.log else math.nan,
-        "isolated": int(r.isolated), "tables": int(r.tables),
-        "first_disturbed": (run.start + float(r.disturbed), int(r.first)),
-    }
-
-
-def message_of(run: Any, status: Status, r: Any, t: float) -> str:
-    """Return the sentence of a status with its numbers."""
-    sentence = f"{status.value} (t = {t:.6g} s, {r.contacts} contacts, {r.steps} steps)"
-    until = run.request.until
-    if status is Status.max_events and not run.pace.stalled:
-        sentence += "; " + raised("max_steps" if r.steps >= r.max_steps else "max_events", run.request.end)
-    if status is Status.until and t == run.start and isinstance(until, Contact):
-        sentence += (": where balls touch, a contact begins at once; granular.until.force"
-                     f"({until.pair}, above=...) tells when a push arrives")
-    if run.pace.stalled:
-        sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
-                     "or a force without a jump at rest, is needed (granular.md.resume goes on)")
-    if not (r.rests or run.bound or run.creep):
-        return sentence
-    if status is Status.time:
-        sentence += "; the balls rest on each other"
-    if run.collocation is not None or not (run.creep or r.barrier):
-        return f"{sentence}: every force balances to rounding"
-    from granular.md.located.rest.creep import slowest_decay
-
-    piled = [p for p in members(run) if p.mode == ACTIVE or p.mode == DORMANT]
-    groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
-    decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
-    why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
-    if run.creep is None:
-        energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
-        why = f"the energy about the equilibrium, {energies} the first contact needs to open"
-    return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
-
-
-def members(run: Any) -> list[Any]:
-    """Return the records of pairs in islands as plain objects, from the bottom up."""
-    slot = column(run.s.pairs, "slot")[: run.scene.n_pairs]
-    slots = slot[slot >= 0].tolist()
-    return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
-
-
-def rest_of_log(run: Any, end: float) -> Rows | None:
-    """Return the contacts not yet handed over, those that go on at the end without one; None if there are none."""
-    left = [*run.rows(), *(run.dated(rows) for rows in _still_open(run))]
-    if not left:
-        return None
-    rows = np.concatenate(left)
-    late = rows["t_end"] > run.start + end  # by rounding
-    rows["t_end"][late], rows["v_out"][late] = math.nan, math.nan
-    return rows
-
-
-def _still_open(run: Any) -> list[Rows]:
-    """Return the contacts that go on at the end, if there are any."""
-    going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
-    if not going:
-        return []
-    rows = np.zeros(len(going), CONTACT_ROW)
-    rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
-    rows["pair"] = [p.number for p in going]
-    for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
-        rows[name] = [getattr(p, name) for p in going]
-    return [rows]

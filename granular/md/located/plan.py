@@ -18,7 +18,7 @@ from granular.md.located.one_contact.tables import ITSELF, ask, fit, note
 from granular.md.located.pendula import swing
 from granular.md.located.pieces import ULP, locate, piece_time, power, since, tick, value
 from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS, TO_PLAN
-from granular.md.located.rest.proof import may_creep
+from granular.md.located.rest.proof import may_creep, postpones
 from granular.md.located.series import expand, expand_two
 from granular.md.located.step_size import (
     REACH,
@@ -67,7 +67,8 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
         block.manner = MOVES
     else:
         run.steps += 1
-        if not (HUNG or RING) and laws is None and run.solo < 0 and may_creep(pairs, pool, bodies, lo):
+        if not (HUNG or RING) and laws is None and run.solo < 0 and (
+                may_creep(pairs, pool, bodies, lo) and not postpones(pairs, pool, lo)):
             wait(pairs, pool, lo)
             return True
     reach = foresee_walls(field, pairs, pool, lo) if DRIVEN else math.inf

@@ -33,7 +33,7 @@ LONG = 2.0**300
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events of a pair, see `pieces`."""
 REACHED, MORE, STOPPED, QUIET, WORK_LIMIT, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK = range(11)
-"""Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
+"""Why `advance` returned: time limit, chunk done or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
 contacts, a contact alone, or a look at a block that may rest or creep is wanted first."""
 EXTEND, DONE, BY_PIECES, GOES_ON = 11, 12, 13, 14
@@ -96,6 +96,7 @@ _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a pi
     ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; its time is t + tail
     ("h", float), ("tau", float),  # scale of the piece, and its end in τ, 0 when it is used up
     ("manner", int),  # in which its groups are followed
+    ("doubts", int),  # steps since it was formed at which a look whether its linear pairs creep was considered
     ("fired", int), ("event", int),  # the pair whose event ends it, -1 for none, and which event
     ("holds", float),  # s for which a driven wall's path goes on as it does
     ("speed", float), ("length", float), ("last_step", float),  # scales of the motion; the step is on the plain clock
@@ -120,7 +121,7 @@ RUN = np.dtype(
     [
         ("tol", float), ("members", int),
         ("t", float), ("tail", float), ("lo", int), ("hi", int), ("last_step", float), ("waits", int),
-        ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("pause", int), ("error", float),
+        ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),
         ("log_level", int), ("rows", int), ("contacts", int),
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
@@ -174,8 +175,8 @@ TABLES = 1
 TO_PLAN = -math.inf
 """`due` of a block that has been formed anew: its piece is to be planned first of all."""
 
-NO_PAUSE = np.iinfo(np.int64).max
-"""`pause` of a run that need not stop on its way to be looked at."""
+MOST_WORK = np.iinfo(np.int64).max
+"""Largest number of contacts or steps that a limit can be."""
 LOG_ROWS, ROWS_OF_MANY, MOST_ROWS = 16, 256, 4096
 """Rows of the log buffer at first: twice as many as pairs, but within these limits; of many scenes at least so many,
 for theirs does not grow."""

@@ -12,7 +12,7 @@ import numpy as np
 from granular._engine.check import held
 from granular._engine.records import column, copied, tournament
 from granular.md.located.checkpoint import KEPT
-from granular.md.located.records import ASKS, EDGE, LARGEST_Q, LEDGER, LOOKED, NO_PAUSE, SPARE, STRUCK
+from granular.md.located.records import ASKS, EDGE, LARGEST_Q, LEDGER, LOOKED, MOST_WORK, SPARE, STRUCK
 from granular.md.located.system import System, empty_pool
 from granular.run.contact_log import CONTACT_ROW
 
@@ -31,6 +31,8 @@ FORMERLY = {
     "ledger": {"alone": "solo", "hits": "contacts"},
 }
 """What fields were called in files of earlier versions, and what they are called now."""
+ADDED = {"pool": {"doubts": np.int64}}
+"""Fields that earlier versions did not have, which are 0 where they are missing."""
 EDITED = "it was changed after it was saved"
 
 
@@ -38,9 +40,8 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
     """Raise `ValueError` unless a checkpoint holds records like those of `s`, a run at its start, and places in them
     that exist."""
     held(state, "origin", "f", ())
-    for name in ("creeping", "riding"):
-        if name in state or name == "creeping":
-            held(state, name, "b", ())
+    for name in {"creeping", "riding"} & state.keys():  # of earlier versions
+        held(state, name, "b", ())
     sizes = {name: len(getattr(s, name)) for name in ("run", "pairs", "bodies", "maps")}
     for name, dtype in KEPT.items():
         if name == "ledger" and s.ledger is None:
@@ -102,7 +103,8 @@ def _within(state: Mapping[str, Any]) -> bool:
         (state["log"]["pair"], -1, n - 1), (state["maps"]["table"], -1, len(state["tables"])),
         (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["event"], 0, EDGE),
         (members["fired"], -1, n - 1), (members["head"], -1, n - 1), (members["piled"], 0, n),
-        (members["manner"], 0, LOOKED), (members["clock"], 1, LARGEST_Q), (one["first"], -1, n - 1),
+        (members["manner"], 0, LOOKED), (members["doubts"], 0, np.inf),
+        (members["clock"], 1, LARGEST_Q), (one["first"], -1, n - 1),
         (one["wanted"], 0, n - 1), (one["solo"], -1, n - 1), (one["lo"], 0, len(pairs)), (one["hi"], 0, len(pairs)),
         (state["tables"]["noted"], 0, np.inf), (run["events"], 0, np.inf), (run["steps"], 0, np.inf),
     ]
@@ -133,7 +135,8 @@ def named_today(name: str, records: Any) -> Any:
     now = {FORMERLY.get(name, {}).get(field, field): field for field in records.dtype.names}
     fields = [(field, records.dtype[old]) for field, old in now.items()]
     had_signs = name == "pairs" and "lasts" in now and "ahead" not in now  # negative: only the clock lay ahead
-    out = np.zeros(len(records), [*fields, ("ahead", np.dtype(np.int8))] if had_signs else fields)
+    added = [(field, np.dtype(kind)) for field, kind in ADDED.get(name, {}).items() if field not in now]
+    out = np.zeros(len(records), [*fields, *added, *([("ahead", np.dtype(np.int8))] if had_signs else [])])
     for field, old in now.items():
         out[field] = records[old]
     if had_signs:
@@ -163,7 +166,7 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     for name in ("until_pair", "until_nth", "separated", "log_level", "disturbing"):
         run[name] = s.run[name]
     for name, so_far in (("max_events", "contacts"), ("max_steps", "steps")):
-        run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), NO_PAUSE)
+        run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), MOST_WORK)
     pool, log = empty_pool(len(taken) + SPARE), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
     pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]
     tables = np.append(state["tables"], s.tables)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from copy import deepcopy
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +13,10 @@ from granular._engine.records import column, copied, packed, plain, play, replay
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
 from granular.md.located.checkpoint import SMALL, Checkpoint, Untouched
-from granular.md.located.ledger import FLOOR, LOST
+from granular.md.located.ending import message_of, rest_of_log, settle, stats_of
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look_inside, look_over, seen
-from granular.md.located.pace import WHY, Pace, message_of, rest_of_log, stats_of
+from granular.md.located.pace import WHY, Pace
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
@@ -52,11 +51,6 @@ from granular.run.trajectory import CONTACT
 from granular.scene import Scene
 from granular.scene.places import Closing
 
-if TYPE_CHECKING:
-    from granular.md.located.rest.creep import Creep
-
-FIRST_LOOK = 256
-"""Pieces after which the run first looks whether the scene creeps to rest."""
 LOADING, MAKING, LAUNCH = 0.6, 13.0, 2e-5
 """Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
 DISTURBED = ("resolve", "stop", "ignore")
@@ -96,9 +90,7 @@ class Run:
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.closing = Closing(scene, self.start, flattened=True) if scene.driven else None
         self.bound, self.seen, self.now = False, 0.0, 0.0  # s, when a row was last read, and how far it has come
-        self.creep: Creep | None = None
-        self.checkpoint: Checkpoint | None = None
-        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "pause": FIRST_LOOK,
+        limits = {"max_events": request.max_events, "max_steps": request.max_steps,
                   "until_pair": WATCHED if request.singly else -1}
         ways, level = [DISTURBED.index(disturbed)], PEAKS if request.rows else NO_LOG
         s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
@@ -133,10 +125,8 @@ class Run:
     def go_on(self, state: Mapping[str, Any]) -> None:
         """Go on from the records of a checkpoint."""
         self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
-        if state["creeping"]:
-            self.let_creep(math.inf)
-        elif state.get("riding", False):  # of an earlier version: piles on driven walls had other pieces
-            self.follow_anew(self.request.start)
+        if any(state.get(name, False) for name in ("creeping", "riding")):  # of an earlier version, which kept the
+            self.follow_anew(self.request.start)  # start of the creep, and had other pieces for piles on driven walls
 
     def fit(self, kernel: Any) -> Any:
         """Return the kernel as it is for what the scene has."""
@@ -162,12 +152,6 @@ class Run:
         """Whether the run has stopped before the first contact that disturbs another."""
         return bool(self.counters["disturbing"] == STOP and self.counters["first"] >= 0)
 
-    @property
-    def settles(self) -> bool:
-        """Whether there is a wall to rest on, and the scene is one whose rest is understood."""
-        scene = self.scene
-        return bool(scene.is_wall.any()) and not (scene.ring or scene.heated or self.s.field is not None)
-
     def pays(self, ahead: float = 0.0) -> bool:
         """Return whether to go on compiled, with so many seconds of work ahead that are known of."""
         return self.engine == "auto" and self.collocation is None and self.toll.due(ahead)
@@ -188,10 +172,8 @@ class Run:
         limit = time - self.start
         if not self.launched:
             return Pause.disturbed if self.is_disturbed else Pause.until
-        if limit == math.inf and (self.creep is not None or self.counters["rests"] == 1):
+        if limit == math.inf and self.counters["rests"] == 1:
             return Pause.resting  # proved before; a resumed run ends where the uninterrupted run does
-        if self.creep is not None:
-            return Pause.reached
         why, counters = self.pace.advanced(limit, last), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
@@ -214,37 +196,9 @@ class Run:
         if why != MORE:
             self.bound = why == BINDING
             return WHY[why]
-        if counters["steps"] >= counters["pause"]:
-            counters["pause"] *= 2
-            if self.rests(limit):
-                return Pause.resting
-        if self.creep is None and self.pays():
+        if self.pays():
             self.compile()
         return Pause.work if self.pace.stalls() else Pause.full
-
-    def rests(self, limit: float) -> bool:
-        """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it."""
-        if not self.settles:
-            return False
-        from granular.md.located.rest.creep import LARGEST, SMOOTH
-
-        if self.scene.n_pairs > LARGEST:
-            return False
-        # once rest is proved by energy, a run without an end goes on as one with an end, bit for bit
-        proved = self.request.end < math.inf or self.counters["rests"] == 1
-        self.let_creep(SMOOTH if proved else math.inf)
-        return limit == math.inf and self.creep is not None
-
-    def let_creep(self, most: float) -> None:
-        """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
-        from granular.md.located.rest.creep import creeping_from
-
-        self.pace.look_at_all()
-        s = to_plain(self.s)
-        creep = creeping_from(s, most)
-        if creep is not None:
-            self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.start, "creeping": True})
-            self.s, self.creep = s, creep
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -287,8 +241,6 @@ class Run:
         n = self.scene.n_pairs
         made: Any = np.zeros((3, n))
         rows = made.tolist() if self.is_plain else made
-        if self.creep is not None:
-            self.creep.show(elapsed)
         sums: Any = None if self.s.ledger is None else [0.0] * 5 if self.is_plain else np.zeros(5)
         c = self.kernels(look_over)(self.s, elapsed, *rows, sums, self.collocation)
         while c < n:
@@ -301,42 +253,34 @@ class Run:
         np.negative(made[:2], out=made[:2])  # of overlaps
         self.seen = elapsed
         ledger = None if sums is None else np.array(sums)
-        if ledger is not None and self.creep is not None:
-            ledger[[FLOOR, LOST]] += self.creep.books(elapsed, float(self.scene.velocity[0]))
         return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""
         if pause is Pause.resting:
-            from granular.md.located.settle import settle
-
             settle(self)
         if self.engine == "auto":
             self.toll.lap()
-        begun = float(self.counters["t"]) if self.creep is None else self.creep.start
-        end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
-        apart = self.creep is None and bool(self.kernels(blocks.all_apart)(self.s, end))
+        end = self.request.end - self.start if pause is Pause.reached else max(float(self.counters["t"]), self.seen)
+        apart = bool(self.kernels(blocks.all_apart)(self.s, end))
         if not apart:
             self.pace.look_at_all()
         row, wanted = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row(self.request.end)
-        untouched, crept = (None, 0.0) if apart else self.gather(end)
+        untouched = None if apart else self.gather(end)
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
         running, r = rest_of_log(self, end) if self.request.log and not apart else None, plain(self.s.run)[0]
-        stats, message = stats_of(self, r, crept), message_of(self, pause.value, r, self.start + end)
+        stats, message = stats_of(self, r), message_of(self, pause.value, r, self.start + end)
         before, self.s, self.pace.run = self.s, None, None  # makes room for the log
         before = untouched.put_back() if untouched else before
-        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
-        return End(row, pause.value, message, stats, state if self.launched else {}, running)
+        state = Checkpoint(before, {"origin": self.start}) if self.launched else {}
+        return End(row, pause.value, message, stats, state, running)
 
-    def gather(self, end: float) -> tuple[Untouched, float]:
-        """Bring every pair to the end of the run; return how it stood, and the impulse in N s shared while creeping."""
+    def gather(self, end: float) -> Untouched:
+        """Bring every pair to the end of the run; return the records as they were before."""
         untouched = Untouched(self.s, end)
-        if self.creep is not None:
-            impulse = self.creep.finish(end)
-            return untouched, math.fsum(impulse) if len(impulse) > 1 else 0.0
         while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
             self.s = with_more_room(self.s)
         self.pace.look_at_all()
@@ -346,10 +290,10 @@ class Run:
         if column(self.s.pool, "manner").any():
             self.pace.seldom(blocks.gather_slowly)(self.s)
         self.now = math.inf  # rows of contacts that go on are void now: all others are over
-        return untouched, 0.0
+        return untouched
 
     def follow_anew(self, time: float) -> None:
-        """Plan the blocks at driven walls anew, and go on to `time`."""
+        """Plan the blocks at driven walls again, and continue the run to `time`."""
         for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
             if self.s.pairs[c]["slot"] >= 0:
                 self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), TO_PLAN)

@@ -246,7 +246,7 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
     member.fired, member.event = c, pair.event
     member.clock, member.h, member.tau, member.speed, member.going_on = 1, 0.0, 0.0, 0.0, 0
     member.number, member.doubt, member.largest, member.deepest, member.sway = c, 0.0, 0.0, 0.0, 0.0
-    member.head, member.manner = -1, 0
+    member.head, member.manner, member.doubts = -1, 0, 0
     member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0
 
 

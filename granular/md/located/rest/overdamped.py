@@ -21,9 +21,19 @@ from typing import Any
 from granular._engine.kernels import kernel
 from granular._engine.records import play
 from granular.md.located.pieces import locate, piece_time, power, write_flight
-from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, ORDER, RESIDUAL, TO_PLAN
+from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, MOVES, ORDER, RESIDUAL, TO_PLAN
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, find_equilibrium
-from granular.md.located.rest.proof import STIFF, between, come_to_rest, drags, flies, lie, verdict, whole_verdict
+from granular.md.located.rest.proof import (
+    STIFF,
+    between,
+    come_to_rest,
+    drags,
+    flies,
+    lie,
+    postpones,
+    verdict,
+    whole_verdict,
+)
 from granular.md.located.series import power_term
 from granular.md.located.step_size import growth, left_out, trusted
 
@@ -248,7 +258,9 @@ def look_at(s: Any, limit: float) -> int:
         if proved == RESTS and block.manner != LIES:
             come_to_rest(pairs, pool, bodies, lo)
         run.steps += 1
-    if block.manner != LIES:
+    if block.manner == MOVES and postpones(pairs, pool, lo):
+        block.manner = LOOKED
+    elif block.manner != LIES:
         block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else LOOKED
     pairs[lo].due = TO_PLAN
     if block.manner != LOOKED:

@@ -1,0 +1,148 @@
+"""The end of a located run: overlaps of balls at rest become static; statistics, message and the last contacts.
+
+The times of the looks at balls at rest are numbers of 7 binary digits, whatever the time of the proof: so a resumed run
+ends as the uninterrupted one, bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from granular._engine.check import Array
+from granular._engine.records import column, plain
+from granular.md.located.records import ACTIVE, DORMANT, GENERAL
+from granular.md.located.rest.equilibrium import overlap_under
+from granular.run.contact_log import CONTACT_ROW, Rows
+from granular.run.drive import Pause
+from granular.run.limits import raised
+from granular.run.trajectory import Status
+from granular.run.until import Contact
+
+SETTLED = 1e-9
+"""Deviation of an overlap from its static value, relative to that value, up to which balls count as settled."""
+MAX_LOOKS = 4096
+"""Looks at most, 64 for each doubling of the time: a decay that takes longer is not resolved by floats."""
+
+
+def settle(run: Any) -> None:
+    """Advance `run`, a run of `located.run` proved to rest, to the first look at which all overlaps are static."""
+    # rest under a law that is a function is proved when all forces balance: its overlaps are static already
+    loaded = [p for p in members(run) if p.mode == ACTIVE and p.load > 0.0 and p.kind != GENERAL]
+    pair, rest = [p.number for p in loaded], np.array([overlap_under(p, p.load) for p in loaded])
+    # the period of a contact is the least time that means anything in a run that rests from its start
+    shortest = max((math.sqrt(xi / (p.load * p.inverse)) for p, xi in zip(loaded, rest.tolist(), strict=True)),
+                   default=0.0)
+    time = max(run.now, float(run.counters["t"]), run.request.start - run.start)
+    for _ in range(MAX_LOOKS if loaded else 0):
+        time = _look(time, shortest)
+        while (pause := run.to(run.start + time, False)) is Pause.full:
+            pass
+        if pause is not Pause.reached:
+            return
+        if (abs(run.row_after(time, run.start + time).gap[pair] + rest) <= SETTLED * rest).all():
+            return
+        time = math.nextafter(time, math.inf)
+
+
+def _look(time: float, shortest: float) -> float:
+    """Return the first time of a look from `time` on: 0, or a number of 7 binary digits from about `shortest` on."""
+    if time == 0.0:
+        return 0.0
+    exponent = math.frexp(max(time, shortest))[1] - 7
+    return math.ldexp(math.ceil(math.ldexp(max(time, shortest), -exponent)), exponent)
+
+
+def stats_of(run: Any, r: Any) -> dict[str, Any]:
+    """Return the amount of work; `r` are the counters."""
+    return {
+        "engine": "compiled" if run.engine == "compiled" else "plain",
+        "steps": int(r.steps), "events": int(r.events), "contacts": int(r.contacts),
+        "error_estimate": float(r.error), "resting": bool(r.rests),
+        "shared_impulse": float(r.shared + r.shared_low) if run.request.log else math.nan,
+        "isolated": int(r.isolated), "tables": int(r.tables),
+        "first_disturbed": (run.start + float(r.disturbed), int(r.first)),
+    }
+
+
+def message_of(run: Any, status: Status, r: Any, t: float) -> str:
+    """Return the sentence of a status with its numbers."""
+    sentence = f"{status.value} (t = {t:.6g} s, {r.contacts} contacts, {r.steps} steps)"
+    until = run.request.until
+    if status is Status.max_events and not run.pace.stalled:
+        sentence += "; " + raised("max_steps" if r.steps >= r.max_steps else "max_events", run.request.end)
+    if status is Status.until and t == run.start and isinstance(until, Contact):
+        sentence += (": where balls touch, a contact begins at once; granular.until.force"
+                     f"({until.pair}, above=...) tells when a push arrives")
+    if run.pace.stalled:
+        sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
+                     "or a force without a jump at rest, is needed (granular.md.resume goes on)")
+    if not (r.rests or run.bound):
+        return sentence
+    if status is Status.time:
+        sentence += "; the balls rest on each other"
+    if run.collocation is not None or not r.barrier:
+        return f"{sentence}: every force balances to rounding"
+    piled = [p for p in members(run) if p.mode == ACTIVE or p.mode == DORMANT]
+    groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
+    decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
+    energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
+    why = f"the energy about the equilibrium, {energies} the first contact needs to open"
+    return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
+
+
+def slowest_decay(pairs: list[Any], closed: bool) -> float:
+    """Return the time in s in which the slowest motion about the current state of a pile falls by e (inf: never).
+
+    Between two walls (`closed`) the sum of overlaps is fixed: no motion changes it.
+    """
+    a, n = matrices(pairs), len(pairs)
+    if closed:
+        free = np.linalg.qr(np.column_stack([np.ones(n), np.eye(n)[:, 1:]]))[0][:, 1:]
+        moving = np.kron(np.eye(2), free)
+        a = moving.T @ a @ moving
+    slowest = -float(np.linalg.eigvals(a).real.max())
+    return 1.0 / slowest if slowest > 0.0 else float("inf")
+
+
+def matrices(pairs: list[Any]) -> Array:
+    """The matrix A of ẏ = A y for small motions y = (ξ, η) about the current overlaps of touching pairs."""
+    k = np.array([p.k if p.p == 1.0 else p.k * p.p * p.xi ** (p.p - 1.0) for p in pairs])
+    gamma = np.array([p.gamma if p.d == 0.0 else p.gamma * p.xi**p.d for p in pairs])
+    lower, own, upper = np.array([(p.lower, -p.inverse, p.upper) for p in pairs]).T
+    w = np.diag(lower[1:], 1) + np.diag(own) + np.diag(upper[:-1], -1)
+    return np.block([[np.zeros_like(w), np.eye(len(pairs))], [w * k, w * gamma]])
+
+
+def members(run: Any) -> list[Any]:
+    """Return the records of pairs in islands as plain objects, from the bottom up."""
+    slot = column(run.s.pairs, "slot")[: run.scene.n_pairs]
+    slots = slot[slot >= 0].tolist()
+    return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
+
+
+def rest_of_log(run: Any, end: float) -> Rows | None:
+    """Return the contacts not yet handed over, those that go on at the end without one; None if there are none."""
+    left = [*run.rows(), *(run.dated(rows) for rows in _still_open(run))]
+    if not left:
+        return None
+    rows = np.concatenate(left)
+    late = rows["t_end"] > run.start + end  # by rounding
+    rows["t_end"][late], rows["v_out"][late] = math.nan, math.nan
+    return rows
+
+
+def _still_open(run: Any) -> list[Rows]:
+    """Return the contacts that go on at the end, if there are any."""
+    going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
+    if not going:
+        return []
+    rows = np.zeros(len(going), CONTACT_ROW)
+    rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
+    rows["pair"] = [p.number for p in going]
+    for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
+        rows[name] = [getattr(p, name) for p in going]
+    return [rows]
