@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from granular.studies.extremes import stability
     from granular.studies.frontiers.run import frontier
     from granular.studies.sweeps.ensembles import ensemble
-    from granular.studies.sweeps.gradients import Sensitivity
     from granular.studies.sweeps.run import sweep
     from granular.studies.sweeps.sensitivities import sensitivity
+    from granular.studies.sweeps.sensitivity_report import Sensitivity
     from granular.studies.thresholds.result import Threshold
     from granular.studies.thresholds.run import threshold
 
@@ -70,7 +70,7 @@ __getattr__ = attributes(__name__, {
     "granular.scene": "Pair Scene",
     "granular.cases.scenes": "scenes",
     "granular.studies.sweeps.ensembles": "ensemble",
-    "granular.studies.sweeps.gradients": "Sensitivity",
+    "granular.studies.sweeps.sensitivity_report": "Sensitivity",
     "granular.studies.sweeps.run": "sweep",
     "granular.studies.sweeps.sensitivities": "sensitivity",
     "granular.laws.theory": "theory",

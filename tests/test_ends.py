@@ -97,8 +97,8 @@ multiprocessing.set_start_method("fork")
 from granular.app import cli
 from granular.studies.sweeps import schedule
 solve = schedule.solve
-def slow(plan, columns):
-    answers = solve(plan, columns)
+def slow(plan, columns, threads=1):
+    answers = solve(plan, columns, threads)
     if multiprocessing.parent_process() is not None:
         os.write(1, b"solving\\n")  # at once: two processes say so
         time.sleep(1e4)

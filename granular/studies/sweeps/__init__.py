@@ -1,12 +1,13 @@
 """`sweep`, `sensitivity` and `ensemble`: outcomes over parameters, their derivatives, and their distributions.
 
-A first reader may skip: `ensembles`, `gradients`, `plan`, `results`, `run`, `schedule`, `sensitivities`, `subject`.
+A first reader may skip: `ensembles`, `plan`, `results`, `run`, `schedule`, `sensitivities`,
+`sensitivity_report`, `subject`.
 """
 
 from granular.studies.sweeps.ensembles import Ensemble, Quantity, ensemble
-from granular.studies.sweeps.gradients import Sensitivity
 from granular.studies.sweeps.run import sweep
 from granular.studies.sweeps.sensitivities import sensitivity
+from granular.studies.sweeps.sensitivity_report import Sensitivity
 from granular.studies.sweeps.subject import axis
 
 __all__ = ["Ensemble", "Quantity", "Sensitivity", "axis", "ensemble", "sensitivity", "sweep"]

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, reduce
-from operator import xor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from granular import md
 from granular._engine.check import per_pair
 from granular._engine.flight import rate_at_contact
-from granular.cases.case import Case
-from granular.comparison.align import followed
 from granular.comparison.numbers import effective, is_drop
-from granular.comparison.outcome import at_once, counts, energy_left, order, separations
-from granular.comparison.run import Comparison, compare
+from granular.comparison.outcome import at_once, counts, energy_left, separations
 from granular.md.binary import restitution
-from granular.run.trajectory import Status, Trajectory
+from granular.run.trajectory import Status
 from granular.scene.state import Scene
 
 NOT_RUN, MISUSE = -1, 8
@@ -58,69 +52,6 @@ class Result:
     of: Callable[[Any], Any]
     fill: Any = math.nan
     many: str = ""
-
-
-@dataclass
-class Answer:
-    """One case on both engines; runs happen when they are asked for."""
-
-    case: Case
-
-    @cached_property
-    def whole(self) -> Case:
-        """The case with rows at its start and its end, whatever else it asks for: the last row is the end."""
-        rest = {name: x for name, x in self.case.run.items() if name != "samples"}
-        return self.case if len(rest) == len(self.case.run) else replace(self.case, run=rest)
-
-    @cached_property
-    def soft(self) -> Trajectory:
-        """The soft-sphere run."""
-        return self.whole.simulate("md")
-
-    @cached_property
-    def hard(self) -> Trajectory:
-        """The event-driven run."""
-        return self.whole.simulate("edmd")
-
-    @cached_property
-    def report(self) -> Comparison:
-        """The comparison of both."""
-        return compare(self.case.scene, self.case.physics("md"), self.case.rule, **self.case.options(compare))
-
-    contacts = property(lambda self: counts(self.soft))
-    t_f = property(lambda self: separations(self.soft)[1])
-    v_final = property(lambda self: self.soft.velocity[-1])
-    time = property(lambda self: self.soft.time[-1])
-    impact = property(lambda self: impact_speed(self.case.scene))
-    eps = property(lambda self: specified(self.case.scene, self.case.physics("md")))
-
-    @cached_property
-    def v_rel(self) -> Any:
-        """Separation speeds in m/s after the last of the `contacts` of each pair in the soft run; those that are still
-        running at its end are followed to theirs."""
-        known = {name: x for name, x in self.case.options(md.simulate).items() if name in ("method", "dt", "engine")}
-        return separations(followed(self.soft, known))[0]
-
-    @property
-    def longest(self) -> Any:
-        """Longest completed contact of each pair in s."""
-        log, longest = self.soft.contacts, np.full(self.soft.scene.n_pairs, math.nan)
-        np.fmax.at(longest, log["pair"], np.where(np.isnan(log["t_end"]), math.nan, log["duration"]))
-        return longest
-
-    @property
-    def order(self) -> int:
-        """Number of the order of begins and ends in the runs that other results have asked for so far."""
-        given = vars(self)
-        runs = [*(given[name] for name in ("soft", "hard") if name in given),
-                *(self.report.counted if "report" in given else ())]
-        return reduce(xor, map(order, runs or [self.hard if self.case.law is None else self.soft]))
-
-    def status(self, results: Mapping[str, Result]) -> int:
-        """Status of the soft run; of the hard one if there is no force law or only hard results are asked."""
-        if self.case.law is None or all(name.startswith("hard_") for name in results):
-            return CODE[self.hard.status.name]
-        return CODE[(self.report.soft if "report" in vars(self) else self.soft).status.name]
 
 
 def impact_speed(scene: Scene) -> float:

@@ -1,5 +1,6 @@
-"""Batches of cells, on this process or on any ``concurrent.futures.Executor``; many cells in one compiled call: what
-the located engine would give one by one, bit for bit.
+"""Solve cells in batches: in compiled calls of many cells, one by one, or on any ``concurrent.futures.Executor``.
+
+Every way gives the same bits as one run of the located engine per cell.
 """
 
 from __future__ import annotations
@@ -8,27 +9,31 @@ import math
 import os
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from dataclasses import replace
-from functools import cache, lru_cache
-from itertools import islice
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache, reduce
+from operator import xor
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from granular import md
 from granular._engine.check import Array, per_pair
 from granular._engine.kernels import in_memory, worth
 from granular.cases import Case
 from granular.cases.build import sentence_of
 from granular.cases.ready import first_impact_speed
+from granular.comparison.align import followed
+from granular.comparison.outcome import counts, order, separations
+from granular.comparison.run import Comparison, compare
 from granular.laws.contact_law import resolve
 from granular.md.located import many
+from granular.run.trajectory import Trajectory
 from granular.run.until import LEVELS
 from granular.scene import Scene, velocities
-from granular.studies.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
+from granular.studies.sweeps.results import CODE, REFUSED, Answers, Result, impact_speed, specified
 from granular.studies.sweeps.subject import Values
 
 if TYPE_CHECKING:
@@ -43,7 +48,7 @@ SHORTEST, LONGEST = 0.25, 2.0
 SHARE = 64
 """A sweep is cut into at least that many batches if they are not shorter than that."""
 WORTH = 0.1
-"""Seconds of compiled calls from which on there are several threads of them."""
+"""Seconds that the cells must take in all before compiled calls use several threads."""
 
 Batch = tuple[Values, Answers]
 
@@ -55,44 +60,98 @@ def checked(executor: Executor | None) -> None:
                         "or client.get_executor() of dask.")
 
 
+@dataclass
+class Answer:
+    """One case on both engines; runs happen when they are asked for."""
+
+    case: Case
+
+    @cached_property
+    def whole(self) -> Case:
+        """The case with rows at its start and its end, whatever else it asks for: the last row is the end."""
+        rest = {name: x for name, x in self.case.run.items() if name != "samples"}
+        return self.case if len(rest) == len(self.case.run) else replace(self.case, run=rest)
+
+    @cached_property
+    def soft(self) -> Trajectory:
+        """The soft-sphere run."""
+        return self.whole.simulate("md")
+
+    @cached_property
+    def hard(self) -> Trajectory:
+        """The event-driven run."""
+        return self.whole.simulate("edmd")
+
+    @cached_property
+    def report(self) -> Comparison:
+        """The comparison of both."""
+        return compare(self.case.scene, self.case.physics("md"), self.case.rule, **self.case.options(compare))
+
+    contacts = property(lambda self: counts(self.soft))
+    t_f = property(lambda self: separations(self.soft)[1])
+    v_final = property(lambda self: self.soft.velocity[-1])
+    time = property(lambda self: self.soft.time[-1])
+    impact = property(lambda self: impact_speed(self.case.scene))
+    eps = property(lambda self: specified(self.case.scene, self.case.physics("md")))
+
+    @cached_property
+    def v_rel(self) -> Any:
+        """Separation speeds in m/s after the last of the `contacts` of each pair in the soft run; those that are still
+        running at its end are followed to theirs."""
+        known = {name: x for name, x in self.case.options(md.simulate).items() if name in ("method", "dt", "engine")}
+        return separations(followed(self.soft, known))[0]
+
+    @property
+    def longest(self) -> Any:
+        """Longest completed contact of each pair in s."""
+        log, longest = self.soft.contacts, np.full(self.soft.scene.n_pairs, math.nan)
+        np.fmax.at(longest, log["pair"], np.where(np.isnan(log["t_end"]), math.nan, log["duration"]))
+        return longest
+
+    @property
+    def order(self) -> int:
+        """Number of the order of begins and ends in the runs that other results have asked for so far."""
+        given = vars(self)
+        runs = [*(given[name] for name in ("soft", "hard") if name in given),
+                *(self.report.counted if "report" in given else ())]
+        return reduce(xor, map(order, runs or [self.hard if self.case.law is None else self.soft]))
+
+    def status(self, results: Mapping[str, Result]) -> int:
+        """Status of the soft run; of the hard one if there is no force law or only hard results are asked."""
+        if self.case.law is None or all(name.startswith("hard_") for name in results):
+            return CODE[self.hard.status.name]
+        return CODE[(self.report.soft if "report" in vars(self) else self.soft).status.name]
+
+
 def batches(
     plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None, workers: int,
 ) -> Iterator[Batch]:
-    """Solve `cells`, rows of `columns`, and yield them batch by batch as they are done, with their places.
+    """Solve `cells`, rows of `columns`, and yield each batch with its places as soon as it is done.
 
-    What a cell gives depends on nothing but its parameters, so neither cuts nor executor change a bit. Without an
-    executor cells in compiled calls run in so many threads, `workers`, if that pays.
+    The answers of a cell depend only on its parameters, so neither batches, threads nor executors change a bit.
+    Without an executor, compiled calls use `workers` threads.
     """
-    # without machine code in memory first one by one, with the same bits: no wait for a compiler
+    # cells run one by one, with the same bits, until compiling or loading the machine code pays
     way = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
-    rest, each, alone = yield from _pilot(way, columns, cells)
+    rest, each = yield from _pilot(way, columns, cells)
     if way.at_once is not plan.at_once and worth(many.solve_rows, each * len(rest), LOADING, MAKING):
         way = plan
-        rest, each, alone = yield from _pilot(way, columns, rest)
-    threaded = executor is None and way.at_once and workers > 1 and alone * len(rest) > WORTH
+        rest, each = yield from _pilot(way, columns, rest)
     size = max(1, round(min(max(each * len(rest) / SHARE, SHORTEST), LONGEST) / each))
-    if threaded or executor is not None:
+    if executor is not None:
         size = min(size, math.ceil(len(rest) / (2 * workers)) or 1)
     parts = [rest[i : i + size] for i in range(0, len(rest), size)]
-    if executor is not None:
-        yield from _spread(way, columns, parts, executor)
-    elif threaded:
-        yield from _threaded(way, columns, parts, workers)
-    else:
-        for part in parts:
-            yield part, solve(way, [column[part] for column in columns])
+    threads = workers if executor is None and each * len(rest) > WORTH else 1
+    tasks = ((way, [column[part] for column in columns], threads) for part in parts)
+    for k, found in each_done(executor, solve, tasks):
+        yield parts[k], found
 
 
-def solve(plan: Plan, columns: Sequence[Values]) -> Answers:
-    """Solve the cells whose parameters are rows of `columns`: many at once where that is open, else one by one."""
-    return _finished(plan, columns, ((one, one.solved()) for one in bundled(plan, columns)))
-
-
-def _finished(plan: Plan, columns: Sequence[Values], solved: Iterable[tuple[Bundle, many.Many]]) -> Answers:
-    """Return the answers of cells of which some have been solved at once, and the others, one by one."""
+def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
+    """Solve the cells whose parameters are rows of `columns`: in compiled calls where possible, else one by one."""
     answers, left = Answers(plan.results, len(columns[0])), np.ones(len(columns[0]), bool)
-    for bundle, found in solved:
-        left[_write(plan, bundle, found, answers)] = False
+    for bundle in bundled(plan, columns):
+        left[_write(plan, bundle, bundle.solved(threads), answers)] = False
     for i in np.flatnonzero(left).tolist():
         try:
             answer = Answer(plan.case(_point(columns, i)))
@@ -104,15 +163,35 @@ def _finished(plan: Plan, columns: Sequence[Values], solved: Iterable[tuple[Bund
     return answers
 
 
-def _solve_for_parent(plan: Plan, columns: Sequence[Values]) -> Answers:
+def each_done(
+    executor: Executor | None, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]],
+) -> Iterator[tuple[int, Any]]:
+    """Call `function` with each of `tasks`, here or on an executor; yield the place of a task and its result.
+
+    Results of an executor are yielded as soon as they are there. On an exception the remaining calls are cancelled.
+    """
+    if executor is None:
+        yield from ((k, function(*task)) for k, task in enumerate(tasks))
+        return
+    futures: dict[Any, int] = {}
+    try:
+        for k, task in enumerate(tasks):
+            futures[executor.submit(_call_for_parent, function, task)] = k
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _call_for_parent(function: Callable[..., Any], task: tuple[Any, ...]) -> Any:
     end_with_parent(os.getpid())
-    return solve(plan, columns)
+    return function(*task)
 
 
 @cache
 def end_with_parent(process: int) -> None:
-    """Have this process of a pool end when the one that started it does, however that ends: it would wait for work
-    forever."""
+    """Let this process of a pool end with the process that started it; otherwise it would wait for work forever."""
     from multiprocessing import parent_process
 
     parent = parent_process()
@@ -125,51 +204,16 @@ def _follow(parent: Any) -> None:
     os._exit(1)
 
 
-def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float, float]]:
-    """Solve a few cells and yield them; return the others and the seconds that a cell takes, in all and without its
-    scene and law, which many cells may share."""
+def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
+    """Solve a few cells and yield them; return the remaining cells and the processor time per cell in s."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
-    begin = start = 0.0
+    spent = 0.0
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
-        here, begin = [column[cells[part]] for column in columns], time.process_time()
-        bundles, start = bundled(plan, here), time.process_time()
-        yield cells[part], _finished(plan, here, ((one, one.solved()) for one in bundles))
-    count, now = max(1, len(chosen) - 1), time.process_time()
-    each, alone = (max(now - since, 1e-5) / count for since in (begin, start))  # a clock may stand still for a tick
-    return np.delete(cells, chosen), each, alone
-
-
-def _spread(plan: Plan, columns: Sequence[Values], parts: list[Values], executor: Executor) -> Iterator[Batch]:
-    futures: dict[Any, Values] = {}
-    try:
-        for part in parts:
-            futures[executor.submit(_solve_for_parent, plan, [column[part] for column in columns])] = part
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def _threaded(plan: Plan, columns: Sequence[Values], parts: list[Values], workers: int) -> Iterator[Batch]:
-    """Solve parts, which this thread prepares and finishes, in compiled calls in other threads, which run nothing else:
-    it can be interrupted, and they end within one call."""
-    todo, ahead = iter(parts), deque[Any]()
-    pool = ThreadPoolExecutor(workers)
-
-    def begin(part: Values) -> Any:
-        here = [column[part] for column in columns]
-        return part, here, [(one, pool.submit(one.solved)) for one in bundled(plan, here)]
-
-    try:
-        ahead.extend(map(begin, islice(todo, workers + 1)))
-        while ahead:
-            part, here, solved = ahead.popleft()
-            found = [(one, future.result()) for one, future in solved]
-            ahead.extend(map(begin, islice(todo, 1)))
-            yield part, _finished(plan, here, found)
-    finally:
-        pool.shutdown(cancel_futures=True)
+        begin = time.process_time()
+        found = solve(plan, [column[cells[part]] for column in columns])
+        spent = time.process_time() - begin
+        yield cells[part], found
+    return np.delete(cells, chosen), max(spent, 1e-5) / max(1, len(chosen) - 1)  # a clock may stand still for a tick
 
 
 class Start(NamedTuple):
@@ -191,9 +235,20 @@ class Bundle(NamedTuple):
     until: Any
     ends: Array
 
-    def solved(self) -> many.Many:
-        """Solve them: machine code, without the interpreter's lock."""
-        return many.solve_many(self.begin, until=self.until, t_end=self.ends)
+    def solved(self, threads: int = 1) -> many.Many:
+        """Solve them in machine code, which runs without the interpreter's lock; every k-th cell in thread k."""
+        threads = min(threads, len(self.places))
+
+        def part(k: int) -> many.Many:
+            begin = many.Scenes(*(np.asarray(column)[k::threads] for column in self.begin))
+            return many.solve_many(begin, until=self.until, t_end=self.ends[k::threads])
+
+        if threads == 1:
+            return part(0)
+        with ThreadPoolExecutor(threads) as pool:
+            columns = zip(*pool.map(part, range(threads)), strict=True)
+        back = np.argsort(np.concatenate([self.places[k::threads] for k in range(threads)]))
+        return many.Many(*(np.concatenate(column)[back] for column in columns))
 
 
 def bundled(plan: Plan, columns: Sequence[Values]) -> list[Bundle]:
@@ -286,7 +341,7 @@ def _write(plan: Plan, bundle: Bundle, found: many.Many, answers: Answers) -> Va
         t_f=np.where(found.ongoing, math.nan, found.t_end), longest=found.longest, time=found.time,
         v_final=_final_velocities(bundle.scenes, bundle.which, found.rate, found.time),
         impact=np.array(list(map(impact_speed, bundle.scenes)))[bundle.which],
-        eps=bundle.eps)  # read as `granular.studies.sweeps.results.Answer`
+        eps=bundle.eps)  # read as an `Answer`
     done: Any = found.status >= 0
     if any(result.many == "ended" for result in plan.results.values()):
         done &= ~found.ongoing.any(axis=1)

@@ -1,30 +1,55 @@
-"""`sensitivity`: what outcomes answer to, and how uncertain they are where parameters are."""
+"""`sensitivity`: derivatives of outcomes by parameters, and the uncertainty that follows from them.
+
+Derivatives are extrapolated differences of runs with the same order of events.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from granular._engine import check
+from granular._engine.check import Array
 from granular._engine.progress import shown
 from granular.cases import Case
 from granular.comparison.outcome import SAME, approach, components
-from granular.studies.sweeps import schedule
-from granular.studies.sweeps.gradients import Sensitivity, Slope, Start, slope
+from granular.run.trajectory import EARLY
 from granular.studies.sweeps.plan import Ask, Plan, named, planned
-from granular.studies.sweeps.results import Answer
+from granular.studies.sweeps.results import CODE, MISUSE
+from granular.studies.sweeps.run import edges
+from granular.studies.sweeps.schedule import Answer, checked, each_done, solve
+from granular.studies.sweeps.sensitivity_report import Sensitivity, Start
 from granular.studies.sweeps.subject import SceneLike, numbers_in, shared
 
 TRUSTED = 1e-8
 """Error of a derivative, as a share of all that the outcome answers to, up to which it is given."""
 FREE, JOINED = ("gap", "velocity"), ("breaks", "coefficients")
 """Numbers that are parameters also where they are 0; those of a wall's path that must fit each other."""
+FIRST, LAST = 7, 26
+"""Steps are 2^-7 of the parameter, or of its unit, at first, and 2^-26 at the least."""
+FINE = 1e-10
+"""Errors below this share of an outcome, per relative change of the parameter, are small enough."""
+NOWHERE = -2
+"""Order of a run that came to no proper end, or was refused."""
+NOISE = 2.0 * float(np.finfo(float).eps)
+"""Rounding of an outcome, in its size."""
+PRECISION = 1e-6
+"""Share of the parameter to which a border is known."""
+BAD = {MISUSE, *(CODE[status.name] for status in EARLY)}
+REACH = 4.0 ** np.arange(-8, 1)
+"""Where the scan for borders looks, in units of a parameter."""
+Point = tuple[Array, int]
+Evaluate = Callable[[float], Point]
+Slope = tuple[Array, Array, str, Array | None]
+"""The derivative (m,) by one parameter and its error, nan where there is none; why; the outcomes (2, m) at either end
+of what is uncertain, None where no contact changes its turn up to there."""
 
 
 @check.face
@@ -89,7 +114,7 @@ def sensitivity(
     >>> print(f"{found.gradient['v_rel[1]']['restitution']:.4f} {found.spread['v_rel[1]']:.4f}")
     0.4716 0.0047
     """
-    schedule.checked(executor)
+    checked(executor)
     plan = _planned(scene, asked := check.several("results", results, "an outcome, such as 'v_rel',", 1), fixed)
     answer = Answer(plan.case(()))
     *found, order = (np.ravel(result.of(answer)).astype(float) for result in plan.results.values())
@@ -101,8 +126,12 @@ def sensitivity(
     starts = tuple(Start(name, p, _unit(name, parameters), doubt.get(name, 0.0), here, size, int(order[0]))
                    for name, p in parameters.items())
     with shown(progress, on_progress, "parameters") as tell:
-        slopes = list(_solved(plan, starts, executor, tell))
-    return _made(plan, starts, slopes, {label: places[label] for label in labels})
+        slopes: dict[int, Slope] = {}
+        for k, one in each_done(executor, slope, ((plan, start) for start in starts)):
+            slopes[k] = one
+            if tell is not None:
+                tell(len(slopes) / len(starts), len(slopes))
+    return _made(plan, starts, [slopes[k] for k in range(len(starts))], {label: places[label] for label in labels})
 
 
 def _name(asked: Ask, until: str = "[") -> str:
@@ -120,7 +149,7 @@ def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -
     return replace(plan, asked=(*plan.asked, "order"), at_once=False)
 
 
-def _places(plan: Plan, found: Sequence[check.Array]) -> dict[str, Any]:
+def _places(plan: Plan, found: Sequence[Array]) -> dict[str, Any]:
     """Where among all numbers each result stands: one place, or one for each pair or body; and each of these."""
     places: dict[str, Any] = {}
     ends = np.cumsum([0, *map(len, found)]).tolist()
@@ -175,7 +204,7 @@ def _unit(name: str, parameters: Mapping[str, float]) -> float:
     return 2.0 ** math.floor(math.log2(abs(parameters[name]) or max(map(abs, beside)) or 1.0))
 
 
-def _sizes(plan: Plan, answer: Answer, found: Sequence[check.Array]) -> check.Array:
+def _sizes(plan: Plan, answer: Answer, found: Sequence[Array]) -> Array:
     """What changes of an outcome are relative to: itself, or where it is near 0, the fastest impact of its component;
     for others than speeds, the largest of its kind."""
     run = answer.hard if "soft" not in vars(answer) and answer.case.law is None else answer.soft
@@ -189,19 +218,6 @@ def _sizes(plan: Plan, answer: Answer, found: Sequence[check.Array]) -> check.Ar
         sizes.append(np.where(np.abs(values) >= SAME * unit, np.abs(values), unit))
     size = np.concatenate(sizes)
     return np.where(size > 0.0, size, 1.0)
-
-
-def _solved(plan: Plan, starts: Sequence[Start], executor: Executor | None, tell: Any) -> Iterator[Slope]:
-    """Find all slopes, in this process or others."""
-    futures = [executor.submit(slope, plan, start) for start in starts] if executor is not None else []
-    try:
-        for k, start in enumerate(starts):
-            yield futures[k].result() if futures else slope(plan, start)
-            if tell is not None:
-                tell((k + 1) / len(starts), k + 1)
-    finally:
-        for future in futures:
-            future.cancel()
 
 
 def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places: Mapping[str, Any]) -> Sensitivity:
@@ -223,10 +239,10 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
                                          f"differences agree to {worst:.1g} of the outcome, no better")
     spread = np.sqrt((moved**2).sum(axis=0)) if u.any() else np.full_like(here, math.nan)
 
-    def split(of: check.Array) -> dict[str, Any]:
+    def split(of: Array) -> dict[str, Any]:
         return {name: of[place] if np.ndim(place) else float(of[place]) for name, place in places.items()}
 
-    def by_parameter(rows: Mapping[str, check.Array]) -> dict[str, dict[str, Any]]:
+    def by_parameter(rows: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
         return {name: {one: split(row)[name] for one, row in rows.items()} for name in places}
 
     names, heated = [start.name for start in starts], plan.case(()).scene.heated
@@ -235,4 +251,85 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
         by_parameter(dict(zip(names, scale * error, strict=True))), split(condition), split(spread),
         {start.name: start.value for start in starts}, {start.name: start.doubt for start in starts if start.doubt},
         {name: {one: (split(low)[name], split(high)[name]) for one, (low, high) in sides.items()} for name in places},
-        why, ("Draws of thermal walls are held fixed.",) * heated, plan, starts)
+        why, ("Draws of thermal walls are held fixed.",) * heated, starts, partial(borders, plan))
+
+
+def slope(plan: Plan, start: Start) -> Slope:
+    """Find the derivative of all outcomes by one parameter."""
+    one, none = replace(plan, names=(start.name,)), np.full_like(start.here, math.nan)
+
+    def evaluate(value: float) -> Point:
+        found = solve(one, [np.array([value])]).columns
+        if int(found["status"][0]) in BAD:
+            return none, NOWHERE
+        *values, order = (np.ravel(found[result]) for result in plan.results)
+        return np.concatenate(values).astype(float), int(order[0])
+
+    ends = [evaluate(start.value + side * start.doubt) for side in (-1.0, 1.0) if start.doubt]
+    crossed = np.array([values for values, _ in ends]) if {order for _, order in ends} - {start.order} else None
+    beside = [evaluate(start.value + side * start.unit * 2.0**-LAST)[1] for side in (-1.0, 1.0)]
+    sides: tuple[float, ...] = (-1.0, 1.0)
+    if beside[0] == NOWHERE or (start.value == 0.0 and start.name.startswith("gap")):
+        sides, beside[0] = (1.0,), beside[1]
+    elif beside[1] == NOWHERE:
+        sides, beside[1] = (-1.0,), beside[0]
+    if NOWHERE in beside:
+        return none, none, "scenes beside it are refused, or come to no proper end", crossed
+    if beside[0] != beside[1]:
+        return none, none, "the order of contacts is another just below and just above it", crossed
+    return *differences(evaluate, start, sides, beside[0]), "", crossed
+
+
+def differences(evaluate: Evaluate, start: Start, sides: Sequence[float], order: int) -> tuple[Array, Array]:
+    """Extrapolate central differences, or those to one side, of steps that are halved until runs have this `order`.
+
+    Three central ones (five of one side) make an estimate, whose terms up to h⁴ vanish; the next differs by its error.
+    Steps are halved further as long as that pays. nan where there is none.
+    """
+    central, best = len(sides) == 2, np.full((2, len(start.here)), math.nan)
+    (count, base), last, slopes = (3, 4.0) if central else (5, 2.0), best[0], list[Array]()
+    for h in (start.unit * 0.5 ** np.arange(FIRST, LAST)).tolist():
+        near = [evaluate(start.value + side * h) for side in sides]
+        if any(one != order for _, one in near):
+            slopes, last = [], np.full_like(last, math.nan)
+            continue
+        first = near[0][0] if central else start.here
+        slopes = [*slopes, (near[-1][0] - first) / (sides[-1] * h * len(sides))][-count:]
+        if len(slopes) < count:
+            continue
+        now = extrapolated(slopes, base)
+        error, last = np.abs(now - last) + NOISE * start.size / h, now
+        better = ~(error >= best[1]) & ~np.isnan(error)
+        best = np.where(better, [now, error], best)
+        if np.isfinite(best[1]).any() and not (better & (error * start.unit > FINE * start.size)).any():
+            break
+    return best[0], best[1]
+
+
+def extrapolated(slopes: Sequence[Array], base: float) -> Array:
+    """Richardson's extrapolation of values that belong to steps halved again and again: errors go like h² (4) or h (2).
+    """
+    table = np.array(slopes)
+    for j in range(1, len(slopes)):
+        table = (base**j * table[1:] - table[:-1]) / (base**j - 1.0)
+    return np.asarray(table[0])
+
+
+def borders(plan: Plan, start: Start) -> tuple[float, float]:
+    """The values below and above at which the number of contacts of a pair changes; nan where none was found."""
+    kind = "hard_contacts" if all(name.startswith("hard_") for name in [*plan.results][:-1]) else "contacts"
+    counting = replace(plan, asked=(kind,), names=(start.name,))
+
+    def counts(columns: Sequence[Array]) -> Array:
+        return np.asarray(solve(counting, columns).columns[kind])
+
+    grid = start.value + start.unit * np.concatenate([-REACH[::-1], [0.0], REACH])
+    found = counts([grid])
+    change = np.flatnonzero((found[1:] != found[:-1]).any(axis=1))
+
+    def nearest(k: int) -> tuple[float, float]:
+        _, ends, _ = edges(0, [grid[k : k + 2]], found[k : k + 2], (2,), counts, PRECISION)
+        return (ends[0, 1], ends[-1, 0]) if len(ends) else (math.nan, math.nan)
+
+    below, above = change[change < len(REACH)][-1:].tolist(), change[change >= len(REACH)][:1].tolist()
+    return nearest(below[0])[1] if below else math.nan, nearest(above[0])[0] if above else math.nan

@@ -20,7 +20,7 @@ from granular.comparison.answer import Answer as Judgement
 from granular.comparison.outcome import SAME
 from granular.md import isolation
 from granular.run.trajectory import EARLY, Status
-from granular.studies.sweeps.results import Answer
+from granular.studies.sweeps.schedule import Answer
 
 HOLDS, FAILS, UNDECIDED = VERDICTS = ("holds", "fails", "undecided")
 NONE, CUT = "nothing touches", "a contact is cut off by the end time"
