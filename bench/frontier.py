@@ -18,8 +18,8 @@ import docs_data  # before `bench`, which it makes importable
 from bench.reference import solve
 from granular import Hertz, LinearDashpot, Scene, ViscoelasticHertz, cases, scenes, until
 from granular._engine.reports import duration
+from granular.studies.frontier_result import LOOKS
 from granular.studies.frontiers import Frontier, frontier as with_any_reference
-from granular.studies.frontiers.result import LOOKS
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "frontier.md"

@@ -1,6 +1,6 @@
 """Make the reference answers for other people's codes: ``python -m bench.make_verification`` (some minutes).
 
-Writes ``granular/studies/reference/verification.json``: every answer from a solver of 34 digits, printed
+Writes ``granular/studies/verification.json``: every answer from a solver of 34 digits, printed
 with 17 (`bench.reference`), and its condition number κ = Σ |∂ln answer / ∂ln input| over all
 inputs that are not 0, by central differences of the engine.
 The solitary wave is the fixed point of `granular.waves`, right to 13 digits.
@@ -20,7 +20,7 @@ import numpy as np
 import granular as gr
 from bench import reference
 from granular.laws import dashpot
-from granular.studies.reference import verification
+from granular.studies import verification
 
 FILE = Path(verification.__file__).with_suffix(".json")
 STEP = 1e-5

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     from granular.scene import Pair, Scene, walls
     from granular.studies import adiabatic
     from granular.studies.extremes import stability
-    from granular.studies.frontiers.run import frontier
+    from granular.studies.frontiers import frontier
     from granular.studies.sweeps.ensembles import ensemble
     from granular.studies.sweeps.run import sweep
     from granular.studies.sweeps.sensitivities import sensitivity
     from granular.studies.sweeps.sensitivity_report import Sensitivity
-    from granular.studies.thresholds.result import Threshold
-    from granular.studies.thresholds.run import threshold
+    from granular.studies.threshold_result import Threshold
+    from granular.studies.thresholds import threshold
 
 __version__ = VERSION
 __all__ = [
@@ -61,7 +61,7 @@ __getattr__ = attributes(__name__, {
     "granular.edmd": "edmd",
     "granular.run.export": "export",
     "granular.studies.extremes": "stability",
-    "granular.studies.frontiers.run": "frontier",
+    "granular.studies.frontiers": "frontier",
     "granular.laws": "Hertz LinearDashpot MatchedEnd PowerLaw TsujiHertz ViscoelasticHertz WaltonBraun",
     "granular.cases.materials": "materials",
     "granular.md": "md",
@@ -74,8 +74,8 @@ __getattr__ = attributes(__name__, {
     "granular.studies.sweeps.run": "sweep",
     "granular.studies.sweeps.sensitivities": "sensitivity",
     "granular.laws.theory": "theory",
-    "granular.studies.thresholds.result": "Threshold",
-    "granular.studies.thresholds.run": "threshold",
+    "granular.studies.threshold_result": "Threshold",
+    "granular.studies.thresholds": "threshold",
     "granular.run.trajectory": "Status Trajectory load",
     "granular.run.until": "until",
     "granular.scene.walls": "walls",

@@ -34,7 +34,7 @@ PAGES = [page for page, text in TEXTS.items()
 def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     # 35 s of compiling for one table
-    monkeypatch.setattr("granular.studies.frontiers.methods._engine", lambda *_: "plain")
+    monkeypatch.setattr("granular.studies.frontier_methods._engine", lambda *_: "plain")
     names: dict = {"__name__": "page"}
     for code, shown in BLOCK.findall(TEXTS[page]):
         printed = io.StringIO()
@@ -54,7 +54,7 @@ def test_the_index_of_questions_has_thirty_and_its_commands_run(monkeypatch, tmp
     assert len(lines) == 4
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("granular.studies.frontiers.methods._engine", lambda *_: "plain")
+    monkeypatch.setattr("granular.studies.frontier_methods._engine", lambda *_: "plain")
     scene = gr.scenes.bouncing_ball()
     gr.md.simulate(scene, gr.LinearDashpot(1e6, 10.0), t_end=0.5).save("soft.npz")
     gr.cases.save(gr.cases.make("three-balls", gap=1e-2), "mine.toml")

@@ -8,8 +8,8 @@ import granular as gr
 from bench.reference import solve
 from granular.laws.kinds import checked
 from granular.scene.walls import Motion, Sine
-from granular.studies.frontiers import methods
-from granular.studies.frontiers.methods import Task, peer
+from granular.studies import frontier_methods as methods
+from granular.studies.frontier_methods import Task, peer
 
 pytest.importorskip("xarray")
 

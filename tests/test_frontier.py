@@ -15,8 +15,8 @@ from granular._engine.reports import duration
 from granular.app import cli
 from granular.app.cli import output
 from granular.studies import reference
+from granular.studies.frontier_methods import METHODS, Task, contacts_of, errors, expected_orders, own
 from granular.studies.frontiers import Frontier, Row
-from granular.studies.frontiers.methods import METHODS, Task, contacts_of, errors, expected_orders, own
 
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
 
@@ -31,8 +31,8 @@ def scene_and_law(law=None):
 def coarse():
     """Fewer and coarser points than by default, so that tests are quick."""
     patch = pytest.MonkeyPatch()
-    patch.setattr("granular.studies.frontiers.methods.POINTS", 5)
-    patch.setattr("granular.studies.frontiers.methods.MOST_STEPS", {"compiled": 100_000, "plain": 20_000})
+    patch.setattr("granular.studies.frontier_methods.POINTS", 5)
+    patch.setattr("granular.studies.frontier_methods.MOST_STEPS", {"compiled": 100_000, "plain": 20_000})
     yield
     patch.undo()
 
@@ -213,7 +213,7 @@ def test_command_measures_the_first_contacts_of_a_scene_that_only_its_time_ends(
 @pytest.mark.parametrize("line", ["compressed-chain --ends walls", "bouncing-ball --height 0"])
 def test_command_says_at_once_that_no_contact_ends(line, capsys, monkeypatch):
     """And nothing else; the reference would follow a ball at rest forever."""
-    monkeypatch.setattr(reference.restarted, "solve", lambda *a, **b: pytest.fail("it was solved"))
+    monkeypatch.setattr(reference, "solve_with", lambda *a, **b: pytest.fail("it was solved"))
     assert cli.main(["frontier", *line.split()]) == 2
     err = capsys.readouterr().err
     assert err.startswith("granular: scene is Scene(")

@@ -9,7 +9,7 @@ import pytest
 
 import granular as gr
 from granular import binary, cases, measures
-from granular.studies.frontiers.methods import contacts_of
+from granular.studies.frontier_methods import contacts_of
 from granular.studies.reference import Reference
 
 SCENE = gr.scenes.three_balls(gap=1e-3)

@@ -8,8 +8,8 @@ import pytest
 import granular as gr
 from bench import reference
 from granular.laws.kinds import resolved
-from granular.studies.reference import restarted
-from granular.studies.reference.events import ACTIVE, DORMANT, OPEN, roused
+from granular.studies.reference import solve_with
+from granular.studies.reference_events import ACTIVE, DORMANT, OPEN, roused
 
 pytest.importorskip("mpmath")
 MP = __import__("mpmath").MPContext()
@@ -19,7 +19,7 @@ MP.dps = 40
 def both(scene, law, t_end, digits=20, close=1e-11):
     """The scene by both solvers, which agree in every contact and at the end."""
     solved = reference.solve(scene, law, t_end=t_end, digits=digits)
-    other, _ = restarted.solve(scene, resolved([law] * scene.n_pairs, scene), None, t_end, "DOP853", 3e-14)
+    other, _ = solve_with(scene, resolved([law] * scene.n_pairs, scene), None, t_end, "DOP853", 3e-14)
     assert [row.pair for row in other.contacts] == [row.pair for row in solved.contacts]
     ends = zip((*other.gap, *other.velocity), (*solved.gap, *solved.velocity), strict=True)
     assert max(abs(float(x - y)) for x, y in ends) < close

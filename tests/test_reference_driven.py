@@ -10,8 +10,8 @@ from bench import reference
 from bench.reference.taylor import Taylor
 from granular.laws import resolve
 from granular.laws.kinds import resolved
-from granular.studies.reference import restarted
-from granular.studies.reference.events import Run
+from granular.studies.reference import solve_with
+from granular.studies.reference_events import Run
 
 pytest.importorskip("mpmath")
 from driven_scenes import MP, ONE_RADIAN, riding, scenes, shaken, steady
@@ -26,7 +26,7 @@ def test_a_ball_that_rides_has_its_closed_form(force):
     assert [row.t_end for row in solved.contacts] == [None]
     assert abs(-MP.mpf(solved.gap[0]) - xi) < 1e-30
     assert abs(MP.mpf(solved.velocity[0] - solved.velocity[1]) - eta) < 1e-30
-    other, _ = restarted.solve(scene, resolved([law], scene), None, 9.0, "DOP853", 3e-14)
+    other, _ = solve_with(scene, resolved([law], scene), None, 9.0, "DOP853", 3e-14)
     assert abs(-other.gap[0] - xi) < 1e-12
 
 
@@ -59,7 +59,7 @@ def on_dashpot(xi, eta, t):
 def both(scene, law, t_end):
     """The scene from -1 s on by both solvers, which agree."""
     solved = reference.solve(scene, law, t_start=-1.0, t_end=t_end)
-    other, _ = restarted.solve(scene, resolved([law], scene), None, t_end, "DOP853", 3e-14, t_start=-1.0)
+    other, _ = solve_with(scene, resolved([law], scene), None, t_end, "DOP853", 3e-14, t_start=-1.0)
     assert len(other.contacts) == len(solved.contacts)
     assert abs(other.gap[0] - solved.gap[0]) < 1e-12
     return solved
@@ -88,7 +88,7 @@ def test_a_solver_that_ends_just_short_of_a_jump_sees_it():
     start, at = -0.9, 0.75
     assert start + (at - start) < at
     scene, law = jumping(-1.0, start=start, at=at)
-    solved, _ = restarted.solve(scene, resolved([law], scene), None, 2.0, "DOP853", 3e-14, t_start=start)
+    solved, _ = solve_with(scene, resolved([law], scene), None, 2.0, "DOP853", 3e-14, t_start=start)
     first, then = solved.contacts
     assert (first.t_end, then.t_begin) == pytest.approx((at, at + (math.sqrt(5.0) - 1.0) / 4.0), abs=1e-12)
 
@@ -120,7 +120,7 @@ def test_both_solvers_agree_under_forces_and_beside_driven_walls(seed):
     scene, law = scenes(seed)
     solved = reference.solve(scene, law, t_end=0.3, digits=20)
     fitted = gr.scene.places.fitted(scene, 0.0, 0.3)
-    other, _ = restarted.solve(fitted, resolved(law, fitted), None, 0.3, "DOP853", 1e-10)
+    other, _ = solve_with(fitted, resolved(law, fitted), None, 0.3, "DOP853", 1e-10)
     assert len(solved.contacts) > 2
     assert [row.pair for row in other.contacts] == [row.pair for row in solved.contacts]
     assert max(abs(float(a - b)) for a, b in zip(solved.gap, other.gap, strict=True)) < 1e-7

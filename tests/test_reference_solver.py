@@ -14,9 +14,9 @@ from bench.reference import taylor
 from bench.reference.series import Power, first_rise, fraction, product_term
 from granular.laws import resolve
 from granular.laws.kinds import resolved
-from granular.studies.reference import restarted, solve
-from granular.studies.reference.driven import value
-from granular.studies.reference.events import Run, first_rise_of_parabola
+from granular.studies.reference import solve, solve_with
+from granular.studies.reference_events import Run, first_rise_of_parabola
+from granular.studies.reference_walls import value
 
 mpmath = pytest.importorskip("mpmath")
 NUMBERS = json.loads((Path(__file__).parent / "reference" / "chains.json").read_text())
@@ -129,7 +129,7 @@ def test_a_law_without_series_is_solved_by_restarts():
 def test_restarts_agree_with_the_series(method):
     scene, law, end = three_balls(lambda pair: gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair))
     solved = reference.solve(scene, law, **end, digits=20)
-    again, evaluations = restarted.solve(scene, resolved(law, scene), end["until"], None, method, 1e-9)
+    again, evaluations = solve_with(scene, resolved(law, scene), end["until"], None, method, 1e-9)
     assert max(reference.distance(again, solved)) < 1e-6
     assert evaluations > 100
 

@@ -12,7 +12,7 @@ import pytest
 import granular as gr
 from bench import make_verification as maker
 from granular.app.cli import main
-from granular.studies.reference import verification
+from granular.studies import verification
 
 pytestmark = pytest.mark.core
 LAWS = {"LinearDashpot": gr.LinearDashpot, "Hertz": gr.Hertz}

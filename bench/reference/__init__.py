@@ -17,7 +17,7 @@ from granular.laws.contact_law import Form, PairLaw
 from granular.scene import Scene
 from granular.studies import reference
 from granular.studies.reference import Reference, ReferenceContact
-from granular.studies.reference.events import distance
+from granular.studies.reference_events import distance
 
 __all__ = ["Reference", "ReferenceContact", "distance", "power_series", "solve"]
 

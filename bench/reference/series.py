@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from granular.studies.reference.driven import Number, value
+from granular.studies.reference_walls import Number, value
 
 
 def product_term(mp: Any, a: Sequence[Number], b: Sequence[Number], n: int) -> Number:

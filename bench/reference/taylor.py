@@ -18,8 +18,7 @@ from typing import Any
 
 from bench.reference.series import Course, Force, Piece, Power, first_rise, product_term, touch, work
 from granular import until as stop
-from granular.studies.reference.driven import Number, Path, heats, paths, value
-from granular.studies.reference.events import (
+from granular.studies.reference_events import (
     ACTIVE,
     CLOSED,
     DORMANT,
@@ -29,6 +28,7 @@ from granular.studies.reference.events import (
     Watch,
     first_rise_of_parabola,
 )
+from granular.studies.reference_walls import Number, Path, heats, paths, value
 
 GUARD = 8
 """Digits carried beyond those asked for."""

@@ -19,9 +19,9 @@ from granular.cases.case import Case
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.run.trajectory import EARLY, Trajectory
-from granular.studies.frontiers.methods import Task, contacts_of, errors
-from granular.studies.frontiers.run import rounding_level
-from granular.studies.reference.events import Reference
+from granular.studies.frontier_methods import Task, contacts_of, errors
+from granular.studies.frontiers import rounding_level
+from granular.studies.reference_events import Reference
 from granular.studies.sweeps.plan import planned
 from granular.studies.sweeps.results import REFUSED
 from granular.studies.sweeps.subject import SceneLike

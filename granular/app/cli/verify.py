@@ -9,7 +9,7 @@ from granular._engine import files
 from granular._engine.reports import aligned
 from granular.app.cli.parser import Command
 from granular.cases.case import Option
-from granular.studies.reference import verification
+from granular.studies import verification
 
 WORDS = "right", "ill-conditioned", "wrong", "missing"
 OK, NOT_RIGHT = 0, 1

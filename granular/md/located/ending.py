@@ -18,9 +18,8 @@ from granular.md.located.records import ACTIVE, DORMANT, GENERAL
 from granular.md.located.rest.equilibrium import overlap_under
 from granular.run.contact_log import CONTACT_ROW, Rows
 from granular.run.drive import Pause
-from granular.run.limits import raised
 from granular.run.trajectory import Status
-from granular.run.until import Contact
+from granular.run.until import Contact, raised
 
 SETTLED = 1e-9
 """Deviation of an overlap from its static value, relative to that value, up to which balls count as settled."""

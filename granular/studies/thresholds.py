@@ -15,7 +15,9 @@ from granular.cases.build import sentence_of
 from granular.studies.sweeps.plan import Plan, planned
 from granular.studies.sweeps.results import REFUSED
 from granular.studies.sweeps.subject import SceneLike
-from granular.studies.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
+from granular.studies.threshold_result import CRITERIA, UNDECIDED, Criterion, Crossing, Threshold, Value
+
+__all__ = ["Crossing", "Threshold", "Value", "threshold"]
 
 SPACINGS: Mapping[str, Callable[[float, float, int], check.Array]] = {"log": np.geomspace, "linear": np.linspace}
 GAPS = (1e-6, 1e-2)

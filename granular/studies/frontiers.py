@@ -12,13 +12,13 @@ import numpy as np
 
 from granular import md
 from granular._engine import check
-from granular._engine.progress import shown
+from granular._engine.progress import Told, shown
 from granular._engine.reports import machine
 from granular.laws.kinds import checked
 from granular.run import until as stop
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, checked as a_scene
-from granular.studies.frontiers.methods import (
+from granular.studies.frontier_methods import (
     METHODS,
     PEERS,
     Method,
@@ -29,12 +29,14 @@ from granular.studies.frontiers.methods import (
     own,
     peer,
 )
-from granular.studies.frontiers.result import Frontier, Row, floor
+from granular.studies.frontier_result import Frontier, Row, floor
 from granular.studies.reference import Reference, solve
+
+__all__ = ["Frontier", "Row", "frontier"]
 
 ALIKE = 1e-3
 """Error of the default method, in units of the impact speed, from which on a reference is that of another scene."""
-LONG = 0.2
+LONG = 0.1
 """Seconds in all after which a run is not repeated any more."""
 
 
@@ -65,7 +67,7 @@ def frontier(
         Some of located, verlet, symplectic-euler, rk4, gear5, edmd, dop853, lsoda, radau, dop853+events,
         lsoda+events, radau+events; default all. The last six are scipy's.
     repeats : int
-        Maximum number of runs of each setting, of which the fastest counts. After 0.2 s in all a run is not repeated.
+        Maximum number of runs of each setting, of which the fastest counts. After 0.1 s in all a run is not repeated.
         Each method first runs once at its cheapest setting, which is not timed.
     reference : Reference, optional
         Solution of the same scene, law and stop condition. Defaults to `granular.studies.reference.solve`: SciPy's
@@ -113,17 +115,9 @@ def frontier(
             level = rounding_level(task)
             _check_reference(truth, run, level)
             tried = [*filter(None, (peer(task, name) if name in PEERS else own(task, name) for name in chosen))]
-            todo = sum(len(method.settings) for method in tried)
-            rows: list[Row] = []
-            for method in tried:
-                for setting in method.settings[:1]:  # warms up, at the cheapest setting
-                    method.run(setting)
-                for setting in method.settings:
-                    rows.append(_row(task, method, setting, count, level))
-                    if tell is not None:
-                        tell(len(rows) / todo, len(rows))
+            rows = _measured(task, tried, count, level, tell)
     return Frontier(
-        scene, laws, until, t_end, truth, tuple(rows), {method.name: method.setting_name for method in tried},
+        scene, laws, until, t_end, truth, rows, {method.name: method.setting_name for method in tried},
         expected_orders(task, chosen), level, machine(),
     )
 
@@ -139,6 +133,19 @@ def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:
 
 def _nothing(scene: Scene) -> str:
     return f"scene is {scene}: in this time no contact ends, and there is nothing to compare."
+
+
+def _measured(task: Task, tried: Sequence[Method], repeats: int, level: float, tell: Told | None) -> tuple[Row, ...]:
+    """Run every method at all its settings."""
+    rows, todo = list[Row](), sum(len(method.settings) for method in tried)
+    for method in tried:
+        for setting in method.settings[:1]:  # warms up, at the cheapest setting
+            method.run(setting)
+        for setting in method.settings:
+            rows.append(_row(task, method, setting, repeats, level))
+            if tell is not None:
+                tell(len(rows) / todo, len(rows))
+    return tuple(rows)
 
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:

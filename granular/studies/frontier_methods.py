@@ -22,8 +22,14 @@ from granular.md.fixed.integrators import INTEGRATORS
 from granular.run import until as stop
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene
-from granular.studies.reference import Reference, ReferenceContact, restarted
-from granular.studies.reference.events import Logbook
+from granular.studies.reference import (
+    Newton,
+    Reference,
+    ReferenceContact,
+    TooMuchWork,
+    solve_with,
+)
+from granular.studies.reference_events import Logbook
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST, FINER, POINTS = 8, 4, 8
@@ -151,21 +157,21 @@ def peer(task: Task, name: str) -> Method | None:
     def run(rtol: float) -> Outcome:
         try:
             return way(task, solver, rtol)
-        except restarted.TooMuchWork:
+        except TooMuchWork:
             return Outcome(tuple, MOST, "evaluations", "stopped")
 
     return Method(name, "rtol", RTOL[solver], run)
 
 
 def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
-    done, work = restarted.solve(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MOST)
+    done, work = solve_with(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MOST)
     return Outcome(lambda: done.contacts, work, "evaluations", done.status)
 
 
 def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
     from scipy.integrate import solve_ivp
 
-    truth, newton = task.truth, restarted.Newton(task.scene, task.resolved, MOST)
+    truth, newton = task.truth, Newton(task.scene, task.resolved, MOST)
     end = truth.t_stop + (0.0 if truth.status == "time" else BEYOND * max(truth.durations))
     done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
                      atol=rtol * newton.scales())
@@ -173,7 +179,7 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
                    "time" if done.success else "failed")
 
 
-def _read(task: Task, newton: restarted.Newton, done: Any) -> tuple[ReferenceContact, ...]:
+def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
     """Contacts from a continuous solution: changes of the clipped force between looks, then its zeros."""
     knots = np.unique(np.linspace(done.t[:-1], done.t[1:], LOOKS + 1))
     log, changes = Logbook(task.until), []
@@ -197,7 +203,7 @@ def _read(task: Task, newton: restarted.Newton, done: Any) -> tuple[ReferenceCon
     return log.contacts()
 
 
-def _zero(task: Task, newton: restarted.Newton, state: Any, c: int, a: float, b: float) -> float:
+def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) -> float:
     """When the force of pair c begins or ends between times `a` and `b`."""
     from scipy.optimize import brentq
 

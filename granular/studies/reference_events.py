@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 from granular.run import until as stop
-from granular.studies.reference.driven import Heat, Number
+from granular.studies.reference_walls import Heat, Number
 
 OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
 """No overlap · a force acts · overlap, but the force is clipped to zero · touching at rest."""
