@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 from granular._engine import kernels
-from granular._engine.kernels import ByReference, by_reference, compiled, have_numba, kernel
+from granular._engine.compiler_state import REFERENCE_WORDS, ByReference, Mode, by_reference, numba_version
+from granular._engine.kernels import compiled, have_numba, kernel
 
 pytestmark = pytest.mark.skipif(not have_numba(), reason="numba is not installed")
 
@@ -54,7 +55,7 @@ def toy():
 
 def result(function):
     arrays = Arrays(np.arange(5.0), np.full(5, 0.1))
-    return function(arrays, np.zeros(kernels.REFERENCE_WORDS, np.int64)), *arrays.second
+    return function(arrays, np.zeros(REFERENCE_WORDS, np.int64)), *arrays.second
 
 
 @pytest.fixture
@@ -63,9 +64,8 @@ def pipeline(monkeypatch, tmp_path):
     pipeline = pytest.importorskip("granular._engine.numba_pipeline")
     kernels.load_numba()
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(kernels.Mode, "fast", True)
-    yield pipeline
-    kernels.on_disk.cache_clear()
+    monkeypatch.setattr(Mode, "fast", True)
+    return pipeline
 
 
 def run_twice():
@@ -80,7 +80,7 @@ def run_twice():
 
 def test_the_fast_pipeline_compiles_a_toy_kernel_without_a_warning(pipeline):
     assert run_twice() == 0
-    assert kernels.Mode.fast
+    assert Mode.fast
 
 
 @pytest.mark.parametrize("place", [
@@ -99,16 +99,16 @@ def test_a_broken_override_switches_to_the_default_pipeline_with_one_warning(pla
     value = types.SimpleNamespace() if name == "cgutils" else staticmethod(broken) if name[0] == "w" else value
     monkeypatch.setattr(getattr(pipeline, holder) if holder else pipeline, name, value)
     assert run_twice() == 1
-    assert not kernels.Mode.fast
+    assert not Mode.fast
     assert run_twice() == 0  # the whole process has switched
 
 
 def test_a_pipeline_that_cannot_be_imported_is_replaced_with_one_warning(pipeline, monkeypatch):
     monkeypatch.setitem(sys.modules, "granular._engine.numba_pipeline", None)
-    monkeypatch.setattr(kernels.Mode, "fast", None)
-    monkeypatch.setattr(kernels, "TESTED_NUMBA", (kernels.numba_version(),))
+    monkeypatch.setattr(Mode, "fast", None)
+    monkeypatch.setattr(kernels, "TESTED_NUMBA", (numba_version(),))
     assert run_twice() == 1
-    assert not kernels.Mode.fast
+    assert not Mode.fast
 
 
 def test_an_unknown_version_uses_the_default_pipeline_without_importing_the_fast_one(tmp_path):
@@ -118,7 +118,7 @@ from granular._engine import kernels
 kernels.TESTED_NUMBA = ()
 import test_numba_pipeline as toys
 assert toys.run_twice() == 0
-assert kernels.Mode.fast is False
+assert toys.Mode.fast is False
 assert "granular._engine.numba_pipeline" not in sys.modules
 """
     path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
@@ -129,7 +129,7 @@ assert "granular._engine.numba_pipeline" not in sys.modules
 def test_both_pipelines_have_their_own_files_in_the_cache(pipeline, monkeypatch, tmp_path):
     function = toy()
     for fast in (True, False):
-        monkeypatch.setattr(kernels.Mode, "fast", fast)
+        monkeypatch.setattr(Mode, "fast", fast)
         result(compiled(function))
     assert len({path.name for path in tmp_path.rglob("*.nbi") if "highest" in path.name}) == 2
 

@@ -3,6 +3,6 @@
 Modules of this room do not depend on scenes, laws or engines.
 
 Main line: `flight`.
-A first reader may skip: `check`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`, `progress`,
-`records`, `reports`, `roots`, `signature`.
+A first reader may skip: `check`, `compiler_state`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`,
+`progress`, `records`, `reports`, `roots`, `signature`.
 """

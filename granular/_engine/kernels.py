@@ -21,19 +21,16 @@ import gc
 import os
 import sys
 import types
-import warnings
 from collections.abc import Callable
-from contextlib import suppress
-from functools import cache, cached_property, wraps
+from functools import cache, wraps
 from importlib.util import find_spec
 from inspect import getsourcelines
 from pathlib import Path
 from time import process_time
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 from zlib import crc32
 
-import numpy as np
-
+from granular._engine.compiler_state import Mode, by_reference, cache_on_disk, numba_version, use_default_pipeline
 from granular._engine.package import install
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -58,30 +55,8 @@ OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 """numba's options of every kernel: 1/0 is inf, and the interpreter lock is released."""
 FAST_OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True}
 """Further options of the fast pipeline: arrays are not reference-counted (half of the time), no entry for C."""
-REFERENCE_WORDS = 256
-"""Length of the table of array addresses of one tuple, in words of 8 bytes."""
 on_making: list[Callable[[], object]] = []
 """Function to call once before the first compilation, which takes several seconds. At most one entry."""
-
-
-class ByReference:
-    """Base class of named tuples of arrays that compiled code receives by reference.
-
-    Compiled code reads the fields from a table of addresses, so that a call copies one word instead of about eighty.
-    Interpreted code reads the tuple itself. `granular._engine.numba_pipeline` defines the numba type.
-    """
-
-    _plain: ClassVar[Callable[..., Any]]
-    """The named tuple without this base class."""
-    write_addresses: ClassVar[Callable[[Any, Any], None]]
-    """Function that writes the addresses of the arrays into a table. Set by `granular._engine.numba_pipeline`."""
-
-    @cached_property
-    def room(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Table of the addresses of the arrays, valid as long as the tuple exists."""
-        room = np.zeros(REFERENCE_WORDS, np.int64)
-        ByReference.write_addresses(self._plain(*self), room)  # type: ignore[misc]  # it is a tuple
-        return room
 
 
 def kernel(function: F) -> F:
@@ -90,10 +65,7 @@ def kernel(function: F) -> F:
     return function
 
 
-@kernel
-def by_reference(fields: Any, room: Any) -> Any:
-    """Return a named tuple in the form that kernels take: compiled, a reference to its fields in the table `room`."""
-    return fields
+kernel(by_reference)  # the fast pipeline replaces it
 
 
 def rare(function: F) -> F:
@@ -190,13 +162,6 @@ def _is_installed(module: str) -> bool:
     return find_spec(module) is not None
 
 
-class Mode:
-    """State of the compiler in this process."""
-
-    fast: bool | None = None
-    """Whether kernels are compiled by the fast pipeline. None before numba is loaded."""
-
-
 def load_numba() -> Any:
     """Return the module numba, and choose the pipeline. Raises `ImportError` with the reason if numba is unusable."""
     if why := no_compiler():
@@ -211,22 +176,6 @@ def load_numba() -> Any:
             except Exception as error:
                 use_default_pipeline(error)
     return numba
-
-
-def numba_version() -> tuple[int, ...]:
-    """Return the version of numba (major, minor). numba must be loaded."""
-    return tuple(map(int, sys.modules["numba"].__version__.split(".")[:2]))
-
-
-def use_default_pipeline(reason: BaseException) -> None:
-    """Compile by numba's default pipeline from now on, and warn once."""
-    if Mode.fast:
-        Mode.fast = False
-        on_disk.cache_clear()
-        warnings.warn(
-            f"the fast compiler pipeline failed with numba {sys.modules['numba'].__version__} "
-            f"({type(reason).__name__}: {reason}). Kernels are compiled by the default pipeline, which takes twice as "
-            "long and gives the same results.", RuntimeWarning, stacklevel=2)
 
 
 @cache
@@ -292,13 +241,6 @@ def _or_by_default(compile_for: Callable[..., Any], function: Callable[..., Any]
     return compiled
 
 
-def cache_on_disk(function: Any) -> Any:
-    """Let numba cache the machine code of a function on disk, if there is a writable folder."""
-    with suppress(RuntimeError):
-        function.enable_caching()
-    return function
-
-
 def _without_collection(make: Any) -> Any:
     """Return `make` with the garbage collector disabled while it runs.
 
@@ -356,17 +298,19 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     return bool(dispatcher(function, inline).overloads)
 
 
-@cache
 def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is in numba's cache on disk.
 
     Loading it takes up to one second, compiling up to 12 s. Loads numba. Code that another process adds to the cache
     later is ignored.
     """
-    if not have_numba():
-        return False
+    return have_numba() and _is_on_disk(dispatcher(function, inline))
+
+
+@cache
+def _is_on_disk(dispatcher: Any) -> bool:
     try:
-        return bool(dispatcher(function, inline)._cache._cache_file._load_index())
+        return bool(dispatcher._cache._cache_file._load_index())
     except (AttributeError, OSError):  # another version of numba, or no writable folder for the cache
         return False
 

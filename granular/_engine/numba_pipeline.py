@@ -2,10 +2,10 @@
 
 By default numba optimises the machine code of every kernel once for each of its callers. This pipeline types and
 lowers a kernel that only kernels call once, as a `Part`, and links it into every `Whole` kernel that Python calls.
-Named tuples of arrays (`granular._engine.kernels.ByReference`) are passed as one pointer. Together this halves the
-compilation time and saves 5 % of a call.
+Named tuples of arrays (`granular._engine.compiler_state.ByReference`) are passed as one pointer. Together this halves
+the compilation time and saves 5 % of a call.
 
-`granular._engine.kernels` imports this module only for the versions of numba in its `TESTED_NUMBA`, and uses the
+`granular._engine.kernels` uses this pipeline only for the versions of numba in its `TESTED_NUMBA`, and the
 default pipeline after any failure.
 """
 
@@ -25,7 +25,7 @@ from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
 
-from granular._engine.kernels import (
+from granular._engine.compiler_state import (
     REFERENCE_WORDS,
     ByReference,
     Mode,
@@ -176,6 +176,18 @@ def _write(typing: Any, fields: Any, room: Any) -> Any:
     return reference(fields, room), code
 
 
+@unbox(Reference)  # type: ignore[untyped-decorator]
+def _unboxed(reference: Any, value: Any, c: Any) -> Any:
+    room, array = c.pyapi.object_getattr_string(value, "room"), types.Array(types.int64, 1, "C")
+    failed = cgutils.is_null(c.builder, room)
+    place = cgutils.alloca_once_value(c.builder, ir.Constant(cgutils.voidptr_t, None))
+    with c.builder.if_then(c.builder.not_(failed), likely=True):
+        data = c.context.make_array(array)(c.context, c.builder, c.unbox(array, room).value).data
+        c.builder.store(c.builder.bitcast(data, cgutils.voidptr_t), place)
+        c.pyapi.decref(room)  # the tuple keeps a reference
+    return NativeValue(c.builder.load(place), is_error=failed)
+
+
 @overload(by_reference)  # type: ignore[untyped-decorator]
 def _by_reference(fields: Any, room: Any) -> Any:
     def written(fields: Any, room: Any) -> Any:
@@ -198,20 +210,8 @@ def _type_of(value: Any, context: Any) -> Any:
     fields = tuple(map(typeof, value))
     if Mode.fast:
         try:
-            value.room  # noqa: B018  written here, where a failure is not an error of the run
+            value.room  # noqa: B018  created here, where a failure is not an error of the run
             return Reference(value._fields, fields)
         except Exception as error:
             use_default_pipeline(error)
     return types.NamedTuple(fields, type(value))  # type: ignore[attr-defined]
-
-
-@unbox(Reference)  # type: ignore[untyped-decorator]
-def _unboxed(reference: Any, value: Any, c: Any) -> Any:
-    room, array = c.pyapi.object_getattr_string(value, "room"), types.Array(types.int64, 1, "C")
-    failed = cgutils.is_null(c.builder, room)
-    place = cgutils.alloca_once_value(c.builder, ir.Constant(cgutils.voidptr_t, None))
-    with c.builder.if_then(c.builder.not_(failed), likely=True):
-        data = c.context.make_array(array)(c.context, c.builder, c.unbox(array, room).value).data
-        c.builder.store(c.builder.bitcast(data, cgutils.voidptr_t), place)
-        c.pyapi.decref(room)  # the tuple keeps a reference
-    return NativeValue(c.builder.load(place), is_error=failed)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular._engine.check import Array
-from granular._engine.kernels import REFERENCE_WORDS, by_reference, compiled, interpreted, kernel
+from granular._engine.compiler_state import REFERENCE_WORDS, by_reference
+from granular._engine.kernels import compiled, interpreted, kernel
 from granular._engine.records import play
 from granular.md.located.blocks import advance, expose_all, gather, set_out
 from granular.md.located.log import keep_unsettled

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.kernels import RING, ByReference, kernel
+from granular._engine.compiler_state import ByReference
+from granular._engine.kernels import RING, kernel
 from granular._engine.records import NODE, packed, plain, tournament
 from granular._engine.roots import DEEPEST, workspace
 from granular.laws.kinds import SceneLaws, alike

@@ -1,0 +1,72 @@
+"""Tuples of arrays that compiled kernels receive by reference, and the state of the compiler in this process.
+
+Used by `granular._engine.kernels` and `granular._engine.numba_pipeline`.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+REFERENCE_WORDS = 256
+"""Length of the table of array addresses of one tuple, in words of 8 bytes."""
+
+
+class ByReference:
+    """Base class of named tuples of arrays that compiled code receives by reference.
+
+    Compiled code reads the fields from a table of addresses, so that a call copies one word instead of about eighty.
+    Interpreted code reads the tuple itself. `granular._engine.numba_pipeline` defines the numba type.
+    """
+
+    _plain: ClassVar[Callable[..., Any]]
+    """The named tuple without this base class."""
+    write_addresses: ClassVar[Callable[[Any, Any], None]]
+    """Function that writes the addresses of the arrays into a table. Set by `granular._engine.numba_pipeline`."""
+
+    @cached_property
+    def room(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Table of the addresses of the arrays, valid as long as the tuple exists."""
+        room = np.zeros(REFERENCE_WORDS, np.int64)
+        ByReference.write_addresses(self._plain(*self), room)  # type: ignore[misc]  # it is a tuple
+        return room
+
+
+def by_reference(fields: Any, room: Any) -> Any:
+    """Return a named tuple in the form that kernels take: compiled, a reference to its fields in the table `room`."""
+    return fields
+
+
+class Mode:
+    """State of the compiler in this process."""
+
+    fast: bool | None = None
+    """Whether kernels are compiled by the fast pipeline. None before numba is loaded."""
+
+
+def numba_version() -> tuple[int, ...]:
+    """Return the version of numba (major, minor). numba must be loaded."""
+    return tuple(map(int, sys.modules["numba"].__version__.split(".")[:2]))
+
+
+def use_default_pipeline(reason: BaseException) -> None:
+    """Compile by numba's default pipeline from now on, and warn once."""
+    if Mode.fast:
+        Mode.fast = False
+        warnings.warn(
+            f"the fast compiler pipeline failed with numba {sys.modules['numba'].__version__} "
+            f"({type(reason).__name__}: {reason}). Kernels are compiled by the default pipeline, which takes twice as "
+            "long and gives the same results.", RuntimeWarning, stacklevel=2)
+
+
+def cache_on_disk(function: Any) -> Any:
+    """Let numba cache the machine code of a function on disk, if there is a writable folder."""
+    with suppress(RuntimeError):
+        function.enable_caching()
+    return function
