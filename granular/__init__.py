@@ -6,7 +6,7 @@ A first reader may skip: `app/`, `cases/`, `studies/`.
 
 from typing import TYPE_CHECKING
 
-from granular._engine.package import VERSION, attributes
+from granular._engine.package import CROSS_ROOM_LOADERS, VERSION, attributes
 
 if TYPE_CHECKING:
     from granular import cases, edmd, md
@@ -81,3 +81,4 @@ __getattr__ = attributes(__name__, {
     "granular.scene.walls": "walls",
     "granular.md.waves": "waves",
 })
+CROSS_ROOM_LOADERS["contact_durations"] = lambda: attributes(__name__, {"granular.md.isolation": "Durations"})("Durations")

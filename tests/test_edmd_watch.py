@@ -102,7 +102,7 @@ def test_counts_what_looking_at_every_two_rows_finds(name, law, seed, monkeypatc
 
 
 def test_the_check_for_tests_leaves_what_it_looks_at():
-    watch = Watch(gr.Hertz(1e7), gr.scenes.heated_gas(3))
+    watch = Watch(gr.Hertz(1e7), gr.scenes.heated_gas(3), isolation.Durations)
     watch.last["began"] = 0.5
     watch.last["lasting"][1:-1] = 0.1  # and none at thermal walls
     before = watch.last.copy()

@@ -10,6 +10,11 @@ from typing import Any
 NAME = "granular-collisions"
 """Name for pip. The package index has another `granular` with the same folder."""
 VERSION = "0.2.0"
+CROSS_ROOM_LOADERS: dict[str, Callable[[], Any]] = {}
+"""Loaders of functions that a room uses without importing them. Filled by `granular/__init__.py`.
+
+`contact_durations` loads `granular.md.isolation.Durations` for hard runs with the option `watch`.
+"""
 EXTRAS = {"fast": "numba", "plot": "matplotlib", "sweep": "xarray netCDF4 pandas"}
 """Optional packages, by the extra that installs them."""
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from granular._engine import check
 from granular._engine.kernels import no_compiler
+from granular._engine.package import CROSS_ROOM_LOADERS
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -263,10 +264,10 @@ def resume(
 
 
 def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Watch:
-    """Return what looks on for contacts of a law that would disturb each other; loaded where somebody asks for it."""
+    """Return the observer of a run that counts contacts of `law` which would disturb each other, loaded on demand."""
     from granular.edmd.watch import Watch
 
-    return Watch(law, scene, saved)
+    return Watch(law, scene, CROSS_ROOM_LOADERS["contact_durations"](), saved)
 
 
 def checked_engine(engine: str, physics: Physics) -> str:

@@ -27,6 +27,7 @@ from granular.laws.contact_law import instance
 from granular.laws.rules import different
 from granular.scene import Scene
 
+Durations = Callable[[Any, check.Array], check.Array]
 LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
 """The last contact of a pair: when it began, s since the epoch, how long it lasts, s, and whether it is disturbed (1).
 """
@@ -41,6 +42,9 @@ class Watch:
         One for all pairs, or one per pair.
     scene : Scene
         Its pairs.
+    durations : callable
+        Takes laws and scene; returns a function of arrays of pairs and of approach speeds in m/s, whose values are the
+        durations of isolated contacts in s. `granular.md.isolation.Durations`.
     saved : mapping, optional
         The state of a run to go on with.
 
@@ -50,14 +54,15 @@ class Watch:
         For laws that do not fit.
     """
 
-    def __init__(self, law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, law: Any, scene: Scene, durations: Callable[[Any, Scene], Durations],
+        saved: Mapping[str, Any] | None = None,
+    ) -> None:
         laws = check.per_pair("watch", law, scene.n_pairs)
         for one in different(laws):
             instance("watch", one, "how long a contact lasts, no collision rule can tell")
         kinds.checked(laws, scene)
-        from granular.md.isolation import Durations  # from above, and only when asked for
-
-        self.duration: Callable[[Any, check.Array], check.Array] = Durations(laws, scene)
+        self.duration = durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)
         self.last["began"] = -math.inf
         self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
