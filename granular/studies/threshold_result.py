@@ -22,7 +22,7 @@ from granular.md import isolation
 from granular.run.trajectory import EARLY, Status
 from granular.studies.sweeps.schedule import Answer
 
-HOLDS, FAILS, UNDECIDED = VERDICTS = ("holds", "fails", "undecided")
+HOLDS, FAILS, UNDECIDED = ("holds", "fails", "undecided")
 NONE, CUT = "nothing touches", "a contact is cut off by the end time"
 """Why every contact of a value is isolated although less is known than it sounds."""
 Interval = tuple[float, float]
