@@ -81,4 +81,5 @@ __getattr__ = attributes(__name__, {
     "granular.scene.walls": "walls",
     "granular.md.waves": "waves",
 })
-CROSS_ROOM_LOADERS["contact_durations"] = lambda: attributes(__name__, {"granular.md.isolation": "Durations"})("Durations")
+_isolation = attributes(__name__, {"granular.md.isolation": "Durations"})
+CROSS_ROOM_LOADERS["contact_durations"] = lambda: _isolation("Durations")

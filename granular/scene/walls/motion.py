@@ -13,8 +13,7 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array
-from granular.scene.walls.formulas import Piecewise, Sine
-from granular.scene.walls.panels import Panels
+from granular.scene.walls.panels import Panels, _OnPanels
 from granular.scene.walls.path import TERMS
 from granular.scene.walls.thermal import Thermal
 
@@ -179,7 +178,7 @@ def checked(name: str, motion: Any, is_wall: bool) -> Any:
     """Return how a wall behaves, or None, if it is one of these and its body is a wall."""
     if motion is None:
         return None
-    if not isinstance(motion, (Motion, Panels, Piecewise, Sine, Thermal)):
+    if not isinstance(motion, (Motion, _OnPanels, Thermal)):
         raise TypeError(check._sentence(name, motion, "one of granular.walls is needed, such as "
                                          "granular.walls.Sine(1e-3, 50.0)"))
     if not is_wall:
@@ -204,7 +203,7 @@ def ends(*motions: Any) -> float:
     """Return the time in s at which the first of these paths ends: inf of a `Sine`, and of a `Motion`, whose function
     says how far it goes."""
     paths = [getattr(motion, "function", motion) for motion in motions]
-    last = [*(path.breaks[-1] for path in paths if isinstance(path, Piecewise)),
+    last = [*(path.breaks[-1] for path in paths if isinstance(path, _OnPanels) and hasattr(path, "breaks")),
             *(path.edges[-1] for path in paths if isinstance(path, Panels) and not path.frequency)]
     return float(min(last, default=math.inf))
 
