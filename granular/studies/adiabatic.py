@@ -1,15 +1,15 @@
-"""A light ball on a heavy one that bounces: three-body impact in the limit of appendix A of the paper.
+"""Three-body impact in the adiabatic limit: a light ball on a heavy one.
 
-Two balls fall on a floor, linear dashpots in both contacts. If the upper ball is far lighter than the lower one
+Two balls fall on a floor, with linear dashpots in both contacts. If the upper ball is far lighter than the lower one
 (m2 ≪ m1), the lower ball moves as if it were alone and the upper one follows. With overlaps ξ0 (floor), ξ1 (balls)
 and the accelerations a_c = (k_c ξ_c + γ_c ξ̇_c) / m_(c+1) of an active contact, 0 of any other:
 
     ξ̈0 = g - a0(t),        ξ̈1 = a0(t) - a1(t).
 
-(Newton: ξ̈0 = g - a0 + (m2/m1) a1, ξ̈1 = a0 - (1 + m2/m1) a1.) That is Newton's equation for an upper ball so light that
-the terms in m2/m1 are below rounding, and `granular.md.simulate` solves it: m2, k12 and γ12 are multiplied by 2⁻⁶⁰.
+(Newton: ξ̈0 = g - a0 + (m2/m1) a1, ξ̈1 = a0 - (1 + m2/m1) a1.) This is Newton's equation for an upper ball so light
+that the terms with m2/m1 are below rounding. `granular.md.simulate` solves it with m2, k12 and γ12 multiplied by 2⁻⁶⁰.
 
-Müller & Pöschel, Phys. Rev. E 83, 041304 (2011); what their appendix leaves out is in ``docs/adiabatic.md``.
+Müller & Pöschel, Phys. Rev. E 83, 041304 (2011), appendix A. Details beyond it are in ``docs/adiabatic.md``.
 """
 
 from __future__ import annotations
@@ -33,36 +33,41 @@ __all__ = ["AdiabaticSolution", "contacts"]
 __dir__ = __all__.copy
 
 LIGHTER = 2.0**-60
-"""Factor of the upper ball's mass and of its law: m2/m1 is then 1e-18 of itself. A power of two, so that the upper ball
-moves as it did, to the last bit; no smaller, or rest could not be told from rounding."""
+"""Factor of the upper ball's mass and of its law: m2/m1 becomes 1e-18 of itself.
+
+It is a power of two, so that the motion of the upper ball is bitwise identical. With a smaller factor, rest could not
+be distinguished from rounding.
+"""
 
 
 @check.face
 @dataclass(frozen=True, eq=False)
 class AdiabaticSolution:
-    """How the light ball fares; made by `contacts`. The clock is 0 as the lower ball first touches the floor.
+    """Contacts of the light ball, as returned by `contacts`.
+
+    The clock is 0 at the first touch of the lower ball and the floor.
 
     Attributes
     ----------
     t10, v10 : float
-        Time from the scene's instant to the first floor contact in s, and the lower ball's velocity there in m/s.
+        Time from the scene's start to the first floor contact in s, and the lower ball's velocity there in m/s.
     contacts : (count, 2) array
-        Onset and end in s of every contact of the two balls that begins before the second floor contact; the end is
-        inf for a contact that lasts forever, nan where the work limit cut it off.
+        Onset and end in s of every contact of the two balls that begins before the second floor contact. The end is
+        inf for a contact that lasts forever, and nan if the work limit was reached during it.
     floor_end, floor_again : float
-        End of the first floor contact and onset of the second in s; inf for never, nan if beyond the work limit.
+        End of the first floor contact and onset of the second in s; inf for never, nan beyond the work limit.
     t_f : float
-        End of the last of `contacts` in s; nan if there is none.
+        End of the last of `contacts` in s; nan without contacts.
     v1, v2 : float
         Velocities of the lower and the upper ball at `t_f` in m/s, upwards positive.
     ongoing : bool
-        A contact of the balls was still running when the second floor contact began. It was followed to its end,
-        with the floor pushing again.
+        Whether a contact of the balls was running when the second floor contact began. It was followed to its end,
+        while the floor pushes again.
     status : Status
-        `until`: the second floor contact has begun. `quiet`: nothing can follow (no gravity). `resting`: both
-        contacts last forever, proved. `max_events`: the work limit was reached.
+        `until`: the second floor contact has begun. `quiet`: no contact can follow (no gravity). `resting`: both
+        contacts last forever (proved). `max_events`: the work limit was reached.
     steps : int
-        Steps of `granular.md.simulate` that were needed.
+        Number of steps of `granular.md.simulate`.
     """
 
     t10: float
@@ -84,25 +89,26 @@ class AdiabaticSolution:
 
     @property
     def v_rel(self) -> float:
-        """v_r′ = v2 - v1 at `t_f` in m/s: how fast the balls part."""
+        """Separation speed v_r′ = v2 - v1 of the balls at `t_f` in m/s."""
         return self.v2 - self.v1
 
 
 @check.face
 def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSolution:
-    """Return the contacts of a light upper ball with the lower one, up to the second floor contact.
+    """Return the contacts of a light upper ball with the lower one.
 
-    Exact in the limit m2 → 0 with k/m2 and γ/m2 of the upper contact held; the error is of order m2/m1.
+    They end with the second floor contact. The solution is exact in the limit m2 → 0 with constant k/m2 and γ/m2 of the
+    upper contact. The error is of order m2/m1.
 
     Parameters
     ----------
     scene : Scene
-        A floor and two balls, such as `granular.scenes.three_balls`; the lower ball reaches the floor first.
-    law : force law, or two of them
+        A floor and two balls, such as `granular.scenes.three_balls`. The lower ball reaches the floor first.
+    law : force law, or two force laws
         Linear in both pairs (trait ``linear(pair) -> (k, gamma)``).
     max_steps : int
-        Work limit, in steps of `granular.md.simulate`: few unless a stiff or strongly over-damped upper contact lasts
-        as long as a soft floor contact.
+        Work limit, in steps of `granular.md.simulate`. Few are needed unless a stiff or strongly over-damped upper
+        contact lasts as long as a soft floor contact.
 
     Raises
     ------
@@ -137,7 +143,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
 
 
 def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
-    """The linear laws of both contacts, the upper one for a ball `LIGHTER`; raise what does not fit."""
+    """Return the linear laws of both contacts, the upper one for a ball `LIGHTER`."""
     walls = checked_scene(scene).is_wall.tolist()
     check.refuse({
         f"scene is {scene}: a floor and two balls are needed, as in granular.scenes.three_balls().":
@@ -158,7 +164,10 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
 
 
 def _first_touch(scene: Scene) -> tuple[float, Scene]:
-    """Time in s to the first floor contact, and the scene there as the floor sees it, with an upper ball `LIGHTER`."""
+    """Return the time in s of the first floor contact, and the scene there.
+
+    The scene is in the frame of the floor, with an upper ball `LIGHTER`.
+    """
     check.every("gap", scene.gap, scene.gap >= 0.0, "balls that do not overlap yet are needed")
     (floor, upper), (fall, follow) = scene.gap.tolist(), scene.across(scene.velocity).tolist()
     t10 = time_to_contact(floor, fall, scene.gravity)
@@ -173,7 +182,7 @@ def _first_touch(scene: Scene) -> tuple[float, Scene]:
 
 
 def _followed(run: Trajectory, laws: list[LinearDashpot], limit: int) -> Trajectory:
-    """The run, gone on with to the end of a contact of the balls that is running as the second floor contact begins."""
+    """Continue a run to the end of a ball contact at the second floor contact."""
     count = run.count(1)
     if run.status is not Status.until or not count or run.of(1)["t_end"][-1] > 0.0:
         return run

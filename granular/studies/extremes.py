@@ -1,4 +1,6 @@
-"""`stability`: one's own scene made stiff, close, damped and unequal. Which method stays right, and who says so if not?
+"""`stability`: methods on a scene that is made stiff, close, damped and unequal.
+
+It shows which methods stay right, and which errors are reported.
 """
 
 from __future__ import annotations
@@ -28,15 +30,20 @@ from granular.studies.sweeps.subject import SceneLike
 
 METHODS = ("located", *INTEGRATORS)
 STEPS = (8, 32, 128)
-"""Fixed steps in the shortest contact of the scene as given; the method's own choice of dt is tried as well."""
+"""Numbers of fixed steps per shortest contact of the given scene.
+
+The method's own choice of dt is tried as well.
+"""
 MOST = 200_000
-"""Steps of a run at most."""
+"""Maximum number of steps of a run."""
 SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
 
 
 def _stiffer(case: Case, factor: float) -> Case:
-    """Stiffnesses times `factor`; γ so that each impact keeps its restitution, for laws that tell their powers; what is
-    pressed at the start is so by the same forces."""
+    """Multiply stiffnesses by `factor`, with constant restitution of each impact.
+
+    γ changes for laws with known powers. Pairs that are compressed at the start are compressed by the same forces.
+    """
     scene, laws = case.scene, _laws(case)
     powers = [(resolve(law, scene.pairs[0]).form or (0.0, 1.0, 0.0, 0.0))[1::2] for law in laws]
     made = _scaled(case, *(dict.fromkeys(("k", "k_load", "k_unload"), factor)
@@ -47,19 +54,22 @@ def _stiffer(case: Case, factor: float) -> Case:
 
 
 def _closer(case: Case, factor: float) -> Case:
-    """Gaps between balls times `factor`; overlaps stay, and gaps at walls, for a fall from no height is none."""
+    """Multiply gaps between balls by `factor`. Overlaps, and gaps at walls, stay.
+
+    A fall from height 0 would not be a fall.
+    """
     scene = case.scene
     there = ~np.logical_or(*scene.sides(scene.is_wall)) & (scene.gap > 0.0)
     return replace(case, scene=scene.replace(gap=np.where(there, factor, 1.0) * scene.gap))
 
 
 def _damped(case: Case, factor: float) -> Case:
-    """Damping coefficients times `factor`."""
+    """Multiply damping coefficients by `factor`."""
     return _scaled(case, *[dict.fromkeys(("gamma", "alpha"), factor)] * len(_laws(case)))
 
 
 def _unequal(case: Case, factor: float) -> Case:
-    """The mass of every second ball times `factor`."""
+    """Multiply the mass of every second ball by `factor`."""
     ball = np.isfinite(case.scene.mass)
     mass = np.where(ball & (np.cumsum(ball) % 2 == 0), factor, 1.0) * case.scene.mass
     return replace(case, scene=case.scene.replace(mass=mass))
@@ -69,7 +79,7 @@ AXES: Mapping[str, tuple[Callable[[Case, float], Case], tuple[float, ...]]] = {
     "stiffness": (_stiffer, (1e2, 1e4, 1e6, 1e8)), "gap": (_closer, (1e-3, 1e-6, 0.0)),
     "damping": (_damped, (0.0, 0.1, 10.0, 100.0)), "mass": (_unequal, (1e-3, 1e3, 1e6)),
 }
-"""What is made extreme: how, and by which factors."""
+"""Extremes: function and factors."""
 
 
 @dataclass(frozen=True)
@@ -79,17 +89,17 @@ class Tried:
     Attributes
     ----------
     scene : str
-        What was changed, such as "gap × 0.001"; "as given".
+        Change of the scene, such as "gap × 0.001", or "as given".
     method, dt : str, float
-        Who ran it, and with which step in s; nan where the method chose by itself.
+        Method, and its time step in s; nan if the method chose it.
     error : float
-        Largest error of velocities at the end of each pair's last contact, in units of the impact speed, nan if a pair
-        has none that ended; of "located" its own estimate, with rounding.
+        Largest error of velocities at the end of each pair's last contact, in units of the impact speed. nan if a pair
+        has no contact that ended. For "located" its own estimate, with rounding.
     contacts : int
-        Contacts more than there should be; negative: fewer.
+        Number of contacts minus the right number.
     verdict : {"right", "flagged", "wrong", "undecided"}
-        Flagged: not right, and a status, a warning or a refusal says so. Wrong: without a word. Undecided: the judge
-        does not know the answer itself.
+        Flagged: not right, and a status, a warning or a refusal reports it. Wrong: not right, without any report.
+        Undecided: the reference is unknown.
     said : str
         Status and message, warnings, or the refusal.
     """
@@ -111,16 +121,16 @@ class Tried:
 @check.face
 @dataclass(frozen=True, repr=False)
 class Stability(Report):
-    """What became of a scene in the extreme, by every method and step; print it, `plot` it, save it with `to_json`.
+    """Result of `stability`. Print it, draw it with `plot`, save it with `to_json`.
 
     Attributes
     ----------
     title : str
         The scene.
     error : float
-        Largest error of velocities, in units of the impact speed, that counts as right.
+        Largest error of velocities, in units of the impact speed, that is called right.
     duration : float
-        Shortest contact of the scene as given, in s: what its time steps are parts of.
+        Shortest contact of the given scene in s. Time steps are fractions of it.
     rows : tuple of Tried
         Every run.
     left_out : mapping
@@ -134,18 +144,18 @@ class Stability(Report):
     left_out: Mapping[str, str]
 
     def of(self, method: str, scene: str | None = None) -> list[Tried]:
-        """The runs of a method, of one scene such as "gap × 0.001" if it is named."""
+        """Return the runs of a method, for one scene such as "gap × 0.001" if given."""
         return [row for row in self.rows if row.method == method and scene in (None, row.scene)]
 
     def table(self) -> list[list[str]]:
-        """A line for every scene: right digits, or the sign of the verdict, of every method at each step."""
+        """Return the table: a line per scene with digits or verdict of methods and steps."""
         methods = list(dict.fromkeys(row.method for row in self.rows))
         return [["", *methods], *([scene, *("".join(f"{row.sign:>3}" for row in self.of(method, scene))
                                             for method in methods)]
                                   for scene in dict.fromkeys(row.scene for row in self.rows))]
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw the table, right digits as shades; return the figure, or save it to `path`."""
+        """Draw the table with right digits as shades; return the figure, or save it."""
         (_, *methods), *lines = self.table()
         ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
         figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
@@ -196,32 +206,32 @@ def stability(
     progress: bool = False,
     **fixed: Any,
 ) -> Stability:
-    """Make one's own scene stiff, close, damped and unequal: which method is right, at which step, and who says if not?
+    """Make a scene stiff, close, damped and unequal, and test all methods on it.
 
     Parameters
     ----------
     scene : str, path, callable, Case or Scene
-        What to ask about, as in `granular.sweep`.
+        The scene, as in `granular.sweep`.
     axes : str or sequence of str
-        What is made extreme, one after the other: "stiffness" (k × 1e2 … 1e8, γ such that impacts keep their
-        restitution: k^½ of a dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇; what is pressed at the start is so by
-        the same forces), "gap" (between balls that are apart, × 1e-3, 1e-6, 0),
-        "damping" (γ or α × 0, 0.1, 10, 100), "mass" (of every second ball, × 1e-3, 1e3, 1e6).
+        Extremes, one after the other: "stiffness" (k × 1e2 … 1e8, γ such that impacts keep their restitution: k^½ of a
+        dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇; pairs compressed at the start are compressed by the same
+        forces), "gap" (between balls that are apart, × 1e-3, 1e-6, 0), "damping" (γ or α × 0, 0.1, 10, 100), "mass"
+        (of every second ball, × 1e-3, 1e3, 1e6).
     methods : str or sequence of str
         Some of located, verlet, symplectic-euler, rk4, gear5.
     error : float
-        Largest error of velocities, in units of the impact speed, that counts as right.
+        Largest error of velocities, in units of the impact speed, that is called right.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` after each run: the share of them that is done, their number.
+        ``on_progress(reached, count)`` is called after each run with the share of finished runs and their number.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
     **fixed
         Parameters of the scene, as in `granular.sweep`.
 
     Returns
     -------
     Stability
-        Every run: right, and to what error; or flagged, and how; or wrong without a word.
+        Every run: right and its error, flagged and the report, or wrong without a report.
 
     Raises
     ------
@@ -230,16 +240,16 @@ def stability(
 
     Notes
     -----
-    The judge is the run of "located" with its default `tol`. Its own error is taken to be E = max(1, c) e + r, with its
-    `error_estimate` e and the scene's condition number c = r / 2.2e-16, where r is what one unit in the last digit of
-    gaps and velocities does to the velocities. Where E is above `error`, or the judge came to no end, nothing is
-    decided.
+    The reference is the run of "located" with its default `tol`. Its error is taken to be E = max(1, c) e + r, with its
+    `error_estimate` e and the scene's condition number c = r / 2.2e-16. r is the change of the velocities if gaps and
+    velocities change by one unit in the last digit. If E is above `error`, or the reference did not end, the verdict is
+    undecided.
 
-    Fixed steps are 1/8, 1/32 and 1/128 of the shortest contact of the scene *as given*, for all its extremes, as of
-    someone who makes a scene stiffer and forgets the step; and what the method chooses by itself, 1/500 of the shortest
-    expected contact. They end after 200 000 steps, flagged. Errors compare the velocities after each pair's last
-    contact, for runs do not end at the same time; where there are more or fewer contacts, these may be different ones.
-    `granular.frontier` measures errors against run time, with peers.
+    Fixed steps are 1/8, 1/32 and 1/128 of the shortest contact of the scene *as given*, for all its extremes, as if a
+    user makes a scene stiffer and forgets the time step. The method's own choice is 1/500 of the shortest expected
+    contact. Runs end after 200 000 steps, flagged. Errors compare the velocities after each pair's last contact,
+    because runs do not end at the same time. If the numbers of contacts differ, these may be different contacts.
+    `granular.frontier` measures errors against run time, with other solvers.
 
     Examples
     --------
@@ -277,12 +287,12 @@ def stability(
 
 
 def _laws(case: Case) -> list[Any]:
-    """The force laws as they were given: one, or one per pair."""
+    """Return the force laws as they were given: one, or one per pair."""
     return list(law) if isinstance(law := case.physics("md"), (list, tuple)) else [law]
 
 
 def _scaled(case: Case, *factors: Mapping[str, float]) -> Case:
-    """Numbers of the laws times factors of each, by their names."""
+    """Multiply numbers of the laws, by name."""
     if fixed := [law for law in _laws(case) if not is_dataclass(law)]:
         raise ValueError(f"law is {fixed[0]!r}: its numbers are not known; a dataclass is needed.")
     laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in own.items() if hasattr(law, name)})
@@ -291,7 +301,10 @@ def _scaled(case: Case, *factors: Mapping[str, float]) -> Case:
 
 
 def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
-    """What "located" says, as a reference too, and its own error in impact speeds; inf if it came to no end."""
+    """Return the run of "located", which is the reference, and its own error.
+
+    The error is in impact speeds, inf if the run did not end.
+    """
     run = case.simulate("md", method="located")
     truth = Reference(contacts_of(run), float(run.time[-1]), run.status.name, "located")
     if run.status in EARLY or not truth.durations:
@@ -302,7 +315,10 @@ def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
 
 def _tried(case: Case, row: tuple[str, str, float], judged: tuple[Trajectory, Reference, float],
            limit: float) -> Tried:
-    """Run a method at a step, and hear what it says; the judge has run already."""
+    """Return a run of a method at a step with its report.
+
+    The reference has been run already.
+    """
     (run, truth, error), (_, method, dt), other = judged, row, False
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")

@@ -1,5 +1,7 @@
-"""The methods that are put to the test, each with the settings to try: those of this package, and what a user would
-write with scipy: the same equations, clipped forces, with and without events. And the error of what they give.
+"""Methods for `frontier`, with their settings, and the errors of their results.
+
+They are the methods of this package, and programs that a user would write with scipy: the same equations, with clipped
+forces, with and without events.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from granular.studies.reference_events import Logbook
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST, FINER, POINTS = 8, 4, 8
-"""Steps in the shortest contact at first, how many times more at each next point, and number of points."""
+"""Steps per shortest contact at first, factor per point, and number of points."""
 MOST_STEPS = {"compiled": 3_000_000, "plain": 100_000}
 SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
 PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
@@ -41,19 +43,22 @@ METHODS = ("located", *INTEGRATORS, "edmd", *PEERS)
 RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
         "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
 MOST = 60_000
-"""Evaluations after which a solver is stopped."""
+"""Maximum number of force evaluations of a solver."""
 LOOKS = 8
-"""Looks for a contact in each step of a solver without events."""
+"""Samples per step in which a solver without events finds contacts."""
 BEYOND = 0.05
-"""A solver without events goes on for this part of the longest contact, to see the last one end."""
+"""Share of the longest contact by which a solver without events continues.
+
+It then finds the end of the last contact.
+"""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one run of a method gave."""
+    """Result of one run of a method."""
 
     contacts: Callable[[], Sequence[ReferenceContact]]
-    """Reads the contacts out, which is not part of the run time."""
+    """Return the contacts. Their extraction is not part of the run time."""
     work: int
     unit: str
     status: str
@@ -61,7 +66,10 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Method:
-    """A way to solve the scene: `run(setting)` for each of `settings`, which are values of its `setting_name`."""
+    """A way to solve the scene: `run(setting)` for each of `settings`.
+
+    The settings are values of `setting_name`.
+    """
 
     name: str
     setting_name: str
@@ -71,7 +79,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Task:
-    """What every method has to solve."""
+    """The problem that every method solves."""
 
     scene: Scene
     laws: tuple[Any, ...]
@@ -81,12 +89,12 @@ class Task:
 
     @cached_property
     def resolved(self) -> SceneLaws:
-        """The laws, asked what they are."""
+        """The laws with their properties."""
         return resolved(self.laws, self.scene)
 
 
 def own(task: Task, name: str) -> Method:
-    """The method of this package of that name."""
+    """Return the method of this package of that name."""
     end: dict[str, Any] = {"until": task.until, "t_end": task.t_end}
     if name == "edmd":
         rule = restitution_of(task.laws, task.scene)
@@ -106,7 +114,7 @@ def own(task: Task, name: str) -> Method:
 
 
 def _steps(truth: Reference, most: int) -> tuple[float, ...]:
-    """Fixed steps in s with which the time during which a pair is in contact takes at most so many steps."""
+    """Return time steps in s for given numbers of steps per contact time."""
     shortest = min(truth.durations)
     ends = [truth.t_stop if row.t_end is None else float(row.t_end) for row in truth.contacts]
     reached = accumulate([-math.inf, *ends], max)
@@ -117,7 +125,7 @@ def _steps(truth: Reference, most: int) -> tuple[float, ...]:
 
 
 def _engine(task: Task, name: str) -> str:
-    """ "compiled" if that is possible, else "plain"."""
+    """Return "compiled" if possible, otherwise "plain"."""
     options: dict[str, Any] = {"dt": min(task.truth.durations)} if name in INTEGRATORS else {}
     try:
         md.simulate(task.scene, task.laws, t_end=0.0, method=name, engine="compiled", **options)
@@ -132,23 +140,28 @@ def _outcome(run: Trajectory, unit: str) -> Outcome:
 
 
 def expected_orders(task: Task, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Textbook order p of the fixed-step methods among these, and min(p, 1+s), s the power of time with which forces
-    begin."""
+    """Return the textbook order p of fixed-step methods, and min(p, 1+s).
+
+    s is the power of time with which forces begin.
+    """
     least = float(np.min([_first_power(law) for law in task.resolved.each]))  # nan if one is
     orders = {name: INTEGRATORS[name].order for name in names if name in INTEGRATORS}
     return {name: (order, float(np.minimum(order, 1.0 + least))) for name, order in orders.items()}
 
 
 def _first_power(law: PairLaw) -> float:
-    """The power of time with which the force of a contact begins; nan if unknown."""
+    """Return the power of time with which the force of a contact begins, or nan."""
     if law.form is not None:
         return law.form[3] if law.form[2] else law.form[1]
     return math.nan if law.exponent is None or law.rate_dependent else float(law.exponent)
 
 
 def peer(task: Task, name: str) -> Method | None:
-    """The method of scipy of that name; none, without events, for laws with memory, as xi_max is unknown inside a step,
-    and beside thermal walls, where velocities jump."""
+    """Return the method of scipy of that name.
+
+    Without events there is none for laws with memory, because xi_max is unknown inside a step, and none for thermal
+    walls, where velocities jump.
+    """
     short, _, events = name.partition("+")
     if not events and (task.scene.heated or any(law.memory for law in task.resolved.each)):
         return None
@@ -180,12 +193,12 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
 
 
 def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
-    """Contacts from a continuous solution: changes of the clipped force between looks, then its zeros."""
+    """Return contacts from a continuous solution: sign changes, then zeros."""
     knots = np.unique(np.linspace(done.t[:-1], done.t[1:], LOOKS + 1))
     log, changes = Logbook(task.until), []
 
     def seen(t: float) -> Array:
-        """Overlaps in m and rates in m/s at a time in s."""
+        """Return overlaps in m and rates in m/s at a time in s."""
         return np.asarray(newton.driven_by(newton.zero + t, done.sol(t)))
 
     states = [seen(t) for t in knots.tolist()] if newton.paths else done.sol(knots).T
@@ -204,7 +217,7 @@ def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]
 
 
 def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) -> float:
-    """When the force of pair c begins or ends between times `a` and `b`."""
+    """Return the time between `a` and `b` at which the force of pair c begins or ends."""
     from scipy.optimize import brentq
 
     crosses = not task.resolved[c].rate_dependent or (state(a)[c] > 0.0) != (state(b)[c] > 0.0)
@@ -218,7 +231,7 @@ def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) ->
 
 
 def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
-    """The contact log of a trajectory in the form of the reference's."""
+    """Return the contact log of a trajectory in the form of the reference."""
     rows = []
     for row in run.contacts:
         ended = not math.isnan(float(row["v_out"][0]))
@@ -229,7 +242,10 @@ def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
 
 
 def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
-    """Error of velocities, error of times, and whether a number of contacts is wrong; see `Row`."""
+    """Return errors of velocities and times, and whether a contact count is wrong.
+
+    See `Row`.
+    """
     each = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
     velocity = float(np.max([_velocity_error(true, got) for true, got in each])) / truth.impact_speed  # nan if one is
     if any(len(true) != len(got) for true, got in each):
@@ -239,7 +255,10 @@ def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -
 
 
 def _velocity_error(true: Sequence[ReferenceContact], got: Sequence[ReferenceContact]) -> float:
-    """Largest difference in m/s at the end of the last contact that ended; nan if only one of them has such."""
+    """Return the largest difference in m/s after the last contact that ended, or nan.
+
+    nan if only one of the two runs has such a contact.
+    """
     last = [next((row.v_out for row in reversed(rows) if row.v_out is not None), None) for rows in (true, got)]
     if None in last:
         return 0.0 if last[0] is last[1] else math.nan

@@ -1,5 +1,6 @@
-"""Rows of error and run time, what follows from them, and the report made of it: in words, and as a figure, error over
-run time, one line a method, readable in grey print.
+"""Result of `frontier`: rows of error and run time, measured orders, and a figure.
+
+The figure shows error over run time, one line per method, readable in grey print.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ from granular.scene import Scene
 from granular.studies.reference import Reference
 
 FEWEST = 3
-"""Points from which an order is measured."""
+"""Number of points needed to measure an order."""
 NEAR = 8.0
-"""Errors up to this many times the rounding level are called rounding."""
+"""Errors up to this multiple of the rounding level are rounding errors."""
 GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
-"""Errors for which the fastest methods are named."""
+"""Errors for which the fastest methods are listed."""
 OF_A_CONTACT = ("t_begin", "t_end", "v_in", "v_out")
 MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
 CROSS = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
 LEAST = 2e-17
-"""Errors below are drawn here: a double has no more digits."""
+"""Errors below it are drawn here, because a double has no more digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,24 +43,24 @@ class Row:
     Attributes
     ----------
     method : str
-        Its name.
+        Name of the method.
     setting : float
-        Value of what its accuracy depends on; nan if on nothing.
+        Value that controls its accuracy; nan without one.
     velocity_error : float
         Largest error of the velocities of both bodies at the end of each pair's last contact, in units of the impact
         speed; nan if a pair has no contact that ended.
     time_error : float
-        Largest error of onset or end of a contact, in units of the longest contact; nan if contacts differ in number.
+        Largest error of onset or end of a contact, in units of the longest contact; nan if contact counts differ.
     wrong_count : bool
-        Some pair has more or fewer contacts than it should.
+        Whether a pair has a wrong number of contacts.
     rounding : bool
-        The error of velocities is below the floor of the report (see `Frontier.floor`), so it is not resolved.
+        Whether the error of velocities is below the floor of the report (see `Frontier.floor`), and not resolved.
     seconds : float
-        Shortest processor time of the repeated runs, after a first run that does not count.
+        Shortest processor time of the repeated runs in s, after a first run that is ignored.
     work, unit : int, str
-        How much work that was, in "steps", "evaluations" or "events".
+        Amount of work, in "steps", "evaluations" or "events".
     status : str
-        How it ended.
+        Status of the run.
     """
 
     method: str
@@ -75,31 +76,31 @@ class Row:
 
     @property
     def good(self) -> bool:
-        """Whether the right contacts took place."""
+        """Whether the contact counts are right."""
         return not self.wrong_count and math.isfinite(self.velocity_error)
 
 
 @check.face
 @dataclass(frozen=True, repr=False)
 class Frontier(Report):
-    """Error against run time; print it, `plot` it, save it with `to_json`.
+    """Error against run time. Draw it with `plot`, save it with `to_json`.
 
     Attributes
     ----------
     scene, law, until, t_end
-        What was solved.
+        The problem.
     reference : Reference
-        What is taken for true, with its own error.
+        Reference solution with its own error.
     rows : tuple of Row
-        Method by method, from coarse to fine settings.
+        Rows method by method, from coarse to fine settings.
     dials : mapping
-        What the setting of each method is: "dt" in s, "tol", "rtol", or "".
+        Quantity that the setting of each method is: "dt" in s, "tol", "rtol", or "".
     orders : mapping
         For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
     rounding_level : float
-        Change of velocities when the scene's gaps and velocities change in their last digit, in impact speeds.
+        Change of velocities in impact speeds if the scene's gaps and velocities change in their last digit.
     machine : mapping
-        Where run times were measured.
+        Machine on which run times were measured.
     """
 
     scene: Scene
@@ -115,13 +116,18 @@ class Frontier(Report):
 
     @property
     def floor(self) -> float:
-        """Smallest resolved error of velocities in impact speeds: the larger of eight times the rounding level and the
-        estimated error of the reference."""
+        """Smallest resolved error of velocities in impact speeds.
+
+        It is the larger value of eight times the rounding level and the estimated error of the reference.
+        """
         return floor(self.reference, self.rounding_level)
 
     @cached_property
     def clock_digit(self) -> float:
-        """One unit in the last digit of the end time, in units of the longest contact: no log of times is better."""
+        """One unit in the last digit of the end time, over the longest contact.
+
+        It limits the accuracy of contact times.
+        """
         return math.ulp(self.reference.t_stop) / max(self.reference.durations)
 
     @cached_property
@@ -130,13 +136,14 @@ class Frontier(Report):
         return tuple(dict.fromkeys(row.method for row in self.rows))
 
     def of(self, method: str) -> tuple[Row, ...]:
-        """The rows of one method."""
+        """Return the rows of one method."""
         return tuple(row for row in self.rows if row.method == method)
 
     def order(self, method: str) -> float:
-        """Measured order: the slope of log(error of velocities) over log(setting), by regression; nan if unknown.
+        """Return the measured order: slope of log(velocity error) over log(setting).
 
-        Points below the floor and points with wrong contacts are left out, and so is the coarsest quarter.
+        It is found by regression. Points below the floor, points with wrong contacts and the coarsest quarter are left
+        out. nan if unknown.
         """
         rows = [row for row in self.of(method) if row.good and not row.rounding and row.velocity_error > 0.0]
         rows = rows[len(rows) // 4 :] if len(rows) > FEWEST else rows
@@ -146,7 +153,7 @@ class Frontier(Report):
         return float(np.polyfit(setting, error, 1)[0])
 
     def fastest(self, error: float, *, without: tuple[str, ...] = ()) -> Row | None:
-        """The row with the shortest run time of those with right contacts and an error of at most `error`."""
+        """Return the fastest row with right contacts and an error of at most `error`."""
         rows = [row for row in self.rows if row.good and row.velocity_error <= error and row.method not in without]
         return min(rows, key=lambda row: row.seconds, default=None)
 
@@ -179,7 +186,7 @@ class Frontier(Report):
         }
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""
+        """Draw errors over run time; return the figure, or save it to `path`."""
         figure, ((left, right),) = canvas(7.1, 4.4, 1, 2, sharex=True, sharey=True)
         _errors(left, self, "velocity_error", "impact speed")
         left.set_title("velocities after the last contacts", fontsize=8.5)
@@ -198,7 +205,7 @@ def floor(reference: Reference, rounding_level: float) -> float:
 
 
 def laws(report: Frontier) -> str:
-    """The force laws in few words."""
+    """Return a short text for the force laws."""
     shown = list(dict.fromkeys(shortened(repr(law)) for law in report.law))
     return shown[0] if len(shown) == 1 else f"{shown[0]} … {shown[-1]}"
 
@@ -241,7 +248,7 @@ def _goal(report: Frontier, goal: float) -> list[str]:
 
 
 def _digits(value: Any) -> Any:
-    """Numbers of the reference with all their digits, as text."""
+    """Return numbers of the reference with all their digits, as text."""
     return [_digits(v) for v in value] if isinstance(value, tuple) else (
         str(value) if hasattr(value, "_mpf_") else value)
 
@@ -260,12 +267,12 @@ FAMILIES = {
                                           for name, (marker, label) in MARKERS.items()},
     "SciPy, no events (rtol)": {name: _look("#8a8a8a", ":", *look) for name, look in MARKERS.items()},
 }
-"""How each method looks: families by colour and line, members by marker."""
+"""Style of each method: family by colour and line, member by marker."""
 LOOKS = {name: look for members in FAMILIES.values() for name, look in members.items()}
 
 
 def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
-    """One line a method; wrong contact counts are crossed out."""
+    """Draw a line per method. Points with wrong contact counts are crossed out."""
     for method in report.methods:
         points = [(1e3 * row.seconds, max(getattr(row, quantity), LEAST), row.wrong_count) for row in report.of(method)
                   if math.isfinite(getattr(row, quantity))]
@@ -282,14 +289,14 @@ def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
 
 
 def _shade(axis: Any, top: float, name: str) -> None:
-    """Shade errors that are due to the digits of a double."""
+    """Shade errors below the resolution of a double."""
     axis.axhspan(LEAST / 2.0, top, color="0.93", lw=0, zorder=0)
     axis.text(0.98, top, name, transform=axis.get_yaxis_transform(), ha="right", va="top", fontsize=7, color="0.35")
     axis.set_ylim(bottom=LEAST / 2.0)
 
 
 def _legend(figure: Any, report: Frontier) -> None:
-    """Methods by family, and what a cross means."""
+    """Draw a legend of the methods by family, and of the cross."""
     from matplotlib.lines import Line2D
 
     def entry(look: dict[str, Any]) -> Any:

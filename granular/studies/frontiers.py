@@ -1,4 +1,4 @@
-"""`frontier`: solve one scene by many methods at many settings, and measure error and run time."""
+"""`frontier`: error and run time of many methods at many settings, for one scene."""
 
 from __future__ import annotations
 
@@ -35,9 +35,12 @@ from granular.studies.reference import Reference, solve
 __all__ = ["Frontier", "Row", "frontier"]
 
 ALIKE = 1e-3
-"""Error of the default method, in units of the impact speed, from which on a reference is that of another scene."""
+"""Error of the default method above which a reference belongs to another scene.
+
+In units of the impact speed.
+"""
 LONG = 0.1
-"""Seconds in all after which a run is not repeated any more."""
+"""Total time in s after which a run is not repeated."""
 
 
 @check.face
@@ -58,14 +61,14 @@ def frontier(
     Parameters
     ----------
     scene : Scene
-        Where it starts.
-    law : force law or sequence of them
-        One for all pairs, or one per pair from the bottom up.
+        The initial state.
+    law : force law or sequence of force laws
+        Force law, one for all pairs or one per pair from the bottom up.
     until, t_end : stop condition, float, optional
-        When to stop, as in `granular.md.simulate`.
+        End of the run, as in `granular.md.simulate`.
     methods : sequence of str, optional
         Some of located, verlet, symplectic-euler, rk4, gear5, edmd, dop853, lsoda, radau, dop853+events,
-        lsoda+events, radau+events; default all. The last six are scipy's.
+        lsoda+events, radau+events. Defaults to all. The last six are methods of SciPy.
     repeats : int
         Maximum number of runs of each setting, of which the fastest counts. After 0.1 s in all a run is not repeated.
         Each method first runs once at its cheapest setting, which is not timed.
@@ -74,24 +77,33 @@ def frontier(
         DOP853 restarted at events, whose reported error is 4e-12 to 7e-10 of the impact speed. Smaller errors are not
         resolved unless a more accurate reference is given.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` after each setting of a method: the share of them that is done, their number.
+        ``on_progress(reached, count)`` is called after each setting of a method with the share and the number done.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
 
     Returns
     -------
     Frontier
+        Rows of error and run time, measured orders, and a figure.
 
     Raises
     ------
     TypeError, ValueError
-        For misuse; for a scene in which no contact ends, since there is nothing to measure; and for one that comes to
-        rest, without `t_end`.
+        For misuse; for a scene in which no contact ends; and for one that comes to rest, without `t_end`.
 
     Notes
     -----
-    Errors are the same, to the last digit, each time; run times (of the processor, on one core) are not. Number and
-    place of the settings follow from the reference, not from the clock.
+    Errors are identical in repeated calls. Run times, of the processor on one core, are not. Number and values of the
+    settings follow from the reference, not from the clock.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> scene = gr.scenes.three_balls(gap=1e-3)
+    >>> law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    >>> found = gr.frontier(scene, law, until=gr.until.contact(pair=0, nth=2), methods=["located", "verlet"])
+    >>> 1.8 < found.order("verlet") < 2.2
+    True
     """
     laws = checked(law, a_scene(scene)).given
     stop.without_levels(stop.checked(until, scene), "frontier")
@@ -123,7 +135,10 @@ def frontier(
 
 
 def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:
-    """Raise for the reference of another scene, law or end, unless rounding alone would make it another."""
+    """Raise an error if a reference belongs to another scene, law or end.
+
+    A difference that rounding errors explain is accepted.
+    """
     error, _, wrong = errors(truth, contacts_of(run), run.scene.n_pairs)
     alike = not wrong and error <= ALIKE and math.isclose(truth.t_stop, run.time[-1], rel_tol=ALIKE)
     if level < ALIKE and not alike:
@@ -136,7 +151,7 @@ def _nothing(scene: Scene) -> str:
 
 
 def _measured(task: Task, tried: Sequence[Method], repeats: int, level: float, tell: Told | None) -> tuple[Row, ...]:
-    """Run every method at all its settings."""
+    """Yield the rows of every method at all its settings."""
     rows, todo = list[Row](), sum(len(method.settings) for method in tried)
     for method in tried:
         for setting in method.settings[:1]:  # warms up, at the cheapest setting
@@ -149,7 +164,7 @@ def _measured(task: Task, tried: Sequence[Method], repeats: int, level: float, t
 
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:
-    """Run one method at one setting, as often as it takes to time it."""
+    """Run one method at one setting, repeatedly to time it."""
     times: list[float] = []
     while len(times) < repeats and sum(times) <= LONG:
         begin = time.thread_time()
@@ -162,7 +177,10 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
 
 
 def rounding_level(task: Task) -> float:
-    """How far velocities move, in impact speeds, when gaps and velocities move by one unit in the last digit."""
+    """Return the change of velocities in impact speeds for inputs changed by one digit.
+
+    Gaps and velocities change by one unit in the last digit.
+    """
     plain, *moved = (contacts_of(md.simulate(scene, task.laws, until=task.until, t_end=task.t_end))
                      for scene in _nudged(task.scene))
     truth = Reference(plain, task.truth.t_stop, "", "")
@@ -171,7 +189,7 @@ def rounding_level(task: Task) -> float:
 
 
 def _nudged(scene: Scene) -> list[Scene]:
-    """The scene, and two in which gaps and velocities are the next larger or smaller numbers, in turn."""
+    """Yield the scene, and two with the next larger or smaller gaps and velocities."""
     sign = np.where(np.arange(scene.n) % 2, -math.inf, math.inf)
     sides = ((scene.sides(way)[0], way) for way in (sign, -sign))
     return [scene, *(scene.replace(gap=_next(scene.gap, below), velocity=_next(scene.velocity, way))
@@ -179,5 +197,5 @@ def _nudged(scene: Scene) -> list[Scene]:
 
 
 def _next(numbers: check.Array, way: check.Array) -> check.Array:
-    """The next numbers upwards (inf) or downwards (-inf); 0 stays."""
+    """Return the next numbers upwards (inf) or downwards (-inf). 0 stays."""
     return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, way))

@@ -1,9 +1,9 @@
-"""An independent solution of a scene, against which engines are measured, with an estimate of its own error.
+"""Reference solution of a scene, independent of the engines, with its error.
 
-SciPy's DOP853 is restarted at every event. It shares no code with the methods of `granular.md`: a driven wall is read
-here as the sine or the polynomials that define it. Each scene is solved with two tolerances, and the difference is the
-reported error. In the six scenes of `docs/frontier.md` it is 4e-12 to 7e-10 of the impact speed, 3 to 40 times the true
-error (4e-13 to 6e-11).
+SciPy's DOP853 is restarted at every event. It shares no code with the methods of `granular.md`: a driven wall is
+evaluated from the sine or the polynomials that define it. Each scene is solved with two tolerances, and the difference
+is the reported error. In the six scenes of `docs/frontier.md` it is 4e-12 to 7e-10 of the impact speed, 3 to 40 times
+the true error (4e-13 to 6e-11).
 """
 
 from __future__ import annotations
@@ -38,10 +38,12 @@ __all__ = ["Reference", "ReferenceContact", "solve"]
 TOLERANCES = (3e-14, 1e-12)
 """Relative tolerances of the two solutions by DOP853."""
 LOOKS = 20
-"""Steps at least in a period of pendula, or one or a piece of a driven wall's path: such a solver may overlook a graze.
+"""Minimum number of steps per period, and per piece of a driven wall's path.
+
+With larger steps the solver can miss a short contact.
 """
 SLEEP = 1e-13
-"""A pair that touches at rest counts as open up to this part of the overlap of an impact."""
+"""Overlap, over that of an impact, up to which a resting pair counts as open."""
 
 
 class Problem(NamedTuple):
@@ -118,27 +120,28 @@ def solve_with(
 
 
 class Newton:
-    """The right-hand side d(ξ, ξ̇)/dt of all pairs, as a user of a solver would write it.
+    """Right-hand side d(ξ, ξ̇)/dt of all pairs, as a user of a solver would write it.
 
-    Where walls are driven, ξ and ξ̇ are without what they move beside their constant velocities: see `driven_by`.
+    For driven walls, ξ and ξ̇ exclude the motion of the walls in addition to their constant velocities, see
+    `driven_by`.
 
     Parameters
     ----------
     scene : Scene
-        Where it starts.
+        The initial state.
     laws : SceneLaws
-        One per pair.
+        Force laws, one per pair.
     most : int
         Number of evaluations after which `TooMuchWork` is raised.
     t_start : float
-        Time in s at which the scene stands as it says.
+        Time in s of the initial state.
 
     Attributes
     ----------
     zero : float
-        The time in s that a solver calls 0.
+        Time in s at which the time of the solver is 0.
     evaluations : int
-        So far; each costs one force per closed pair.
+        Number of evaluations so far. Each costs one force per closed pair.
     deepest : list of float
         Largest overlap in m of the current contact, for laws with memory.
     own : list of float
@@ -162,16 +165,16 @@ class Newton:
         self.evaluations, self.most = 0, most
 
     def start(self) -> Array:
-        """The state at the start: overlaps in m (negative: gaps), rates in m/s."""
+        """Initial state: overlaps in m (negative for gaps), rates in m/s."""
         return np.concatenate([-self.scene.gap, -self.scene.across(self.scene.velocity)])
 
     def scales(self) -> Array:
-        """What overlaps and rates are about, in m and m/s: those of an impact at the scene's largest speed."""
+        """Scales of overlaps in m and rates in m/s, for an impact at the largest speed."""
         speed = speed_scale(self.scene) + sum(path.fastest for path in self.paths.values()) or 1.0
         return np.append(self.laws.column(lambda law: law.overlap_at(speed)), np.full(self.pairs, speed))
 
     def driven_by(self, t: float, y: Any) -> Any:
-        """Overlaps in m and rates in m/s at time `t` in s, with what driven walls add to the state `y`."""
+        """Return overlaps in m and rates in m/s at time `t` in s, including driven walls."""
         seen = y.copy() if self.paths else y
         for b, path in self.paths.items():
             c, sign = (0, 1.0) if b == 0 else (self.pairs - 1, -1.0)
@@ -180,16 +183,16 @@ class Newton:
         return seen
 
     def bracket(self, c: int, xi: float, eta: float) -> float:
-        """Force of pair c in N before it is clipped."""
+        """Return the force of pair c in N before it is clipped."""
         xi = max(xi, 0.0)
         return self.each[c].force(xi, eta, max(self.deepest[c], xi))
 
     def force(self, c: int, xi: float, eta: float) -> float:
-        """Force of pair c in N, clipped."""
+        """Return the force of pair c in N, clipped at 0."""
         return max(0.0, self.bracket(c, xi, eta)) if xi > 0.0 else 0.0
 
     def __call__(self, t: float, y: Array) -> Array:
-        """The rates of change of the state `y`."""
+        """Return the rates of change of the state `y`."""
         self.evaluations += 1
         if self.evaluations > self.most:
             raise TooMuchWork
@@ -209,13 +212,16 @@ class Newton:
         return np.array(out)
 
     def velocities(self, y: Array, t: float) -> Array:
-        """Velocities of the bodies in m/s at time `t` after the start, from a wall's or the mass centre's."""
+        """Return velocities of the bodies in m/s at time `t` after the start.
+
+        They are summed from the velocity of a wall or of the centre of mass.
+        """
         rate = -self.driven_by(self.t_start + t, y)[None, self.pairs :]
         return np.asarray(velocities(self.scene, rate, np.array([t]), self.t_start)[0])
 
 
 class Restarted(Newton):
-    """The scene under way: its state `y` at the time `t` in s."""
+    """State `y` of a scene at the time `t` in s, moved by a solver."""
 
     mp = math
 
@@ -230,7 +236,10 @@ class Restarted(Newton):
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scale}
 
     def force(self, c: int, xi: float, eta: float) -> float:
-        """Force of pair c in N by its mode, clipped only at rest: an event is seen as a change of its sign."""
+        """Return the force of pair c in N by its mode, clipped only at rest.
+
+        An event is a change of its sign.
+        """
         if c in self.heat:
             return 0.0
         if self.mode[c] == ACTIVE:
@@ -239,12 +248,15 @@ class Restarted(Newton):
 
     @property
     def pull(self) -> list[float]:
-        """Closing acceleration of every pair in m/s² without contacts; walls at their constant velocities."""
+        """Closing accelerations of all pairs in m/s² without contacts.
+
+        Walls move at their constant velocities.
+        """
         state = zip(self.fall, self.y.tolist(), self.rest, strict=False)
         return [fall - self.square * (xi + rest) for fall, xi, rest in state]
 
     def read(self, t: float, y: Array, c: int, quantity: str) -> float:
-        """The quantity of pair c in the state `y` at time `t` in s."""
+        """Return the quantity of pair c in the state `y` at time `t` in s."""
         seen = self.driven_by(t, y)
         xi, eta = float(seen[c]), float(seen[self.pairs + c])
         if quantity == "bracket" and xi >= 0.0:
@@ -252,20 +264,20 @@ class Restarted(Newton):
         return eta if quantity == "rate" else xi  # an open pair has no force, not even one that is exactly 0
 
     def now(self, c: int, quantity: str) -> float:
-        """The same at the current time."""
+        """Return a quantity of pair c at the current time."""
         return self.read(self.t, self.y, c, quantity)
 
     def bodies(self, c: int) -> tuple[float, float]:
-        """Velocities of the bodies of pair c in m/s."""
+        """Return the velocities of the bodies of pair c in m/s."""
         lower, upper = self.velocities(self.y, self.t - self.t_start)[list(self.scene.bodies(c))].tolist()
         return lower, upper
 
     def asleep(self, c: int) -> float:
-        """Overlap in m up to which pair c, touching at rest, counts as open."""
+        """Return the overlap in m up to which resting pair c counts as open."""
         return SLEEP * float(self.scale[c])
 
     def ends(self, c: int) -> list[Watch]:
-        """What may happen to pair c while its force acts."""
+        """Return the possible events of pair c while its force acts."""
         law = self.each[c]
         over = Watch(c, "release", "bracket", -1) if law.rate_dependent else Watch(c, "part", "overlap", -1)
         if not law.memory:
@@ -274,14 +286,17 @@ class Restarted(Newton):
         return [Watch(c, "release", "bracket", -1), Watch(c, "turn", *turn)]
 
     def fly(self, dt: float) -> None:
-        """Move on without forces for `dt` in s."""
+        """Advance by `dt` in s without forces."""
         for c, pull in enumerate(self.pull):
             xi, eta = self.now(c, "overlap"), self.now(c, "rate")
             self.y[c], self.y[self.pairs + c] = xi + dt * (eta + dt * 0.5 * pull), eta + dt * pull
         self.t += dt
 
     def go(self, watches: list[Watch], end: float) -> Watch | None:
-        """Move on to the first event, to the time `end` in s, or to where the path of a wall goes on otherwise."""
+        """Advance to the first event, to the time `end` in s, or to a break of a path.
+
+        A break is the end of a piece of a driven wall's path.
+        """
         from scipy.integrate import solve_ivp
 
         self.zero, events = self.t, [partial(self.event, watch) for watch in watches]
@@ -302,11 +317,11 @@ class Restarted(Newton):
         return next((watch for watch, times in zip(watches, done.t_events, strict=True) if len(times)), None)
 
     def event(self, watch: Watch, t: float, y: Array) -> float:
-        """What rises through zero when that happens."""
+        """Return the function that rises through zero at an event."""
         return float(watch.sign * (self.read(self.zero + t, y, watch.pair, watch.quantity) - watch.level))
 
     def take_note(self, c: int, what: str) -> None:
-        """Take note of an event of pair c: of the overlap's zero, and of the deepest overlap of a law with memory."""
+        """Record an event of pair c: zero overlap, and largest overlap for laws with memory."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0
             self.y[c] = -self.now(c, "overlap")  # what a driven wall has added
@@ -318,7 +333,10 @@ class Restarted(Newton):
             self.loading[c] = True
 
     def kick(self, c: int) -> None:
-        """Let the ball of pair c leave a thermal wall with a speed drawn anew, at an overlap that is zero."""
+        """Let the ball of pair c leave a thermal wall with a newly drawn speed.
+
+        Its overlap is zero.
+        """
         one, n = self.heat[c], self.pairs
         more = self.now(c, "rate") + one.next_speed()
         self.y[n + c] -= more
@@ -328,8 +346,8 @@ class Restarted(Newton):
         self.edge = self.t  # what now pushes or parts does so without a change of sign
 
     def account(self) -> None:
-        """Nothing is kept of the energy."""
+        """Return None: no energy balance is recorded."""
 
 
 class TooMuchWork(RuntimeError):
-    """A solver was stopped because it needed too many evaluations."""
+    """A solver needed too many evaluations."""

@@ -1,8 +1,8 @@
-"""A scene from event to event, whoever moves it: contacts begin and end, a stop condition holds, rest is rest; and the
-log of that, to more digits than a double has, and how far it can be trusted.
+"""Events of a reference solution: contacts, stop condition and rest, with a log.
 
-Between two contacts everything flies on parabolas and is moved there in closed form, but for pendula and beside driven
-walls. A thermal wall acts at the touch: such a contact is an instant.
+The log is a list of contacts with numbers of any precision, and estimated errors. Between contacts everything moves on
+parabolas in closed form, except for pendula and near driven walls. A thermal wall acts at the touch: such a contact is
+an instant.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from granular.run import until as stop
 from granular.studies.reference_walls import Heat, Number
 
 OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
-"""No overlap · a force acts · overlap, but the force is clipped to zero · touching at rest."""
+"""Modes: no overlap; force; overlap with the force clipped to zero; touching at rest."""
 CLOSED = (ACTIVE, RESIDUAL)
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceContact:
-    """One contact; numbers are mpmath numbers or floats.
+    """One contact, with mpmath numbers or floats.
 
     Attributes
     ----------
     pair : int
         Number of the pair.
     t_begin, t_end : number
-        In s; `t_end` is None while the contact lasts.
+        Onset and end in s. `t_end` is None while the contact lasts.
     v_in, v_out : pair of numbers
-        Velocities of the lower and the upper body in m/s at its onset and end; `v_out` is None while the contact lasts.
+        Velocities of the lower and the upper body in m/s at onset and end. `v_out` is None while the contact lasts.
     """
 
     pair: int
@@ -43,27 +43,27 @@ class ReferenceContact:
 
 @dataclass(frozen=True)
 class Reference:
-    """A scene solved independently of the engines.
+    """A reference solution of a scene, independent of the engines.
 
     Attributes
     ----------
     contacts : tuple of ReferenceContact
-        In the order in which they begin.
+        Contacts by onset.
     t_stop : float
-        When the run ended, in s.
+        End of the run in s.
     status : str
-        Why it ended: "time", "until" or "quiet".
+        Reason of the end: "time", "until" or "quiet".
     solver : str
-        What solved it, with its settings.
+        Solver with its settings.
     velocity_error : float
         Estimated error of velocities in units of the impact speed, from a second run with other settings.
     time_error : float
         Estimated error of contact times in units of the longest contact.
     gap, velocity : tuple of numbers
-        Gaps in m and velocities in m/s when it ended.
+        Gaps in m and velocities in m/s at the end.
     account : tuple of numbers or None
-        By series where walls move or heat, in J until then, as in the ledger of a run: work of the floor and of the
-        ceiling, heat of both, and what was dissipated.
+        From the solution by power series if walls move or heat, in J until the end, like the energy balance of a run:
+        work of the floor and of the ceiling, heat of both, and dissipated energy.
     """
 
     contacts: tuple[ReferenceContact, ...]
@@ -78,30 +78,33 @@ class Reference:
 
     @property
     def impact_speed(self) -> float:
-        """Largest closing speed in m/s at which a contact began, or else largest speed of parting; nan without both."""
+        """Largest approach speed in m/s at an onset, else largest separation speed.
+
+        nan without both.
+        """
         closing = max((float(row.v_in[0] - row.v_in[1]) for row in self.contacts), default=0.0)
         parting = (float(row.v_out[1] - row.v_out[0]) for row in self.contacts if row.v_out is not None)
         return closing if closing > 0.0 else max(parting, default=math.nan)
 
     @property
     def durations(self) -> tuple[float, ...]:
-        """Durations in s of the contacts that ended, but for the instants at thermal walls."""
+        """Durations in s of the contacts that ended, without hits of thermal walls."""
         ended = (row for row in self.contacts if row.t_end is not None and row.t_end > row.t_begin)
         return tuple(float(row.t_end - row.t_begin) for row in ended)
 
     def of(self, pair: int) -> tuple[ReferenceContact, ...]:
-        """The contacts of one pair."""
+        """Return the contacts of one pair."""
         return tuple(row for row in self.contacts if row.pair == pair)
 
 
 class Logbook:
-    """Contacts as they begin and end, and what the stop condition makes of them."""
+    """Contacts so far, and the state of the stop condition."""
 
     def __init__(self, until: stop.Until | None) -> None:
         self.until, self.rows, self.running = until, list[ReferenceContact](), dict[int, int]()
 
     def begin(self, pair: int, t: Any, v: tuple[Any, Any]) -> bool:
-        """Write down a contact; return whether the stop condition forbids it instead."""
+        """Record a contact; return whether the stop condition ends the run before it."""
         nth = 1 + sum(row.pair == pair for row in self.rows)
         if isinstance(self.until, stop.Contact) and (self.until.pair, self.until.nth) == (pair, nth):
             return True
@@ -110,22 +113,22 @@ class Logbook:
         return False
 
     def end(self, pair: int, t: Any, v: tuple[Any, Any]) -> None:
-        """Write down the end of the contact of a pair that is running."""
+        """Record the end of the running contact of a pair."""
         row = self.running.pop(pair)
         self.rows[row] = replace(self.rows[row], t_end=t, v_out=v)
 
     def separated(self, rates: Sequence[Any], closed: bool) -> bool:
-        """Whether the run is over because everything has parted, with these overlap rates."""
+        """Whether the run ends because everything separates with these overlap rates."""
         over = isinstance(self.until, stop.Separated) and any(row.t_end is not None for row in self.rows)
         return over and not closed and all(rate <= 0 for rate in rates)
 
     def contacts(self) -> tuple[ReferenceContact, ...]:
-        """All contacts in the order in which they began."""
+        """All contacts by onset."""
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
 
 
 def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
-    """First x ≥ 0, however late, at which p_0 + p_1 x + p_2 x² comes from below zero to zero, or None.
+    """Return the first x ≥ 0 at which p_0 + p_1 x + p_2 x² rises through zero, or None.
 
     `mp` is an mpmath context, or `math` for floats.
     """
@@ -142,7 +145,7 @@ def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
 
 
 def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:
-    """Whether each pair is reached by a force through neighbours that touch, or pressed together by gravity."""
+    """Whether a force reaches each pair through touching neighbours, or gravity presses it."""
     reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
     n = len(modes)
     for way in (1, -1):
@@ -153,9 +156,9 @@ def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> lis
 
 
 def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[float, float]:
-    """Largest differences of velocities after contacts and at an end time, and of contact times, as in `Reference`.
+    """Return the largest differences of velocities and of contact times of two solutions.
 
-    Infinite if the contacts are not the same.
+    The velocities are compared after contacts and at an end time, in the units of `Reference`. inf if contacts differ.
     """
     if len({tuple((row.pair, row.t_end is None) for row in each.contacts) for each in (one, other)}) > 1:
         return math.inf, math.inf
@@ -172,7 +175,7 @@ def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[fl
 
 
 class Watch(NamedTuple):
-    """`what` happens to a pair when sign · (quantity - level) comes from below zero to zero."""
+    """Event `what` of a pair: sign · (quantity - level) rises through zero."""
 
     pair: int
     what: str
@@ -182,20 +185,22 @@ class Watch(NamedTuple):
 
 
 class Motion(Protocol):
-    """What moves a scene; numbers are those of `mp` (an mpmath context, or `math`: floats).
+    """Interface of a solver that moves a scene.
+
+    Numbers belong to `mp`, an mpmath context, or `math` (floats).
 
     Attributes
     ----------
     t : number
-        In s.
+        Time in s.
     mode : list of str
-        Of every pair; written by the events.
+        Mode of every pair, changed by events.
     pull : sequence of numbers
         Closing acceleration of every pair in m/s² without contacts: by gravity, constant forces, a driven wall, swing.
     curved : bool
-        Whether a wall is driven, or all are pendula: then flights are no parabolas, nor does it end by itself.
+        Whether a wall is driven, or all balls are pendula. Flights are then not parabolas, and the run has no own end.
     ring : bool
-        Whether the last pair joins the last body and the first.
+        Whether the last pair joins the last body and the first one.
     heat : dict
         Thermal walls by their pairs.
     """
@@ -213,47 +218,56 @@ class Motion(Protocol):
 
     @property
     def mp(self) -> Any:
-        """Where its functions are."""
+        """Module or context of its functions."""
 
     def now(self, c: int, quantity: str) -> Number:
-        """The overlap of pair c in m, its rate in m/s, or the bracket: what has the sign of the unclipped force."""
+        """Return overlap of pair c in m, its rate in m/s, or the bracket.
+
+        The bracket has the sign of the force before clipping.
+        """
 
     def bodies(self, c: int) -> tuple[Number, Number]:
-        """Velocities of the bodies of pair c in m/s."""
+        """Return the velocities of the bodies of pair c in m/s."""
 
     def asleep(self, c: int) -> Number:
-        """Overlap in m up to which a pair that touches at rest counts as open: nothing beside that of an impact."""
+        """Return the overlap in m up to which a pair that touches at rest counts as open.
+
+        It is negligible compared with the overlap of an impact.
+        """
 
     def ends(self, c: int) -> list[Watch]:
-        """What may happen to pair c while its force acts."""
+        """Return the possible events of pair c while its force acts."""
 
     def fly(self, dt: Number) -> None:
-        """Move on without forces."""
+        """Advance without forces."""
 
     def go(self, watches: list[Watch], end: Number) -> Watch | None:
-        """Move on to the first event, to the time `end` in s, or as far as one step goes."""
+        """Advance to the first event, to the time `end` in s, or by one step."""
 
     def take_note(self, c: int, what: str) -> None:
-        """Take note of an event of pair c, whose mode is still the old one."""
+        """Record an event of pair c before its mode changes."""
 
     def kick(self, c: int) -> None:
-        """Let the ball of pair c, which touches a thermal wall, leave it with a speed drawn anew."""
+        """Let the ball of pair c leave a thermal wall with a newly drawn speed."""
 
     def account(self) -> tuple[Number, ...] | None:
-        """Work of the floor and of the ceiling, heat of both, and what was dissipated, in J; None if nobody knows."""
+        """Work of floor and ceiling, heat of both, and dissipated energy in J, or None."""
 
 
 class Run:
-    """One run under way: `motion` moves, the run deals with events."""
+    """One run: `motion` moves the scene, and the run handles events."""
 
     def __init__(self, motion: Motion, until: stop.Until | None, t_end: float | None) -> None:
         self.motion, self.log, self.t_end = motion, Logbook(until), math.inf if t_end is None else t_end
         self.pairs = range(len(motion.mode))
         self.since: dict[int, tuple[Number, tuple[Number, Number]]] = {}
-        """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
+        """Time at which a force reached dormant pairs, and velocities then.
+
+        Their contacts begin there.
+        """
 
     def solve(self, solver: str) -> Reference:
-        """Take the scene to its end; `solver` is how that is done, in words."""
+        """Solve the scene to its end. `solver` is a description of the method."""
         status = "until" if any(self.launch(c) for c in self.pairs) else ""
         while not status:
             status = self.step()
@@ -265,7 +279,10 @@ class Run:
         )
 
     def launch(self, c: int) -> bool:
-        """Begin the contact of pair c if it is there at the start; return whether that ends the run."""
+        """Begin the contact of pair c if it exists at the start.
+
+        Return whether this ends the run.
+        """
         motion, xi = self.motion, self.motion.now(c, "overlap")
         if xi > 0 and c not in motion.heat:
             motion.mode[c] = RESIDUAL
@@ -275,7 +292,7 @@ class Run:
         return pressed and self.hit(c)
 
     def step(self) -> str:
-        """Go on to the next event, or as far as one step goes; return why that is the end, or nothing."""
+        """Advance to the next event, or by one step; return the reason of an end, or ""."""
         motion = self.motion
         self.rouse()
         watches = [watch for c in self.pairs for watch in self.watches(c)]
@@ -296,7 +313,7 @@ class Run:
         return "until" if done or self.log.separated(rates, closed) else ""
 
     def rouse(self) -> None:
-        """Remember when pairs that touch at rest were reached by a force."""
+        """Record the time at which a force reached pairs that touch at rest."""
         moved = roused(self.motion.mode, self.motion.pull, self.motion.ring)
         for c, mode in enumerate(self.motion.mode):
             if mode == DORMANT and moved[c]:
@@ -305,7 +322,7 @@ class Run:
                 self.since.pop(c, None)
 
     def watches(self, c: int) -> list[Watch]:
-        """What may happen to pair c."""
+        """Return the possible events of pair c."""
         mode, line = self.motion.mode[c], self.motion.asleep(c)
         if mode == OPEN:
             return [Watch(c, "touch", "overlap")]
@@ -316,7 +333,7 @@ class Run:
         return self.motion.ends(c)
 
     def fly(self, watches: list[Watch]) -> Watch | None:
-        """Move on parabolas to the first event, however late; nowhere if there is none before the end."""
+        """Advance on parabolas to the first event, or not at all without one."""
         motion, first, event = self.motion, math.inf, None
         for watch in watches:
             c, sign = watch.pair, watch.sign
@@ -330,7 +347,7 @@ class Run:
         return event
 
     def act(self, c: int, what: str) -> bool:
-        """Apply an event to pair c; return whether it ends the run, before it acts."""
+        """Apply an event to pair c; return whether it ends the run before it acts."""
         motion = self.motion
         if c in motion.heat and what != "part":
             return self.hit(c)
@@ -346,7 +363,7 @@ class Run:
         return False
 
     def hit(self, c: int) -> bool:
-        """Let the ball of pair c hit its thermal wall; return whether that ends the run, before it acts."""
+        """Let the ball of pair c hit its thermal wall; return whether this ends the run."""
         motion = self.motion
         self.since.pop(c, None)
         motion.mode[c] = OPEN

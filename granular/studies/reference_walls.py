@@ -1,8 +1,8 @@
-"""How walls move, for the slow solvers, in any number of digits, and the next speed that each thermal wall draws.
+"""Wall motions and thermal walls for the reference solvers, with any precision.
 
-A motion is read as it is given, a sine or polynomials, without the code by which engines read it. Its velocity and the
-derivatives of that follow one another, y_0' = y_1, y_1' = y_2, …; the last one's rate is `last` times y_0: 0 for a
-polynomial, -ω² for a sine. Numbers are those of `mp`, an mpmath context, or `math`: floats.
+A motion is evaluated from its definition, a sine or polynomials, without the code of the engines. Its velocity and
+derivatives form a chain y_0' = y_1, y_1' = y_2, … The rate of the last one is `last` times y_0: 0 for a polynomial,
+-ω² for a sine. Numbers belong to `mp`, an mpmath context, or `math` (floats).
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from granular.scene import Scene
 from granular.scene.walls import Panels, Piecewise, Sine, Thermal
 
 Number = Any
-"""A float, or an mpmath number of the context that computes."""
+"""A float, or an mpmath number of the context in use."""
 
 
 def value(p: Sequence[Number], x: Number) -> Number:
-    """The polynomial Σ p_j x^j."""
+    """Return the polynomial Σ p_j x^j."""
     return reduce(lambda total, a: total * x + a, reversed(p), 0 * x)
 
 
 class Harmonic:
-    """A sine beside a wall's constant velocity: exact at any time.
+    """A sine in addition to a wall's constant velocity, exact at any time.
 
     Attributes
     ----------
     last : number
-        The rate of the last of its `rates`, in units of the first of them.
+        Rate of the last of its `rates`, in units of the first one.
     fastest : number
-        What its speed in m/s does not exceed.
+        Bound of its speed in m/s.
     """
 
     def __init__(self, mp: Any, motion: Sine) -> None:
@@ -43,25 +43,28 @@ class Harmonic:
         self.last, self.fastest = -self.omega * self.omega, self.amplitude * self.omega
 
     def moved(self, t: Number) -> Number:
-        """Displacement m(t) in m, but for a constant."""
+        """Return the displacement m(t) in m, up to a constant."""
         return self.amplitude * self.mp.sin(self.omega * t + self.phase)
 
     def rates(self, t: Number) -> list[Number]:
-        """Velocity, acceleration, …: at least these two, at a break those after it."""
+        """Return velocity, acceleration, …: two or more, at a break those after it."""
         mp, angle = self.mp, self.omega * t + self.phase
         return [self.amplitude * self.omega * mp.cos(angle), self.amplitude * self.last * mp.sin(angle)]
 
     def above(self, t: Number, side: int) -> Number:
-        """How far in m it goes at most beyond where it is at time `t`, upwards (`side` 1) or downwards (-1)."""
+        """Return the distance in m to its extreme position from the one at time `t`.
+
+        The extreme is the upper one for `side` 1, and the lower one for -1.
+        """
         return self.amplitude - side * self.moved(t)
 
     def until(self, t: Number) -> Number:
-        """Time in s up to which what follows from `rates(t)` holds, or a period later."""
+        """Return the time in s up to which `rates(t)` hold, or one period later."""
         return t + 1 / self.frequency
 
 
 class Pieces:
-    """Polynomials in (t - centre) on pieces between edges in s; what it tells is as of `Harmonic`."""
+    """Polynomials in (t - centre) on pieces between edges in s, like `Harmonic`."""
 
     last: Number = 0
 
@@ -95,7 +98,7 @@ class Pieces:
 
 
 def _derivatives(c: list[Number]) -> list[list[Number]]:
-    """A polynomial and its derivatives, at least two."""
+    """Return a polynomial and its derivatives, at least two."""
     out = [c]
     while len(out) < 3 or len(out[-1]) > 1:
         out.append([j * a for j, a in enumerate(out[-1])][1:] or [0 * c[0]])
@@ -103,11 +106,11 @@ def _derivatives(c: list[Number]) -> list[list[Number]]:
 
 
 Path = Harmonic | Pieces
-"""How a wall moves beside its constant velocity."""
+"""Motion of a wall in addition to its constant velocity."""
 
 
 def path(mp: Any, motion: Any) -> Path:
-    """Return how a wall moves, whose motion is a sine, piecewise polynomial or panels.
+    """Return the path of a wall with a sine, a piecewise polynomial or panels.
 
     Raises
     ------
@@ -131,7 +134,7 @@ def path(mp: Any, motion: Any) -> Path:
 
 
 def paths(mp: Any, scene: Scene) -> dict[int, Path]:
-    """Return how the walls of a scene move, by their bodies; those at constant speed are left out."""
+    """Return the paths of the walls of a scene by body, without constant speeds."""
     ends = zip((0, scene.n - 1), scene.motions, strict=True)
     return {body: path(mp, motion) for body, motion in ends if motion is not None}
 
@@ -142,9 +145,9 @@ class Heat:
     Attributes
     ----------
     wall, ball : int
-        The bodies of its pair.
+        Bodies of its pair.
     side : int
-        0 of a floor, 1 of a ceiling.
+        0 for a floor, 1 for a ceiling.
     """
 
     def __init__(self, scene: Scene, side: int, how: Thermal) -> None:
@@ -152,12 +155,12 @@ class Heat:
         self.how, self.mass, self.hits = how, float(scene.mass[self.ball]), 0
 
     def next_speed(self) -> float:
-        """The speed in m/s away from the wall that its next hit gives."""
+        """Return the speed in m/s away from the wall after its next hit."""
         self.hits += 1
         return self.how.drawn(self.side, self.hits - 1, self.mass)
 
 
 def heats(scene: Scene) -> dict[int, Heat]:
-    """The thermal walls of a scene, by their pairs."""
+    """Return the thermal walls of a scene, by pair."""
     ends = zip((0, 1), (0, scene.n_pairs - 1), scene.heat, strict=True)
     return {pair: Heat(scene, side, how) for side, pair, how in ends if how is not None}

@@ -1,6 +1,4 @@
-"""What is asked of one value of the parameter, and `Threshold`: where the hard picture begins or ceases to hold, as a
-value, in words, and as a figure.
-"""
+"""Criteria of `threshold`, and its result as value, text and figure."""
 
 from __future__ import annotations
 
@@ -24,10 +22,10 @@ from granular.studies.sweeps.schedule import Answer
 
 HOLDS, FAILS, UNDECIDED = ("holds", "fails", "undecided")
 NONE, CUT = "nothing touches", "a contact is cut off by the end time"
-"""Why every contact of a value is isolated although less is known than it sounds."""
+"""Reasons why all contacts of a value are trivially isolated."""
 Interval = tuple[float, float]
 MOST = 20
-"""Crossings that are shown."""
+"""Maximum number of crossings that are printed."""
 MARKERS: dict[str, dict[str, Any]] = {
     HOLDS: {"color": SOFT, "marker": "o", "mfc": SOFT}, FAILS: {"color": HARD, "marker": "x"},
     UNDECIDED: {"color": GREY, "marker": "s", "mfc": "none"},
@@ -41,14 +39,14 @@ class Value:
     Attributes
     ----------
     value : float
-        In SI units.
+        Value in SI units.
     verdict : str
-        "holds", "fails", or "undecided" where a run did not come to its end.
+        "holds", "fails", or "undecided" if a run did not end.
     measure : float
-        What decides: the error, in units of the fastest impact; or the time in s up to which every contact was
-        isolated, nan where that is the whole run.
+        Quantity that decides: the error in units of the fastest impact; or the time in s up to which every contact was
+        isolated, nan for the whole run.
     why : str
-        The verdict's reason in words.
+        Reason of the verdict.
     """
 
     value: float
@@ -59,16 +57,16 @@ class Value:
 
 @dataclass(frozen=True)
 class Criterion:
-    """A question about a case.
+    """Criterion for a case.
 
     Attributes
     ----------
     judge : callable
-        Verdict, measure and reason for a case, and a limit.
+        Function of a case and a limit that returns verdict, measure and reason.
     what, how : str
-        What is so where hard spheres hold: `what` is `how`.
+        Statement that holds where hard spheres are valid: `what` is `how`.
     words : (2,) strs
-        The same in a word or two, and its contrary.
+        Short form of the statement, and of its contrary.
     """
 
     judge: Callable[[Case, float], tuple[str, float, str]]
@@ -78,7 +76,10 @@ class Criterion:
 
 
 def isolated(case: Case, limit: float) -> tuple[str, float, str]:
-    """Whether every contact up to the end of the soft run is isolated; the run ends at the first that is not."""
+    """Whether every contact of the soft run is isolated.
+
+    The run stops at the first contact that is not.
+    """
     run = case.simulate("md", disturbed="stop", log=False)
     time, pair = run.first_disturbed
     if pair >= 0:
@@ -90,7 +91,10 @@ def isolated(case: Case, limit: float) -> tuple[str, float, str]:
 
 
 def error(case: Case, limit: float) -> tuple[str, float, str]:
-    """Whether the error of hard spheres, `granular.Comparison.error`, is at most `limit`, and nothing else is wrong."""
+    """Whether the error of hard spheres is at most `limit`.
+
+    See `granular.Comparison.error`. Any other reason for "no" also counts.
+    """
     report = Answer(case).report
     if report.answer is Judgement.undecided:
         return UNDECIDED, math.nan, report.verdict
@@ -113,7 +117,7 @@ class Crossing:
     Attributes
     ----------
     low, high : Value
-        The neighbouring values between which it lies; each was tried.
+        Neighbouring values between which it lies. Both were tried.
     """
 
     low: Value
@@ -121,17 +125,17 @@ class Crossing:
 
     @property
     def value(self) -> float:
-        """The middle of the two."""
+        """Midpoint of the two values."""
         return 0.5 * self.low.value + 0.5 * self.high.value
 
 
 @check.face
 @dataclass(frozen=True, repr=False)
 class Threshold(Report):
-    """Where a scene may be event-driven along one parameter; print it, `plot` it, save it with `to_json`.
+    """Validity of hard spheres along one parameter. Draw it with `plot`.
 
-    Nothing is claimed beyond the values between which was scanned, nor of windows that lie between two neighbours of
-    the scan with the same verdict.
+    The result holds between the first and the last value of the scan. Intervals between two neighbours of the scan with
+    the same verdict may be missed. Print it, or save it with `to_json`.
 
     Attributes
     ----------
@@ -140,7 +144,7 @@ class Threshold(Report):
     over, units : str
         The parameter, and its unit.
     between : (2,) floats
-        What was scanned.
+        Interval of the scan.
     criterion, limit : str, float
         "isolated", or "error" with the largest error that is allowed.
     within : float
@@ -176,7 +180,7 @@ class Threshold(Report):
 
     @property
     def sentence(self) -> str:
-        """Where hard spheres hold, in one or two sentences."""
+        """Statement where hard spheres are valid, in one or two sentences."""
         if not self.undecided:
             return _decided(self) + "".join(_little(self))
         first = next(one for one in self.values if one.verdict == UNDECIDED)
@@ -187,7 +191,10 @@ class Threshold(Report):
     _headline = sentence
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
+        """Draw error, or time of the first disturbed contact, over the values.
+
+        Return the figure, or save it to `path`.
+        """
         figure, ((axis,),) = canvas(5.2, 3.2)
         for low, high in self.holds:
             axis.axvspan(low, high, color=SOFT, alpha=0.12, lw=0)
@@ -207,22 +214,22 @@ class Threshold(Report):
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
-        """Every change of the verdict that was found, ascending."""
+        """All changes of the verdict that were found, ascending."""
         return tuple(Crossing(a, b) for a, b in pairwise(self.values) if a.verdict != b.verdict)
 
     @cached_property
     def holds(self) -> tuple[Interval, ...]:
-        """Intervals in which hard spheres hold, from the first value to the last that was tried and held."""
+        """Intervals in which hard spheres are valid, between values that were tried."""
         return self._intervals(HOLDS)
 
     @cached_property
     def fails(self) -> tuple[Interval, ...]:
-        """Intervals in which they fail."""
+        """Intervals in which hard spheres are not valid."""
         return self._intervals(FAILS)
 
     @cached_property
     def undecided(self) -> tuple[Interval, ...]:
-        """Intervals in which a run did not come to its end, or was refused."""
+        """Intervals in which a run did not end, or was refused."""
         return self._intervals(UNDECIDED)
 
     def _intervals(self, verdict: str) -> tuple[Interval, ...]:
@@ -245,7 +252,7 @@ class Threshold(Report):
 
 
 def _decided(report: Threshold) -> str:
-    """The first sentence."""
+    """Return the first sentence."""
     low, high = report.between
     asked, scan = CRITERIA[report.criterion], f"{report.over} from {low:g} to {high:g}{_unit(report)}"
     how = asked.how.format(error=report.limit)
@@ -263,7 +270,7 @@ def _decided(report: Threshold) -> str:
 
 
 def _little(report: Threshold) -> Iterator[str]:
-    """At how many values there was little or nothing to be disturbed."""
+    """Return the sentence on values with few contacts or none."""
     for what in (NONE, CUT):
         many = sum(what in one.why for one in report.values)
         if 0 < many < len(report.values) or (many and what == CUT):
@@ -271,7 +278,7 @@ def _little(report: Threshold) -> Iterator[str]:
 
 
 def _spans(report: Threshold, spans: tuple[Interval, ...]) -> str:
-    """Intervals in words, each rounded to its inside."""
+    """Return intervals as text, each rounded towards its inside."""
     words = [_span(report, *span) for span in spans]
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
@@ -290,7 +297,7 @@ def _span(report: Threshold, low: float, high: float) -> str:
 
 
 def _crossings(report: Threshold) -> Iterator[str]:
-    """Every crossing: between which values, which verdicts, and what is wrong on the bad side."""
+    """Yield each crossing: values, verdicts, and the reason on the invalid side."""
     found = report.crossings
     if not found:
         return
@@ -307,7 +314,7 @@ def _crossings(report: Threshold) -> Iterator[str]:
 
 
 def _name(report: Threshold, verdict: str) -> str:
-    """A verdict in the words of the criterion."""
+    """Return the text of a verdict for the criterion."""
     good, bad = CRITERIA[report.criterion].words
     return {HOLDS: good, FAILS: bad}.get(verdict, verdict)
 

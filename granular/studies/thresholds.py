@@ -1,4 +1,4 @@
-"""`threshold`: a grid of values, and bisection of every change between neighbours, in whichever direction."""
+"""`threshold`: scan of a parameter with bisection of every change of the verdict."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["Crossing", "Threshold", "Value", "threshold"]
 
 SPACINGS: Mapping[str, Callable[[float, float, int], check.Array]] = {"log": np.geomspace, "linear": np.linspace}
 GAPS = (1e-6, 1e-2)
-"""Gaps in m to scan if nothing is said."""
+"""Default interval of gaps in m."""
 MOST = 100_000
-"""Values of a scan at most."""
+"""Maximum number of values of a scan."""
 LEAST = 1e-9
-"""Share of the scan below which a value is as good as 0."""
+"""Share of the interval below which a value is equivalent to 0."""
 
 
 @check.face
@@ -44,49 +44,58 @@ def threshold(
     progress: bool = False,
     **fixed: Any,
 ) -> Threshold:
-    """Find where along one parameter a scene may be event-driven: scan it, then bisect every change.
+    """Find where along one parameter hard spheres are valid.
+
+    The parameter is scanned, and every change of the verdict is bisected.
 
     Parameters
     ----------
     scene : str, path, callable, Case or Scene
-        What to ask about, as in `granular.sweep`.
+        The scene, as in `granular.sweep`.
     over : str
-        The parameter, as in `granular.sweep`: gap, stiffness, gap[1], law.k, … Of one that is annotated as ``int``
-        only whole numbers are tried.
+        The parameter, as in `granular.sweep`: gap, stiffness, gap[1], law.k, ... Integer parameters are scanned at
+        integer values only.
     between : two floats, optional
-        First and last value to scan, in SI units; of a gap 1e-6 and 1e-2 if nothing is said.
+        First and last value of the scan, in SI units. Defaults to 1e-6 and 1e-2 m for a gap.
     criterion : {"isolated", "error"}
-        Hard spheres hold where every contact of the soft run is isolated up to the stop condition; or where the error
-        of a comparison is at most `error`.
+        Hard spheres are valid if every contact of the soft run is isolated up to the stop condition, or if the error of
+        a comparison is at most `error`.
     error : float
         Largest error, in units of the fastest impact, for the second criterion; see `granular.Comparison.error`.
     within : float
         Width to which every crossing is bisected, relative to its value.
     points : int
-        Number of values of the scan; what lies between two neighbours with the same verdict is not seen.
+        Number of values of the scan. Intervals between two neighbours with the same verdict are missed.
     spacing : {"log", "linear"}
-        How they are spread.
+        Spacing of the values.
     run : mapping, optional
         Options of the engines, such as ``{"max_events": 1000}``.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` now and then: the share of the work that is done, as far as that is known, and
+        ``on_progress(reached, count)`` is called with the share of the work that is done, as far as it is known, and
         the number of values tried.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
     **fixed
         Other parameters, as in `granular.sweep`.
 
     Returns
     -------
     Threshold
-        All crossings, for the values at which hard spheres hold need not be one interval. A run that ends by a limit,
-        or is refused, leaves its value undecided.
+        All crossings: hard spheres can be valid in several intervals. A run that reaches a limit, or is refused, leaves
+        its value undecided.
 
     Raises
     ------
     TypeError, ValueError
-        For misuse: an unknown parameter or criterion, ends that are not in order, or none of another parameter than a
-        gap; or if every value is refused.
+        For misuse: an unknown parameter or criterion, ends that are not in order or missing for a parameter other than
+        a gap; or if every value is refused.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> found = gr.threshold("three-balls", over="gap", points=9, within=0.1)
+    >>> [f"{crossing.value:.1e}" for crossing in found.crossings]
+    ['4.4e-03']
     """
     asked = CRITERIA[check.choice("criterion", criterion, list(CRITERIA))]
     check.of_kind("over", over, str, "the name of one parameter, such as 'gap',")
@@ -109,7 +118,7 @@ def threshold(
 
 
 def _ends(between: Any, spacing: str) -> tuple[float, float]:
-    """Check what is to be scanned."""
+    """Return the checked ends of the scan."""
     if isinstance(between, str) or not hasattr(between, "__len__") or len(between) != 2:
         raise ValueError(f"between is {between!r}: two numbers are needed, such as (1e-6, 1e-2).")
     low, high = (check.number(f"between[{i}]", end) for i, end in enumerate(between))
@@ -122,7 +131,7 @@ def _ends(between: Any, spacing: str) -> tuple[float, float]:
 
 
 def _wholes(over: str, grid: check.Array) -> check.Array:
-    """Return the whole numbers next to those of a grid, each once."""
+    """Return the integers next to the values of a grid, each once."""
     low, high = grid[[0, -1]].tolist()
     if not (low.is_integer() and high.is_integer()):
         raise ValueError(f"between is ({low!r}, {high!r}): {over} is a whole number, and whole ends are needed.")
@@ -133,7 +142,7 @@ def _judged(
     plan: Plan, asked: Criterion, limit: float, grid: list[float], within: float,
     tell: Told | None,
 ) -> tuple[Value, ...]:
-    """Every value that was tried, ascending."""
+    """Return every value that was tried, ascending."""
     refused: list[str] = []
     whole = plan.subject.is_whole(plan.names[0])
 
@@ -157,11 +166,11 @@ def _judged(
 def scanned(
     judge: Callable[[float], Value], grid: Sequence[float], within: float, whole: bool = False
 ) -> Iterator[Value]:
-    """Judge every value of an ascending grid, then bisect changes of the verdict until they are known to `within`.
+    """Evaluate every value of an ascending grid, then bisect changes of the verdict.
 
-    `within` is relative to the value, or to `LEAST` of what is scanned if that is more. Where a midpoint has a third
-    verdict, both halves are cut further. What lies between two neighbours of the grid with the same verdict is not
-    seen. Of `whole` numbers only whole ones are tried.
+    Changes are known to `within`, relative to the value, or to `LEAST` of the interval if that is larger. If a
+    midpoint has a third verdict, both halves are bisected. Intervals between two neighbours of the grid with the same
+    verdict are missed. For `whole` parameters only integers are tried.
     """
     found: list[Value] = []
     least = LEAST * (grid[-1] - grid[0])
@@ -176,11 +185,14 @@ def scanned(
 
 
 def wide(low: float, high: float, within: float, least: float, whole: bool) -> bool:
-    """Whether an interval must be cut further, and can be."""
+    """Whether an interval is too wide, and can be divided."""
     return high - low > within * max(abs(low), abs(high), least) and low < middle(low, high, whole) < high
 
 
 def middle(low: float, high: float, whole: bool) -> float:
-    """Where an interval is cut: at the geometric mean if it spans a factor of two or more, else at the mean."""
+    """Return the midpoint of an interval: the geometric mean, or the mean.
+
+    The geometric mean is used for intervals that span a factor of two or more.
+    """
     mean = math.sqrt(low) * math.sqrt(high) if 0.0 < 2.0 * low < high else 0.5 * low + 0.5 * high
     return float(round(mean)) if whole else mean

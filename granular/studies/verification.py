@@ -1,6 +1,7 @@
-"""Reference answers for other people's codes: set-ups with units and conventions, answers with digits and condition.
+"""Reference numbers for other codes: set-ups with units and conventions.
 
-``bench/make_verification.py`` made the file beside this one with the solver of 34 digits.
+Answers have all their digits and a condition number. ``bench/make_verification.py`` made the file beside this one with
+the solver of 34 digits.
 """
 
 from __future__ import annotations
@@ -22,13 +23,16 @@ from granular._engine import check as _check, files
 COLUMNS = ("run", "quantity", "value", "unit", "digits", "condition")
 ENDINGS = (".csv", ".json")
 LONGEST = 10_000
-"""Characters in a line of a table at most."""
+"""Maximum length of a line of a table in characters."""
 COARSE = 1e-3
-"""Largest relative difference that may be right, however few digits are written."""
+"""Largest relative difference that can be right, for any number of digits."""
 FARTHEST = 400
-"""Largest power of ten that is a number here: no code writes another, and decimal arithmetic ends far beyond."""
+"""Largest power of ten of a number. Decimal arithmetic ends far beyond."""
 ROUNDING = 16 * 2.0**-52
-"""Relative size of a dozen roundings of the inputs: what a condition number multiplies."""
+"""Relative size of a dozen rounding errors of the inputs.
+
+It is multiplied by a condition number.
+"""
 
 
 @dataclass(frozen=True)
@@ -38,15 +42,15 @@ class Answer:
     Attributes
     ----------
     run, quantity : str
-        Which run of the case, and what of it.
+        Run of the case, and quantity.
     value : str
-        Decimal digits, all right.
+        Decimal digits, all of them right.
     unit : str
-        Its SI unit; "1" for a pure number.
+        SI unit; "1" for a pure number.
     digits : int
-        How many digits were proved: the rest is not told.
+        Number of digits that were proved.
     condition : float
-        κ = Σ |∂ln value / ∂ln input|: rounding the inputs to 1e-16 moves the value by about κ · 1e-16 of it.
+        κ = Σ |∂ln value / ∂ln input|: rounding the inputs to 1e-16 changes the value by about κ · 1e-16 of it.
     """
 
     run: str
@@ -59,16 +63,17 @@ class Answer:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What somebody's number is worth: "right", "ill-conditioned", "wrong" or "missing".
+    """Judgement of a number: "right", "ill-conditioned", "wrong" or "missing".
 
     Attributes
     ----------
     answer : Answer
-        What it should be.
+        The reference.
     theirs : str
-        What was given, as written.
+        The given number, as written.
     word : str
-        "right": to every digit written, or within the tolerance; "ill-conditioned": off by what rounded inputs explain.
+        "right": to every digit written, or within the tolerance; "ill-conditioned": within the effect of rounded
+        inputs.
     off : float
         |theirs - ours| / |ours|; nan if missing.
     """
@@ -92,18 +97,21 @@ def names() -> list[str]:
 
 
 def case(name: str) -> dict[str, Any]:
-    """Return a case: what it is about, its source, and its runs, each with a set-up and answers."""
+    """Return a case: description, source, and runs with set-up and answers."""
     found: dict[str, Any] = kit()["cases"][_check.choice("case", name, names())]
     return found
 
 
 def answers(name: str) -> list[Answer]:
-    """Return all answers of a case, in the order in which things happen."""
+    """Return all answers of a case, in time order."""
     return [Answer(run, **row) for run, told in case(name)["runs"].items() for row in told["answers"]]
 
 
 def write(name: str, path: str | PathLike[str]) -> None:
-    """Write a case: a .json file with everything in it, or a .csv table of its answers under comments that tell it."""
+    """Write a case: a .json file with everything, or a .csv table of its answers.
+
+    Comments in the table contain the set-up.
+    """
     told, ending = case(name), Path(path).suffix.lower()
     if ending not in ENDINGS:
         raise ValueError(f"path is {str(path)!r}: a name that ends in {' or '.join(ENDINGS)} is needed.")
@@ -120,18 +128,18 @@ def write(name: str, path: str | PathLike[str]) -> None:
 
 
 def check(name: str, path: str | PathLike[str], tolerance: float | None = None) -> list[Verdict]:
-    """Compare somebody's numbers with the answers of a case.
+    """Compare numbers of another code with the answers of a case.
 
     Parameters
     ----------
     name : str
-        Of the case.
+        Name of the case.
     path : path
-        A .csv file with columns ``run``, ``quantity`` and ``value``, others do not matter: that of `write`, with values
-        replaced. Lines that begin with # are skipped.
+        A .csv file with columns ``run``, ``quantity`` and ``value``: the file of `write` with other values. Further
+        columns are ignored, and lines that begin with # are skipped.
     tolerance : float, optional
-        Relative difference that counts as right, for codes with a time step; else every digit that is written, up to
-        one unit of the last, must be right, and at least three.
+        Relative difference that is right, for codes with a time step. By default every digit that is written, up to
+        one unit of the last, must be right, and at least three digits.
 
     Returns
     -------
@@ -141,7 +149,7 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
     Raises
     ------
     ValueError
-        If the file has other columns, rows that no answer has, a row twice, or what is no number.
+        If the file has other columns, rows without an answer, a row twice, or an entry that is not a number.
     """
     most = None if tolerance is None else _check.number("tolerance", tolerance, at_least=0.0)
     wanted = {(one.run, one.quantity): one for one in answers(name)}
@@ -155,7 +163,7 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
 
 
 def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
-    """Number of the line, run, quantity and value of every row of a table."""
+    """Return line number, run, quantity and value of every row of a table."""
     try:
         text = Path(files.checked_source("path", path)).read_text("utf-8-sig")
     except UnicodeDecodeError:

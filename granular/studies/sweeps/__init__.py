@@ -1,4 +1,4 @@
-"""`sweep`, `sensitivity` and `ensemble`: outcomes over parameters, their derivatives, and their distributions.
+"""`sweep`, `sensitivity` and `ensemble`: outcomes over parameters.
 
 A first reader may skip: `ensembles`, `plan`, `results`, `run`, `schedule`, `sensitivities`,
 `sensitivity_report`, `subject`.

@@ -1,4 +1,7 @@
-"""`ensemble`: both engines over many draws of a scene. Do their means agree, where single runs cannot be compared?"""
+"""`ensemble`: both engines over many random draws of a scene.
+
+The means can agree where single runs cannot be compared.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +27,22 @@ from granular.studies.sweeps.run import sweep
 from granular.studies.sweeps.subject import SceneLike
 
 Way = tuple[float, float] | Callable[[np.random.Generator], Any] | None
-"""How a parameter is drawn: mean and standard deviation, a function of the generator, None: a seed of its own."""
+"""Distribution of a parameter.
+
+Mean and standard deviation, a function of the random generator, or None for a seed of its own.
+"""
 BOTH = tuple(name for name in RESULTS if f"hard_{name}" in RESULTS)
 """Results that both engines have."""
 NAMED = {"md": "", "edmd": "hard_"}
-"""What the names of results of each engine begin with."""
+"""First letters of the names of results of each engine."""
 MARGIN = 0.1
-"""Standard deviations of the soft spheres within which means are equivalent, if nothing else is said."""
+"""Default margin for equal means, in standard deviations of the soft spheres."""
 SURE = 0.95
-"""Confidence with which all answers hold at once."""
+"""Confidence with which all answers hold simultaneously."""
 ROUNDING = 1e-9
-"""Differences below this share of a value are rounding."""
+"""Relative rounding error of a difference."""
 NO_VALUE = (NOT_RUN, MISUSE, *(CODE[status.name] for status in EARLY))
-"""Statuses of runs whose results are none: what a collapse leaves is no outcome."""
+"""Statuses of runs without results: the state after a collapse is not an outcome."""
 
 
 @check.face
@@ -47,22 +53,22 @@ class Quantity:
     Attributes
     ----------
     name, units : str
-        What it is.
+        Name and unit.
     hard, soft : (n,) arrays
-        Its values, draw by draw; nan where a run came to no proper end, or has none.
+        Values by draw; nan if a run did not end properly, or has no value.
     means, spreads, errors : (2,) arrays
         Mean, standard deviation and standard error of the mean, of hard and of soft spheres.
     difference, error : float
-        Mean of hard less mean of soft spheres, and its standard error: of the paired differences if both have the same
-        draws, else of two samples.
+        Mean of hard minus mean of soft spheres, and its standard error: of the paired differences if both have the same
+        draws, otherwise of two samples.
     reach : float
-        Half the width of the interval that holds the true difference, with 95 % for all quantities at once.
+        Half the width of the confidence interval of the true difference, 95 % for all quantities together.
     margin : float
         Means that differ by at most this are equivalent.
     draws, lacking : int
-        Draws that are compared, of the engine that has fewer; and those for which only one of the two has a value.
+        Number of compared draws, of the engine with fewer; and of draws for which only one of the engines has a value.
     answer : Answer
-        yes: the interval is within the margin, and nothing is lacking; no: it is beyond; else undecided.
+        yes: the interval is within the margin, and no draw is lacking. no: it is beyond. Otherwise undecided.
     """
 
     name: str
@@ -84,20 +90,20 @@ class Quantity:
 @check.face
 @dataclass(frozen=True, repr=False)
 class Ensemble(Report):
-    """Both engines over the same draws, or over independent ones; print it, `plot` it, save it with `to_json`.
+    """Both engines over the same, or over independent draws. Draw it with `plot`.
 
     Attributes
     ----------
     title : str
-        What was drawn.
+        Description of the draws.
     n, seed : int
-        Number of draws, and the seed from which they come.
+        Number of draws, and their seed.
     independent : bool
         Whether the engines have draws of their own.
     quantities : tuple of Quantity
-        Every result, pair by pair or body by body where it has several.
+        Every result, by pair or body if it has several values.
     refused : str
-        Why the first draw that was refused was; empty if none was.
+        Reason of the first refused draw; empty if none was refused.
     """
 
     title: str
@@ -109,12 +115,12 @@ class Ensemble(Report):
 
     @property
     def worst(self) -> Quantity:
-        """The quantity that decides: of those with the worst answer the one farthest from its margin."""
+        """The quantity that decides: worst answer, then farthest from its margin."""
         return min(self.quantities, key=lambda q: (ORDER.index(q.answer), -abs(q.difference) / (q.margin or 1.0)))
 
     @property
     def answer(self) -> Judgement:
-        """May the collisions be treated as instantaneous, as far as means go?"""
+        """Can the collisions be treated as instantaneous, for the means?"""
         return self.worst.answer
 
     @property
@@ -148,7 +154,7 @@ class Ensemble(Report):
                 "answer": self.answer.name, "verdict": self.verdict}
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw which share of the draws is below each value; return the figure, or save it to `path`."""
+        """Draw the cumulative distributions; return the figure, or save it to `path`."""
         figure, axes = canvas(3.4, 1.0 + 1.6 * len(self.quantities), len(self.quantities))
         for axis, q in zip(axes[:, 0], self.quantities, strict=True):
             for values, colour, name in ((q.hard, HARD, "hard"), (q.soft, SOFT, "soft")):
@@ -175,47 +181,55 @@ def ensemble(
     progress: bool = False,
     **fixed: Any,
 ) -> Ensemble:
-    """Run both engines over many draws of a scene: do their means agree?
+    """Run both engines for many random draws of a scene, and compare the means.
 
     Parameters
     ----------
     scene : str, path, callable, Case or Scene
-        What is drawn, as in `granular.sweep`.
+        The scene, as in `granular.sweep`.
     n : int
         Number of draws, at least 2. The first draws of a larger ensemble are those of a smaller one.
     vary : mapping, or str
-        Parameters by the names that `granular.sweep` knows, and how each is drawn: (mean, standard deviation) of a
-        normal distribution; or a function of a `numpy.random.Generator`; or None for a parameter that is a seed, such
-        as that of a gas: a whole number from 0 to 2³¹ - 1. A name alone is that of a seed.
+        Parameters by the names of `granular.sweep`, and their distributions: (mean, standard deviation) of a normal
+        distribution; a function of a `numpy.random.Generator`; or None for a parameter that is a seed, such as the one
+        of a gas: an integer from 0 to 2³¹ - 1. A single name means the name of a seed.
     results : names, or functions of a run that return a number
-        What is compared: contacts, v_rel, t_f, v_final, time, energy_left as in `granular.sweep`, of all pairs or
-        bodies, or of one: ``v_rel[1]``; a function is asked of both runs.
+        Results to compare: contacts, v_rel, t_f, v_final, time, energy_left as in `granular.sweep`, of all pairs or
+        bodies, or of one: ``v_rel[1]``. A function is called for both runs.
     margin : float, or mapping
-        Means that differ by no more are equivalent: in standard deviations of the soft spheres; or by the names of
-        results, in their own units (0.1 standard deviations of those that are left out).
+        Means that differ by no more are equivalent. In standard deviations of the soft spheres, or by the names of
+        results in their own units (0.1 standard deviations for names that are missing).
     seed : int
-        Of the draws.
+        Seed of the draws.
     independent : bool
-        Give hard spheres draws of their own, the n that follow: the difference is then that of two samples.
+        Use the n following draws for hard spheres. The difference is then one of two samples.
     executor, on_progress, progress
-        As in `granular.sweep`; soft spheres come first. Any executor gives the same bits.
+        As in `granular.sweep`. Soft spheres come first. Results are bitwise identical for any executor.
     **fixed
         Parameters that all draws share.
 
     Returns
     -------
     Ensemble
+        Both engines' results, their means, and the answer.
 
     Raises
     ------
     TypeError, ValueError
-        For an unknown parameter or result, or a way to draw that is none; if all draws are refused.
+        For an unknown parameter, result or distribution; if all draws are refused.
 
     Notes
-    -----
-    With d the mean difference, s its standard error and q the quantile of Student's t at 1 - 0.025/m of m quantities,
-    all m intervals |d| ± q s hold the true differences with 95 % or more (Bonferroni). "yes" if |d| + q s is at most
-    the margin, "no" if |d| - q s is above it. That is a statement on means; distributions may differ: `plot`.
+    ----- With d the mean difference, s its standard error and q the quantile of Student's t at 1 - 0.025/m of m
+    quantities, all m intervals |d| ± q s contain the true differences with 95 % or more (Bonferroni). The answer is
+    "yes" if |d| + q s is at most the margin, and "no" if |d| - q s is above it. This concerns means. Distributions may
+    differ, see `plot`.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> found = gr.ensemble("gas", 20, "seed", t_end=0.05)
+    >>> found.answer.name
+    'undecided'
     """
     count, need = check.whole("n", n, at_least=2), "a mapping of parameters to their distributions"
     ways = {vary: None} if isinstance(vary, str) else check.of_kind("vary", vary, Mapping, need)
@@ -246,7 +260,7 @@ def ensemble(
 
 
 def _check_way(plan: Plan, name: str, way: Any) -> None:
-    """Raise unless it is a way to draw that parameter."""
+    """Raise an error unless it is a distribution for that parameter."""
     fix = "give (mean, sd), a function of the generator, or None for a seed"
     if way is None and not (plan.subject.is_whole(name) or str(plan.subject.way(name)[-1]) == "seed"):
         raise ValueError(f"{name} in vary is None, and no seed, which is a whole number; {fix}.")
@@ -258,7 +272,7 @@ def _check_way(plan: Plan, name: str, way: Any) -> None:
 
 
 def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What is asked for by name, and the results of all pairs or bodies that hold it."""
+    """Return the requested quantities, and the results that contain them."""
     given = check.several("results", results, "a name or function of a run, or several,")
     asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
     if len(asked) < len(given) or not given:
@@ -271,7 +285,7 @@ def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Draws:
-    """Case number `draw` of an ensemble: what it is depends on nothing but that number, and the seed."""
+    """Case number `draw` of an ensemble, a function of this number and the seed."""
 
     plan: Plan
     ways: tuple[Way, ...]
@@ -288,7 +302,7 @@ class Draws:
 
 @dataclass(frozen=True)
 class Of:
-    """A function of a run, asked of one engine."""
+    """A function of a run, called for one engine."""
 
     function: Callable[[Trajectory], float]
     engine: str
@@ -302,12 +316,12 @@ class Of:
 
 
 def _names(name: str) -> tuple[str, str]:
-    """The name of a quantity, and of the result that it is one of."""
+    """Return the name of a quantity, and of its result."""
     return name, name.partition("[")[0]
 
 
 def _values(data: Any, name: str, prefix: str) -> Iterator[tuple[str, Array]]:
-    """The quantities of a result of one engine by name, with their values (n,), nan where there is none."""
+    """Return the quantities of a result of one engine by name, shape (n,), or nan."""
     values = data[prefix + name].values.astype(float)
     values[np.isin(data["status"].values, NO_VALUE)] = math.nan
     yield from [(name, values)] if values.ndim == 1 else [(f"{name}[{k}]", row) for k, row in enumerate(values.T)]
@@ -316,7 +330,10 @@ def _values(data: Any, name: str, prefix: str) -> Iterator[tuple[str, Array]]:
 def judged(
     name: str, units: str, values: tuple[Array, Array], share: float, own: float | None, how: tuple[bool, int],
 ) -> Quantity:
-    """Judge one quantity by its values of both engines, paired or not, of so many; see `ensemble`."""
+    """Judge one quantity by its values of both engines, paired or not.
+
+    There are `of` quantities in all, see `ensemble`.
+    """
     from scipy.special import stdtrit
 
     (paired, of), known = how, [np.isfinite(one) for one in values]

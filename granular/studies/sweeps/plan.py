@@ -1,5 +1,4 @@
-"""What is asked of every cell, as a value that travels to other processes; the data set of the answers, and its file.
-"""
+"""Plan of a sweep, which other processes can receive, and its data set and file."""
 
 from __future__ import annotations
 
@@ -31,17 +30,17 @@ if TYPE_CHECKING:
 
 Ask = str | Callable[[Case], float]
 PLACE = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
-"""How earlier versions named classes of this package: by their modules, which may have moved since."""
+"""Pattern of class places in old files, whose modules may have moved."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What every cell has in common.
+    """Common properties of all cells.
 
     Attributes
     ----------
     subject : Subject
-        What is swept.
+        The subject of the sweep.
     fixed : mapping
         Parameters that all cells share.
     names : tuple of str
@@ -51,11 +50,11 @@ class Plan:
     run : mapping
         Options of the engines.
     at_once : bool
-        Whether many cells may be run in one compiled call.
+        Whether many cells can run in one compiled call.
     key : bytes
-        Tells plans apart, whatever process they are in.
+        Identifies the plan in any process.
     version : str or None
-        Text by which the caller identifies functions and classes of their own, in a file.
+        Text by which the caller identifies user-defined functions and classes in a file.
     """
 
     subject: Subject
@@ -69,7 +68,7 @@ class Plan:
 
     @property
     def results(self) -> dict[str, Result]:
-        """What is asked, by name."""
+        """Requested results, by name."""
         return {named(ask): _result(ask) for ask in self.asked}
 
     @cached_property
@@ -79,7 +78,7 @@ class Plan:
 
     @cached_property
     def root(self) -> Any:
-        """The subject with what all cells share."""
+        """The subject with the parameters that all cells share."""
         return reduce(lambda root, change: put(root, *change), sorted(self._shared, key=_late), self.subject.root)
 
     @cached_property
@@ -87,31 +86,37 @@ class Plan:
         return [(self.subject.way(name), value) for name, value in self.fixed.items()]
 
     def parameters(self, values: Sequence[Any]) -> Any:
-        """The root of the cell with these `values` of the parameters that vary."""
+        """Return the root of the cell with these `values` of the varied parameters."""
         changes = [*filter(_late, self._shared), *zip(self.ways, values, strict=True)]
         return reduce(lambda root, change: put(root, *change), sorted(changes, key=_late), self.root)
 
     def case(self, values: Sequence[Any]) -> Case:
-        """The case of one cell."""
+        """Return the case of one cell."""
         case = self.subject.make(self.parameters(values))
         return replace(case, run={**case.run, **self.run}) if self.run else case
 
     def start(self, values: Sequence[Any]) -> Case:
-        """The case of one cell; of a ready-made one without its contacts, which many cells share."""
+        """Return the case of one cell, for a ready-made one without its contacts.
+
+        Many cells share it.
+        """
         if not self.subject.ready:
             return self.case(values)
         shapes, _ = self._sides(self.parameters(values))
         return ready.bare(self.subject.ready, shapes, shapes.pop("t_end", None))
 
     def laws(self, start: Case, values: Sequence[Any]) -> Any:
-        """Force laws of one cell."""
+        """Return the force laws of one cell."""
         if not self.subject.ready:
             return start.physics("md")
         return ready.touching(self.subject.ready, start, **self._sides(self.parameters(values))[1]).law
 
     @cached_property
     def shaping(self) -> tuple[bool, ...]:
-        """Which parameters that vary tell where and for how long a cell runs; the others how its balls touch."""
+        """Which varied parameters determine scene and end of a cell.
+
+        The others determine its contacts.
+        """
         return tuple(not self.subject.ready or name.partition("[")[0] in self.shapes for name in self.names)
 
     def _sides(self, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -122,7 +127,7 @@ class Plan:
 
     @cached_property
     def shapes(self) -> set[str]:
-        """Names of the parameters of a ready-made case that shape its scene, and its end."""
+        """Names of the parameters of a ready-made case that determine scene and end."""
         return ready.shaping(self.subject.ready) | {"t_end"}
 
 
@@ -130,7 +135,7 @@ def planned(
     scene: SceneLike, over: Mapping[str, Values], asked: tuple[Ask, ...], fixed: Mapping[str, Any],
     run: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """Return the plan, or raise for what no cell could do."""
+    """Return the plan. Raises errors that concern all cells."""
     for ask in asked:
         check.takes("result", ask, "case") if callable(ask) else check.choice("result", ask, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
@@ -142,17 +147,17 @@ def planned(
 
 
 def _late(change: tuple[Way, Any]) -> bool:
-    """Whether to make a change after all others."""
+    """Whether a parameter must be applied last."""
     return change[0] == RESTITUTION
 
 
 def named(ask: Ask) -> str:
-    """The name of a result."""
+    """Return the name of a result."""
     return ask if isinstance(ask, str) else str(getattr(ask, "__name__", ask))
 
 
 def check_names(plan: Plan, save: Any) -> None:
-    """Raise for results that no data set, or no file of one, could have by their names."""
+    """Raise an error for results whose names no data set, or no file, can have."""
     taken = {*plan.names, "status", "pair", "body", "edge", "edge_contacts", "jump", "side"}
     for ask in (one for one in plan.asked if not isinstance(one, str)):
         if not hasattr(ask, "__name__"):
@@ -186,7 +191,10 @@ def xarray_() -> Any:
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
-    """Return the data set: one dimension per axis, then pair or body; units and provenance as attributes."""
+    """Return the data set: a dimension per axis, then pair or body, with attributes.
+
+    Attributes contain units and provenance.
+    """
     shape = tuple(map(len, over.values()))
     coordinates: dict[str, Any] = {name: (name, array, plan.subject.attributes(name)) for name, array in over.items()}
     status = {"long_name": "status", "comment": "how the run of the cell ended", "flag_values": list(STATUS),
@@ -206,9 +214,9 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
 
 
 def question(plan: Plan) -> tuple[str, list[Any]]:
-    """Text of the case, the parameters and the results, and the objects of the caller that it only names.
+    """Return the text of case, parameters and results, and the caller's objects in it.
 
-    Without such objects, sweeps with the same text and axes have the same answers.
+    Without such objects, sweeps with equal text and axes have equal answers.
     """
     own: list[Any] = []
 
@@ -235,7 +243,7 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
 
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
-    """Write a data set to a netCDF file, whole or not at all."""
+    """Write a data set to a netCDF file, completely or not at all."""
     check.optional("netCDF4", "a netCDF file")
 
     def fill(draft: str) -> None:
@@ -249,12 +257,13 @@ def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
 
 
 def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the results that a file already has, and its notes; nothing if it is not there.
+    """Return the results and notes of an existing file, or nothing.
 
     Raises
     ------
     ValueError
-        If the file belongs to another sweep or to a later version, or if code of the caller takes part without a key.
+        If the file belongs to another sweep or to a later version, or if the sweep uses code of the caller without a
+        key.
     """
     name = files.checked_path("save", path)
     files.check_ending(name, ".nc")
@@ -276,7 +285,7 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
 
 
 def _format(notes: Any) -> Any:
-    """Number of the format that a file says it has."""
+    """Return the format number of a file."""
     try:
         return json.loads(notes.get("provenance", "{}")).get("format", 1)
     except (TypeError, ValueError, AttributeError, RecursionError):
@@ -284,13 +293,16 @@ def _format(notes: Any) -> Any:
 
 
 def _same(stored: Any, axis: str, array: Any) -> bool:
-    """Whether a file has the values of an axis; read only if there are as many."""
+    """Whether a file has the values of an axis. Sizes are compared before reading."""
     return axis in stored and stored[axis].shape == array.shape and np.array_equal(
         stored[axis].values.astype(array.dtype), array)
 
 
 def _column(stored: Any, name: str, shape: tuple[int, ...], plan: Plan, path: str) -> Any:
-    """The answers of all cells; read only if they are of the kind, shape and size that a file of ours has."""
+    """Return the answers of all cells.
+
+    Nothing is returned unless they have the kind, shape and size of our files.
+    """
     result = plan.results.get(name)
     whole, deep = result is None or isinstance(result.fill, int), result is not None and result.dim != ""
     there = stored.get(name)

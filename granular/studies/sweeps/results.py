@@ -1,4 +1,4 @@
-"""What can be asked of every cell, with its dimensions and units; and the answers, as they come in."""
+"""Results of a cell, with dimensions and units, and the arrays that collect them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ from granular.scene.state import Scene
 NOT_RUN, MISUSE = -1, 8
 STATUS = {NOT_RUN: "not_run", **{code + (code >= MISUSE): status.name for code, status in enumerate(Status)},
           MISUSE: "misuse"}
-"""Status codes of cells, which maps in files have; ``misuse``: the cell's parameters were refused, or its run raised.
-It keeps its number: statuses that came later have those behind it."""
+"""Status codes of cells, as stored in the maps of files.
+
+``misuse``: the cell's parameters were refused, or its run raised. It keeps its number, so that later statuses follow
+it.
+"""
 CODE = {name: code for code, name in STATUS.items()}
 REFUSED = (ValueError, ArithmeticError)
-"""What a cell may raise without stopping the sweep; anything else is a mistake, of the program or the user."""
+"""Exceptions of a cell that do not stop the sweep. All others are mistakes."""
 
 
 @dataclass(frozen=True)
@@ -34,16 +37,16 @@ class Result:
     Attributes
     ----------
     dim : str
-        "pair" or "body" if there is one per pair or body, else empty.
+        "pair" or "body" if there is one value per pair or body, otherwise empty.
     units, about : str
-        SI units, and what it is.
+        SI unit and description.
     of : callable
-        Its value for an `Answer`.
+        Function of an `Answer` that returns the value.
     fill : float or int
-        Where there is no value; decides the type.
+        Value if there is none. It decides the type.
     many : str
-        "always" if a compiled call of many cells answers it too; "ended" if contacts that are still running at the end
-        must be followed first, one cell by itself.
+        "always" if a compiled call of many cells computes it as well. "ended" if contacts that are running at the end
+        first have to be followed, cell by cell.
     """
 
     dim: str
@@ -55,14 +58,14 @@ class Result:
 
 
 def impact_speed(scene: Scene) -> float:
-    """|v10| in m/s with which two balls dropped as one meet the floor; nan for other scenes."""
+    """Impact speed |v10| in m/s of two balls that fall together, otherwise nan."""
     if not is_drop(scene):
         return math.nan
     return -rate_at_contact(float(scene.gap[0]), float(scene.velocity[1] - scene.velocity[0]), scene.gravity)
 
 
 def specified(scene: Scene, laws: Any) -> float:
-    """The common ε of both contacts, isolated, at the impact speed; nan if they differ or for other scenes."""
+    """Common ε of both contacts at the impact speed, nan if different or other scenes."""
     speed = impact_speed(scene)
     if not speed > 0.0:
         return math.nan
@@ -113,12 +116,12 @@ RESULTS = {
 
 
 class Answers:
-    """An array for every result, as wide as the largest scene so far, and the first sentence of misuse.
+    """An array for each result, as wide as the largest scene, and the first refusal.
 
     Parameters
     ----------
     results : mapping
-        What is asked, by name.
+        Requested results, by name.
     count : int
         Number of cells.
     """
@@ -131,7 +134,7 @@ class Answers:
         self.refusal: tuple[int, str] | None = None
 
     def put(self, places: Any, columns: Mapping[str, Any]) -> None:
-        """Write results of the cells at these places."""
+        """Store results of the cells at these places."""
         for name, values in columns.items():
             more = values.shape[1] - self.columns[name].shape[1] if values.ndim > 1 else 0
             if more > 0:
@@ -139,12 +142,12 @@ class Answers:
             self.columns[name][(places, *map(slice, values.shape[1:]))] = values
 
     def refuse(self, place: int, sentence: str) -> None:
-        """Note why a cell has no answer."""
+        """Store the reason why a cell has no answer."""
         self.columns["status"][place] = MISUSE
         self.refusal = min(self.refusal or (place, sentence), (place, sentence))
 
     def take(self, places: Any, others: Answers) -> None:
-        """Take over the answers of the cells at these places."""
+        """Copy the answers of the cells at these places."""
         self.put(places, others.columns)
         if others.refusal is not None:
             self.refuse(int(places[others.refusal[0]]), others.refusal[1])

@@ -1,4 +1,4 @@
-"""`sweep`: any parameter × any parameter × any result; boundaries between contact counts, by bisection."""
+"""`sweep`: results over all combinations of parameters, with bisected boundaries."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 
 DEFAULT = ("contacts", "v_rel", "eps_ratio")
-"""What is kept of every cell if nothing is said."""
+"""Default results."""
 SAVE_EVERY = 30.0
-"""Seconds between two writes of what is done so far."""
+"""Time in s between two writes of the file."""
 Counts = Callable[[list[Values]], Values]
-"""Contact counts (S, pairs) at the rows of some columns of parameters."""
+"""Function that returns contact counts (S, pairs) for columns of parameters."""
 Where = tuple[Executor | None, int]
-"""An executor, and the number of threads without."""
+"""An executor, and the number of threads without one."""
 
 
 @check.face
@@ -52,59 +52,66 @@ def sweep(
     progress: bool = False,
     **fixed: Any,
 ) -> xarray.Dataset:
-    """Solve a scene for every combination of some parameters.
+    """Solve a scene for all combinations of parameter values.
 
     Parameters
     ----------
     scene : str, path, callable, Case or Scene
-        Name of a ready-made case; a TOML file; a function of the parameters that returns a `granular.Case` (for other
-        processes one they can import); such a case itself; or a scene, with `law`, `rule`, `until`, `t_end` as further
-        parameters.
+        Name of a ready-made case; a TOML file; a function of the parameters that returns a `granular.Case` (importable
+        for other processes); a case itself; or a scene, with `law`, `rule`, `until`, `t_end` as further parameters.
     over : mapping, or text
         Values of the parameters to vary: ``{"gap": [1e-5, 1e-4]}``, or texts such as ``"gap=1e-7:1e-2:300:log"``.
         ``radii[0]`` is one entry of a list of values. Parameters of a file are the numbers in its tables, of a case
-        those of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``, ``t_end``;
-        ``gap`` of all pairs of balls, ``restitution`` of all laws, which keep their stiffness, and of the rule.
+        the numbers of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``,
+        ``t_end``; ``gap`` of all pairs of balls, ``restitution`` of all laws (at constant stiffness) and of the rule.
     results : names, or functions of the case that return a number
-        What to keep of every cell, besides its `status`; see `granular.studies.sweeps.results.RESULTS`.
+        Results of every cell in addition to its `status`; see `granular.studies.sweeps.results.RESULTS`.
     run : mapping, optional
         Options of ``simulate``, such as ``{"engine": "plain"}``. Without them, and for laws that are powers of the
         overlap, cells run compiled in one call per batch.
     refine : str, optional
-        The parameter along which jumps of the contact counts are bisected; needs the result "contacts". They come as
-        `edge`, `edge_contacts` along the dimension "jump". Windows narrower than the grid's spacing can be missed.
+        Parameter along which jumps of the contact counts are bisected; needs the result "contacts". The jumps are
+        `edge`, `edge_contacts` along the dimension "jump". Windows narrower than the spacing of the grid can be missed.
     precision : float
         Relative width to which jumps are bisected.
     save : path, optional
-        A netCDF file for the result. It is written every half minute as well as at the end or on interruption; if it
-        is there already, only the cells it lacks are solved.
+        A netCDF file for the result. It is written every half minute, at the end and on interruption. If it exists,
+        only missing cells are solved.
     key : str, optional
-        Identifies functions and classes of your own in the file, such as ``"version 2"``; change it whenever you change
-        them. Without a key, an existing file is refused if a scene, law, rule, wall or result of your own takes part.
+        Identifies user-defined functions and classes in the file, such as ``"version 2"``. Change it whenever you
+        change them. Without a key, an existing file is refused if the sweep uses a scene, law, rule, wall or result of
+        your own.
     executor : concurrent.futures.Executor, optional
-        Where to run: a ``ProcessPoolExecutor``, ``client.get_executor()`` of dask, an ``MPIPoolExecutor``; default
-        this process. The result is the same, bit for bit.
+        A ``ProcessPoolExecutor``, ``client.get_executor()`` of dask, an ``MPIPoolExecutor``. Defaults to this process.
+        The results are bitwise identical.
     workers : int, optional
-        Threads of this process, without an executor, for cells that run compiled in one call per batch; default: one
-        per core that it may use, where that pays. Cells that run one by one take processes to be faster.
+        Number of threads of this process, without an executor, for cells that run compiled in one call per batch.
+        Defaults to one per available core if this is faster. Cells that run one by one need processes to be faster.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` now and then: the share of this call's cells that is solved, and the number of
-        all cells that are, those of a file included.
+        ``on_progress(reached, count)`` is called with the share of this call's cells that are solved, and the number of
+        all solved cells, including those of a file.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
     **fixed
         Parameters that all cells share.
 
     Returns
     -------
     xarray.Dataset
-        One dimension per parameter, then "pair" or "body". Cells that were refused (status ``misuse``) or did not end
-        properly say so in `status`; the first sentence of a refusal is the attribute `refusal`.
+        One dimension per parameter, then "pair" or "body". `status` marks cells that were refused (``misuse``) or did
+        not end properly. The attribute `refusal` is the first message of a refusal.
 
     Raises
     ------
     TypeError, ValueError
-        For an unknown parameter or result; for a sweep all of whose cells are refused.
+        For an unknown parameter or result; for a sweep in which all cells are refused.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> data = gr.sweep("three-balls", {"restitution": [0.5, 0.7, 0.9]}, "contacts")
+    >>> data["contacts"].sel(pair=1).values
+    array([4, 4, 4])
     """
     schedule.checked(executor)
     threads = cores() if workers is None else check.whole("workers", workers, at_least=1)
@@ -129,7 +136,7 @@ def sweep(
 
 
 class _Job:
-    """A sweep under way: `columns` are the parameters of its cells."""
+    """A sweep in progress. `columns` are the parameters of its cells."""
 
     def __init__(self, plan: Plan, over: dict[str, Values], columns: list[Values], save: Any) -> None:
         self.plan, self.over, self.columns, self.save = plan, over, columns, save
@@ -138,7 +145,7 @@ class _Job:
         self.answers.put(slice(None), known)
 
     def solve(self, where: Where, tell: Told | None) -> None:
-        """Solve what is not solved yet; keep what is done, however it ends."""
+        """Solve the missing cells, and keep finished ones in any case."""
         missing = np.flatnonzero(self.answers.columns["status"] == NOT_RUN)
         known = done = len(self.columns[0]) - len(missing)
         saved = time.monotonic()
@@ -159,12 +166,12 @@ class _Job:
                 "refusal", f"save is {self.save!r}: all its cells were refused, it does not say why; remove it."))
 
     def dataset(self) -> xarray.Dataset:
-        """What is known so far."""
+        """Return the results so far."""
         notes = {"refusal": self.answers.refusal[1]} if self.answers.refusal else self.notes
         return dataset(self.plan, self.over, self.answers.columns, notes)
 
     def written(self, data: xarray.Dataset) -> xarray.Dataset:
-        """Write what is known so far, if there is a file for it."""
+        """Write the results so far, if there is a file."""
         if self.save is not None:
             write(data, self.save)
         return data
@@ -195,17 +202,16 @@ class _Job:
 
 def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
           precision: float, whole: bool = False) -> tuple[Values, Values, Values]:
-    """Bisect every jump between neighbours of the grid along `axis` until it is known to a relative `precision`, of a
-    parameter that is a `whole` number between two that follow each other.
+    """Bisect every jump between neighbours of the grid along `axis`.
 
-    An interval whose midpoint has a third count is cut in two. A window that lies between two points of the grid, with
-    the same count on both, is not seen. Cells without any count are left out; one at whose midpoint there is none is
-    not cut.
+    Jumps are known to a relative `precision`, for a `whole` parameter to two consecutive integers. An interval whose
+    midpoint has a third count is cut in two. A window between two points of the grid with equal counts is missed. Cells
+    without counts are left out, and an interval whose midpoint has none is not cut.
 
     Returns
     -------
     row, ends, counts : arrays (j,), (j, 2), (j, 2, pairs)
-        Of each jump a cell that has its values of the other parameters, the interval of this one, and the counts there.
+        For each jump a cell with its values of the other parameters, the interval of this one, and the counts there.
     """
     check.number("precision", precision, at_least=1e-15, at_most=0.1)
     cells = np.moveaxis(np.arange(len(grid)).reshape(shape), axis, -1)

@@ -1,6 +1,6 @@
-"""Solve cells in batches: in compiled calls of many cells, one by one, or on any ``concurrent.futures.Executor``.
+"""Solution of cells in batches, one by one, or on an executor.
 
-Every way gives the same bits as one run of the located engine per cell.
+A batch is a compiled call of many cells. All ways are bitwise identical to one run of the located engine per cell.
 """
 
 from __future__ import annotations
@@ -40,21 +40,24 @@ if TYPE_CHECKING:
     from granular.studies.sweeps.plan import Plan
 
 LOADING, MAKING = 0.7, 12.0
-"""Seconds that it takes to load the machine code from the disk, and to make it."""
+"""Times in s to load the machine code from disk, and to compile it."""
 PILOT = 16
-"""Cells, spread over those to be solved, that are solved first to see how long one takes."""
+"""Cells, spread over all cells, that are solved first to measure the time."""
 SHORTEST, LONGEST = 0.25, 2.0
-"""Seconds that a batch should take: some milliseconds of scheduling are then below 5 %, and progress is seen."""
+"""Minimum time of a batch in s.
+
+Scheduling takes some milliseconds, below 5 % of it, and progress is visible.
+"""
 SHARE = 64
-"""A sweep is cut into at least that many batches if they are not shorter than that."""
+"""Minimum number of batches of a sweep, unless they are shorter than that."""
 WORTH = 0.1
-"""Seconds that the cells must take in all before compiled calls use several threads."""
+"""Total time of the cells in s from which on compiled calls use several threads."""
 
 Batch = tuple[Values, Answers]
 
 
 def checked(executor: Executor | None) -> None:
-    """Raise if it is no executor."""
+    """Return an executor, or raise an error."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
                         "or client.get_executor() of dask.")
@@ -62,13 +65,13 @@ def checked(executor: Executor | None) -> None:
 
 @dataclass
 class Answer:
-    """One case on both engines; runs happen when they are asked for."""
+    """One case on both engines. Runs happen when they are first used."""
 
     case: Case
 
     @cached_property
     def whole(self) -> Case:
-        """The case with rows at its start and its end, whatever else it asks for: the last row is the end."""
+        """The case with samples at its start and its end, in this order."""
         rest = {name: x for name, x in self.case.run.items() if name != "samples"}
         return self.case if len(rest) == len(self.case.run) else replace(self.case, run=rest)
 
@@ -96,8 +99,10 @@ class Answer:
 
     @cached_property
     def v_rel(self) -> Any:
-        """Separation speeds in m/s after the last of the `contacts` of each pair in the soft run; those that are still
-        running at its end are followed to theirs."""
+        """Separation speeds in m/s after the last contact of each pair in the soft run.
+
+        Contacts that are running at its end are followed to their end.
+        """
         known = {name: x for name, x in self.case.options(md.simulate).items() if name in ("method", "dt", "engine")}
         return separations(followed(self.soft, known))[0]
 
@@ -110,14 +115,17 @@ class Answer:
 
     @property
     def order(self) -> int:
-        """Number of the order of begins and ends in the runs that other results have asked for so far."""
+        """Number of the order of begins and ends in the runs used so far."""
         given = vars(self)
         runs = [*(given[name] for name in ("soft", "hard") if name in given),
                 *(self.report.counted if "report" in given else ())]
         return reduce(xor, map(order, runs or [self.hard if self.case.law is None else self.soft]))
 
     def status(self, results: Mapping[str, Result]) -> int:
-        """Status of the soft run; of the hard one if there is no force law or only hard results are asked."""
+        """Status of the soft run, or of the hard one if only hard results are requested.
+
+        The hard one also counts without force law.
+        """
         if self.case.law is None or all(name.startswith("hard_") for name in results):
             return CODE[self.hard.status.name]
         return CODE[(self.report.soft if "report" in vars(self) else self.soft).status.name]
@@ -126,9 +134,9 @@ class Answer:
 def batches(
     plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None, workers: int,
 ) -> Iterator[Batch]:
-    """Solve `cells`, rows of `columns`, and yield each batch with its places as soon as it is done.
+    """Solve `cells`, rows of `columns`, and yield each finished batch with its places.
 
-    The answers of a cell depend only on its parameters, so neither batches, threads nor executors change a bit.
+    The answers of a cell depend only on its parameters. Batches, threads and executors therefore do not change a bit.
     Without an executor, compiled calls use `workers` threads.
     """
     # cells run one by one, with the same bits, until compiling or loading the machine code pays
@@ -148,7 +156,7 @@ def batches(
 
 
 def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
-    """Solve the cells whose parameters are rows of `columns`: in compiled calls where possible, else one by one."""
+    """Solve the cells that are rows of `columns`, in compiled calls where possible."""
     answers, left = Answers(plan.results, len(columns[0])), np.ones(len(columns[0]), bool)
     for bundle in bundled(plan, columns):
         left[_write(plan, bundle, bundle.solved(threads), answers)] = False
@@ -166,9 +174,9 @@ def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
 def each_done(
     executor: Executor | None, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]],
 ) -> Iterator[tuple[int, Any]]:
-    """Call `function` with each of `tasks`, here or on an executor; yield the place of a task and its result.
+    """Call `function` for each task, here or on an executor; yield place and result.
 
-    Results of an executor are yielded as soon as they are there. On an exception the remaining calls are cancelled.
+    Results of an executor are yielded as soon as they are available. On an exception the remaining calls are cancelled.
     """
     if executor is None:
         yield from ((k, function(*task)) for k, task in enumerate(tasks))
@@ -191,7 +199,10 @@ def _call_for_parent(function: Callable[..., Any], task: tuple[Any, ...]) -> Any
 
 @cache
 def end_with_parent(process: int) -> None:
-    """Let this process of a pool end with the process that started it; otherwise it would wait for work forever."""
+    """End this process of a pool together with the process that started it.
+
+    Otherwise it would wait for work forever.
+    """
     from multiprocessing import parent_process
 
     parent = parent_process()
@@ -205,7 +216,7 @@ def _follow(parent: Any) -> None:
 
 
 def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
-    """Solve a few cells and yield them; return the remaining cells and the processor time per cell in s."""
+    """Solve a few cells and yield them; return the other cells and the time per cell."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
     spent = 0.0
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
@@ -217,15 +228,20 @@ def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Ba
 
 
 class Start(NamedTuple):
-    """What many cells share: a scene with its end, and what its laws depend on: masses, radii, first impact speed."""
+    """Scene with its end, shared by cells, and properties on which laws depend.
+
+    They are masses, radii and the speed of the first impact.
+    """
 
     case: Case
     balls: Hashable
 
 
 class Bundle(NamedTuple):
-    """Cells of one size and one stop condition, in one compiled call: their places, their different scenes and which
-    each has, ε_spec, and what is to be solved."""
+    """Cells of one size and one stop condition, for one compiled call.
+
+    It has their places, their different scenes and the scene of each, ε_spec, and the problem to solve.
+    """
 
     places: Values
     scenes: list[Scene]
@@ -236,7 +252,10 @@ class Bundle(NamedTuple):
     ends: Array
 
     def solved(self, threads: int = 1) -> many.Many:
-        """Solve them in machine code, which runs without the interpreter's lock; every k-th cell in thread k."""
+        """Solve the cells in machine code without the interpreter lock, in threads.
+
+        Thread k solves every k-th cell.
+        """
         threads = min(threads, len(self.places))
 
         def part(k: int) -> many.Many:
@@ -252,9 +271,9 @@ class Bundle(NamedTuple):
 
 
 def bundled(plan: Plan, columns: Sequence[Values]) -> list[Bundle]:
-    """Prepare cells that many at once can solve; scenes and laws are made once, however many cells share them.
+    """Prepare cells that can be solved in one call. Scenes and laws are shared.
 
-    Left are what is refused, has options of its own, driven walls, forces, or laws that are no powers.
+    Cells that are refused or have options of their own, driven walls, forces, or other laws than powers are left out.
     """
     if not plan.at_once:
         return []
@@ -274,12 +293,12 @@ def bundled(plan: Plan, columns: Sequence[Values]) -> list[Bundle]:
 
 @lru_cache(maxsize=4)
 def _memory(key: bytes) -> dict[Any, Any]:
-    """Starts and laws that earlier batches of the same plan have made in this process."""
+    """Return starts and laws from earlier batches of the plan in this process."""
     return {}
 
 
 def _distinct(columns: Sequence[Values], count: int) -> tuple[list[int], Values]:
-    """Return where the different rows of some columns are first, and which of them each row is."""
+    """Return first places and numbers of the different rows of some columns."""
     which = np.zeros(count, np.int64)
     for column in columns:
         values, code = np.unique(column, return_inverse=True)
@@ -297,7 +316,7 @@ def _point(columns: Sequence[Values], i: int) -> tuple[Any, ...]:
 
 
 def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given: Any) -> Any:
-    """Start or law, made once; None where it is refused."""
+    """Return a start or law, created once; None if it is refused."""
     if key not in memory:
         try:
             memory[key] = make(*given)
@@ -314,7 +333,7 @@ def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:
-    """(k, p, γ, d) of every pair, and ε_spec; None if a law is no power law."""
+    """Return (k, p, γ, d) of every pair, and ε_spec; None for other laws."""
     scene = start.case.scene
     laws = per_pair("law", plan.laws(start.case, point), scene.n_pairs)
     forms = [resolve(law, pair).form for law, pair in zip(laws, scene.pairs, strict=True)]
@@ -334,8 +353,10 @@ def _bundle(places: Values, starts: Sequence[Start], which: Values, laws: Sequen
 
 
 def _write(plan: Plan, bundle: Bundle, found: many.Many, answers: Answers) -> Values:
-    """Write the answers of cells that are done, and return the places of these; left are creeping piles, and contacts
-    that are running at the end and must be followed."""
+    """Write the answers of finished cells, and return their places.
+
+    Piles that settle slowly, and contacts that are running at the end, are left out.
+    """
     soft = SimpleNamespace(
         contacts=found.counts, v_rel=np.where(found.ongoing, math.nan, found.v_upper - found.v_lower),
         t_f=np.where(found.ongoing, math.nan, found.t_end), longest=found.longest, time=found.time,
@@ -352,7 +373,7 @@ def _write(plan: Plan, bundle: Bundle, found: many.Many, answers: Answers) -> Va
 
 
 def _final_velocities(scenes: Sequence[Scene], which: Values, rate: Array, time: Array) -> Array:
-    """Velocities of all bodies, as `granular.scene.velocities` finds them."""
+    """Return the velocities of all bodies, like `granular.scene.velocities`."""
     if all(scene.is_wall[0] for scene in scenes):
         floor = np.array([scene.velocity[0] for scene in scenes])[which]
         offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)

@@ -1,4 +1,4 @@
-"""`sensitivity`: derivatives of outcomes by parameters, and the uncertainty that follows from them.
+"""`sensitivity`: derivatives of outcomes by parameters, and uncertainties.
 
 Derivatives are extrapolated differences of runs with the same order of events.
 """
@@ -29,27 +29,29 @@ from granular.studies.sweeps.sensitivity_report import Sensitivity, Start
 from granular.studies.sweeps.subject import SceneLike, numbers_in, shared
 
 TRUSTED = 1e-8
-"""Error of a derivative, as a share of all that the outcome answers to, up to which it is given."""
+"""Largest given error of a derivative, as a share of the total sensitivity."""
 FREE, JOINED = ("gap", "velocity"), ("breaks", "coefficients")
-"""Numbers that are parameters also where they are 0; those of a wall's path that must fit each other."""
+"""Fields that are parameters even if 0; fields of a path that fit together."""
 FIRST, LAST = 7, 26
-"""Steps are 2^-7 of the parameter, or of its unit, at first, and 2^-26 at the least."""
+"""Steps are 2^-7 of the parameter, or of its unit, at first, and at least 2^-26."""
 FINE = 1e-10
-"""Errors below this share of an outcome, per relative change of the parameter, are small enough."""
+"""Errors below this share of an outcome, per relative change, are small enough."""
 NOWHERE = -2
-"""Order of a run that came to no proper end, or was refused."""
+"""Order of a run that did not end properly, or was refused."""
 NOISE = 2.0 * float(np.finfo(float).eps)
-"""Rounding of an outcome, in its size."""
+"""Relative rounding error of an outcome."""
 PRECISION = 1e-6
 """Share of the parameter to which a border is known."""
 BAD = {MISUSE, *(CODE[status.name] for status in EARLY)}
 REACH = 4.0 ** np.arange(-8, 1)
-"""Where the scan for borders looks, in units of a parameter."""
+"""Range of the scan for borders, in units of a parameter."""
 Point = tuple[Array, int]
 Evaluate = Callable[[float], Point]
 Slope = tuple[Array, Array, str, Array | None]
-"""The derivative (m,) by one parameter and its error, nan where there is none; why; the outcomes (2, m) at either end
-of what is uncertain, None where no contact changes its turn up to there."""
+"""Derivative (m,) by one parameter, its error, reason for nan, and outcomes.
+
+The outcomes (2, m) at both ends of the uncertain interval are None if the order of contacts does not change there.
+"""
 
 
 @check.face
@@ -64,48 +66,49 @@ def sensitivity(
     progress: bool = False,
     **fixed: Any,
 ) -> Sensitivity:
-    """Find what outcomes answer to: derivatives by the numbers of a scene, condition numbers, and what is uncertain.
+    """Compute derivatives, condition numbers and uncertainties of outcomes.
 
     Parameters
     ----------
     scene : str, path, callable, Case or Scene
-        What to ask about, as in `granular.sweep`.
+        The scene, as in `granular.sweep`.
     results : names, or functions of the case that return a number
-        Outcomes: those of `granular.sweep` that are no whole numbers; ``"v_rel"`` of all pairs, ``"v_rel[1]"`` of one.
+        Outcomes: results of `granular.sweep` that are not integers; ``"v_rel"`` of all pairs, ``"v_rel[1]"`` of one.
     over : names of parameters, optional
-        As in `granular.sweep`. Default: every number of the scene, and of its laws or rule if the outcomes need them;
-        of those that are 0 gaps and velocities only, and none of a wall's path that is `Piecewise`, whose must join.
+        As in `granular.sweep`. Defaults to every number of the scene, and of its laws or rule if the outcomes need
+        them. Among parameters that are 0, only gaps and velocities are included; numbers of a `Piecewise` wall path are
+        not included, because they must fit together.
     uncertainty : float or mapping, optional
-        Standard uncertainties of parameters, independent of each other, in their units or relative:
-        ``{"restitution": 0.01, "gap": "5%"}``; one number is relative, of every parameter.
+        Standard uncertainties of independent parameters, in their units or relative:
+        ``{"restitution": 0.01, "gap": "5%"}``. A single number is the relative uncertainty of every parameter.
     executor : concurrent.futures.Executor, optional
-        Where to run, a parameter at a time; default this process. The result is the same, bit for bit.
+        Executor for one task per parameter. Defaults to this process. The results are bitwise identical.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` after each parameter: the share of them that is done, their number.
+        ``on_progress(reached, count)`` is called after each parameter with the share and the number of finished ones.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Show the progress on standard error after 2 s, as a bar if tqdm is installed.
     **fixed
         Other parameters, as in `granular.sweep`.
 
     Returns
     -------
     Sensitivity
+        Derivatives with errors, condition numbers, and standard deviations of the outcomes.
 
     Raises
     ------
     TypeError, ValueError
-        For misuse: an unknown parameter or result, a result that is a whole number, a scene that is refused.
+        For misuse: an unknown parameter or result, a result that is an integer, a scene that is refused.
 
     Notes
-    -----
-    Outcomes are smooth where all contacts begin and end in the same order. Derivatives are central differences of eight
-    runs of the exact engines, at ± 2⁻⁷ … 2⁻¹⁰ of the parameter, extrapolated (Richardson) to some ten digits; two more
-    runs, much nearer, tell whether the order changes right there. Steps are halved until all runs have the same order,
-    and further where that makes the error smaller, which is the difference of two estimates. A gap of 0 has its
-    derivative to larger gaps; a parameter beside which scenes are refused, to the other side.
+    ----- Outcomes are smooth while all contacts begin and end in the same order. Derivatives are central differences
+    of eight runs of the exact engines, at ± 2⁻⁷ … 2⁻¹⁰ of the parameter, extrapolated (Richardson) to about ten
+    digits. Two more runs, much nearer, show whether the order changes at the value itself. Steps are halved until all
+    runs have the same order, and further if this reduces the error, which is the difference of two estimates. A gap of
+    0 has a derivative to larger gaps, and a parameter beside which scenes are refused one to the other side.
 
-    Beside thermal walls the draws are held fixed. Of runs by a fixed time step these are the derivatives of what the
-    method gives, as far as that is smooth.
+    For thermal walls the random draws are held fixed. For fixed-step methods these are derivatives of the method's
+    results, as far as these are smooth.
 
     Examples
     --------
@@ -135,12 +138,12 @@ def sensitivity(
 
 
 def _name(asked: Ask, until: str = "[") -> str:
-    """The name of a result, up to which of its numbers is asked for."""
+    """Return the name of a result without the index of a single number."""
     return named(asked).partition(until)[0] if until else named(asked)
 
 
 def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -> Plan:
-    """What is asked of every scene: results, the order of events last."""
+    """Return the plan of all runs, with the order of events as the last result."""
     each = {_name(one): one if callable(one) else _name(one) for one in asked}
     plan = planned(scene, {}, tuple(each.values()), fixed)
     for name in [name for name, result in plan.results.items() if isinstance(result.fill, int)]:
@@ -150,7 +153,7 @@ def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -
 
 
 def _places(plan: Plan, found: Sequence[Array]) -> dict[str, Any]:
-    """Where among all numbers each result stands: one place, or one for each pair or body; and each of these."""
+    """Return the places of each result among all numbers, and the single places."""
     places: dict[str, Any] = {}
     ends = np.cumsum([0, *map(len, found)]).tolist()
     for (name, result), begin, end in zip(plan.results.items(), ends, ends[1:], strict=False):
@@ -160,8 +163,10 @@ def _places(plan: Plan, found: Sequence[Array]) -> dict[str, Any]:
 
 
 def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, answer: Answer) -> dict[str, float]:
-    """The parameters by name, with their values; those that are uncertain are among them. A word without its number
-    stands for all of a list that are alike."""
+    """Return the parameters by name, with their values.
+
+    Uncertain parameters are included. A name without its index stands for equal entries of a list.
+    """
     known, ran = numbers_in(plan.subject, plan.root), vars(answer).keys()
     names = [] if over is None else check.several("over", over, "a name, or several,")
     if over is None:
@@ -184,7 +189,7 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
 
 
 def _uncertain(given: Any, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Standard uncertainties in units of the parameters."""
+    """Return standard uncertainties in units of the parameters."""
     each = given if isinstance(given, Mapping) else {} if given is None else dict.fromkeys(parameters, given)
     found = {}
     for name, one in each.items():
@@ -199,14 +204,20 @@ def _uncertain(given: Any, parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _unit(name: str, parameters: Mapping[str, float]) -> float:
-    """The power of two that steps are parts of: about the parameter; of one that is 0, about the largest beside it."""
+    """Return the power of two of which steps are fractions.
+
+    It is near the parameter, or near the largest similar one if the parameter is 0.
+    """
     beside = [p for other, p in parameters.items() if other.partition("[")[0] == name.partition("[")[0]]
     return 2.0 ** math.floor(math.log2(abs(parameters[name]) or max(map(abs, beside)) or 1.0))
 
 
 def _sizes(plan: Plan, answer: Answer, found: Sequence[Array]) -> Array:
-    """What changes of an outcome are relative to: itself, or where it is near 0, the fastest impact of its component;
-    for others than speeds, the largest of its kind."""
+    """Return the scales for relative changes of the outcomes.
+
+    They are the outcomes themselves, or near 0 the fastest impact of the component. For other quantities than speeds
+    it is the largest one of the kind.
+    """
     run = answer.hard if "soft" not in vars(answer) and answer.case.law is None else answer.soft
     parts, speed, sizes = components(run, run), np.zeros(run.scene.n_pairs), []
     np.maximum.at(speed, run.contacts["pair"], approach(run))
@@ -221,7 +232,7 @@ def _sizes(plan: Plan, answer: Answer, found: Sequence[Array]) -> Array:
 
 
 def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places: Mapping[str, Any]) -> Sensitivity:
-    """Put everything together; what is not known well enough is not given."""
+    """Return the report. Derivatives with large errors are left out."""
     here, size = starts[0].here, starts[0].size
     p, u, unit = (np.array([[getattr(one, name)] for one in starts]) for name in ("value", "doubt", "unit"))
     value, error = (np.array([one[k] for one in slopes]) for k in (0, 1))
@@ -255,7 +266,7 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
 
 
 def slope(plan: Plan, start: Start) -> Slope:
-    """Find the derivative of all outcomes by one parameter."""
+    """Return the derivative of all outcomes by one parameter."""
     one, none = replace(plan, names=(start.name,)), np.full_like(start.here, math.nan)
 
     def evaluate(value: float) -> Point:
@@ -281,10 +292,10 @@ def slope(plan: Plan, start: Start) -> Slope:
 
 
 def differences(evaluate: Evaluate, start: Start, sides: Sequence[float], order: int) -> tuple[Array, Array]:
-    """Extrapolate central differences, or those to one side, of steps that are halved until runs have this `order`.
+    """Extrapolate differences of steps that are halved until runs have this `order`.
 
-    Three central ones (five of one side) make an estimate, whose terms up to h⁴ vanish; the next differs by its error.
-    Steps are halved further as long as that pays. nan where there is none.
+    Three central differences (five one-sided ones) make an estimate without terms up to h⁴. The next estimate differs
+    by its error. Steps are halved further while the error decreases. nan without a result.
     """
     central, best = len(sides) == 2, np.full((2, len(start.here)), math.nan)
     (count, base), last, slopes = (3, 4.0) if central else (5, 2.0), best[0], list[Array]()
@@ -307,8 +318,7 @@ def differences(evaluate: Evaluate, start: Start, sides: Sequence[float], order:
 
 
 def extrapolated(slopes: Sequence[Array], base: float) -> Array:
-    """Richardson's extrapolation of values that belong to steps halved again and again: errors go like h² (4) or h (2).
-    """
+    """Richardson extrapolation for halved steps, with errors h² (4) or h (2)."""
     table = np.array(slopes)
     for j in range(1, len(slopes)):
         table = (base**j * table[1:] - table[:-1]) / (base**j - 1.0)
@@ -316,7 +326,7 @@ def extrapolated(slopes: Sequence[Array], base: float) -> Array:
 
 
 def borders(plan: Plan, start: Start) -> tuple[float, float]:
-    """The values below and above at which the number of contacts of a pair changes; nan where none was found."""
+    """Return values below and above at which a contact count changes, or nan."""
     kind = "hard_contacts" if all(name.startswith("hard_") for name in [*plan.results][:-1]) else "contacts"
     counting = replace(plan, asked=(kind,), names=(start.name,))
 

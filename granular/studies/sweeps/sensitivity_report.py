@@ -1,4 +1,4 @@
-"""`Sensitivity`: derivatives and condition numbers of outcomes, as numbers and as a printed table."""
+"""`Sensitivity`: derivatives and condition numbers as data and as a table."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ from granular._engine.check import Array, face
 from granular._engine.reports import Report, abridged, aligned, number
 
 COLUMNS, ROWS = 6, 60
-"""Outcomes and parameters that a table has at most."""
+"""Maximum numbers of outcomes and parameters of a table."""
 Values = dict[str, Any]
 """A number for each outcome, or an array (pairs,) or (bodies,)."""
 
 
 class Start(NamedTuple):
-    """A parameter, its value, what its steps are parts of, how uncertain it is; the outcomes there (m,), the sizes that
-    they are measured by, and the order of events."""
+    """A parameter with its value, unit of steps and uncertainty, and the outcomes.
+
+    The outcomes (m,) have their scales, and the order of events.
+    """
 
     name: str
     value: float
@@ -35,39 +37,39 @@ class Start(NamedTuple):
 @face
 @dataclass(frozen=True, repr=False)
 class Sensitivity(Report):
-    """What outcomes answer to; print it, save it with `to_json`.
+    """Sensitivity of outcomes. Print it, or save it with `to_json`.
 
-    A result that has one number per pair, or per body, is an array; one of them that was asked for, as ``"v_rel[1]"``,
-    is a number. nan is what there is not, or is not given.
+    A result with one number per pair or body is an array. A single one, requested as ``"v_rel[1]"``, is a number. nan
+    stands for values that do not exist or are not given.
 
     Attributes
     ----------
     title : str
         The scene.
     value : dict
-        The outcomes by name, in SI units.
+        Outcomes by name, in SI units.
     gradient : dict of dicts
         ``gradient["v_rel"]["restitution"]`` is ∂v_rel/∂ln p = p ∂v_rel/∂p, in units of the outcome; ∂v_rel/∂p for a
-        parameter p ≤ 0. nan where it is not given, see `why`.
+        parameter p ≤ 0. nan if it is not given, see `why`.
     error : dict of dicts
         Estimated errors of the derivatives, in their units.
     condition : dict
-        Σ |∂ln outcome/∂ln p| over all parameters: how many times as large a relative error comes out as it went in. An
-        outcome below 1 % of the fastest impact of its component counts as that impact. Parameters that are 0 add
-        nothing; nan if one that is not 0 has no derivative.
+        Σ |∂ln outcome/∂ln p| over all parameters, the amplification of relative errors. An outcome below 1 % of the
+        fastest impact of its component counts as that impact. Parameters that are 0 add nothing. nan if a parameter
+        other than 0 has no derivative.
     spread : dict
-        Standard deviation of the outcomes, in their units, from the `uncertainty` of independent parameters: the root
-        of Σ (∂outcome/∂p u)². Of a parameter within whose uncertainty the order of contacts changes, the larger change
+        Standard deviation of the outcomes, in their units, for independent uncertain parameters: the root of
+        Σ (∂outcome/∂p u)². If the order of contacts changes within the uncertainty of a parameter, the larger change
         of the outcome at p - u and p + u counts instead. nan without an uncertainty.
     parameters, uncertainty : dict
         Values of the parameters, and the standard uncertainty u of each, in their units.
     sides : dict of dicts
-        ``sides["v_rel"]["restitution"]``: the outcome at p - u and p + u, where the order of contacts changes between,
-        or there is no proper run at one of them (nan).
+        ``sides["v_rel"]["restitution"]``: the outcome at p - u and p + u, if the order of contacts changes between
+        them, or one of them has no proper run (nan).
     why : dict
-        Of parameters that have no derivatives, or not all, the reason.
+        Reasons why parameters have no derivatives, or not all.
     notes : tuple of str
-        What else to mind.
+        Further remarks.
     """
 
     title: str
@@ -86,11 +88,11 @@ class Sensitivity(Report):
 
     @cached_property
     def border(self) -> dict[str, tuple[float, float]]:
-        """Values of each parameter, below and above, at which a pair has a contact more or less, so that outcomes may
-        jump; known to 1e-6 of the parameter. nan where there is none as far as half of it below, once more above.
+        """Values of each parameter, below and above, at which a contact count changes.
 
-        Some 50 runs for each parameter, when it is first asked for. A scan goes outwards in steps that grow by factors
-        of four: what lies between two of them may be overlooked.
+        Outcomes can jump there. The values are known to 1e-6 of the parameter. nan if there is no change down to half
+        of the parameter, or up to twice its value. The property takes about 50 runs per parameter when it is first
+        used. A scan goes outwards in steps that grow by factors of four, so that narrow windows can be missed.
         """
         return {start.name: self._borders(start) for start in self._starts}
 
@@ -99,7 +101,7 @@ class Sensitivity(Report):
 
     @property
     def _headline(self) -> str:
-        """The outcome that answers most, and what it answers to most."""
+        """The outcome with the largest sensitivity, and its most important parameter."""
         known = {name: one for name, one in flat(self.condition).items() if math.isfinite(one)}
         if not known:
             return f"{self.title}: no outcome has all its derivatives"
@@ -111,11 +113,11 @@ class Sensitivity(Report):
 
     @property
     def line(self) -> str:
-        """What the outcome that answers most answers to most."""
+        """Sentence on the outcome with the largest sensitivity."""
         return f"sensitivity: {self._headline.removeprefix(f'{self.title}: ')} (all: granular sensitivity)"
 
     def _by(self, parameter: str) -> dict[str, float]:
-        """All derivatives by one parameter."""
+        """Return all derivatives by one parameter."""
         return flat({name: slopes[parameter] for name, slopes in self.gradient.items()})
 
     def __str__(self) -> str:
@@ -129,7 +131,7 @@ class Sensitivity(Report):
         return "\n".join([self._headline, "", aligned(rows, "<<>"[: 2 + len(names)]), *self._remarks(names)])
 
     def _remarks(self, names: list[str]) -> Iterator[str]:
-        """What the table does not have."""
+        """Yield remarks that are not in the table."""
         for p, u in self.uncertainty.items():
             at = {name: sides[p] for name, sides in self.sides.items() if p in sides}
             low, high = (flat({name: ends[side] for name, ends in at.items()}) for side in (0, 1))
@@ -146,6 +148,6 @@ class Sensitivity(Report):
 
 
 def flat(values: Mapping[str, Any]) -> dict[str, float]:
-    """Numbers by name, those of arrays as name[i]."""
+    """Return numbers by name, entries of arrays as name[i]."""
     return {f"{name}[{i[0]}]" if i else name: float(one) for name, value in values.items()
             for i, one in np.ndenumerate(value)}

@@ -1,11 +1,10 @@
-"""What is swept: a ready-made case, a function that makes cases, a TOML file, or a `Case`; its parameters by name;
-what is varied: values, and their text form.
+"""Subject of a sweep, its parameters by name, and axes of values.
 
-A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``,
-``external_force[1]``, ``run.dt``. The parameters of a file are the numbers in its tables, those of a `Case` its fields,
-and there the first word may be left out: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``. Of one's own
-scene ``gap`` is that of all pairs of balls, and ``restitution`` of a `Case` that of all its laws, which keep their
-stiffness, and of its rule.
+A subject is a ready-made case, a function that returns cases, a TOML file, or a `Case`. A name is a path, such as
+``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``, ``external_force[1]``, ``run.dt``.
+The parameters of a file are the numbers in its tables, the parameters of a `Case` its fields. The first word can be
+omitted there: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``. In a user-defined scene ``gap`` means all pairs of
+balls, and ``restitution`` of a `Case` all its laws, at constant stiffness, and its rule.
 """
 
 from __future__ import annotations
@@ -33,22 +32,22 @@ from granular.scene.state import Scene
 Values = np.ndarray[Any, np.dtype[Any]]
 
 MOST = 10**8
-"""Cells that a sweep may have: their results must fit into memory."""
+"""Maximum number of cells of a sweep: the results must fit into memory."""
 _NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
 _UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m\^\(3/2\)|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
 PARTS = ("scene", "law", "rule", "run")
-"""Where a name is looked for whose first word is left out."""
+"""Parts of a case that are searched for a name without its first word."""
 _WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
 Way = tuple[str | int, ...]
 RESTITUTION: Way = ("restitution",)
-"""What is set when all else is: it is that of the stiffness and the scene that are then."""
+"""Parameter that is set last, because it depends on stiffness and scene."""
 SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
-"""What may be swept."""
+"""Possible subjects of a sweep."""
 
 
 @check.face
 def axis(text: str) -> tuple[str, Values]:
-    """Read ``name=first:last:count`` or ``name=first:last:count:log`` or ``name=value,value,…``.
+    """Parse ``name=first:last:count``, with ``:log``, or ``name=value,value``.
 
     >>> axis("restitution=0.5:1:3")
     ('restitution', array([0.5 , 0.75, 1.  ]))
@@ -72,7 +71,7 @@ def axis(text: str) -> tuple[str, Values]:
 
 
 def checked(over: Any) -> dict[str, Values]:
-    """Return the axes as arrays; `over` is a mapping of names to values, or texts for `axis`."""
+    """Return the axes as arrays. `over` maps names to values, or has texts for `axis`."""
     texts = over if isinstance(over, Iterable) and not isinstance(over, str) else [over]
     axes: dict[str, Values] = {}
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):
@@ -113,28 +112,28 @@ def _value(text: str) -> Any:
 
 @dataclass(frozen=True)
 class Subject:
-    """What is swept.
+    """The subject of a sweep.
 
     Attributes
     ----------
     title : str
-        What it is called.
+        Its title.
     root : Any
         Parameters of a function by name, the tables of a file, or a `Case`.
     make : callable
-        Makes a `Case` of the root, or of one with other numbers.
+        Function that returns a `Case` for the root, or for one with other numbers.
     about : mapping
         Descriptions of the parameters by name.
     text : Any
-        What decides about the answers besides the parameters, for a file to tell sweeps apart.
+        Everything besides the parameters that determines the answers, to identify files.
     ready : str
-        The name of the case if it is a ready-made one.
+        Name of the case if it is a ready-made one.
     wholes : set of str
-        Names of parameters that are whole numbers.
+        Names of integer parameters.
     defaults : mapping
-        Values of the parameters of a function that have one.
+        Default values of the parameters of a function.
     source : callable or None
-        The caller's own function, if it is one.
+        Function of the caller, if it is one.
     """
 
     title: str
@@ -153,7 +152,7 @@ class Subject:
         Raises
         ------
         TypeError, ValueError
-            If it is no name, or none of a ready-made case.
+            If it is not a name, or not a parameter of a ready-made case.
         """
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise ValueError(f"{name!r} is no name of a parameter, such as gap or radii[0].")
@@ -172,11 +171,11 @@ class Subject:
         return next(parts, "run" if way[0] == "t_end" else "scene"), *way
 
     def is_whole(self, name: str) -> bool:
-        """Return whether a parameter is a whole number."""
+        """Return whether a parameter is an integer."""
         return str(self.way(name)[-1]) in self.wholes
 
     def attributes(self, name: str) -> dict[str, str]:
-        """Unit, label for plots and description of a parameter, from the docstring that has them."""
+        """Return unit, label and description of a parameter, from its docstring."""
         words = [step for step in self.way(name) if isinstance(step, str) and step not in ("scene", "run")]
         about = self.about.get(".".join(words), "")
         unit = _UNIT.search(about)
@@ -185,7 +184,7 @@ class Subject:
 
 
 def subject_of(given: SceneLike) -> Subject:
-    """Return what is swept, or raise if it is nothing of the kind."""
+    """Return the subject for an argument, or raise an error."""
     case = Case(given, None) if isinstance(given, Scene) else given
     if isinstance(case, Case):
         about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)),
@@ -222,7 +221,10 @@ def _of_file(path: Path) -> Subject:
 
 
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
-    """Return `holder` with the number at the end of `way` changed; a word asks every entry of a list for it."""
+    """Return `holder` with the number at the end of `way` replaced.
+
+    A word applies to every entry of a list.
+    """
     if not way:
         if isinstance(holder, np.ndarray) and check.is_one(value):
             raise ValueError(f"{name} is one parameter for {len(holder)} entries: name one of them, such as {name}[0].")
@@ -250,7 +252,10 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
 
 
 def _of_balls(holder: Any, gap: Any) -> Any:
-    """The gaps of one's own scene if all pairs of balls have this one; of a ready-made one the gap itself."""
+    """Return the gaps of a scene with equal gaps between balls, or the gap itself.
+
+    The gap itself is returned for a ready-made case.
+    """
     given = _numbers(holder)
     if not {"mass", "gap"} <= given.keys():
         return gap
@@ -261,13 +266,13 @@ def _of_balls(holder: Any, gap: Any) -> Any:
 
 
 def _between_balls(mass: Any, gap: Any) -> Any:
-    """Which pairs are of two balls."""
+    """Which pairs consist of two balls."""
     wall = np.isinf(np.asarray(mass, float))
     return ~(wall | np.roll(wall, -1))[: len(gap)]
 
 
 def shared(case: Case) -> dict[str, float]:
-    """Return `gap` and `restitution` of one's own case, each if all pairs of balls, or all laws, have the same."""
+    """Return common `gap` and `restitution` of a case, if all pairs or laws have them."""
     scene, speed = case.scene, ready.first_impact_speed(case.scene) or 1.0
     gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], [*check.per_pair("law", case.law, scene.n_pairs)]
     found = {"gap": float(gap[0])} if len(gap) and np.ptp(gap) == 0.0 else {}
@@ -278,8 +283,10 @@ def shared(case: Case) -> dict[str, float]:
 
 
 def _with_restitution(case: Case, eps: float) -> Case:
-    """The case with this restitution of all its laws, which keep their stiffness, and of its rule if there is one; of
-    the rule alone if a law is not made by its restitution."""
+    """Return the case with this restitution of all laws and of its rule.
+
+    The laws keep their stiffness. Only the rule changes if a law cannot be made from its restitution.
+    """
     laws, pairs = check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
     rule = None if case.rule is None else put(case.rule, RESTITUTION, eps)
     other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
@@ -290,20 +297,20 @@ def _with_restitution(case: Case, eps: float) -> Case:
 
 
 def _like(given: dict[str, float], law: Any, pair: Any) -> Any:
-    """A law as stiff as this one, made by its restitution."""
+    """Return a law of equal stiffness with another restitution."""
     known = {one.name for one in parameters_of(law.from_restitution)}
     values = {name: value for name, value in (_numbers(law) | given).items() if name in known}
     return build.call([law.from_restitution], values, pair=pair)
 
 
 def _entry(holder: Any, name: str) -> Any:
-    """A field of a dataclass; forces that a scene does not have are zeros."""
+    """Return a field of a dataclass. Missing forces of a scene are zeros."""
     held = getattr(holder, name)
     return np.zeros(holder.n) if name == "external_force" and held is None else held
 
 
 def _numbers(holder: Any) -> dict[str, Any]:
-    """What a table, a dataclass, or the entries of a list of them hold, by name."""
+    """Return the numbers in a table, a dataclass, or a list of them, by name."""
     if isinstance(holder, (list, tuple)):
         return {name: value for one in holder for name, value in _numbers(one).items()}
     if is_dataclass(holder):
@@ -312,7 +319,7 @@ def _numbers(holder: Any) -> dict[str, Any]:
 
 
 def numbers_in(subject: Subject, root: Any) -> dict[str, float]:
-    """Return the finite numbers of a root that are no whole ones by their kind, by the names that `way` knows."""
+    """Return the finite non-integer numbers of a root, by the names of `way`."""
     held = {**subject.defaults, **_numbers(root)}
     if not isinstance(subject.text, str):
         held = {**_numbers(held.get("scene")), **{part: held.get(part) for part in ("law", "rule", "t_end")}}
@@ -321,7 +328,7 @@ def numbers_in(subject: Subject, root: Any) -> dict[str, float]:
 
 
 def _leaves(name: str, holder: Any) -> Iterator[tuple[str, float]]:
-    """The numbers in lists, tables and dataclasses, by name."""
+    """Yield the numbers in lists, tables and dataclasses, by name."""
     if isinstance(holder, (int, float)) and not isinstance(holder, bool):
         yield name, float(holder)
     elif isinstance(holder, (list, tuple, np.ndarray)):
@@ -337,14 +344,14 @@ def _entries(given: Any) -> list[Any]:
 
 
 def _about(plain: Any, **parts: Any) -> dict[str, str]:
-    """What docstrings say of their parameters; those of laws and rules by paths."""
+    """Return descriptions of parameters from docstrings, for laws and rules by path."""
     documented = [("", plain), *((f"{part}.", kinds) for part, kinds in parts.items())]
     return {part + name: text for part, kinds in documented for kind in kinds
             for name, text in descriptions(kind).items()}
 
 
 def _lists(options: list[Any]) -> dict[str, Any]:
-    """Defaults that are lists, of which one entry may be asked for."""
+    """Return defaults that are lists, whose entries are parameters."""
     return {option.name: option.default for option in options if isinstance(option.default, (list, tuple))}
 
 
