@@ -1,4 +1,6 @@
-"""Event-located integration of soft spheres: a step is a polynomial, an event is its first root.
+"""Event-located integration of soft spheres by polynomial steps.
+
+A step is a polynomial, and an event is its first root.
 
 Main line: `pieces`, `series`, `plan`, `blocks`, `one_contact/`, `run`.
 A first reader may skip: `checkpoint`, `collocation`, `contacts`, `ending`, `islands`, `jumps`, `ledger`,

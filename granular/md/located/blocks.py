@@ -1,11 +1,13 @@
-"""Blocks of pairs, each with its own clock: islands of touching pairs, and pairs in free flight.
+"""The event loop over blocks of pairs, each with its own clock.
 
-An island is every maximal run of pushing pairs together with the flying pair on each side: what its forces can reach.
-Two runs with a single flying pair between them are one island. So the boundaries between blocks are exactly the places
-where two neighbouring pairs fly, a ball between two islands is free, and every block can be computed alone.
+A block is an island or a single pair in free flight. An island consists of consecutive pairs with forces and the flying
+pair on either side: all pairs that these forces can accelerate. Two groups of pushing pairs with a single flying pair
+between them form one island. The boundaries between blocks are therefore the balls between two flying pairs. Such a
+ball is free, and every block can be integrated alone.
 
-The event loop takes the block that is due first, advances it, lets its event happen, and forms blocks anew. `laws` is
-None when every law is a power form; else it is the `Collocation` that knows them, and the run is interpreted.
+The event loop takes the block whose next event is first, advances it, applies the event and forms the blocks around it
+again. `laws` is None if every law is a power form. Otherwise it is the `Collocation` of the laws, and the run is
+interpreted.
 """
 
 from __future__ import annotations
@@ -54,10 +56,14 @@ from granular.md.located.walls import carry_walls, foresee_walls, rate_at
 
 @kernel
 def launch(s: Any, laws: Any) -> bool:
-    """Form the first blocks of a run from pairs that are open or overlap, to be planned; false if it stops at once."""
+    """Form the first blocks of a run; return false if the run stops at its start.
+
+    Pairs that overlap, or touch while they close, start in the pool. All blocks are then due to be planned.
+    """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     for c in range(n):
         pair = pairs[c]
+        # a ball at rest on a thermal wall is pressed to it by gravity and is thrown back
         rests = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
         if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or rests)):
             enlist(s, c)
@@ -86,16 +92,20 @@ def launch(s: Any, laws: Any) -> bool:
 
 @kernel
 def set_out(s: Any, laws: Any) -> bool:
-    """`launch`, and plan the blocks; false if the run is to stop at once."""
+    """`launch` and plan the first blocks; return false if the run stops at its start."""
     return launch(s, laws) and plan_all_due(s, laws)
 
 
 @kernel
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
-    """Let what is due up to time `limit` happen, at most `chunk` events and pieces; return why it ended."""
+    """Advance the run up to the time `limit` by at most `chunk` events and pieces.
+
+    Returns the reason of its end, one of the codes `REACHED` … `WANTS_LOOK`.
+    """
     run = s.run[0]
     for _ in range(chunk):
         why = EXTEND
+        # an event that waited for room in the pool, or for the stop condition, is completed first
         if run.waits == 0:
             why = reason_to_return(s, limit)
             if why == DONE:
@@ -121,14 +131,14 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
 
 @kernel
 def reason_to_return(s: Any, limit: float) -> int:
-    """Return why the run is to return before the event that is due next; DONE if it is not."""
+    """Return the reason to stop before the next event, or DONE to continue."""
     run, queue = s.run[0], s.queue
     if RING and run.steps >= run.look:
         reimpose(s)
     if run.separated == 1 and run.contacts > 0 and all_recede(s) and last_end(s) <= limit:
         run.t, run.tail = last_end(s), 0.0
         return STOPPED
-    if queue[1].due == math.inf and run.members > 0:  # islands lie still
+    if queue[1].due == math.inf and run.members > 0:  # no island moves any more
         run.rests = 1
     if queue[1].due > limit:
         return REACHED
@@ -137,8 +147,10 @@ def reason_to_return(s: Any, limit: float) -> int:
         return REST if run.rests == 1 else QUIET
     if run.contacts >= run.max_events or run.steps >= run.max_steps:
         return WORK_LIMIT
+    # an event writes at most two rows: walls at both ends of an island can act simultaneously
     if run.rows + 2 > len(s.log):
         return MORE
+    # a pair in free flight may have to join an island at its event
     if s.pairs[queue[1].key].slot < 0 and run.members + SPARE >= len(s.pool):
         return CRAMPED
     return DONE
@@ -146,8 +158,11 @@ def reason_to_return(s: Any, limit: float) -> int:
 
 @kernel
 def take_next(s: Any, limit: float, laws: Any) -> int:
-    """Let happen what is due next: the contact of a pair in free flight at once if that can be, else the event that
-    ends a piece. Return DONE, EXTEND if blocks are to be formed anew, or why the run is to return."""
+    """Apply the next event of the run.
+
+    A contact of a pair in free flight is applied as one event if possible. Otherwise the next event is the end of a
+    piece. Returns DONE, EXTEND or GOES_ON to continue, or the reason of a return.
+    """
     lo = s.queue[1].key
     pair = s.pairs[lo]
     if pair.slot < 0:
@@ -157,6 +172,7 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
         xi = pair.xi
         arrive(pair, s.field)
         if WORKED:
+            # a clipped pair dissipates its elastic energy as its overlap decreases
             add(s.ledger[0], LOST, run_off(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
         join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, lo)
     return end_piece(s, lo, limit, laws)
@@ -164,7 +180,11 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
 
 @kernel
 def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
-    """Advance the island that starts with pair `lo` to the end of its piece, and let the event there happen."""
+    """Advance the island that starts with pair `lo` to the end of its piece.
+
+    The event at the end is applied. Returns EXTEND if the blocks have to be formed again, GOES_ON if the island only
+    needs its next piece, or the reason of a return.
+    """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     block, passed = pool[pairs[lo].slot], SAME
     advance_island(s, lo, block.tau, piece_time(block), laws)
@@ -188,7 +208,10 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
 
 @kernel
 def all_recede(s: Any) -> bool:
-    """Return whether every pair is open and none approaches, once the contacts solved at once are over."""
+    """Return whether every pair is open and none approaches.
+
+    The rates are those after the last contact that was solved as one event.
+    """
     t = last_end(s)
     for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
@@ -199,18 +222,22 @@ def all_recede(s: Any) -> bool:
 
 @kernel
 def last_end(s: Any) -> float:
-    """Return when every contact solved at once is over, not before the event under way."""
+    """Return the end of the last contact that was solved as one event.
+
+    The result is not before the time of the current event.
+    """
     t: float = s.run[0].t
     for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0 and pair.lasts > 0.0:
+            # rounded up to the next float, so that no contact lasts beyond it
             t = max(t, pair.t + ULP * abs(pair.t) if pair.tail > 0.0 else pair.t)
     return t
 
 
 @kernel
 def all_apart(s: Any, t: float) -> bool:
-    """Return whether no pair touches at time t, the end of the run, and no row of the log is left to be handed over."""
+    """Return whether no pair touches at the end `t` of the run and the log is empty."""
     for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if in_contact(pair, t, 0.0) or (pair.slot >= 0 and s.pool[pair.slot].mode != OPEN):
@@ -220,8 +247,10 @@ def all_apart(s: Any, t: float) -> bool:
 
 @kernel
 def expose_all(s: Any, t: float, laws: Any) -> bool:
-    """Let every contact solved at once, that goes on at time t, the end of the run, be one by pieces; false if the pool
-    is full: then it is called again, with more room."""
+    """Integrate by pieces every contact solved as one event that lasts beyond `t`.
+
+    `t` is the end of the run. Returns false if the pool is full. The function is then called again with a larger pool.
+    """
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
     for c in range(count_of(pairs)):
@@ -239,7 +268,7 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
 
 @kernel
 def gather(s: Any, t: float, laws: Any) -> None:
-    """Advance every island to time t, the end of the run, with its series from there on."""
+    """Advance every island to the end `t` of the run, and compute its series there."""
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
     for c in range(count_of(pairs)):
@@ -253,7 +282,7 @@ def gather(s: Any, t: float, laws: Any) -> None:
 
 @kernel
 def gather_slowly(s: Any) -> None:
-    """Give all blocks that lie still or creep their series from where they are, at the end of the run."""
+    """Compute the series of all resting or creeping blocks at the end of the run."""
     pairs, pool = s.pairs, s.pool
     for c in range(len(pairs)):
         pair = pairs[c]

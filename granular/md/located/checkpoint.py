@@ -1,4 +1,4 @@
-"""What a run is at its end, to go on from: the records as they stood before the last row was made."""
+"""Checkpoints: the records of a run, as they were before its last sample was made."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from granular.run.contact_log import CONTACT_ROW
 
 KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
         "ledger": LEDGER}
-"""Records that a checkpoint holds: of tables and log what is used; the ledger where walls are driven or thermal."""
+"""Records in a checkpoint.
+
+Of tables and log only the used part is stored. The energy balance exists if walls are driven or thermal."""
 SMALL = 256
-"""Pairs up to which all records are copied: to choose takes longer."""
+"""Number of pairs up to which all records are copied: a selection takes longer."""
 
 
 class Checkpoint(Mapping[str, Any]):
-    """The state of a run as arrays by name, made when they are first asked for."""
+    """State of a run as arrays by name, created at the first access."""
 
     def __init__(self, s: System, words: dict[str, Any]) -> None:
         self._s: Any = s._replace(queue=None, scratch=None)
@@ -39,7 +41,7 @@ class Checkpoint(Mapping[str, Any]):
         return dict, (self._made(),)
 
     def _made(self) -> dict[str, Any]:
-        if (s := self._s) is not None:  # another thread may make the same
+        if (s := self._s) is not None:  # another thread can create the same arrays
             used = {"tables": int(column(s.run, "tables")[0]), "log": int(column(s.run, "rows")[0])}
             kept = {name: getattr(s, name) for name in KEPT}
             made = {name: packed(records[: used.get(name, len(records))], KEPT[name])
@@ -49,10 +51,16 @@ class Checkpoint(Mapping[str, Any]):
 
 
 class Untouched:
-    """Records of a run as they are before its end is looked at; of a large one, what that changes is put back."""
+    """Records of a run before its end is evaluated.
+
+    For a large run, only the records that this changes are copied, and later restored.
+    """
 
     def __init__(self, s: System, t: float) -> None:
-        """Keep what the end of a run, at time `t`, changes; of a small one, or on a ring, all."""
+        """Copy the records that the end of a run at time `t` changes.
+
+        For a small run, or on a ring, all records are copied.
+        """
         slot, self.kept = column(s.pairs, "slot"), list[tuple[Any, Any, Any]]()
         rows = int(s.run[0]["rows"])
         if not SMALL < len(s.pairs) < len(s.bodies):
@@ -67,7 +75,7 @@ class Untouched:
         self.kept = [(records, index, _taken(records, index)) for records, index in changed]
 
     def put_back(self) -> System:
-        """Let the records be as they were, and return them."""
+        """Restore the records and return them."""
         for records, index, values in self.kept:
             if isinstance(records, list):
                 numbers = range(len(records))[index] if isinstance(index, slice) else index.tolist()
@@ -79,7 +87,7 @@ class Untouched:
 
 
 def _kept(records: Any) -> Any:
-    """Return a copy of records that nobody is to change."""
+    """Return a copy of records that is never modified."""
     if isinstance(records, np.ndarray) and records.size:
         return np.frombuffer(records.tobytes(), records.dtype)
     return copied(records)
@@ -88,7 +96,7 @@ def _kept(records: Any) -> Any:
 def _concerned(s: System, t: float) -> tuple[Any, Any]:
     """Return the pairs, and their bodies, that the end of a run at time `t` changes."""
     clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
-    inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # or may be
+    inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # with a margin for rounding
     joined = np.flatnonzero(slot >= 0)
     pairs, bodies = np.zeros(len(slot) + 2, bool), np.zeros(len(slot) + 1, bool)  # one more pair on either side
     pairs[joined + 1] = pairs[inside] = pairs[inside + 1] = pairs[inside + 2] = True
@@ -98,6 +106,7 @@ def _concerned(s: System, t: float) -> tuple[Any, Any]:
 
 
 def _taken(records: Any, index: Any) -> Any:
+    """Return a copy of the records at `index`."""
     if isinstance(records, np.ndarray):
         return raw(records)[index].copy()
     return copied(records[index] if isinstance(index, slice) else [records[i] for i in index.tolist()])

@@ -1,7 +1,26 @@
-"""The life of a contact: how its pair changes mode at an event: touch, end of the force, new push, parting.
+"""How a pair changes its mode: the life of one contact, from its onset to its end.
 
-Of pairs that touch at rest, or part with no more energy than rounding, it is judged which stay, and which of them
-forces press.
+This module treats contacts that are integrated by pieces. Most isolated contacts are a single event instead
+(`one_contact`).
+
+*Onset.* Two balls fly until the gap closes: the pair is OPEN, and its next event is BEGIN. If the rate at the touch is
+only noise, the balls graze each other and nothing begins. Otherwise the pair becomes ACTIVE, or RESIDUAL if its law
+gives no force yet. A pair that touches at rest and is pressed becomes DORMANT: its contact has begun, but its force is
+below rounding error. It becomes ACTIVE when the force can be resolved (BEGIN).
+
+*End.* A contact ends in one of five ways:
+
+1. END of an active pair: the force falls to zero while the balls overlap. The pair becomes RESIDUAL. Either the overlap
+   vanishes as well (PART, the pair is then OPEN), or the force becomes positive again (BEGIN, a new contact).
+2. PART of an active pair: overlap and force vanish together. The pair becomes OPEN.
+3. PART of a dormant pair: the balls separate before the force can be resolved. The pair becomes OPEN.
+4. Jump of the velocity of a wall, or of a ball thrown back by a thermal wall (`jumps.jolt`): the force of an active
+   pair is clipped, so that it becomes RESIDUAL, or a dormant pair is pulled apart and becomes OPEN.
+5. Reflection at a thermal wall (`jumps.throw_back`): the contact takes no time. The pair is STRUCK until the ball
+   leaves.
+
+If the balls separate with no more energy than rounding error and stay together (`stays`), the contact does not end. The
+pair becomes DORMANT instead.
 """
 
 from __future__ import annotations
@@ -30,18 +49,21 @@ from granular.md.located.records import (
 from granular.md.located.system import beside, count_of, is_closed, nth
 
 ALL_BUT_ZERO = 1e-9
-"""Part of its elastic force up to which the force of a contact that goes on is as located, 0."""
+"""Force, relative to the elastic force, up to which a located force counts as 0."""
 NONE, SOME, AWAITED = range(3)
-"""What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
+"""Results of `engage`: no new dormant pair, at least one, or the run has to stop."""
 TOUCH_ONLY, CONTACT = 0, 1
-"""How many contacts `count_isolated` is told of: an overlap without a push, or one that pushes."""
+"""Contacts that `count_isolated` counts: 0 for an overlap without force, else 1."""
 DISTURBED = -1
-"""For the number of isolated contacts of a pair, from when one was not until the pair is open."""
+"""Value of `isolated` of a pair after a disturbed contact, until the pair opens."""
 
 
 @kernel
 def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
-    """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
+    """Apply the event that ends the piece of `block`; return false to stop before it.
+
+    A run stops here at its stop condition or, if it has to, before the first disturbed contact.
+    """
     c, what = block.fired, block.event
     pair = pool[pairs[c].slot]
     if what == BEGIN:
@@ -58,6 +80,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
         if what == END:
             pair.mode, pair.exact = RESIDUAL, 1
         else:
+            # a dormant pair keeps the gap at which it separates, all others separate at ξ = 0
             pair.xi = pair.xi if pair.mode == DORMANT else 0.0
             pair.mode, pair.exact, pair.xi_peak, pair.loading, pairs[c].isolated = OPEN, 0, 0.0, 1, 0
     return True
@@ -65,7 +88,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
 
 @kernel
 def change_branch(pair: Any, event: int) -> None:
-    """Let a law with memory unload from here on (TURN), or load again."""
+    """Switch a law with memory to unloading (TURN) or back to loading (RELOAD)."""
     if event == TURN:
         pair.loading, pair.xi_peak, pair.eta = 0, pair.xi, min(0.0, pair.eta)
     else:
@@ -74,13 +97,16 @@ def change_branch(pair: Any, event: int) -> None:
 
 @kernel
 def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
-    """Let the force of pair `c` begin; it has touched, or its force has returned."""
+    """Start the force of pair `c` after a touch or after its residual phase.
+
+    Returns false if the run stops before the contact.
+    """
     pair = pool[pairs[c].slot]
     if HEATED and pair.wall < 0:
         return strike(run, pairs, pool, c)
     if pair.mode == OPEN:
         pair.xi = 0.0
-        if drifts(pair) or pair.eta < 0.0:  # grazed, or touching at rest
+        if drifts(pair) or pair.eta < 0.0:  # grazing, or touching at rest
             pair.eta = min(0.0, pair.eta)
             return True
         if turns(pairs, pool, c, speed):
@@ -88,25 +114,25 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
             return True
         if laws is not None:
             pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
-            if pair.mode == RESIDUAL:  # an overlap without a push
+            if pair.mode == RESIDUAL:  # an overlap without a force
                 return count_isolated(run, pairs, pool, c, TOUCH_ONLY)
     return activate(run, pairs, pool, bodies, c)
 
 
 @kernel
 def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
-    """Begin the contact of pair `c`; false if the run is to stop just before."""
+    """Begin the contact of pair `c`; return false if the run stops just before it."""
     pair = pool[pairs[c].slot]
-    if pair.going_on == 1:  # only slept for a moment
+    if pair.going_on == 1:  # dormant for a while within the same contact
         pair.mode = ACTIVE
         return True
     if is_awaited(run, pairs, c):
         return False
     if not count_isolated(run, pairs, pool, c, CONTACT):
         return False
-    if pair.mode != DORMANT:  # else it has been under way since it was touched
+    if pair.mode != DORMANT:  # the contact of a dormant pair has begun at its touch
         begin_contact(run, pairs, pool, bodies, c)
-    # RESIDUAL: its force was just found to be 0, unless its wall jumped
+    # RESIDUAL: the event has located φ = 0, unless the velocity of its wall jumped
     pair.exact = 1 if pair.mode == RESIDUAL and not ((DRIVEN or HEATED) and has_jumped(pair)) else 0
     pair.mode, pair.going_on = ACTIVE, 1
     pairs[c].contacts += 1
@@ -117,14 +143,20 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
 
 @kernel
 def has_jumped(pair: Any) -> bool:
-    """Return whether the force of a clipped pair is back beyond rounding, for a velocity beside it has jumped."""
+    """Return whether the force of a clipped pair is positive beyond rounding error.
+
+    This happens if a velocity of the pair has jumped.
+    """
     stiff: float = pair.k * power(pair.xi, pair.s)
     return bool(stiff + pair.gamma * pair.eta > ALL_BUT_ZERO * stiff)
 
 
 @kernel
 def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
-    """Let the ball of pair `c` be about to be thrown back by its thermal wall; false if the run is to stop before."""
+    """Mark pair `c` as struck: its ball is about to be thrown back by a thermal wall.
+
+    Returns false if the run stops before.
+    """
     pair = pool[pairs[c].slot]
     pair.xi = 0.0
     if pair.eta < 0.0:
@@ -140,16 +172,18 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
 
 @kernel
 def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
-    """Count `more` contacts of pair `c`, whose overlap or push begins, as isolated, unless a neighbour overlaps: then
-    none is, neither of its overlap nor of the neighbour's.
+    """Count contacts of pair `c` as isolated, unless a neighbouring pair overlaps.
 
-    Returns false if the run is to stop before two neighbours first overlap.
+    `c` is a pair whose overlap or force begins, and `more` the number of contacts to count. If a neighbour overlaps,
+    none of the contacts of both overlaps counts as isolated, including contacts that were counted before. Returns false
+    if the run stops before the first two neighbouring pairs overlap.
     """
     alone = True
     below, above = beside(pairs, c)
     for f in (below, above):
         if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
             alone = False
+            # contacts of the neighbour counted earlier are disturbed now; `DISTURBED` is negative and subtracts nothing
             run.isolated -= max(0, pairs[f].isolated)
             pairs[f].isolated = DISTURBED
             if run.first < 0:
@@ -168,7 +202,7 @@ def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
 
 @kernel
 def overlaps(pair: Any, pool: Any, run: Any) -> bool:
-    """Return whether the balls of a pair overlap, or rest on each other, at the time of the event under way."""
+    """Return whether a pair overlaps, or touches at rest, at the current event."""
     if pair.slot >= 0:
         return bool(pool[pair.slot].mode != OPEN)
     return bool(pair.mode == RESIDUAL or (pair.lasts > 0.0 and since(pair, run.t, run.tail) < 0.0))
@@ -176,7 +210,10 @@ def overlaps(pair: Any, pool: Any, run: Any) -> bool:
 
 @kernel
 def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
-    """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
+    """Activate the dormant linear pairs of an island that the series presses together.
+
+    Returns false if the run stops just before one of these contacts.
+    """
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if (
@@ -191,28 +228,31 @@ def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> b
 
 @kernel
 def pushes(pair: Any) -> bool:
-    """Return whether the pair needs a power series: for its force, or to see its force return.
+    """Return whether the pair needs a power series for its force or for its return.
 
-    Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
-    is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
-    between. At a driven wall, and with pendula, nothing is so simple.
+    Other pairs have a closed form: open pairs, clipped pairs with φ = kξ + γη, and clipped pairs that are certain to
+    separate. For s ≥ 1 and a non-negative pull, φ = k ξ^s + γη is convex in free flight. If it is negative now and at ξ
+    = 0, it is negative in between. At driven walls and for pendula, no clipped pair has a closed form.
     """
     if HUNG or (DRIVEN and pair.wall > 0) or (HEATED and pair.wall < 0):
         return bool(pair.mode != OPEN)
     if pair.mode != RESIDUAL or pair.s == 1.0:
         return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
     parts = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
+    # η² > 2·pull·ξ: fast enough to reach ξ = 0 against the pull
     return bool(not (parts and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi))
 
 
 @kernel
 def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
-    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
+    """Make pairs dormant that touch at rest and are pressed by a force or by gravity.
 
-    Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
+    Returns NONE, SOME or AWAITED. All forces are repulsive, so the contact of such a pair begins immediately, unless
+    gravity separates the balls.
     """
     found, lo, hi = NONE, run.lo, run.hi
     closed = RING and is_closed(pairs, lo, hi)
+    # upwards and downwards, because a pair that becomes dormant can press the next one in either direction
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
@@ -221,11 +261,13 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
                 continue
             if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
                 pair.pull > 0.0
+                # a driven wall can press later, so the series decides (`judge`)
                 or (DRIVEN and pair.pull == 0.0 and pair.wall > 0)
                 or ((c > lo or closed) and pushes(pool[pairs[nth(pairs, c - 1)].slot]))
                 or ((c + 1 < hi or closed) and pushes(pool[pairs[nth(pairs, c + 1)].slot]))
             ):
                 c = nth(pairs, c)
+                # a pair that gravity separates may open again without a contact (`judge`)
                 if is_awaited(run, pairs, c) and pair.pull >= 0.0:
                     return AWAITED
                 begin_contact(run, pairs, pool, bodies, c)
@@ -235,7 +277,11 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
 
 @kernel
 def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
-    """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
+    """Make the modes of pairs that touch at rest consistent with the computed series.
+
+    Pairs that the series separates become OPEN, and pairs that it presses together become DORMANT. Returns whether any
+    mode has changed.
+    """
     changed = False
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
@@ -251,23 +297,25 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
 
 @kernel
 def stays(pair: Any, speed: float) -> bool:
-    """Return whether a pair that parts comes up to where it touches with no more energy than rounding.
+    """Return whether a pair that separates stays in contact except for rounding error.
 
-    So does a ball that gravity holds, and a law that is a function, has touched at rest and woken, by its rounding.
+    This is the case for a ball held by gravity under a nonlinear law if its energy at ξ = 0 is rounding error. It also
+    holds for a pair under a general law that was dormant, if its rate is only noise.
     """
     if pair.mode != ACTIVE:
         return False
     if pair.kind == GENERAL and pair.wake > 0.0 and drifts(pair):
         return True
     held = pair.kind != LINEAR and pair.pull > 0.0
+    # the square of the rate has an error of about noise times speed
     return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * max(speed, speed_of_weight(pair)))
 
 
 @kernel
 def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
-    """Return whether balls that gravity parts come up to where they touch with no more energy than rounding.
+    """Return whether two balls that gravity separates touch with only rounding energy.
 
-    Alone in their flight they have no island that could feel it.
+    A pair alone in free flight is excluded, because it has no island that could be affected.
     """
     pair, lo = pool[pairs[c].slot], pairs[c].first
     hi = pairs[lo].hi
@@ -278,20 +326,23 @@ def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
 
 @kernel
 def drifts(pair: Any) -> bool:
-    """Return whether the rate of a pair is no more than the noise it may hold."""
+    """Return whether the rate of a pair does not exceed its noise."""
     return bool(abs(pair.eta) <= DRIFT * pair.noise)
 
 
 @kernel
 def speed_of_weight(pair: Any) -> float:
-    """Return the speed in m/s that gravity gives the balls of a pair over the overlap at which their force balances."""
+    """Return the speed in m/s that gravity gives a pair over its static overlap."""
     pull = abs(pair.pull)
     return math.sqrt(2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p))
 
 
 @kernel
 def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
-    """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
+    """Set the rate of pair `c` of a block to zero by an impulse between its two balls.
+
+    The rates of the neighbouring pairs change accordingly.
+    """
     pair, lo, hi = pool[pairs[c].slot], pairs[c].first, pairs[pairs[c].first].hi
     impulse, closed = pair.eta / pair.inverse, is_closed(pairs, lo, hi)
     pair.eta = 0.0
@@ -307,6 +358,6 @@ def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 
 @kernel
 def is_awaited(run: Any, pairs: Any, c: int) -> bool:
-    """Return whether the run is to stop just before the next contact of pair `c`."""
+    """Return whether the run stops just before the next contact of pair `c`."""
     return bool(c == run.until_pair and pairs[c].contacts + 1 == run.until_nth)
 

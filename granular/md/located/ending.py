@@ -1,7 +1,7 @@
-"""The end of a located run: overlaps of balls at rest become static; statistics, message and the last contacts.
+"""End of a located run: static overlaps, statistics, message and last contacts.
 
-The times of the looks at balls at rest are numbers of 7 binary digits, whatever the time of the proof: so a resumed run
-ends as the uninterrupted one, bit for bit.
+A run that ends at rest is continued until its overlaps are static. They are compared at times of 7 binary digits,
+independent of the time of the proof, so that a resumed run ends bitwise identically.
 """
 
 from __future__ import annotations
@@ -22,17 +22,22 @@ from granular.run.trajectory import Status
 from granular.run.until import Contact, raised
 
 SETTLED = 1e-9
-"""Deviation of an overlap from its static value, relative to that value, up to which balls count as settled."""
+"""Relative deviation from its static value up to which an overlap is static."""
 MAX_LOOKS = 4096
-"""Looks at most, 64 for each doubling of the time: a decay that takes longer is not resolved by floats."""
+"""Maximum number of comparisons, 64 per doubling of the time.
+
+A slower decay is not resolved by floats."""
 
 
 def settle(run: Any) -> None:
-    """Advance `run`, a run of `located.run` proved to rest, to the first look at which all overlaps are static."""
-    # rest under a law that is a function is proved when all forces balance: its overlaps are static already
+    """Advance a run that is proved to rest until all overlaps are static.
+
+    `run` is a `located.run.Run`.
+    """
+    # under general laws, rest is proved when all forces balance: the overlaps are static already
     loaded = [p for p in members(run) if p.mode == ACTIVE and p.load > 0.0 and p.kind != GENERAL]
     pair, rest = [p.number for p in loaded], np.array([overlap_under(p, p.load) for p in loaded])
-    # the period of a contact is the least time that means anything in a run that rests from its start
+    # the period of a contact is the shortest meaningful time in a run that rests from its start
     shortest = max((math.sqrt(xi / (p.load * p.inverse)) for p, xi in zip(loaded, rest.tolist(), strict=True)),
                    default=0.0)
     time = max(run.now, float(run.counters["t"]), run.request.start - run.start)
@@ -48,7 +53,10 @@ def settle(run: Any) -> None:
 
 
 def _look(time: float, shortest: float) -> float:
-    """Return the first time of a look from `time` on: 0, or a number of 7 binary digits from about `shortest` on."""
+    """Return the first time of a comparison from `time` on.
+
+    It is 0, or a number of 7 binary digits that is at least about `shortest`.
+    """
     if time == 0.0:
         return 0.0
     exponent = math.frexp(max(time, shortest))[1] - 7
@@ -56,7 +64,7 @@ def _look(time: float, shortest: float) -> float:
 
 
 def stats_of(run: Any, r: Any) -> dict[str, Any]:
-    """Return the amount of work; `r` are the counters."""
+    """Return the statistics of a run; `r` is its record of counters."""
     return {
         "engine": "compiled" if run.engine == "compiled" else "plain",
         "steps": int(r.steps), "events": int(r.events), "contacts": int(r.contacts),
@@ -94,9 +102,9 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
 
 
 def slowest_decay(pairs: list[Any], closed: bool) -> float:
-    """Return the time in s in which the slowest motion about the current state of a pile falls by e (inf: never).
+    """Return the decay time in s of the slowest motion about the state of a pile.
 
-    Between two walls (`closed`) the sum of overlaps is fixed: no motion changes it.
+    The result is inf without decay. Between two walls (`closed`) the sum of overlaps is constant: no motion changes it.
     """
     a, n = matrices(pairs), len(pairs)
     if closed:
@@ -108,7 +116,10 @@ def slowest_decay(pairs: list[Any], closed: bool) -> float:
 
 
 def matrices(pairs: list[Any]) -> Array:
-    """The matrix A of ẏ = A y for small motions y = (ξ, η) about the current overlaps of touching pairs."""
+    """Return the matrix A of ẏ = A y for small motions y = (ξ, η) of touching pairs.
+
+    The motions are about the current overlaps.
+    """
     k = np.array([p.k if p.p == 1.0 else p.k * p.p * p.xi ** (p.p - 1.0) for p in pairs])
     gamma = np.array([p.gamma if p.d == 0.0 else p.gamma * p.xi**p.d for p in pairs])
     lower, own, upper = np.array([(p.lower, -p.inverse, p.upper) for p in pairs]).T
@@ -117,25 +128,28 @@ def matrices(pairs: list[Any]) -> Array:
 
 
 def members(run: Any) -> list[Any]:
-    """Return the records of pairs in islands as plain objects, from the bottom up."""
+    """Return the pairs in islands as plain objects, from the bottom up."""
     slot = column(run.s.pairs, "slot")[: run.scene.n_pairs]
     slots = slot[slot >= 0].tolist()
     return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
 
 
 def rest_of_log(run: Any, end: float) -> Rows | None:
-    """Return the contacts not yet handed over, those that go on at the end without one; None if there are none."""
+    """Return the contacts that are not yet in the log, or None.
+
+    Contacts that continue at the end have no end time.
+    """
     left = [*run.rows(), *(run.dated(rows) for rows in _still_open(run))]
     if not left:
         return None
     rows = np.concatenate(left)
-    late = rows["t_end"] > run.start + end  # by rounding
+    late = rows["t_end"] > run.start + end  # later only by rounding
     rows["t_end"][late], rows["v_out"][late] = math.nan, math.nan
     return rows
 
 
 def _still_open(run: Any) -> list[Rows]:
-    """Return the contacts that go on at the end, if there are any."""
+    """Return the contacts that continue at the end, in a list of at most one array."""
     going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
     if not going:
         return []

@@ -1,5 +1,6 @@
-"""Islands formed anew at an event: which blocks it concerns, where they end now, and who flies on alone. And the free
-length of a ring: its gaps add up to it forever, except for rounding.
+"""Formation of islands at an event, and the sum of the gaps on a ring.
+
+The sum of the gaps on a ring is constant. Its rounding errors are corrected from time to time (`reimpose`).
 """
 
 from __future__ import annotations
@@ -20,23 +21,25 @@ from granular.md.located.system import count_of, is_closed, join, leave, lengthe
 from granular.md.located.walls import carry_walls, flown
 
 EVERY = 1 << 16
-"""Pieces and contacts after which the sum of the gaps is looked at,"""
+"""Minimum number of pieces and contacts between two corrections of the gaps."""
 PER_PAIR = 16
-"""or so many times the pairs, so that it costs nothing."""
+"""The same number per pair of the ring, so that corrections take negligible time."""
 
 
 @kernel
 def regroup(s: Any, laws: Any) -> int:
-    """Form the blocks anew that the event under way concerns, to be planned.
+    """Form the blocks of the current event again; they are then due to be planned.
 
-    Return MORE, STOPPED, or EXTEND: a block, `wanted`, is to be absorbed first, and then it is to be called again.
+    Returns MORE, or STOPPED. EXTEND means that the block `wanted` must join the event before another call.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     found = SOME
+    # a pair that becomes dormant pushes, so the extent of the event has to be determined again
     while found == SOME:
         below, above = run.lo - 1, run.hi
         if RING:
             below, above = neighbours(run, pairs)
+        # a force at the edge of the event accelerates the next pair, and a contact beside it is disturbed
         if below >= 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
             run.wanted = pairs[below].first
             return EXTEND
@@ -69,8 +72,12 @@ def regroup(s: Any, laws: Any) -> int:
 
 @kernel
 def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) -> None:
-    """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
+    """Release pair `c`, a block of its own, into free flight.
+
+    Its place in the pool becomes free.
+    """
     pair, member = pairs[c], pool[pairs[c].slot]
+    # an open pair has no overlap: a positive one is rounding error
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
     pair.exact, pair.wake, pair.t, pair.tail, pair.last_step = member.exact, member.wake, run.t, run.tail, run.last_step
@@ -80,7 +87,7 @@ def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) ->
 
 @kernel
 def cut(run: Any, pairs: Any, pool: Any) -> None:
-    """Let an island that goes all around a ring begin where two neighbouring pairs fly, if there is such a place."""
+    """Start an island that closes the ring between two flying pairs, if there are any."""
     for c in range(run.lo, run.hi):
         if not (pushes(pool[pairs[nth(pairs, c - 1)].slot]) or pushes(pool[pairs[c].slot])):
             run.lo = nth(pairs, c)
@@ -90,7 +97,10 @@ def cut(run: Any, pairs: Any, pool: Any) -> None:
 
 @kernel
 def extend_event(s: Any, lo: int, laws: Any) -> bool:
-    """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
+    """Advance the block that starts with pair `lo` to the event and include it.
+
+    Returns false if the pool has no place for it.
+    """
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0 and run.members + SPARE >= len(s.pool):
         return False
@@ -106,7 +116,7 @@ def extend_event(s: Any, lo: int, laws: Any) -> bool:
 
 @kernel
 def enlist(s: Any, c: int) -> None:
-    """Give pair `c` its place in the pool; a driven wall at it has the velocity and the pull of now."""
+    """Move pair `c` into the pool, and update driven walls to the current time."""
     join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
     if DRIVEN:
         carry_walls(s.field, s)
@@ -114,7 +124,7 @@ def enlist(s: Any, c: int) -> None:
 
 @kernel
 def extend_by(s: Any, lo: int) -> None:
-    """Let the event under way concern the block that starts with pair `lo` too, which has come to its time."""
+    """Include the block that starts with pair `lo`, already advanced, in the event."""
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0:
         enlist(s, lo)
@@ -126,16 +136,17 @@ def extend_by(s: Any, lo: int) -> None:
 
 @kernel
 def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
-    """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
+    """Advance the block that starts with pair `lo` to the time t + tail."""
     pair = s.pairs[lo]
     xi = pair.xi
     if pair.slot < 0 and pair.ahead == 1:
+        # a clock that is ahead goes back along the asymptote
         fly(pair, since(pair, t, tail), s.field)
     elif pair.slot < 0:
         glide(pair, since(pair, t, tail), s.field)
         if WORKED:
             add(s.ledger[0], LOST, run_off(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
-    else:  # at once there, except for what a single float cannot say
+    else:  # the clock of the block is then t + tail, up to the rounding of dt
         block = s.pool[pair.slot]
         dt = since(block, t, tail)
         advance_island(s, lo, tau_at(block, t, tail), dt, laws)
@@ -143,7 +154,7 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
 
 @kernel
 def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
-    """Make pairs lo … hi-1 a block at the time of the event under way."""
+    """Make the pairs lo … hi-1 one block at the time of the current event."""
     if RING and lo >= count_of(pairs):
         lo, hi = lo - count_of(pairs), hi - count_of(pairs)
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
@@ -159,13 +170,14 @@ def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) ->
 
 @kernel
 def reimpose(s: Any) -> None:
-    """Give the widest gap in free flight what rounding has taken from the sum of all.
+    """Correct the widest gap in free flight by the rounding error of the sum of gaps.
 
-    The asymptotes of contacts solved at once have the same sum as the gaps themselves.
+    The asymptotes of contacts solved as one event have the same sum as the gaps themselves.
     """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     at_start = run.look == 0
     run.look = run.steps + max(EVERY, PER_PAIR * n)
+    # the gaps are exact at the start
     if at_start:
         return
     widest, most, total, low = -1, 0.0, 0.0, 0.0

@@ -1,11 +1,12 @@
-"""Where a velocity jumps: that of a driven wall, or of a ball that a thermal wall throws back, at a speed drawn anew.
+"""Jumps of a velocity: at an edge of a driven wall's path, and at a thermal wall.
 
-At the touch (gap 0, closing) the rate of the pair jumps, and so does that of the pair beside it: a contact that takes
-no time, with the same flank test as others (`meet`). Where that fails, the pair is STRUCK, its neighbour joins the
-island, and the ball is thrown back before blocks are formed anew; all pieces begin again. With the ball's speeds v
-towards the wall and v2 away from it, both as the wall sees them, the wall gives
+A thermal wall throws a ball back at a random speed. At the touch (gap 0, closing) the rates of its pair and of the
+neighbouring pair jump. Usually this is one event without duration, with the same flank test as other contacts
+(`one_contact.meet`). If the test fails, the pair becomes STRUCK and its neighbour joins the island. The ball is thrown
+back before the blocks are formed again, and all pieces are computed again. With the ball's speeds v towards the wall
+and v2 away from it, both relative to the wall, the wall transfers
 
-    heat = ½ m (v2² - v²) ,   momentum m (v + v2) ,   and work, if it moves at speed w along that, w m (v + v2) .
+    heat = ½ m (v2² - v²) ,   momentum m (v + v2) ,   and work w m (v + v2) if it moves at speed w along the momentum.
 """
 
 from __future__ import annotations
@@ -23,24 +24,31 @@ from granular.md.located.walls import jump_at
 from granular.scene.walls.thermal import drawn
 
 HEAT = 2
-"""Place in the ledger of the heat of the floor; that of the ceiling follows."""
+"""Index of the heat of the floor in the energy balance; the ceiling follows."""
 SAME, CHANGED, ENDS = range(3)
-"""What `pass_edge` comes to: the blocks stay, are to be formed anew, or the run is to stop."""
+"""Results of `pass_edge`: blocks stay, blocks have to be formed again, run stops."""
 
 
 @kernel
 def speed_away(ledger: Any, wall: int) -> float:
-    """Return the speed in m/s with which the next ball leaves a thermal wall, -1 the floor, -2 the ceiling."""
+    """Return the speed in m/s with which the next ball leaves a thermal wall.
+
+    `wall` is -1 for the floor and -2 for the ceiling.
+    """
     book, side = ledger[0], -1 - wall
     return drawn(book.temperature[side], book.seed[side], side, book.contacts[side], book.mass[side])
 
 
 @kernel
 def count_hit(s: Any, c: int, v: float, v2: float) -> None:
-    """Enter a hit of the thermal wall of pair `c` into the ledger; the next one draws another number."""
+    """Add a reflection at the thermal wall of pair `c` to the energy balance.
+
+    The counter of reflections increases, so that the next speed is a different random number.
+    """
     book, side = s.ledger[0], -1 - s.pairs[c].wall
     book.contacts[side] += 1
     mass, wall = book.mass[side], s.bodies[c + side]
+    # a product, because the difference of the squares would lose digits
     add(book, HEAT + side, 0.5 * mass * (v2 - v) * (v2 + v))
     if wall.v != 0.0:
         add(book, CEILING if side else FLOOR, mass * (v + v2) * (-wall.v if side else wall.v))
@@ -48,8 +56,10 @@ def count_hit(s: Any, c: int, v: float, v2: float) -> None:
 
 @kernel
 def thrown(s: Any, c: int) -> float:
-    """Throw back the ball of pair `c`, which is STRUCK; return by how much its rate of closing on its other neighbour
-    grows."""
+    """Throw back the ball of the STRUCK pair `c`.
+
+    Returns the increase of the rate with which the ball closes on its other neighbour.
+    """
     run, member, side = s.run[0], s.pool[s.pairs[c].slot], -1 - s.pairs[c].wall
     ball, wall = s.bodies[c + 1 - side], s.bodies[c + side]
     v, v2 = member.eta, speed_away(s.ledger, s.pairs[c].wall)
@@ -70,9 +80,10 @@ def thrown(s: Any, c: int) -> float:
 
 @kernel
 def pass_edge(walls: Any, s: Any, laws: Any) -> int:
-    """Let the island under way pass the end of a panel of a wall's path, where the velocity of the wall may jump.
+    """Pass the end of a panel of a wall's path, where its velocity may jump.
 
-    Return SAME, CHANGED if its blocks are to be formed anew, or ENDS if that meets the stop condition.
+    Applies to the island of the current event. Returns SAME, CHANGED if its blocks have to be formed again, or ENDS at
+    the stop condition.
     """
     run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
     for c in range(run.lo, run.hi):
@@ -88,8 +99,11 @@ def pass_edge(walls: Any, s: Any, laws: Any) -> int:
 
 @kernel
 def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
-    """Let the force of pair `c` begin or end where the velocity of its wall, or of a ball of it that a thermal wall has
-    thrown back, has jumped; false if the run is to stop."""
+    """Start or end the force of pair `c` after a velocity jump.
+
+    The velocity of its wall has jumped, or a thermal wall has thrown back one of its balls. `jump` is the change of the
+    rate in m/s. Returns false if the run stops.
+    """
     run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
     member.exact = 0
     if member.mode == ACTIVE and is_clipped(member, laws):
@@ -112,9 +126,10 @@ def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
 
 @kernel
 def throw_back(s: Any, laws: Any) -> int:
-    """Let thermal walls throw back the balls they have been struck by; the pair beside is in the island under way.
+    """Throw back the balls of STRUCK pairs at both ends of the current island.
 
-    Return SOME if there were any, for then that pair may push, NONE, or AWAITED if the run is to stop before it does.
+    The neighbouring pairs are in the island too. Returns SOME if a ball was thrown back (its other pair can then push),
+    NONE, or AWAITED if the run stops before that pair pushes.
     """
     run, pairs, pool, found = s.run[0], s.pairs, s.pool, NONE
     for side in range(2):
@@ -124,6 +139,7 @@ def throw_back(s: Any, laws: Any) -> int:
             kick, found = thrown(s, c), SOME
             if 0 <= f < len(pairs):
                 pool[pairs[f].slot].eta += kick
+                # the new rate has the rounding error of the jump
                 pool[pairs[f].slot].noise += ULP * kick
                 if not jolt(s, f, kick, laws):
                     return AWAITED
@@ -132,7 +148,7 @@ def throw_back(s: Any, laws: Any) -> int:
 
 @kernel
 def is_clipped(pair: Any, laws: Any) -> bool:
-    """Return whether balls that overlap from the start part so fast that their force is clipped."""
+    """Return whether overlapping balls separate so fast that their force is clipped."""
     if pair.xi == 0.0:
         return False
     if laws is not None:

@@ -1,14 +1,14 @@
-"""Where the energy goes: the work of moving walls, and what is dissipated in contacts, piece by piece.
+"""Energy balance: work of the walls and dissipation in contacts, by pieces.
 
-Of a piece with force F, overlap ξ and rate η, with F_el(ξ) = dU/dξ the elastic force and u the velocity of a wall
-towards the balls,
+For a piece with force F, overlap ξ and rate η, elastic force F_el(ξ) = dU/dξ and velocity u of a wall towards the
+balls,
 
-    work = ∫ F u dt ,   dissipated = ∫ (F - F_el) η dt = ∫ γ ξ^d η² dt ,
+    work = ∫ F u dt ,   dissipated = ∫ (F - F_el) η dt = ∫ γ ξ^d η² dt .
 
-and U(ξ) lost where the force is clipped, for U counts wherever ξ > 0. Both are integrals of products of polynomials,
-by Gauss's rule, which is exact to rounding. A contact solved at once dissipates ½ m (v² - v2²); a wall of constant
-velocity does the work J u. Sums are kept in two floats each. Where no wall moves, WORKED is false, and nothing of this
-is compiled.
+Where the force is clipped, U(ξ) is dissipated, because U counts wherever ξ > 0. Both integrands are products of
+polynomials, integrated by Gauss's rule to rounding error. A contact solved as one event dissipates ½ m (v² - v2²), and
+a wall of constant velocity does the work J u, where J is the impulse. Each sum is kept in two floats. If no wall moves
+or is thermal, `WORKED` is false and nothing of this module is compiled.
 """
 
 from __future__ import annotations
@@ -23,17 +23,23 @@ from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
 from granular.md.located.walls import expand_path
 
 POINTS = 8
-"""Nodes of Gauss's rule in a piece: where terms of order 20 are rounding, those from order 16 on, which it misses by
-1e-9 of themselves, are less."""
+"""Nodes of Gauss's rule in a piece.
+
+For terms from order 16 on, the rule has a relative error of 1e-9. The step size makes terms of order 20 as small as
+rounding errors, so that this error is smaller still."""
 NODES, WEIGHTS = (
     tuple((0.5 * (row + shift)).tolist()) for row, shift in zip(legendre.leggauss(POINTS), (1.0, 0.0), strict=True))
+"""Nodes and weights of Gauss's rule on [0, 1]."""
 FLOOR, CEILING, LOST = 0, 1, 4
-"""Places in the ledger; heat is between them."""
+"""Indices of the work of both walls and of the dissipation; heat is between them."""
 
 
 @kernel
 def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
-    """Add what pair `c` does in [0, τ] of the piece of its `block` to `sums`."""
+    """Add the work and dissipation of pair `c` in [0, τ] of its piece to `sums`.
+
+    `block` is the record of its island.
+    """
     member, last = s.pool[s.pairs[c].slot], len(s.pairs)
     if member.mode == ACTIVE or member.mode == RESIDUAL:
         sums[LOST] += dissipated(member, block, tau, laws)
@@ -45,14 +51,17 @@ def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
 
 @kernel
 def tally_island(s: Any, laws: Any, lo: int, tau: float, sums: Any) -> None:
-    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to `sums`."""
+    """Add the work and dissipation of an island in [0, τ] of its piece to `sums`.
+
+    `lo` is the first pair of the island.
+    """
     for c in range(lo, s.pairs[lo].hi):
         tally(s, laws, c, s.pool[s.pairs[lo].slot], tau, sums)
 
 
 @kernel
 def book_piece(s: Any, laws: Any, lo: int, tau: float) -> None:
-    """Enter the stretch [0, τ] of the piece of an island into the ledger."""
+    """Add the work and dissipation of an island in [0, τ] of its piece to the balance."""
     begin(s.ledger[0].piece)
     tally_island(s, laws, lo, tau, s.ledger[0].piece)
     book(s.ledger[0], s.ledger[0].piece)
@@ -60,36 +69,45 @@ def book_piece(s: Any, laws: Any, lo: int, tau: float) -> None:
 
 @kernel
 def begin(sums: Any) -> None:
-    """Begin to add up."""
+    """Set all sums to zero."""
     for i in range(len(sums)):
         sums[i] = 0.0
 
 
 @kernel
 def book(ledger: Any, sums: Any) -> None:
-    """Enter sums into the ledger."""
+    """Add `sums` to the energy balance."""
     for i in range(len(sums)):
         add(ledger, i, sums[i])
 
 
 @kernel
 def book_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
-    """Add the contact of pair `c` that was solved at once, or take it back (`sign` -1)."""
+    """Add the contact of pair `c`, solved as one event, times `sign` to the balance.
+
+    `sign` is 1, or -1 to subtract the contact again.
+    """
     for i in (FLOOR, CEILING, LOST):
         add(ledger[0], i, sign * at_once(ledger, s, c, i))
 
 
 @kernel
 def look_at_once(ledger: Any, s: Any, c: int, sums: Any) -> None:
-    """Put into `sums` what the contact of pair `c` has come to so far, followed alone, in place of what it will."""
+    """Replace in `sums` the whole contact of pair `c` by its part up to now.
+
+    The contact was solved as one event. Its part up to now has just been integrated by pieces.
+    """
     for i in (FLOOR, CEILING, LOST):
         sums[i] += ledger[0].solo[i] - at_once(ledger, s, c, i)
 
 
 @kernel
 def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
-    """Return what the contact of pair `c` that was solved at once comes to, from speed and length of it and its
-    asymptote; that of a driven wall is noted."""
+    """Return entry `i` of the balance for a contact of pair `c` solved as one event.
+
+    The entry follows from the speed, the duration and the asymptote of the contact. For a driven wall it has been
+    stored.
+    """
     pair, lower, upper = s.pairs[c], s.bodies[c], s.bodies[c + 1]
     at_floor = lower.inverse_mass == 0.0
     if pair.wall > 0:
@@ -97,6 +115,7 @@ def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
         return float(kept[0 if at_floor else 1] if i == LOST or at_floor == (i == FLOOR) else 0.0)
     inverse, v, v2 = lower.inverse_mass + upper.inverse_mass, pair.speed, -pair.eta
     if i == LOST:
+        # a product, because the difference of the squares would lose digits
         return float(0.5 * (v - v2) * (v + v2) / inverse)
     if i == FLOOR and at_floor:
         return float((v + pair.pull * pair.lasts + v2) / inverse * lower.v)
@@ -107,7 +126,10 @@ def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
 
 @kernel
 def keep_solo(ledger: Any, s: Any, c: int) -> None:
-    """Note what the contact of pair `c`, at a driven wall, comes to, which has just been followed alone."""
+    """Store the balance of the contact of pair `c` at a driven wall.
+
+    The contact has just been integrated alone.
+    """
     if s.pairs[c].wall > 0:
         side, book = (0 if s.bodies[c].inverse_mass == 0.0 else 1), ledger[0]
         book.work[side], book.lost[side] = book.solo[side], book.solo[LOST]
@@ -115,14 +137,17 @@ def keep_solo(ledger: Any, s: Any, c: int) -> None:
 
 @kernel
 def read(ledger: Any, sums: Any) -> None:
-    """Write the sums of the ledger."""
+    """Write the sums of the energy balance to `sums`."""
     for i in range(len(ledger[0].total)):
         sums[i] = ledger[0].total[i] + ledger[0].low[i]
 
 
 @kernel
 def run_off(law: Any, laws: Any, pair: Any, first: float, last: float) -> float:
-    """Return the elastic energy that a clipped pair loses on its way from one overlap to another; 0 of others."""
+    """Return the elastic energy in J that a clipped pair loses between two overlaps.
+
+    It is 0 for pairs in other modes.
+    """
     if pair.mode != RESIDUAL:
         return 0.0
     if laws is not None:
@@ -132,20 +157,20 @@ def run_off(law: Any, laws: Any, pair: Any, first: float, last: float) -> float:
 
 @kernel
 def add(ledger: Any, i: int, x: float) -> None:
-    """Add to a sum in two floats."""
+    """Add `x` to entry `i` of the energy balance, in two floats."""
     ledger.total[i], rest = two_sum(ledger.total[i], x)
     ledger.low[i] += rest
 
 
 @kernel
 def stored(law: Any, xi: float) -> float:
-    """Return the elastic energy of a power law."""
+    """Return the elastic energy k ξ^(p+1)/(p+1) of a power law in J."""
     return float(law.k * xi * power(xi, law.p) / (law.p + 1.0)) if xi > 0.0 else 0.0
 
 
 @kernel
 def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
-    """Return the energy that a contact loses in [0, τ] of its piece."""
+    """Return the energy in J that a contact dissipates in [0, τ] of its piece."""
     if laws is not None:
         return laws.dissipated(member, block, tau)  # type: ignore[no-any-return]
     if member.mode == RESIDUAL:
@@ -158,21 +183,25 @@ def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
         eta = value(member.e, at)
         rate = member.gamma * eta * eta
         if member.d != 0.0:
+            # the polynomial of ξ can be negative by rounding near a touch
             rate *= power(max(0.0, value(member.x, at)), member.d)
+        # elapsed(x, q, 1)/x is x^(q-1): the factor from dt/dx at the node
         total += WEIGHTS[i] * rate * elapsed(NODES[i], block.clock, 1.0) / NODES[i]
     return scale * total
 
 
 @kernel
 def pace(block: Any, tau: float) -> float:
-    """Return dt/dx at x = 1 of the time t = (hτx)^q, x from 0 to 1."""
+    """Return dt/dx at x = 1 of the time t = (hτx)^q, with x from 0 to 1."""
     return block.clock * elapsed(block.h * tau, block.clock, 1.0)  # type: ignore[no-any-return]
 
 
 @kernel
 def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float:
-    """Return the work of a wall in [0, τ] of the piece of the pair at it; `speed` is its constant velocity towards the
-    balls, if it is not driven."""
+    """Return the work in J of a wall in [0, τ] of the piece of the pair at the wall.
+
+    `speed` is the constant velocity of a wall that is not driven, towards the balls, in m/s.
+    """
     if member.mode != ACTIVE:
         return 0.0
     if DRIVEN and member.wall > 0:
@@ -182,12 +211,13 @@ def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float
 
 @kernel
 def work_of_driven(walls: Any, member: Any, block: Any, tau: float) -> float:
-    """Return the work of a driven wall in [0, τ] of the piece of the pair at it."""
+    """Return the work in J of a driven wall in [0, τ] of the piece of its pair."""
     expand_path(walls, member.wall - 1, block)
     wall, path = walls.wall[member.wall - 1], walls.path[member.wall - 1]
     total, scale = 0.0, pace(block, tau)
     for i in range(POINTS):
         at, v = elapsed(block.h * tau * NODES[i], block.clock, 1.0), 0.0
+        # the derivative of the path by Horner's scheme; the constant part of the velocity is added after it
         for j in range(len(path) - 1, 0, -1):
             v = v * at + j * path[j]
         v += wall.side * wall.velocity

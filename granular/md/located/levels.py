@@ -1,5 +1,6 @@
-"""Soft spheres between two events, for whom watches a pair or a ball. A run that is watched follows all contacts by
-pieces, but where those that disturb each other are ignored.
+"""Observables of soft spheres between two events, for stop conditions on levels.
+
+Such a run integrates all contacts by pieces, unless disturbed contacts are ignored.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from granular.run.until import Level
 
 
 def calm(run: Any) -> tuple[float, float]:
-    """Return the time in s up to which a run has got, and that of the next event."""
+    """Return the time in s that a run has reached, and the time of its next event."""
     now, soonest = max(run.now, run.request.start - run.start), math.inf
     if run.creep is None:
-        clock = column(run.s.pairs, "t")  # ahead where a contact was solved at once
+        clock = column(run.s.pairs, "t")  # ahead if a contact was solved as one event
         soonest = min(float(column(run.s.queue[1:2], "due")[0]), clock[clock > now].min(initial=math.inf))
     return run.start + now, run.start + soonest
 
 
 def watched(run: Any, level: Level) -> Callable[[float], float]:
-    """Return what is watched as a function of the time in s up to the next event."""
+    """Return the observable as a function of the time in s, up to the next event."""
     return partial(shown, run, level)

@@ -1,4 +1,4 @@
-"""What the log keeps of a contact from its onset to its end."""
+"""The contact log: data of a contact from its onset to its end."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from granular.md.located.system import is_closed, nth
 
 @kernel
 def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
-    """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
+    """Record the time and velocities at the onset of the contact of pair `c`.
+
+    The contact of a dormant pair may not develop a force.
+    """
     pair = pool[pairs[c].slot]
     pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
     pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
@@ -21,7 +24,10 @@ def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 
 @kernel
 def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -> None:
-    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
+    """Add the part [0, τ] of the piece of an island to the data of its contacts.
+
+    `lo` is the first pair of the island.
+    """
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q = block.h, block.clock
     dt, scale, closed = elapsed(h, q, tau), elapsed(h, q, 1.0), RING and is_closed(pairs, lo, hi)
@@ -35,17 +41,19 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
             if ((c > lo or closed) and pool[pairs[nth(pairs, c - 1)].slot].mode == ACTIVE) or (
                 (c + 1 < hi or closed) and pool[pairs[nth(pairs, c + 1)].slot].mode == ACTIVE
             ):
+                # two floats, because small impulses are added to a large sum
                 run.shared, rest = two_sum(run.shared, pair.push)
                 run.shared_low += rest
             if run.log_level == PEAKS:
                 peaks(pair, tau, scratch)
+        # the duration includes the time at rest without a resolved force
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
 
 
 @kernel
 def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
-    """Write the log row of the contact of pair `c` that ends now."""
+    """Write the row of the contact of pair `c`, which ends at the current event."""
     pair = pool[pairs[c].slot]
     pair.going_on = 0
     if run.log_level == NO_LOG:
@@ -55,12 +63,13 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
     row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
     row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
     row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
+    # the integral of a vanishing force can be negative by rounding
     row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
 
 
 @kernel
 def velocity_now(body: Any, run: Any) -> float:
-    """Return the velocity of a body at the time of the event under way."""
+    """Return the velocity of a body at the time of the current event."""
     if HUNG:
         return swung(body, run.omega, since(body, run.t, run.tail))[0]
     return float(body.v - body.fall * since(body, run.t, run.tail))
@@ -68,7 +77,10 @@ def velocity_now(body: Any, run: Any) -> float:
 
 @kernel
 def keep_unsettled(s: Any, t: float) -> None:
-    """Drop the rows of the log that are void or settled at time `t`; those of contacts that go on stay."""
+    """Remove the rows of the log that are void or settled at time `t`.
+
+    Rows of contacts that continue stay.
+    """
     run, kept = s.run[0], 0
     for i in range(run.rows):
         row = s.log[i]

@@ -1,8 +1,9 @@
-"""How far a run goes between two looks at it, and whether it comes on; `run` is one of `located.run`.
+"""Portions in which a run is advanced, and detection of runs that stall.
 
-Steps of laws that are functions are found by trial, and none is longer than the sharpest rate of the law allows. A
-contact takes some tens of trials. One that is damped a thousand times too strongly creeps, and takes millions; so does
-one that would rest where its force jumps. What has been found is right, but the end is out of reach.
+`run` is a `located.run.Run`. Under general laws the steps are found by trial, and no step is longer than the sharpest
+change of the law allows. A normal contact takes some tens of trials. A contact that is damped a thousand times too
+strongly creeps and takes millions, as does a contact that rests where its force jumps. The results so far are correct,
+but the end of the run is out of reach.
 """
 
 from __future__ import annotations
@@ -33,44 +34,48 @@ from granular.md.located.system import readable
 from granular.run.drive import Pause, portion
 
 OWN, PLAIN, COMPILED = 8, 100, 20_000
-"""Pieces between two looks at progress and log, at most: under laws that are functions, interpreted, compiled."""
+"""Maximum number of pieces per portion: general laws, interpreted, compiled."""
 AT_FIRST = 4000
-"""Pieces of one pair before the first look."""
+"""Pieces of one pair in the first portion, divided by the number of pairs."""
 TRIALS = 4000
-"""Trial steps of every island after which it is asked whether a run comes on."""
+"""Trial steps per island between two tests whether a run stalls."""
 LEAST = 0.01
-"""Part of the time left by which it then has come on, unless it has by the time of a contact."""
+"""Minimum progress between two tests, as a part of the time left.
+
+The period of a contact is sufficient progress, too."""
 WHY = {STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting, BINDING: Pause.quiet}
-"""Why a run pauses, by what `blocks.advance` returns."""
+"""Reason of a pause for each result of `blocks.advance`."""
 LOADING_LOOK, MAKING_LOOK = 0.1, 5.0
-"""Seconds that it takes to load machine code that looks at blocks that may rest or creep, and to make it."""
+"""Time in s to load, or to compile, the kernels that test for rest or creep."""
 
 
 class Pace:
-    """The portions in which a run of `located.run` goes on, and how hard they were.
+    """Portions in which a run of `located.run` is advanced, and their cost.
 
     Attributes
     ----------
     stalled : bool
-        Whether it does not come on.
+        Whether the run does not make progress.
     step : float
-        Time in s by which it came on in a trial step, on the average.
+        Mean advance in s per trial step.
     """
 
     def __init__(self, run: Any) -> None:
         self.run, self.chunk = run, max(1, min(PLAIN, AT_FIRST // run.scene.n_pairs))
         self.trials, self.time, self.step, self.stalled = 0, float(run.counters["t"]), 0.0, False
-        self.begun = 0.0  # s of processor time at the end of the last portion, if there was one that did not do
-        self.seen = -math.inf  # s, how far the run had come at the last look
+        self.begun = 0.0  # processor time in s at the end of the last incomplete portion, else 0
+        self.seen = -math.inf  # time in s at the last test
 
     def advanced(self, limit: float, last: bool) -> int:
-        """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`.
+        """Advance by a chunk of pieces, with tests of blocks that may rest or creep.
 
-        A run that its limits end before what is due next ends before a row (not the `last`) is shown later.
+        Returns the result of `blocks.advance`. If the work limit is reached and another event is due within the run,
+        the run ends before the sample at `limit`, unless that sample is the `last` one.
         """
         run = self.run
         most = COMPILED if run.engine == "compiled" else PLAIN if run.collocation is None else OWN
         self.chunk = min(1 if run.request.singly else most, self.chunk)
+        # every test for rest or creep returns here: the limit keeps a portion short
         for _ in range(PLAIN):
             why = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
             if why == WANTS_LOOK:
@@ -90,20 +95,24 @@ class Pace:
         return why
 
     def look_at_all(self) -> None:
-        """Plan the blocks that wait for a look whether they creep."""
+        """Plan the blocks that wait for a test for creep."""
         run = self.run
         while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(turn_to_asking)(run.s):
             looked_at(run.s, 0.0, run.kernels, self.seldom)
 
     def seldom(self, kernel: Any) -> Any:
-        """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
+        """Return the version of a kernel that is called rarely.
+
+        In a compiled run it is interpreted until compilation pays.
+        """
         run = self.run
         return run.kernels(kernel) if run.is_plain else seldom(run.fit(kernel), compiled)
 
     def stalls(self) -> bool:
-        """Return whether a run under laws that are functions does not come on.
+        """Return whether a run under general laws does not make progress.
 
-        One that stands at an instant is looked at: if its numbers ran out of range, it would stand there forever.
+        If the time has not advanced, the current state is evaluated: it raises if numbers are out of range, in which
+        case the run would never advance.
         """
         run = self.run
         if run.now == self.seen:
@@ -115,21 +124,27 @@ class Pace:
         advance, tried = run.now - self.time, run.collocation.trials - self.trials
         self.trials, self.time, self.step = run.collocation.trials, run.now, advance / tried
         left = run.request.end - run.start - run.now
+        # progress per `TRIALS` steps of every island
         self.stalled = advance * TRIALS * islands < tried * min(swings, LEAST * left)
         return self.stalled
 
 
 def swings_of(s: Any) -> tuple[float, int]:
-    """Return the shortest time in s in which a pair that overlaps swings alone, 0 if none does, and how many islands
-    have such pairs."""
+    """Return the shortest period in s of an overlapping pair, and a number of islands.
+
+    The period is the one of the pair alone, or 0 if no pair overlaps. Only islands with such pairs count.
+    """
     touching = [(pair.first, s.pool[pair.slot]) for pair in s.pairs if pair.slot >= 0]
     touching = [(first, p) for first, p in touching if p.mode != OPEN and p.own_speed > 0.0]
     return min((p.own_length / p.own_speed for _, p in touching), default=0.0), len({first for first, _ in touching})
 
 
 def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
-    """Look at the block under way, by `kernels` and by those that are called `seldom`; return why a run up to time
-    `limit` ends, or WANTS_LOOK if it goes on."""
+    """Test the current block for rest and creep.
+
+    `kernels` and `seldom` return the versions of kernels that are called often and rarely. Returns why a run up to the
+    time `limit` ends, or WANTS_LOOK to continue.
+    """
     found = seldom(look_at)(s, limit)
     if found != NOT_YET:
         return REST if found == RESTS else BINDING
@@ -137,8 +152,10 @@ def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
 
 
 def seldom(kernel: Any, kernels: Any) -> Any:
-    """Return a kernel of a compiled run that is called seldom: interpreted, until this process has spent as long on it
-    as machine code takes, which `kernels` makes."""
+    """Return the version of a kernel of a compiled run that is called rarely.
+
+    It is interpreted until this process has spent as much time on it as compilation takes. Then `kernels` compiles it.
+    """
     toll = Toll(kernel, LOADING_LOOK, MAKING_LOOK)
     if toll.due():
         return kernels(kernel)

@@ -1,12 +1,12 @@
-"""Pendula: the velocities of balls that swing, and how forces change them on the way.
+"""Pendula: velocities of swinging balls, and their change by contact forces.
 
-A ball at the displacement y from where it rests has ÿ = -Ω² y + F/m, F the sum of the contact forces on it; its `fall`
-is Ω² y, the downward acceleration that it has at its clock. A force from s to s + ds in a time T changes, at its end,
+A ball at the displacement y from its rest position obeys ÿ = -Ω² y + F/m, where F is the sum of the contact forces. Its
+`fall` is Ω² y, the downward acceleration at its clock. A force from s to s + ds changes, at the end of a time T,
 
     ẏ by F/m cos(Ω(T - s)) ds ,   Ω² y by F/m Ω sin(Ω(T - s)) ds .
 
-Both are integrals of a polynomial piece, by Gauss's rule, the same for both balls of a pair; so the mass centre swings
-as one pendulum to rounding. Of pairs the recurrences know by themselves (`series`).
+Both are integrals over a polynomial piece, by Gauss's rule. They are the same for both balls of a pair, so that the
+mass centre swings as one pendulum to rounding error. The recurrences of `series` already include the swing of pairs.
 """
 
 from __future__ import annotations
@@ -23,15 +23,21 @@ from granular.md.located.records import ACTIVE
 
 @kernel
 def shift(run: Any, body: Any, pair: Any, way: float) -> None:
-    """Let a body have the `fall` that it would have at the clock of `pair`, farther up by a `way`."""
+    """Set the `fall` of a body at the clock of `pair`, displaced upwards by `way`.
+
+    `way` is in m.
+    """
     fall = swung(body, run.omega, since(body, pair.t, pair.tail))[1]
     body.fall = fall + run.omega * run.omega * way
 
 
 @kernel
 def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
-    """Return ∫ F dt up to t1 of a dashpot's contact of pair `c` at speed `v` that is solved at once: by
-    η̇ = -Ω² (ξ + d) - (kξ + γη)/m, integrated, with kξ = -γη at its end."""
+    """Return the impulse ∫ F dt up to t1 of a dashpot contact between pendula.
+
+    The contact of pair `c` starts at speed `v` and is solved as one event. The result is the integral of η̇ = -Ω² (ξ +
+    d) - (kξ + γη)/m, with kξ = -γη at its end.
+    """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     inverse, left = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, law.gamma * (law.gamma * v1 / law.k)
     area = (v + v1 + pair.pull * t1 - left * inverse) / (law.k * inverse + s.field.square)
@@ -40,7 +46,10 @@ def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
 
 @kernel
 def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt: float) -> None:
-    """Advance the bodies of an island to τ, a time `dt` into its piece: what no force acts on swings on as before."""
+    """Advance the bodies of an island to τ, a time `dt` into its piece.
+
+    Bodies without a force keep their clock.
+    """
     block, hi, below, fall_below = pool[pairs[lo].slot], pairs[lo].hi, 0.0, 0.0
     for c in range(lo, hi + 1):
         body, above, fall_above = bodies[c], 0.0, 0.0
@@ -57,9 +66,13 @@ def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt:
 
 @kernel
 def kicks(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple[float, float]:
-    """Return ∫ F cos(Ω(dt - s)) ds and ∫ F Ω sin(Ω(dt - s)) ds up to τ, a time `dt` into the piece of a pair."""
+    """Return ∫ F cos(Ω(dt - s)) ds and ∫ F Ω sin(Ω(dt - s)) ds up to τ.
+
+    `member` is the pair, and τ is the time `dt` into its piece.
+    """
     kick, fall, scale = 0.0, 0.0, pace(block, tau)
     for i in range(POINTS):
+        # elapsed(x, q, 1)/x is x^(q-1): the factor from dt/dx at the node
         push = WEIGHTS[i] * value(member.f, tau * NODES[i]) * elapsed(NODES[i], block.clock, 1.0) / NODES[i]
         turn = omega * (dt - elapsed(block.h * tau * NODES[i], block.clock, 1.0))
         kick += push * math.cos(turn)

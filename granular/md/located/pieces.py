@@ -1,19 +1,24 @@
-"""Pieces of motion between two events, polynomials in τ for islands, free flight in closed form for all other pairs;
-and which event comes first within a piece, located as the first root of a polynomial.
+"""Pieces of the motion, and the first event within a piece.
 
-The clock of a block is its absolute time, in two floats; a step maps τ to the time t = (hτ)^q.
+The pairs of an island move along polynomials in τ, the pieces. All other pairs are in free flight, in closed form. An
+event is the first root of a polynomial, found by certified root isolation. The clock of a block is its absolute time as
+the sum of two floats, t + tail. A piece maps τ to the time (hτ)^q after that clock.
 
-| mode     | event                                  | goes through zero |
-|----------|----------------------------------------|-------------------|
-| open     | BEGIN, the balls touch                 | ξ upwards         |
-| active   | END, the force falls to zero           | φ downwards       |
-|          | PART (elastic), the balls part         | ξ downwards       |
-| residual | BEGIN, the force rises again           | φ upwards         |
-|          | PART, the balls part                   | ξ downwards       |
-| active, with memory | TURN, unloading begins | ξ̇ downwards |
-|          | RELOAD, the old maximum is passed      | ξ - ξ_peak upwards |
-| dormant  | BEGIN, the force is no longer rounding | ξ - wake upwards  |
-|          | PART, the balls part                   | ξ downwards       |
+The mode of a pair determines which events can end it. Here φ = kξ^s + γξ̇ is the bracket of the force F = ξ^d φ:
+
+| mode of the pair    | event  | meaning                                         | zero crossing      |
+|---------------------|--------|-------------------------------------------------|--------------------|
+| open                | BEGIN  | the balls touch                                 | ξ upwards          |
+| active              | END    | the force falls to zero while the balls overlap | φ downwards        |
+|                     | PART   | elastic law: overlap and force vanish together  | ξ downwards        |
+| residual            | BEGIN  | the force becomes positive again                | φ upwards          |
+|                     | PART   | the balls separate                              | ξ downwards        |
+| active, with memory | TURN   | unloading begins                                | ξ̇ downwards        |
+|                     | RELOAD | the overlap exceeds its maximum so far          | ξ - ξ_peak upwards |
+| dormant             | BEGIN  | the force exceeds its rounding error            | ξ - wake upwards   |
+|                     | PART   | the balls separate                              | ξ downwards        |
+
+A dormant pair touches at rest. `contacts` describes the transition at each event.
 """
 
 from __future__ import annotations
@@ -43,23 +48,32 @@ from granular.md.located.system import nth
 from granular.md.located.walls import flown, next_touch, touching_rate
 
 DRIFT = 4.0
-"""Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
+"""Closing speed below which two balls count as moving together, in units of noise.
+
+The noise is the bound of the rounding errors in the rate of the pair."""
 INVERSE = (0.0, *(1.0 / n for n in range(1, ORDER + 5)))
+"""Reciprocals 1/n, for the integrals of rows; entry 0 is never used."""
 ULP = 2.0**-52
+"""Relative spacing of floats."""
 DOUBT = 1e4
-"""A pair at rest is taken to part at so many times the overlap at which it wakes: the first forces beside it, far below
-rounding, may err to either side."""
+"""Gap at which a pair at rest separates, in units of its overlap `wake`.
+
+The first forces on its neighbours are far below rounding error and can have either sign."""
 ALL_BUT = 0.1
-"""Part of its overlap at which a pair that turns round had all but parted."""
+"""Overlap below which a pair has almost separated, relative to its start value."""
 CLEAR = 0.999
-"""Part of the first slope of a row that the others, which are rounded, may take from it."""
+"""Part of the first slope of a row that the other slopes may cancel.
+
+The rest of the first slope covers their rounding errors."""
 GRAZE = 1e-15
-"""Part of the typical overlap at which it has parted, except for rounding."""
+"""Overlap below which a pair has separated, relative to its typical overlap.
+
+A smaller overlap is rounding error."""
 
 
 @kernel
 def two_sum(a: float, b: float) -> tuple[float, float]:
-    """Return a + b in two floats (Knuth)."""
+    """Return a + b as the sum of two floats (Knuth)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
@@ -67,26 +81,32 @@ def two_sum(a: float, b: float) -> tuple[float, float]:
 
 @kernel
 def tick(block: Any, dt: float) -> None:
-    """Advance a clock by `dt`; t + tail keeps what one float would lose, so that no gap suffers from late times."""
+    """Advance a clock by `dt`.
+
+    The tail keeps the digits that a single float would lose, so that gaps are equally accurate at late times.
+    """
     block.t, block.tail = two_sum(block.t, dt + block.tail)
 
 
 @kernel
 def since(block: Any, t: float, tail: float) -> float:
-    """Return the time from the block's clock to t + tail."""
+    """Return the time from the clock of the block to t + tail."""
     dt: float = (t - block.t) + (tail - block.tail)
     return dt
 
 
 @kernel
 def in_contact(pair: Any, t: float, tail: float) -> bool:
-    """Return whether a pair outside the islands is in a contact, or its run-off, at the time t + tail."""
+    """Return whether a pair outside the islands overlaps at the time t + tail.
+
+    Such a pair is in a contact that was solved as one event, or in the residual phase after it.
+    """
     return bool(pair.slot < 0 and pair.lasts > 0.0 and since(pair, t, tail) < 0.0)
 
 
 @kernel
 def elapsed(h: float, q: int, tau: float) -> float:
-    """Return the time (hτ)^q into a step."""
+    """Return the time (hτ)^q since the start of a piece."""
     u = h * tau
     t = u
     for _ in range(1, q):
@@ -96,7 +116,10 @@ def elapsed(h: float, q: int, tau: float) -> float:
 
 @kernel
 def piece_time(block: Any) -> float:
-    """Return how long the piece of a block takes; at an EDGE to the last digit."""
+    """Return the duration of the piece of a block.
+
+    A piece that ends at an EDGE has exactly the duration `holds`.
+    """
     if DRIVEN and block.event == EDGE:
         return float(block.holds)
     return elapsed(block.h, block.clock, block.tau)
@@ -104,18 +127,18 @@ def piece_time(block: Any) -> float:
 
 @kernel
 def tau_at(block: Any, t: float, tail: float) -> float:
-    """Return the τ that a piece has reached at the time t + tail, at most its end."""
+    """Return the τ of a piece at the time t + tail, at most its end."""
     dt = since(block, t, tail)
     if dt <= 0.0 or block.tau == 0.0:
         return 0.0
-    if block.h == 0.0:  # less than a float can tell
+    if block.h == 0.0:  # shorter than the spacing of floats
         return float(block.tau)
     return float(min(block.tau, power(dt, 1.0 / block.clock) / block.h))
 
 
 @kernel
 def power(x: float, alpha: float) -> float:
-    """Return x^α for x ≥ 0, by square roots where they do."""
+    """Return x^α for x ≥ 0, by square roots where possible."""
     if alpha == 1.0:
         return x
     if alpha == 0.5:
@@ -129,7 +152,10 @@ def power(x: float, alpha: float) -> float:
 
 @kernel
 def value(row: Any, tau: float) -> float:
-    """Return Σ row_j τ^j; even and odd powers apart, which are two short chains of operations instead of a long one."""
+    """Return Σ row_j τ^j.
+
+    Even and odd powers are summed separately: two short chains of operations are faster than one long chain.
+    """
     square = tau * tau
     even, odd = row[ORDER], 0.0
     for j in range(ORDER - 1, 0, -2):
@@ -141,7 +167,7 @@ def value(row: Any, tau: float) -> float:
 
 @kernel
 def integral(row: Any, q: int, tau: float) -> float:
-    """Return ∫ Σ row_j τ^j q τ^(q-1) dτ, to be multiplied by h^q."""
+    """Return ∫ Σ row_j τ^j q τ^(q-1) dτ, which is to be multiplied by h^q."""
     square = tau * tau
     even, odd = row[ORDER] * INVERSE[ORDER + q], 0.0
     for j in range(ORDER - 1, 0, -2):
@@ -155,7 +181,11 @@ def integral(row: Any, q: int, tau: float) -> float:
 
 @kernel
 def direction(x: Any) -> float:
-    """Return the first coefficient that is not zero: where a pair at rest goes. (The last may vanish by parity.)"""
+    """Return the first non-zero coefficient after x_0, or 0.
+
+    Its sign is the direction in which a pair at rest starts to move. (The coefficient of highest order can vanish by
+    parity.)
+    """
     for j in range(1, ORDER + 1):
         if x[j] != 0.0:
             return float(x[j])
@@ -164,13 +194,15 @@ def direction(x: Any) -> float:
 
 @kernel
 def peaks(pair: Any, tau: float, scratch: Any) -> None:
-    """Raise the largest overlap and force to those of a piece at whose end the pair is; its g is scratch from now on.
+    """Update the largest overlap and force of a pair that is at the end of its piece.
 
-    A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
-    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
-    no more than the law allows.
+    The row `g` of the pair is overwritten. A force that does not depend on the rate is largest at the largest overlap.
+    There the law is more accurate than a series far below the scale of its island. In a very short piece a force with
+    ξ^(1/4) is negligible, and its series need not converge. The force is therefore limited to twice the bound k ξ^p + γ
+    ξ^d |ξ̇|.
     """
     deepest = max(float(pair.x[0]), float(pair.xi))
+    # closing at first and opening at the end: the overlap has a maximum inside the piece
     if pair.e[0] > 0.0 > pair.eta or heading(pair.x, tau) == 0.0:
         for j in range(ORDER + 1):
             pair.g[j] = pair.e[j]
@@ -195,9 +227,13 @@ def peaks(pair: Any, tau: float, scratch: Any) -> None:
 
 @kernel
 def heading(row: Any, tau: float) -> float:
-    """Return 1 if a row rises all the way from 0 to τ, -1 if it falls, 0 if a bound of its slope does not tell."""
+    """Return 1 if a row increases from 0 to τ, -1 if it decreases, and 0 if undecided.
+
+    A bound of the slope decides.
+    """
     way, against = 1.0 if row[1] > 0.0 else -1.0, 0.0
     for j in range(ORDER, 1, -1):
+        # only terms that oppose the first slope can turn the row round
         slope = way * row[j]
         against = (against + j * slope if slope < 0.0 else against) * tau
     return way if CLEAR * (way * row[1]) + against > 0.0 else 0.0
@@ -205,8 +241,12 @@ def heading(row: Any, tau: float) -> float:
 
 @kernel
 def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
-    """Return the largest value at which a row turns down before τ, or -inf; `rate`, its slope in sign, is used up."""
+    """Return the largest local maximum of a row before τ, or -inf if there is none.
+
+    `rate` has the sign of the slope of the row and is overwritten.
+    """
     at, best, way, steady = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
+    # a row of order ORDER has fewer than ORDER extrema
     for _ in range(ORDER):
         step = first_up_crossing(rate, tau - at, scratch, way)
         if not at + step < tau:
@@ -214,9 +254,9 @@ def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
         at += step
         if way < 0.0:
             best = max(best, value(row, at))
-        if steady == way:  # it turns once
+        if steady == way:  # the slope changes its sign once
             break
-        for first in range(ORDER - 1, -1, -1):  # let it begin here: Horner's scheme, its columns one after the other
+        for first in range(ORDER - 1, -1, -1):  # expand about the extremum: Horner's scheme, column by column
             for j in range(first, ORDER):
                 rate[j] += rate[j + 1] * step
         rate[0], way = 0.0, -way
@@ -225,7 +265,10 @@ def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
 
 @kernel
 def write_flight(pair: Any, h: float, push: float, force: float) -> None:
-    """Write the piece of a pair of constant force that closes at a constant acceleration `push`, on the plain clock."""
+    """Write the piece of a pair with constant force and constant acceleration.
+
+    The pair closes at the acceleration `push`. The piece is on the plain clock, q = 1.
+    """
     for j in range(ORDER + 1):
         pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
     pair.x[0], pair.x[1], pair.x[2] = pair.xi, h * pair.eta, 0.5 * h * h * push
@@ -234,10 +277,10 @@ def write_flight(pair: Any, h: float, push: float, force: float) -> None:
 
 @kernel
 def predict(pair: Any, law: Any, field: Any) -> None:
-    """Plan the flight of a free pair, a block of its own, to its next event.
+    """Compute the next event of a free pair, which is a block of its own.
 
-    Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
-    some 1e12 s.
+    After contacts, the rate of balls that move together is a rounding error instead of zero. A closing rate of at most
+    `DRIFT` times its noise is therefore set to zero: such balls would meet again after some 1e12 s.
     """
     if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise and pair.xi == 0.0:
         pair.eta = 0.0
@@ -249,6 +292,7 @@ def predict(pair: Any, law: Any, field: Any) -> None:
         pair.eta = 0.0
     wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
     if pair.mode == RESIDUAL:
+        # the overlap vanishes like a gap with opposite signs
         wait, what = time_to_contact(pair.xi, pair.eta, -pair.pull), PART
         again = force_returns(pair, law) if law.s == 1.0 else math.inf
         if again < wait:
@@ -259,7 +303,10 @@ def predict(pair: Any, law: Any, field: Any) -> None:
 
 @kernel
 def force_returns(pair: Any, law: Any) -> float:
-    """Return the time until φ = kξ + γη of a clipped pair rises to zero: -φ falls like a gap."""
+    """Return the time until φ = kξ + γη of a clipped pair increases to zero.
+
+    -φ has a constant acceleration, so the formula for a closing gap applies.
+    """
     phi = 0.0 if pair.exact else law.k * pair.xi + law.gamma * pair.eta
     rise = law.k * pair.eta + law.gamma * pair.pull
     return time_to_contact(max(0.0, -phi), -rise, law.k * pair.pull)
@@ -267,14 +314,14 @@ def force_returns(pair: Any, law: Any) -> float:
 
 @kernel
 def glide(pair: Any, dt: float, field: Any) -> None:
-    """Advance a free pair by `dt`, if that is positive."""
+    """Advance a free pair by `dt` if `dt` is positive."""
     if dt > 0.0:
         fly(pair, dt, field)
 
 
 @kernel
 def fly(pair: Any, dt: float, field: Any) -> None:
-    """Advance a free pair by `dt`; to go back is to trace its asymptote."""
+    """Advance a free pair by `dt`; a negative `dt` follows its asymptote backwards."""
     pair.xi, pair.eta = flown(field, pair, dt)
     pair.exact = 0
     tick(pair, dt)
@@ -282,7 +329,10 @@ def fly(pair: Any, dt: float, field: Any) -> None:
 
 @kernel
 def arrive(pair: Any, field: Any) -> None:
-    """Advance a free pair to its event: exactly there, with the rate it has from the state, not from the time."""
+    """Advance a free pair to its next event.
+
+    An open pair arrives at ξ = 0 exactly. Its rate follows from its state, not from the rounded time.
+    """
     if pair.mode == OPEN:
         pair.eta = touching_rate(field, pair, pair.wait)
         pair.xi = 0.0
@@ -293,15 +343,19 @@ def arrive(pair: Any, field: Any) -> None:
 
 @kernel
 def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, laws: Any) -> None:
-    """Find the event that ends the piece of block lo … hi-1 on τ in [0, span]; it ends at `span` if there is none."""
+    """Find the first event of the pairs lo … hi-1 of a block on τ in [0, span].
+
+    The piece ends at that event, or at `span` without one.
+    """
     block = pool[pairs[lo].slot]
     block.tau, block.fired, block.event = span, -1, NOTHING
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
+        # only an event before the earliest one so far matters: the interval shrinks from pair to pair
         tau, what = next_event(pair, block.tau, scratch, laws)
         if tau <= block.tau:
             block.tau, block.fired, block.event = tau, nth(pairs, c), what
-            if tau == 0.0:
+            if tau == 0.0:  # no event can be earlier
                 return
         if laws is None:
             tau, what = rebound(pair, block.tau, scratch)
@@ -311,11 +365,13 @@ def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, l
 
 @kernel
 def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
-    """Return the τ at which a pair that all but parts turns round, or parts by rounding; inf if it does neither.
+    """Return the τ at which a pair turns round before it separates, and the event.
 
-    There its series has to end: a ball that falls from a touch at rest comes back to it with ξ = g (t - t0)²/2, and
-    ξ^1.5 ∝ |t - t0|³ goes on as (t - t0)³, with no sign of it in the coefficients.
+    The event is PART if the overlap left is a rounding error, else NOTHING. Without such a τ the result is inf. The
+    piece has to end there. For example, a ball that falls from a touch at rest returns to it with ξ = g (t - t0)²/2.
+    Then ξ^1.5 ∝ |t - t0|³, but the series continues as (t - t0)³, and its coefficients do not show the difference.
     """
+    # the rate has to change from separating to closing within the piece
     if pair.mode != ACTIVE or pair.kind == LINEAR or not (pair.e[0] < 0.0 < value(pair.e, span)):
         return math.inf, NOTHING
     tau = first_up_crossing(pair.e, span, scratch)
@@ -327,17 +383,21 @@ def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
 
 @kernel
 def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, int]:
-    """Return the τ of the first event of a pair within [0, span], inf without, and which it is."""
+    """Return the τ of the first event of a pair within [0, span], and the event.
+
+    Without an event, τ is inf.
+    """
     row, doubt, wake = pair.g, 0.0, 0.0
     if pair.mode == OPEN:
         return first_up_crossing(pair.x, span, scratch), BEGIN
-    if pair.mode == DORMANT:  # pressed enough to wake, or parted; linear ones never sleep
+    if pair.mode == DORMANT:  # linear pairs wake in `confirm`, not at an event
         if pair.kind == LINEAR:
             return math.inf, NOTHING
         row, doubt, wake = pair.x, DOUBT * pair.wake, pair.wake
     elif laws is not None:
         return laws.next_event(pair, span, scratch)  # type: ignore[no-any-return]
     elif pair.mode == ACTIVE:
+        # a linear pair that has not left the overlap at which it woke separates like a dormant pair
         asleep = DOUBT * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
             return shifted(pair.x, asleep, span, scratch, -1.0), PART
@@ -351,7 +411,10 @@ def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, 
 
 @kernel
 def shifted(row: Any, by: float, span: float, scratch: Any, way: float) -> float:
-    """Return the first τ where a row, shifted by so much, goes up through zero (`way` 1) or down (-1); inf without."""
+    """Return the first τ at which a row plus the constant `by` crosses zero.
+
+    The crossing is upwards for `way` 1 and downwards for `way` -1. The result is inf without a crossing.
+    """
     first = row[0]
     row[0] = first + by
     tau: float = first_up_crossing(row, span, scratch, way)

@@ -1,6 +1,7 @@
-"""An island from piece to piece: the next one is computed, and where it ends; then the island is advanced to that end.
+"""The motion of an island from piece to piece.
 
-`laws` is None when every law is a power form; else it is the `Collocation` that knows them, and the run is interpreted.
+`plan` computes the next piece and its end, `advance_island` advances the island to that end. `laws` is None if every
+law is a power form. Otherwise it is the `Collocation` of the laws, and the run is interpreted.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from granular.md.located.walls import beside_edge, foresee_walls, speed_at
 
 @kernel
 def plan_all_due(s: Any, laws: Any) -> bool:
-    """Plan all blocks formed anew; false if the run is to stop at once."""
+    """Plan all blocks that were formed again; return false if the run stops here."""
     stays = True
     while s.queue[1].due == TO_PLAN:
         lo = s.queue[1].key
@@ -48,7 +49,7 @@ def plan_all_due(s: Any, laws: Any) -> bool:
 
 @kernel
 def follow_contact(s: Any, laws: Any) -> None:
-    """Follow the contact of one pair alone, piece after piece, as `inside.ask_to_follow` has asked."""
+    """Integrate the contact of one pair by pieces, as set by `inside.ask_to_follow`."""
     run = s.run[0]
     while has_piece(s, laws):
         plan(s, run.solo, laws)
@@ -59,11 +60,14 @@ def follow_contact(s: Any, laws: Any) -> None:
 
 @kernel
 def plan(s: Any, lo: int, laws: Any) -> bool:
-    """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
+    """Compute the next piece of the island that starts with pair `lo`, and its end.
+
+    Returns false if the run stops here.
+    """
     run, pairs, pool, bodies, field = s.run[0], s.pairs, s.pool, s.bodies, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
-    if block.manner == LOOKED:  # and it does not creep
+    if block.manner == LOOKED:  # it was tested and does not creep
         block.manner = MOVES
     else:
         run.steps += 1
@@ -78,13 +82,14 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
         if block.clock == 1:
+            # `last_step` is a step on the plain clock
             block.last_step = block.h * span
     last = math.inf
     if DRIVEN and reach < math.inf:
         last = power(reach, 1.0 / block.clock) / block.h
         span = min(span, last)
     if not confirm(run, pairs, pool, bodies, lo, hi):
-        block.fired, block.event, block.tau = -1, NOTHING, 0.0  # to be planned anew, if it goes on
+        block.fired, block.event, block.tau = -1, NOTHING, 0.0  # planned again if the run is continued
         pairs[lo].due = block.t + block.tail
         return False
     locate(pairs, pool, lo, hi, span, s.scratch, laws)
@@ -93,15 +98,18 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
     if DRIVEN and block.tau == last and block.fired < 0 and block.event == NOTHING and reach == block.holds:
         block.event = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
-    if block.h >= LONG:  # it lies still
+    if block.h >= LONG:  # the block is at rest
         pairs[lo].due = math.inf
     return True
 
 
 @kernel
 def choose_scale(s: Any, lo: int, reach: float) -> float:
-    """Choose the clock and the scale h of the next piece of an island; return for how long it may go on, up to `reach`
-    or, where nothing says, until what runs off is over."""
+    """Choose the clock and the scale h of the next piece of an island.
+
+    Returns the longest permitted duration of the piece in s. This is `reach`, or a time that covers the residual phases
+    if nothing else limits the piece.
+    """
     run, pairs, pool, field = s.run[0], s.pairs, s.pool, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     fastest = fastest_rate(pairs, pool, lo, hi, field.square if HUNG else 0.0)
@@ -109,6 +117,7 @@ def choose_scale(s: Any, lo: int, reach: float) -> float:
     if block.linear == 1:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
             reach = run_off_time(pairs, pool, lo, hi)
+        # REACH bounds the truncation error of a linear step by rounding error
         block.h = REACH / fastest if fastest * reach > REACH else reach
     else:
         measure(pairs, pool, lo, hi)
@@ -121,7 +130,7 @@ def choose_scale(s: Any, lo: int, reach: float) -> float:
 
 @kernel
 def wait(pairs: Any, pool: Any, lo: int) -> None:
-    """Let a block be due at once, without a piece: it is to be looked at whether it creeps."""
+    """Make a block due immediately without a piece, to test it for creep."""
     block = pool[pairs[lo].slot]
     block.manner, block.fired, block.event, block.tau = ASKS, -1, NOTHING, 0.0
     pairs[lo].due = block.t + block.tail
@@ -132,10 +141,14 @@ def wait(pairs: Any, pool: Any, lo: int) -> None:
 
 @kernel
 def series_of_piece(s: Any, lo: int, laws: Any, reach: float) -> None:
-    """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
-    of driven walls are those of `foresee_walls`."""
+    """Compute the series of a piece.
+
+    If pairs touch at rest, the series is computed again until it agrees with the modes of these pairs. `reach` and the
+    paths of driven walls are those from `foresee_walls`.
+    """
     pairs, pool, field = s.pairs, s.pool, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    # each repeated round has changed a mode; the limit stops a cycle of modes
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
             s.run[0].error += laws.fill(pairs, pool, lo, s.run[0].tol, field, reach)
@@ -157,6 +170,7 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
+    # log and energy balance need the piece; x_0 and e_0 become the new state only below
     follow(run, pairs, pool, s.scratch, lo, tau)
     if WORKED:
         book_piece(s, laws, lo, tau)
@@ -170,6 +184,7 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
         member.noise += rounding(run.tol, pairs, pool, c, lo)
     tick(block, dt)
     if DRIVEN and block.event == EDGE and tau == block.tau:
+        # dt is a single float: the clock is moved exactly to the edge, so that the next panel starts there
         tick(block, beside_edge(s.field, pairs[lo], block))
         tick(block, beside_edge(s.field, pairs[hi - 1], block))
     if RING:
@@ -186,9 +201,13 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
 
 @kernel
 def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
-    """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
+    """Return the error that one step can add to the rate of pair `c`, in m/s.
+
+    In a linear island it is the rounding error of the rates, otherwise the truncation error of the step.
+    """
     member = pool[pairs[c].slot]
     if pool[pairs[lo].slot].linear == 0:
+        # interpolated forces of general laws carry rounding errors of several ulps
         return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
     largest = abs(member.eta)
     hi = pairs[lo].hi
@@ -201,12 +220,16 @@ def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
 
 @kernel
 def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
-    """Let the rates between two walls, or around a ring, sum up to that of the walls, or 0: roundings would wander, and
-    squeeze or free them."""
+    """Correct the rates between two walls, or on a ring, to have the sum `closing`.
+
+    `closing` is the rate at which the walls approach, or 0 on a ring. Without the correction, rounding errors would
+    accumulate and compress or release the balls. The fastest pair takes the correction.
+    """
     excess, fastest = -closing, pool[pairs[lo].slot]
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         excess += member.eta
+        # the relative change is smallest in the largest rate
         if abs(member.eta) > abs(fastest.eta):
             fastest = member
     fastest.eta, fastest.e[0] = fastest.eta - excess, fastest.eta - excess
@@ -214,9 +237,10 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
 
 @kernel
 def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
-    """Advance the velocities of the bodies of an island by `dt`: free fall, and the impulses on the way.
+    """Advance the velocities of the bodies of an island by `dt`.
 
-    What no force acts on falls as before: in thousands of steps its roundings would add up.
+    The change consists of free fall and the impulses of the piece. Bodies without a force keep their clock: in
+    thousands of steps, rounding errors would accumulate.
     """
     block, hi, below, last = pool[pairs[lo].slot], pairs[lo].hi, 0.0, pairs[lo].hi + 1
     if RING and is_closed(pairs, lo, hi):
@@ -231,7 +255,10 @@ def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
 
 
 def make_table(s: Any, laws: Any, kernels: Any) -> None:
-    """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
+    """Make the requested table of contacts, for which there is room.
+
+    The state of the run does not change.
+    """
     for j in range(POINTS + CHECKS):
         kernels(ask)(s, j, laws)
         kernels(follow_contact)(s, laws)
@@ -241,7 +268,7 @@ def make_table(s: Any, laws: Any, kernels: Any) -> None:
 
 
 def answer(s: Any, laws: Any, kernels: Any) -> None:
-    """Follow the contact that is asked for, alone."""
+    """Integrate the requested contact alone."""
     kernels(ask)(s, ITSELF, laws)
     kernels(follow_contact)(s, laws)
     kernels(note)(s, ITSELF)

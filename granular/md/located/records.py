@@ -1,9 +1,9 @@
-"""What the engine knows about each pair and body: records with names, and the words for modes, kinds and events.
+"""Records of pairs, bodies and runs, and the codes for modes, laws and events.
 
-Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
-fields, so one source serves both. A pair in free flight needs little, and most pairs of a gas fly: what an island
-needs of a pair, above all its power series, is a record in the `pool`, taken when the pair joins the island and given
-back when it leaves, ``pool[pairs[c].slot]``.
+Compiled code reads one numpy record per pair, ``pairs[c].xi``. Interpreted code reads plain objects with the same
+fields, so that one source serves both. A pair in free flight needs only a few fields, and most pairs of a gas are in
+free flight. The further fields of a pair in an island, above all its power series, are a record in the `pool`,
+``pool[pairs[c].slot]``. The pair takes the record when it joins the island and returns it when it leaves.
 """
 
 from __future__ import annotations
@@ -15,143 +15,179 @@ import numpy as np
 ORDER = 20
 """Order of the power series of a step."""
 ROW = ORDER + 1
+"""Length of a row: the coefficients of a series."""
 PADDED = ORDER + 8 - ORDER % 8
+"""Length of a factor of a product, a multiple of eight."""
 MIRROR = ORDER + PADDED
-"""Lengths of rows: of series; of factors of products, whole blocks of eight; of factors written backwards."""
+"""Length of a factor in reverse order, with zeros behind it."""
 OPEN, ACTIVE, RESIDUAL, DORMANT, STRUCK = range(5)
-"""Modes of a pair: ξ ≤ 0; F > 0; ξ > 0 with F clipped at 0; touching at rest, with a force still below rounding; at a
-thermal wall that is about to throw the ball back."""
+"""Modes of a pair.
+
+Open: ξ ≤ 0. Active: F > 0. Residual: ξ > 0 with F clipped at 0. Dormant: touching at rest, with a force that is still
+below rounding error. Struck: at a thermal wall that is about to throw the ball back."""
 LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
-"""Kinds of law: kξ + γη; kξ^p; ξ^d (kξ^s + γη); any other, as a function."""
+"""Kinds of law: kξ + γη, kξ^p, ξ^d (kξ^s + γη), or any other function."""
 NO_MAP, DASHPOT, SELF_SIMILAR, VISCOELASTIC = range(4)
-"""How an isolated contact is known at its onset: see `maps`."""
+"""Maps of isolated contacts, known at the onset (see `one_contact.maps`)."""
 MOVES, LIES, CREEPS, ASKS, LOOKED = range(5)
-"""Manners in which a block is followed: by its equation of motion; lying still; creeping, see `overdamped`; not yet,
-for it is to be looked at whether it creeps; by its equation of motion, after that look."""
+"""How a block is integrated.
+
+By its equation of motion, at rest, or creeping (see `overdamped`). ASKS: not yet, because it is to be tested for creep
+first. LOOKED: by its equation of motion, after that test."""
 LONG = 2.0**300
-"""Scale in s of the piece of a pile that is still: longer than any run."""
+"""Scale in s of the piece of a pile at rest: longer than any run."""
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
-"""Events of a pair, see `pieces`."""
+"""Events of a pair (see `pieces`)."""
 REACHED, MORE, STOPPED, QUIET, WORK_LIMIT, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK = range(11)
-"""Why `advance` returned: time limit, chunk done or log full, stop condition, nothing can follow, work limit,
-every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
-contacts, a contact alone, or a look at a block that may rest or creep is wanted first."""
+"""Reasons why `blocks.advance` returns.
+
+In this order: time limit, chunk done or log full, stop condition, no event can follow, work limit, every ball rests
+permanently, every ball is bound in contact permanently, no room in the pool. The last three request a table of
+contacts, a contact integrated alone, or a test of a block that may rest or creep."""
 EXTEND, DONE, BY_PIECES, GOES_ON = 11, 12, 13, 14
-"""What comes next, within `advance`: blocks are formed anew, of one more than is known; nothing, for what was due has
-happened; the contact that is due is followed piece by piece; an island goes on with its next piece."""
+"""Further results inside `blocks.advance`.
+
+EXTEND: form the blocks again, with one more block than so far. DONE: the event has been applied. BY_PIECES: integrate
+the contact by pieces. GOES_ON: plan the next piece of the island."""
 LARGEST_Q = 4
+"""Largest q of the clock t = (hτ)^q."""
 STEEPEST = 16.0
-"""Largest q of the clock t = (hτ)^q, and largest q·p of a power law, that a start series of order 20 can show."""
+"""Largest q·p of a power law that a start series of order 20 can represent.
+
+Here q belongs to the clock t = (hτ)^q and p to the law k ξ^p."""
 SPARE = 1
-"""Places in the pool kept free, for a look inside a contact."""
+"""Places in the pool that stay free, to integrate a contact alone."""
 ROOM = 32
-"""Places in the pool of a run, beyond those taken from the start."""
+"""Places in the pool of a run in addition to those taken at the start."""
 KIND = np.dtype(
     [
-        ("kind", int), ("q", int), ("memory", int),  # ξ^(1/q) is what the force is analytic in
-        ("k", float), ("gamma", float), ("p", float), ("d", float), ("s", float),
-        ("elastic", int), ("map", int),  # the map of its isolated contacts without pull
+        ("kind", int), ("q", int), ("memory", int),  # kind; the force is analytic in ξ^(1/q); 1 for a law with memory
+        ("k", float), ("gamma", float), ("p", float), ("d", float), ("s", float),  # F = k ξ^p or ξ^d (kξ^s + γη)
+        ("elastic", int), ("map", int),  # 1 for an elastic law; map of its isolated contacts without pull
         *((name, float) for name in ("force_ends", "parts", "restitution", "deepest", "strongest")),
     ],
     align=True,
 )
-"""A law as the pairs of one kind have it; at last the `Shape` of its contacts where they have one: see `power_form`."""
+"""A force law, shared by all pairs of one kind.
+
+The last five fields are the `Shape` of its contacts, if the law has one (see `power_form`).
+"""
 PAIR = np.dtype(
     [
-        ("xi", float), ("eta", float),  # overlap (negative: gap), m, and its rate, m/s
+        ("xi", float), ("eta", float),  # overlap (negative: gap) in m and its rate in m/s at the time t + tail
         ("pull", float),  # closing acceleration by gravity, m/s²
-        ("t", float), ("tail", float),  # it has them at time t + tail
-        ("wait", float), ("due", float),  # time in s to the next event of its flight; when the piece of its block ends
-        ("noise", float),  # what the rounding of steps may have left in the rate so far, m/s
-        ("wake", float),  # overlap at which it became active when it was last dormant
-        ("last_step", float),  # of its block, on the plain clock
-        ("lasts", float), ("speed", float),  # of a contact solved at once: see `one_contact.meet`
-        ("first", np.int32), ("hi", np.int32),  # first pair of the block it is in; end of the block that it starts
-        ("slot", np.int32), ("kind_of", np.int32),  # its places in the pool, -1 in free flight, and among the kinds
-        ("row", np.int32),  # of its last contact solved at once, in the log buffer
-        ("contacts", np.int32), ("isolated", np.int16),  # so far; undisturbed ones since it was open, or `DISTURBED`
-        ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("event", np.int8),  # map: place of its tables, or -1
-        ("ahead", np.int8),  # its clock may lie ahead, at the end of a contact of it or of a neighbour
-        ("wall", np.int8),  # number from 1 on of the driven wall it is at; -1, -2 of a thermal floor, ceiling; else 0
+        ("t", float), ("tail", float),  # clock, s
+        ("wait", float), ("due", float),  # time from the clock to the next event of the flight; end of the piece, s
+        ("noise", float),  # bound of the rounding errors accumulated in the rate, m/s
+        ("wake", float),  # overlap at which it became active when last dormant, m
+        ("last_step", float),  # last step of its block on the plain clock, s
+        ("lasts", float), ("speed", float),  # duration and speed of a contact solved as one event (`one_contact.meet`)
+        ("first", np.int32), ("hi", np.int32),  # first pair of its block; end of the block that starts with this pair
+        ("slot", np.int32), ("kind_of", np.int32),  # index in the pool, -1 in free flight; index of its law
+        ("row", np.int32),  # row in the log buffer of its last contact solved as one event, or -1
+        ("contacts", np.int32), ("isolated", np.int16),  # contacts; isolated ones since it was open, or `DISTURBED`
+        ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("event", np.int8),  # map: index of its tables, or -1
+        ("ahead", np.int8),  # 1: its clock can be ahead, at the end of its own or a neighbour's contact
+        ("wall", np.int8),  # number of its driven wall, from 1 on; -1, -2: thermal floor, ceiling; 0: neither
     ],
     align=True,
 )
-"""What is kept of every pair; state and mode are those of the last flight while it is in an island. `due` is inf if it
-does not start a block."""
+"""State of a pair.
+
+For a pair in an island, state and mode are those of its last flight. `due` is inf if the pair does not start a block.
+"""
 _LAW = [("lower", float), ("upper", float), ("inverse", float), ("pull", float), ("wall", int), *KIND.descr[:8]]
-"""Inverse masses, 1/kg, and their sum; pull (that of a driven wall in it, as it is now), wall and law as above."""
+"""Inverse masses in 1/kg and their sum, pull, wall and law.
+
+The pull includes the acceleration of a driven wall at the current time.
+"""
 _STATE = [
     ("xi", float), ("eta", float), ("mode", int), ("noise", float),
-    ("exact", int),  # an event has just found φ = 0: keep it exactly so
-    ("own_speed", float), ("own_length", float),  # scales of its motion, m/s and m
-    ("sway", float),  # bound of the closing acceleration that a driven wall gives it, m/s²; 0 without
-    ("wake", float),  # overlap at which a dormant pair becomes active
-    ("xi_peak", float), ("loading", int),  # largest overlap so far, for laws with memory
-    ("number", int),  # of the pair; for laws that are functions:
-    ("doubt", float), ("largest", float), ("deepest", float),  # of the force of its piece; since its balls last parted
-    ("load", float), ("head", int),  # force that it bears at rest in its group, in N, and the first pair of that
-    ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # of that: pairs; see `equilibrium`, J
+    ("exact", int),  # 1: an event has located φ = 0, which is then exactly 0 in the next series
+    ("own_speed", float), ("own_length", float),  # typical rate and overlap of its motion, m/s and m
+    ("sway", float),  # bound of its closing acceleration at a driven wall, m/s²; else 0
+    ("wake", float),  # overlap at which a dormant pair becomes active, m
+    ("xi_peak", float), ("loading", int),  # largest overlap so far and 1 while loading, for laws with memory
+    ("number", int),  # number of the pair
+    ("doubt", float), ("largest", float), ("deepest", float),  # general laws: error and maxima of force and overlap
+    ("load", float), ("head", int),  # its force at rest in its group, N; first pair of the group
+    ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # group: pairs, energies (`equilibrium`)
 ]
-_BLOCK = [  # of the island that starts with this pair; h = 0 before it has a piece
-    ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; its time is t + tail
-    ("h", float), ("tau", float),  # scale of the piece, and its end in τ, 0 when it is used up
-    ("manner", int),  # in which its groups are followed
-    ("doubts", int),  # steps since it was formed at which a look whether its linear pairs creep was considered
-    ("fired", int), ("event", int),  # the pair whose event ends it, -1 for none, and which event
-    ("holds", float),  # s for which a driven wall's path goes on as it does
-    ("speed", float), ("length", float), ("last_step", float),  # scales of the motion; the step is on the plain clock
+_BLOCK = [  # of the island that starts with this pair
+    ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; 1 if all laws are linear; clock
+    ("h", float), ("tau", float),  # scale of the piece, 0 without a piece; end of the piece in τ, 0 when it is used up
+    ("manner", int),  # how its groups are integrated
+    ("doubts", int),  # steps since it was formed at which a test of its linear pairs for creep was considered
+    ("fired", int), ("event", int),  # pair and event that end the piece; -1 for no pair
+    ("holds", float),  # time to the next edge of the path of a driven wall, s
+    ("speed", float), ("length", float), ("last_step", float),  # scales of the motion; last step on the plain clock
 ]
-_CONTACT = [  # the contact that is going on
+_CONTACT = [  # the current contact
     ("going_on", int), ("t_begin", float), ("duration", float), ("lower_in", float), ("upper_in", float),
     ("xi_max", float), ("force_max", float), ("impulse", float),
-    ("push", float),  # impulse of the last piece
+    ("push", float),  # impulse of the last piece, N s
 ]
 _SERIES = [
     *((name, float, (PADDED,)) for name in ("r", "z")),
     *((name, float, (MIRROR,)) for name in ("gm", "rm", "zm")),
     *((name, float, (ROW,)) for name in ("x", "e", "f", "g")),
 ]
-"""Coefficients in τ of overlap, rate, force, bracket φ; of the powers r = ξ^d and z = ξ^s; mirrors of φ, r and z."""
+"""Coefficients in τ of the piece of a pair.
+
+x, e, f and g are overlap, rate, force and bracket φ. r = ξ^d and z = ξ^s are powers of the overlap. gm, rm and zm are
+φ, r and z in reverse order.
+"""
 MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
-"""A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
+"""A pair in an island.
+
+The fields `spare` of all records list the places of the pool. The first `members` of them are taken.
+"""
 BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
-"""Inverse mass, downward acceleration (of a pendulum at time t + tail), velocity it had at time t + tail, and number
-from 1 on of the driven wall that it is, or 0."""
+"""State of a body: inverse mass, downward acceleration, velocity and its time.
+
+The velocity is the one at t + tail. For a pendulum, so is the acceleration. `wall` is the number of the driven wall
+that the body is, from 1 on, or 0."""
 RUN = np.dtype(
     [
-        ("tol", float), ("members", int),
-        ("t", float), ("tail", float), ("lo", int), ("hi", int), ("last_step", float), ("waits", int),
+        ("tol", float), ("members", int),  # tolerance; places taken in the pool
+        ("t", float), ("tail", float), ("lo", int), ("hi", int),  # current event: time and pairs lo … hi-1
+        ("last_step", float), ("waits", int),  # last step of its block; 1 while it waits for more room
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("error", float),
-        ("until_pair", int), ("until_nth", int), ("separated", int),
-        ("log_level", int), ("rows", int), ("contacts", int),
+        ("until_pair", int), ("until_nth", int), ("separated", int),  # stop condition
+        ("log_level", int), ("rows", int), ("contacts", int),  # rows in the log buffer
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
-        ("wanted", int), ("answered", int),  # pair whose contact is asked for alone, and whether it has been answered
-        ("solo", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # see `inside.ask_to_follow`
+        ("wanted", int), ("answered", int),  # pair whose contact is to be integrated alone; 1 if that is done
+        ("solo", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # `inside.ask_to_follow`
         ("over", float), ("parting", float),
-        ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
-        ("speed", float),  # at which it is followed
-        ("omega", float),  # of pendula, 1/s
-        ("length", float), ("look", int),  # free length of a ring, m, and the steps after which it is looked at
-        ("energy", float), ("barrier", float), ("rests", int), ("doubted", int),
+        ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be restored
+        ("speed", float),  # speed of the contact that is integrated alone, m/s
+        ("omega", float),  # Ω of pendula, 1/s
+        ("length", float), ("look", int),  # sum of the gaps on a ring, m; step at which it is corrected next
+        ("energy", float), ("barrier", float),  # of the group at rest that is nearest to opening, J
+        ("rests", int), ("doubted", int),  # 1 if rest is proved; pair at which the last proof failed
     ],
     align=True,
 )
-"""Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
-lo … hi-1 that it concerns, last step of its block, and whether it waits for room; the contact that is followed alone;
-the group that is nearest to open of a scene that rests, in J, and the pair at which that was last in doubt."""
+"""Counters, limits and stop conditions of a run, and its current event."""
 LEDGER = np.dtype(
     [*((name, float, (5,)) for name in ("total", "low", "piece", "solo")),
      *((name, float, (2,)) for name in ("work", "lost", "temperature", "mass")),
      *((name, int, (2,)) for name in ("seed", "contacts"))]
 )
-"""What walls have done and contacts have lost, in J, in two floats; in a piece; in a contact that is followed alone; in
-the last contacts at driven walls that were solved at once. See `ledger`. Of thermal floor and ceiling temperature in J,
-mass of the ball at it in kg, seed, and contacts so far. See `jumps`."""
+"""Energy balance in J, and thermal walls.
+
+`total` and `low` are the sums in two floats. `piece` has the sums of one piece, `solo` of a contact integrated alone.
+`work` and `lost` belong to the last contacts at driven walls that were solved as one event (see `ledger`). For thermal
+floor and ceiling: temperature in J, mass of the ball at the wall in kg, seed and number of reflections (see `jumps`).
+"""
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
-"""Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
+"""Layout of the tables of contacts.
+
+In this order: binary exponent of the lowest speed in m/s, octaves of speed, Chebyshev points per octave, points for
+checks, quantities per contact."""
 MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
-"""For each octave of speeds the place of a table + 1 (-1: it has none), and contacts met so far."""
+"""Per octave of speeds: 1 + index of its table (-1: none), and contacts so far."""
 TABLE = np.dtype(
     [
         ("error", float), ("c", float, (QUANTITIES * POINTS,)),
@@ -159,25 +195,33 @@ TABLE = np.dtype(
     ],
     align=True,
 )
-"""Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
+"""Table of the contacts in one octave of speeds.
+
+Chebyshev coefficients of the quantities of a contact, and the contacts from which they follow."""
 NO_LOG, ROWS, PEAKS = range(3)
-"""`log_level`: no contacts are noted; rows without, and with, largest overlap and force."""
+"""`log_level`: no log, rows without or with the largest overlap and force."""
 AT_LEAST_ONE = -1
-"""`pieces`, at first, of a contact that takes one piece even if no time is left: it is looked at at its onset."""
+"""Initial `pieces` of a contact that takes one piece even if no time is left.
+
+Such a contact is evaluated at its onset."""
 WATCHED = -2
-"""`until_pair` of a run that is watched, and so follows all contacts by pieces; -1 of one that is not."""
+"""`until_pair` of a run that integrates all contacts by pieces.
+
+Such a run pauses after every event to be observed. Runs without stop condition have -1."""
 RESOLVE, STOP, IGNORE = range(3)
-"""What is done where a contact disturbs another."""
+"""Treatment of contacts that disturb each other."""
 MOST_MAPS = 64
-"""Pairs that differ from each other, up to which contacts may have tables."""
+"""Maximum number of different pairs whose contacts can have tables."""
 TABLES = 1
-"""Tables for which there is room at first."""
+"""Initial number of tables for which there is room."""
 TO_PLAN = -math.inf
-"""`due` of a block that has been formed anew: its piece is to be planned first of all."""
+"""`due` of a block that was formed again: its piece is computed before any event."""
 
 MOST_WORK = np.iinfo(np.int64).max
-"""Largest number of contacts or steps that a limit can be."""
+"""Largest limit of contacts or steps."""
 LOG_ROWS, ROWS_OF_MANY, MOST_ROWS = 16, 256, 4096
-"""Rows of the log buffer at first: twice as many as pairs, but within these limits; of many scenes at least so many,
-for theirs does not grow."""
+"""Initial rows of the log buffer: minimum, minimum for many scenes, maximum.
+
+The number is twice the number of pairs within these limits. The minimum for many scenes is larger because their buffers
+do not grow."""
 

@@ -1,5 +1,7 @@
-"""A run from a checkpoint, maybe of a file: whether its records can be the ones of a scene, asked before kernels, which
-check nothing, go on with them; and names that fields had in earlier versions.
+"""A run from a checkpoint, which may come from a file.
+
+The records are validated against the scene first, because kernels check nothing. Names of fields from earlier versions
+are translated.
 """
 
 from __future__ import annotations
@@ -18,29 +20,33 @@ from granular.run.contact_log import CONTACT_ROW
 
 SCENES = {"run": ("omega", "length"), "pairs": ("pull", "kind_of", "map", "wall"), "bodies": ("inverse_mass", "wall"),
           "ledger": ("temperature", "mass", "seed")}
-"""Fields that never change: what the scene and its laws say of them."""
+"""Fields that never change: they follow from the scene and its laws."""
 OF_LAW = ("memory", "k", "gamma", "p", "d", "s", "q", "kind")
+"""Fields of a pair in the pool that are copied from its law."""
 NUMBERS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "last_step"),
            "bodies": ("v", "t", "tail", "fall"), "pool": ("xi", "eta", "t", "tail", "h", "tau", "x", "e", "last_step"),
            "tables": ("c", "error"), "ledger": ("total", "low")}
-"""Fields of floats that are finite, in the pool those of places that are taken."""
+"""Fields of floats that must be finite, in the pool for places that are taken."""
 FORMERLY = {
     "run": {"alone": "solo", "begun": "contacts", "stride": "last_step", "log": "log_level"},
     "pairs": {"alone": "isolated", "count": "contacts", "what": "event", "stride": "last_step"},
     "pool": {"top": "xi_peak", "what": "event", "stride": "last_step", "begun": "going_on"},
     "ledger": {"alone": "solo", "hits": "contacts"},
 }
-"""What fields were called in files of earlier versions, and what they are called now."""
+"""Names of fields in files of earlier versions, and their names today."""
 ADDED = {"pool": {"doubts": np.int64}}
-"""Fields that earlier versions did not have, which are 0 where they are missing."""
+"""Fields that earlier versions did not have. They are 0 where they are missing."""
 EDITED = "it was changed after it was saved"
+"""End of messages about a state that is not valid."""
 
 
 def check(s: Any, state: Mapping[str, Any]) -> None:
-    """Raise `ValueError` unless a checkpoint holds records like those of `s`, a run at its start, and places in them
-    that exist."""
+    """Raise `ValueError` unless a checkpoint fits the records of a run at its start.
+
+    `s` are these records. All indices in the checkpoint must exist.
+    """
     held(state, "origin", "f", ())
-    for name in {"creeping", "riding"} & state.keys():  # of earlier versions
+    for name in {"creeping", "riding"} & state.keys():  # fields of earlier versions
         held(state, name, "b", ())
     sizes = {name: len(getattr(s, name)) for name in ("run", "pairs", "bodies", "maps")}
     for name, dtype in KEPT.items():
@@ -57,7 +63,7 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
 
 
 def _like(records: Any, dtype: np.dtype[Any]) -> bool:
-    """Whether records have the fields of `dtype`, each of its kind and shape."""
+    """Return whether records have the fields of `dtype`, each with its kind and shape."""
     fields: Any = records.dtype.fields
     return records.ndim == 1 and fields is not None and all(
         name in fields and (fields[name][0].base.kind, fields[name][0].shape) == (here.base.kind, here.shape)
@@ -66,7 +72,10 @@ def _like(records: Any, dtype: np.dtype[Any]) -> bool:
 
 
 def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
-    """Whether what never changes is as at the start, and islands have the laws of their pairs."""
+    """Return whether all constant fields are as at the start.
+
+    Pairs in islands must have the laws of their pairs of the scene.
+    """
     for name, fields in SCENES.items():
         for field in fields if getattr(s, name) is not None else ():
             if not np.array_equal(state[name][field], column(getattr(s, name), field)):
@@ -84,7 +93,7 @@ def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
 
 
 def _within(state: Mapping[str, Any]) -> bool:
-    """Whether all places, numbers of pairs and words for modes and events are such."""
+    """Return whether all indices, numbers of pairs and codes are within their ranges."""
     run, pairs, pool, bodies = (state[name] for name in ("run", "pairs", "pool", "bodies"))
     n, rows, places = len(bodies) - 1, len(state["log"]), len(pool)
     place = np.arange(len(pairs)) % n
@@ -111,7 +120,7 @@ def _within(state: Mapping[str, Any]) -> bool:
     return bool(
         all(((least <= values) & (values <= most)).all() for values, least, most in limits)
         and ((place[:n] - first) % n < size).all()
-        and not (np.isinf(pairs["wait"][flies]) & (pairs["due"][flies] < np.inf)).any()  # it would miss a touch
+        and not (np.isinf(pairs["wait"][flies]) & (pairs["due"][flies] < np.inf)).any()  # a missed touch
         and np.array_equal(pairs["slot"][n:], pairs["slot"][: len(pairs) - n])
         and np.array_equal(members["number"], np.flatnonzero(pairs["slot"][:n] >= 0))
         and one["rows"] == rows and one["tables"] == len(state["tables"])
@@ -120,8 +129,10 @@ def _within(state: Mapping[str, Any]) -> bool:
 
 
 def _numbers(state: Mapping[str, Any]) -> bool:
-    """Whether what is reckoned with is finite; not what was dissipated, the last of five, which nobody knows of laws
-    with memory."""
+    """Return whether all numbers of the motion are finite.
+
+    The dissipated energy, the last of five sums, is excluded: it is unknown for laws with memory.
+    """
     taken = state["pairs"]["slot"][state["pairs"]["slot"] >= 0]
     records = {name: state[name] for name in NUMBERS if name in state} | {"pool": state["pool"][taken]}
     return all(np.isfinite(rows[field][..., :4] if name == "ledger" else rows[field]).all()
@@ -129,12 +140,12 @@ def _numbers(state: Mapping[str, Any]) -> bool:
 
 
 def named_today(name: str, records: Any) -> Any:
-    """Return records of a checkpoint, maybe of an earlier version, under the names that their fields have today."""
+    """Return records of a checkpoint with the current names of their fields."""
     if records.ndim != 1 or records.dtype.names is None or records.dtype == KEPT[name]:
         return records
     now = {FORMERLY.get(name, {}).get(field, field): field for field in records.dtype.names}
     fields = [(field, records.dtype[old]) for field, old in now.items()]
-    had_signs = name == "pairs" and "lasts" in now and "ahead" not in now  # negative: only the clock lay ahead
+    had_signs = name == "pairs" and "lasts" in now and "ahead" not in now  # negative: only the clock is ahead
     added = [(field, np.dtype(kind)) for field, kind in ADDED.get(name, {}).items() if field not in now]
     out = np.zeros(len(records), [*fields, *added, *([("ahead", np.dtype(np.int8))] if had_signs else [])])
     for field, old in now.items():
@@ -145,8 +156,10 @@ def named_today(name: str, records: Any) -> Any:
 
 
 def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
-    """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0, what it
-    had besides is dropped."""
+    """Return a copy of records with the fields of `dtype`.
+
+    Fields that an earlier version did not have are 0. Fields that are not in `dtype` are dropped.
+    """
     if records.dtype == dtype:
         return copied(records)
     out = np.zeros(len(records), dtype)
@@ -156,13 +169,16 @@ def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
 
 
 def restored(s: System, state: Mapping[str, Any]) -> System:
-    """Return the records of a scene as a checkpoint has them, with the limits of `s`, those of its start; raise
-    `ValueError` if it cannot be one of that scene and its laws."""
+    """Return the records of a checkpoint with the limits of `s`.
+
+    `s` are the records of the scene at its start. Raises `ValueError` if the checkpoint does not fit the scene and its
+    laws.
+    """
     state = {name: named_today(name, np.asarray(value)) if name in KEPT else value for name, value in state.items()}
     check(s, state)
     names = "run", "pairs", "pool", "bodies"
     run, pairs, taken, bodies = (named_alike(state[name], KEPT[name]) for name in names)
-    pairs["row"][pairs["row"] >= len(state["log"])] = -1  # of contacts that are long over
+    pairs["row"][pairs["row"] >= len(state["log"])] = -1  # rows of contacts that are over
     for name in ("until_pair", "until_nth", "separated", "log_level", "disturbing"):
         run[name] = s.run[name]
     for name, so_far in (("max_events", "contacts"), ("max_steps", "steps")):

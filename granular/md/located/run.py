@@ -1,4 +1,4 @@
-"""`Run`: one scene under way by located events."""
+"""`Run`: the simulation of one scene by the located integrator."""
 
 from __future__ import annotations
 
@@ -52,29 +52,33 @@ from granular.scene import Scene
 from granular.scene.places import Closing
 
 LOADING, MAKING, LAUNCH = 0.6, 13.0, 2e-5
-"""Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
+"""Times in s to load the machine code, to compile it, and to launch a pair.
+
+A pair is launched interpreted."""
 DISTURBED = ("resolve", "stop", "ignore")
-"""What may be done where a contact disturbs another, in the order of RESOLVE, STOP, IGNORE."""
+"""Options for disturbed contacts, in the order of RESOLVE, STOP, IGNORE."""
 
 
 class Run:
-    """One run under way; its own clock starts at 0, so that a late start costs no digits.
+    """Simulation of one scene by the located integrator.
+
+    Its own clock starts at 0, so that a late start costs no digits.
 
     Parameters
     ----------
     scene, laws : Scene, SceneLaws
-        What moves.
+        Scene and force laws.
     request : Request
-        What is asked of it.
+        Options that all integrators share.
     engine : str
         "auto", "plain" or "compiled".
     tol : float
-        Truncation error of a step of nonlinear laws, as a part of the speed and the overlap of the moment. Linear
-        laws are always run to rounding.
+        Truncation error of a step under nonlinear laws, relative to the current speed and overlap. Linear laws are
+        always integrated to rounding error.
     disturbed : str
-        One of `DISTURBED`.
+        One of `DISTURBED`. Defaults to "resolve".
     state : mapping, optional
-        A checkpoint to go on from.
+        Checkpoint to continue.
     """
 
     in_order, rule = False, None
@@ -87,15 +91,15 @@ class Run:
             raise ValueError("disturbed is 'ignore': to set pendula that touch early back to gap 0 gives them another "
                              "energy; choose 'resolve' or 'stop'.")
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
-        self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
+        self.start = request.start if state is None else float(state["origin"])  # s, origin of its own clock
         self.closing = Closing(scene, self.start, flattened=True) if scene.driven else None
-        self.bound, self.seen, self.now = False, 0.0, 0.0  # s, when a row was last read, and how far it has come
+        self.bound, self.seen, self.now = False, 0.0, 0.0  # s, times of the last sample and of the run
         limits = {"max_events": request.max_events, "max_steps": request.max_steps,
                   "until_pair": WATCHED if request.singly else -1}
         ways, level = [DISTURBED.index(disturbed)], PEAKS if request.rows else NO_LOG
         s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
         self.collocation = None
-        if s.kinds["kind"][0] == GENERAL:  # laws that are no powers; others never load what solves them
+        if s.kinds["kind"][0] == GENERAL:  # imported only for general laws
             from granular.md.located.own_law import Collocation
 
             self.collocation = Collocation(laws, scene.ring)
@@ -105,7 +109,7 @@ class Run:
             s = restored(s, state)
             ways.append(int(np.asarray(state["run"])["disturbing"][0]))
         self.s: Any = s
-        self.special = {flag: True for flag in scene._flags if flag != "DRIVEN" or s.field is not None}  # it moves
+        self.special = {flag: True for flag in scene._flags if flag != "DRIVEN" or s.field is not None}  # a wall moves
         self.adds_up = IGNORE not in ways
         self.pace = Pace(self)
         if engine == "auto":
@@ -119,46 +123,46 @@ class Run:
             self.go_on(state)
 
     def launch(self) -> bool:
-        """Form the first islands and plan them; false if the run is to stop at once."""
+        """Form and plan the first islands; return false if the run stops at its start."""
         return bool(self.kernels(blocks.set_out)(self.s, self.collocation))
 
     def go_on(self, state: Mapping[str, Any]) -> None:
-        """Go on from the records of a checkpoint."""
+        """Continue from the records of a checkpoint."""
         self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
-        if any(state.get(name, False) for name in ("creeping", "riding")):  # of an earlier version, which kept the
+        if any(state.get(name, False) for name in ("creeping", "riding")):  # of an earlier version, which saved the
             self.follow_anew(self.request.start)  # start of the creep, and had other pieces for piles on driven walls
 
     def fit(self, kernel: Any) -> Any:
-        """Return the kernel as it is for what the scene has."""
+        """Return the kernel adapted to the flags of the scene."""
         return fitted(kernel, **self.special) if self.special else kernel
 
     def kernels(self, kernel: Any) -> Any:
-        """Return the kernel for records as they are now, compiled or as it stands."""
+        """Return the kernel for the current records: adapted, and compiled or plain."""
         fit = fitted(kernel, **self.special) if self.special else kernel
         return fit if isinstance(self.s.run, list) else compiled(fit)
 
     @property
     def is_plain(self) -> bool:
-        """Whether the records are those of interpreted code."""
+        """Whether the records are in the form for interpreted code."""
         return isinstance(self.s.run, list)
 
     @property
     def counters(self) -> Any:
-        """The record of counters and limits; its fields are read and set as ``counters["steps"]``."""
+        """Record of counters and limits, with fields such as ``counters["steps"]``."""
         return self.s.run[0]
 
     @property
     def is_disturbed(self) -> bool:
-        """Whether the run has stopped before the first contact that disturbs another."""
+        """Whether the run has stopped before its first disturbed contact."""
         return bool(self.counters["disturbing"] == STOP and self.counters["first"] >= 0)
 
     def pays(self, ahead: float = 0.0) -> bool:
-        """Return whether to go on compiled, with so many seconds of work ahead that are known of."""
+        """Return whether to continue compiled, with `ahead` seconds of known work left."""
         return self.engine == "auto" and self.collocation is None and self.toll.due(ahead)
 
     def compile(self) -> None:
-        """Go on compiled from the current state: same source, same bits."""
-        compiled(self.fit(blocks.advance))  # fails before anything is changed
+        """Continue compiled from the current state; results are bitwise identical."""
+        compiled(self.fit(blocks.advance))  # raises before any record is changed
         if self.collocation is not None:
             odd = next(law.law for law in self.laws.each if power_form(law) is None)
             raise TypeError(
@@ -168,12 +172,15 @@ class Run:
         self.s, self.engine = to_compiled(self.s), "compiled"
 
     def to(self, time: float, last: bool) -> Pause:
-        """Go on to `time`, or a chunk of pieces towards it."""
+        """Advance to `time`, or by a chunk of pieces towards it.
+
+        `last` is true if no later sample follows. Returns the reason of the pause.
+        """
         limit = time - self.start
         if not self.launched:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if limit == math.inf and self.counters["rests"] == 1:
-            return Pause.resting  # proved before; a resumed run ends where the uninterrupted run does
+            return Pause.resting  # proved before: a resumed run ends at the same state
         why, counters = self.pace.advanced(limit, last), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
@@ -201,11 +208,14 @@ class Run:
         return Pause.work if self.pace.stalls() else Pause.full
 
     def progress(self) -> tuple[float, int]:
-        """Return time in s and number of contacts so far."""
+        """Return the time in s and the number of contacts so far."""
         return self.start + float(self.counters["t"]), int(self.counters["contacts"])
 
     def rows(self) -> list[Rows]:
-        """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
+        """Remove contacts that are over, and can no longer change, from the log buffer.
+
+        Returns their rows in a list of at most one array.
+        """
         counters = self.counters
         taken = int(counters["rows"])
         if taken == 0:
@@ -219,6 +229,7 @@ class Run:
             self.kernels(keep_unsettled)(self.s, self.now)
             rows = rows[over]
         room = len(self.s.log)
+        # longer if half of the rows belong to contacts that continue, or if a short buffer is full
         if 2 * counters["rows"] > room or taken + 2 > room < MOST_ROWS:
             self.s = with_longer_log(self.s)
         if self.request.on_event is not None:
@@ -226,18 +237,21 @@ class Run:
         return [self.dated(rows)]
 
     def dated(self, rows: Rows) -> Rows:
-        """Count times from where the caller's clock starts."""
+        """Add the start of the run to the times of `rows`."""
         if self.start != 0.0:
             rows["t_begin"] += self.start
             rows["t_end"] += self.start
         return rows.view(CONTACT)
 
     def row(self, time: float) -> Row:
-        """Return the scene at `time`."""
+        """Return the state of the scene at `time`."""
         return self.row_after(time - self.start, time)
 
     def row_after(self, elapsed: float, time: float) -> Row:
-        """Return the scene a time after the start, which is called `time`."""
+        """Return the state of the scene at `elapsed` s after the start.
+
+        The state is labelled with `time`.
+        """
         n = self.scene.n_pairs
         made: Any = np.zeros((3, n))
         rows = made.tolist() if self.is_plain else made
@@ -248,7 +262,7 @@ class Run:
             self.kernels(seen)(self.s, c, *rows, sums)
             c = self.kernels(look_inside)(self.s, c + 1, elapsed)
         made = np.asarray(rows)
-        if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
+        if not np.isfinite(made[:2]).all():  # interpreted code raises earlier
             raise OverflowError("an overlap or its rate")
         np.negative(made[:2], out=made[:2])  # of overlaps
         self.seen = elapsed
@@ -256,7 +270,10 @@ class Run:
         return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Return how the run ended, and bring every pair to where it has come."""
+        """Return how the run ended, after advancing every pair to the end.
+
+        `seen` is the time of the last sample, or -inf if a final sample is needed in any case.
+        """
         if pause is Pause.resting:
             settle(self)
         if self.engine == "auto":
@@ -266,30 +283,33 @@ class Run:
         if not apart:
             self.pace.look_at_all()
         row, wanted = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
-        if wanted and pause is Pause.reached:  # as a sample there, to the bit
+        if wanted and pause is Pause.reached:  # bitwise identical to a sample there
             row = self.row(self.request.end)
         untouched = None if apart else self.gather(end)
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
         running, r = rest_of_log(self, end) if self.request.log and not apart else None, plain(self.s.run)[0]
         stats, message = stats_of(self, r), message_of(self, pause.value, r, self.start + end)
-        before, self.s, self.pace.run = self.s, None, None  # makes room for the log
+        before, self.s, self.pace.run = self.s, None, None  # frees memory for the log
         before = untouched.put_back() if untouched else before
         state = Checkpoint(before, {"origin": self.start}) if self.launched else {}
         return End(row, pause.value, message, stats, state, running)
 
     def gather(self, end: float) -> Untouched:
-        """Bring every pair to the end of the run; return the records as they were before."""
+        """Advance every pair to the end of the run.
+
+        Returns the records as they were before.
+        """
         untouched = Untouched(self.s, end)
         while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
             self.s = with_more_room(self.s)
         self.pace.look_at_all()
-        if len(self.s.queue) > SMALL:  # nothing is due now
+        if len(self.s.queue) > SMALL:  # no event follows
             self.s = self.s._replace(queue=copied(self.s.queue[:1]))
         self.kernels(blocks.gather)(self.s, end, self.collocation)
         if column(self.s.pool, "manner").any():
             self.pace.seldom(blocks.gather_slowly)(self.s)
-        self.now = math.inf  # rows of contacts that go on are void now: all others are over
+        self.now = math.inf  # rows of contacts that continue are void: all others are over
         return untouched
 
     def follow_anew(self, time: float) -> None:

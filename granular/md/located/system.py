@@ -1,8 +1,8 @@
-"""All records of a run as one `System`: made from a scene, in both forms, and with more room; places of pairs in it.
+"""All records of a run as one `System`: creation, conversion, growth and places.
 
-On a ring of n balls pair n-1 joins ball n-1 and ball 0. An island lo … hi-1 may go on beyond pair n-1, to hi = lo + n:
-so there are n more records of pairs, of which nothing but the place in the pool is kept, that of pair c - n. An island
-of all pairs is closed: its first and its last pair share a ball. On a line nothing of this is asked, nor compiled.
+On a ring of n balls, pair n-1 joins ball n-1 and ball 0. An island lo … hi-1 can extend beyond pair n-1, up to hi = lo
++ n. For this purpose there are n more records of pairs. Record c of them holds only the place in the pool of pair c -
+n. An island of all pairs is closed: its first and its last pair share a ball. On a line, none of this is compiled.
 """
 
 from __future__ import annotations
@@ -47,24 +47,29 @@ from granular.run.contact_log import CONTACT_ROW
 from granular.scene.state import Scene
 
 Fields = namedtuple("Fields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
+"""Fields of a `System`."""
 
 
 class System(ByReference, Fields):
-    """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the
-    `field` of flights: `Walls` that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
+    """All records of a run.
+
+    `run` has one record, `queue` is the tournament tree of blocks, `log` the log buffer and `scratch` temporary storage
+    of the root finder. `field` describes free flight: driven `Walls`, `Hung` pendula, or None. `ledger` is the energy
+    balance, or None.
+    """
 
     _plain = Fields
 
 
 def to_plain(s: System) -> System:
-    """Return the run for interpreted code."""
+    """Return the run in the form for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
     rest = list(s.answer), workspace(ORDER), plain_walls(s.field), ledger
     return System._make([*map(plain, s[:9]), *rest])
 
 
 def to_compiled(s: System) -> System:
-    """Return the run for compiled code: same numbers, same bits."""
+    """Return the run in the form for compiled code, with bitwise identical numbers."""
     if isinstance(s.run, np.ndarray):
         return s
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
@@ -73,7 +78,10 @@ def to_compiled(s: System) -> System:
 
 
 def readable(s: System) -> System:
-    """Return the same records of compiled code as interpreted code reads and writes them, slowly."""
+    """Return records of compiled code in a form that interpreted code can use, slowly.
+
+    The records are shared, not copied.
+    """
     return System._make([*(records.view(np.recarray) for records in s[:9]), *s[9:]])
 
 
@@ -81,10 +89,12 @@ def new_system(
     columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, *, walls: Any = None, lift: Any = None,
     ledger: Any = None, **limits: Any,
 ) -> System:
-    """Return the records at time 0 of one scene, or of many with one more axis, in front; `limits` are fields of `RUN`.
+    """Return the records of one scene, or of many scenes, at time 0.
 
-    The `columns` are inverse masses, velocities, gaps and gravity, the laws rows of `KIND`, `room` the places in the
-    pool, which many scenes share; `walls` the driven walls and `lift` the accelerations by forces of one scene.
+    Arrays of many scenes have one more axis, in front. `columns` are inverse masses, velocities, gaps and gravity.
+    `kinds` are the laws as records `KIND`, and `kind_of` is the index of the law per pair. `room` is the number of
+    places in the pool, which many scenes share. `walls` are the driven walls, and `lift` the accelerations by external
+    forces (one scene only). `limits` are fields of `RUN`.
     """
     inverse_mass, velocity, gap, gravity = columns
     if walls is not None:
@@ -113,7 +123,7 @@ def new_system(
     scratch = np.zeros((DEEPEST + 1, ORDER + 2))
     has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
     pairs["map"] = -1
-    if n <= MOST_MAPS and (has != DASHPOT).any():  # every pair may have tables of its own; else, see `_share_tables`
+    if n <= MOST_MAPS and (has != DASHPOT).any():  # every pair can have its own tables; else see `_share_tables`
         lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
         pairs["map"] = np.where(lacks & (pairs["wall"] == 0), np.arange(n), -1)
     known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(6)
@@ -122,20 +132,23 @@ def new_system(
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
-    """Return a pool of which no place is taken."""
+    """Return a pool with `room` free places."""
     pool = np.zeros(room, MEMBER)
     pool["spare"] = np.arange(room)
     return pool
 
 
 def with_more_room(s: System) -> System:
-    """Return the run with a pool of twice the size; all of its places were taken."""
+    """Return the run with a pool of twice the size, all places of which were taken."""
     more = empty_pool(2 * len(s.pool))[len(s.pool) :]
     return s._replace(pool=s.pool + plain(more) if isinstance(s.pool, list) else np.concatenate([s.pool, more]))
 
 
 def with_room_for_a_table(s: System, i: int = 0) -> System:
-    """Return the run, or many of which it is the i-th, with tables twice as many if all are taken."""
+    """Return the run with twice the number of tables if all are taken.
+
+    For many runs, `i` is the index of the run that needs a table.
+    """
     of_many = isinstance(s.run[0], list) or np.ndim(s.run) > 1
     if int((s.run[i][0] if of_many else s.run[0])["tables"]) < len(s.tables):
         return s
@@ -144,25 +157,28 @@ def with_room_for_a_table(s: System, i: int = 0) -> System:
 
 
 def with_longer_log(s: System) -> System:
-    """Return the run with a log buffer of twice the size; most of its rows are of contacts that go on."""
+    """Return the run with a log buffer of twice the size.
+
+    It is needed if most of its rows belong to contacts that are not over yet.
+    """
     more = np.zeros(len(s.log), CONTACT_ROW)
     return s._replace(log=s.log + plain(more) if isinstance(s.log, list) else np.append(s.log, more))
 
 
 def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float = 0.0, **limits: Any) -> System:
-    """Return the records of a scene at the start of its run, the time `start` in s.
+    """Return the records of a scene at the start of its run, at `start` in s.
 
-    Where laws are remembered, so are they: a scene that differs from the one before in gaps and velocities alone has
-    copies.
+    If the laws are cached, so are the records. A scene that differs from the previous one only in gaps and velocities
+    uses copies of the cached records.
     """
-    room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
+    room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # a touching pair and its two neighbours, and some later
     if "records" not in laws.notes or scene._flags:
         return _made(scene, laws, until, start, room, limits)
     shape = scene.mass.tobytes(), scene.gravity, until, room, *limits.values()
     known = laws.notes["records"]
     if known is None or known[0] != shape:
         made = _made(scene, laws, until, start, room, limits)
-        if "kinds" not in laws.notes:  # they hang on speeds
+        if "kinds" not in laws.notes:  # the kinds depend on the speeds
             return made
         known = laws.notes["records"] = shape, made, [records.tobytes() for records in made[:-2]]
     held = [np.frombuffer(bytearray(bits), records.dtype) for bits, records in zip(known[2], known[1], strict=False)]
@@ -176,6 +192,7 @@ def _made(
     scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float, room: int, limits: dict[str, Any]
 ) -> System:
     """Make the records of `system_of`."""
+    # the sum of two inverse masses has to be finite
     if not 2.0 * float(scene.inverse_mass.max()) < math.inf:
         raise OverflowError("the inverse of a mass")
     kinds = kinds_of(laws, scene)
@@ -183,7 +200,7 @@ def _made(
     if scene.external_force is not None:
         lift = scene.lift
     columns: tuple[Any, ...] = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
-    if scene.ring:  # ball 0 once more behind the last one
+    if scene.ring:  # ball 0 again after the last ball
         lift = lift if lift is None else np.append(lift, lift[0])
         columns = *(np.append(column, column[0]) for column in columns[:2]), *columns[2:]
     ledger = np.zeros(1, LEDGER) if scene.driven or scene.heated else None
@@ -199,7 +216,7 @@ def _made(
 
 
 def _heat(s: System, scene: Scene) -> None:
-    """Note the thermal walls of a scene."""
+    """Store the thermal walls of a scene in its records."""
     for side, thermal in enumerate(scene.heat):
         if thermal is not None:
             s.pairs["wall"][-side], s.pairs["map"][-side] = -1 - side, -1
@@ -208,7 +225,10 @@ def _heat(s: System, scene: Scene) -> None:
 
 
 def _hung(s: System, scene: Scene) -> System:
-    """Return the records of a scene whose balls are pendula: the pull is that at gap 0, -Ω² d; there are no tables."""
+    """Return the records of a scene whose balls are pendula.
+
+    The pull is the acceleration at gap 0, -Ω² d, where d is the gap at rest. There are no tables of contacts.
+    """
     square = scene.pendulum * scene.pendulum
     assert scene.rest_gap is not None
     s.bodies["fall"] = square * scene.displacement
@@ -217,7 +237,7 @@ def _hung(s: System, scene: Scene) -> System:
 
 
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
-    """Let pairs without a map that are alike share their tables, if there are not too many of them."""
+    """Let equal pairs without a map share their tables, if not too many pairs differ."""
     known = s.kinds["map"][laws.kind]
     lacking = np.flatnonzero(((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT))) & (s.pairs["wall"] == 0))
     if len(lacking):
@@ -228,7 +248,7 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
 
 @kernel
 def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
-    """Give pair `c`, which has been in free flight, its place in the pool."""
+    """Move pair `c` from free flight into the pool."""
     pair, law = pairs[c], kinds[pairs[c].kind_of]
     pair.slot = pool[run.members].spare
     run.members += 1
@@ -253,7 +273,7 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
 
 @kernel
 def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
-    """Give back the place of pair `c` in the pool."""
+    """Return the place of pair `c` to the pool."""
     run.members -= 1
     pool[run.members].spare, pairs[c].slot = pairs[c].slot, -1
     if RING:
@@ -268,21 +288,24 @@ def count_of(pairs: Any) -> int:
 
 @kernel
 def nth(pairs: Any, c: int) -> int:
-    """Return the number of a pair, or of a body, that may have been counted beyond the last one, or before 0."""
+    """Return the number of a pair or body counted beyond the last one, or below 0.
+
+    On a line the number is returned unchanged.
+    """
     return c % (len(pairs) // 2) if RING else c
 
 
 @kernel
 def is_closed(pairs: Any, lo: int, hi: int) -> bool:
-    """Return whether the island lo … hi-1 goes all around a ring."""
+    """Return whether the island lo … hi-1 consists of all pairs of a ring."""
     return RING and 2 * (hi - lo) == len(pairs)
 
 
 @kernel
 def beside(pairs: Any, c: int) -> tuple[int, int]:
-    """Return the numbers of the pairs below and above; -1, and the number of pairs, where there is none.
+    """Return the numbers of the pairs below and above pair `c`.
 
-    On a ring of two balls the other pair is that above.
+    At the ends of a line they are -1 and the number of pairs. On a ring of two balls, the other pair is the one above.
     """
     if RING:
         n = len(pairs) // 2
@@ -292,7 +315,10 @@ def beside(pairs: Any, c: int) -> tuple[int, int]:
 
 @kernel
 def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
-    """Return the pairs below and above the island under way on a ring; if it goes all around, none, as on a line."""
+    """Return the pairs below and above the current island on a ring.
+
+    A closed island has no neighbours: the result is -1 and the length of `pairs`, as for a whole line.
+    """
     if is_closed(pairs, run.lo, run.hi):
         return -1, len(pairs)
     return nth(pairs, run.lo - 1), nth(pairs, run.hi)
@@ -300,7 +326,10 @@ def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
 
 @kernel
 def lengthen(run: Any, pairs: Any, lo: int) -> None:
-    """Lengthen the island under way on a ring by the block that starts with pair `lo`, above it or below."""
+    """Extend the current island on a ring by the block that starts with pair `lo`.
+
+    The block is directly above or below the island.
+    """
     size = pairs[lo].hi - lo
     if lo == nth(pairs, run.hi):
         run.hi += size

@@ -1,13 +1,13 @@
-"""Driven walls as a run holds them: the flight of the pair at one, and its motion as one more series in pieces.
+"""Driven walls in a run: free flight beside a wall, and their series in pieces.
 
-A pair at a driven wall closes with pull + m'', m the wall's motion towards the balls. In flight it follows the wall's
-own path, of which the next touch is certified (`granular.scene.walls.hits`).
-In an island the power series of m'' is added to that of the acceleration of its overlap; a piece ends at the latest
-where the panel of the path does, an EDGE, at which the velocity of the wall may jump. Every path is read at the time
-start + t + tail, with t + tail the run's own clock, so late starts cost no digits.
+A pair at a driven wall closes at the acceleration pull + m'', where m is the displacement of the wall towards the
+balls. In free flight the pair follows the exact path of the wall, and its next touch is certified
+(`granular.scene.walls.hits`). In an island, the power series of m'' is added to the acceleration of the overlap. A
+piece ends at the latest at the end of a panel of the path, the event EDGE, where the velocity of the wall may jump.
+Paths are evaluated at start + t + tail with the run's own clock t + tail, so that a late start costs no digits.
 
-`pair.wall` is the number of the wall from 1 on, 0 of every other pair. Scenes without driven walls are run by kernels
-in which DRIVEN is false, so that nothing of this is asked, nor compiled.
+`pair.wall` is the number of the wall, from 1 on, or 0 for other pairs. Scenes without driven walls use kernels with
+`DRIVEN` false, in which nothing of this module is compiled.
 """
 
 from __future__ import annotations
@@ -33,17 +33,25 @@ if TYPE_CHECKING:
     from granular.scene import Scene
 
 Walls = namedtuple("Walls", "start wall panels path push")
-"""Time in s at which the run's own clock is 0; records `WALL` of the driven walls and `PANEL` of all their panels; for
-each wall scratch: the power series of side·m in m in the time, and that of its acceleration in τ."""
+"""Driven walls of a run.
+
+`start` is the time in s at which the run's own clock is 0. `wall` and `panels` are records `WALL` and `PANEL`. `path`
+and `push` are temporary storage per wall: the power series of side·m in m in the time, and the series of its
+acceleration in τ.
+"""
 Hung = namedtuple("Hung", "omega square")
-"""Ω in 1/s of pendula, and Ω²: what flights need to know of them, as of walls."""
+"""Ω in 1/s of pendula, and Ω²: the parameters of free flight, in place of `Walls`."""
 GROWS = 4.0
-"""A piece is so short that the terms of a wall's acceleration add up to no more than so many times its bound."""
+"""Maximum sum of the terms of a wall's acceleration, in units of its bound.
+
+Pieces are so short that the sum stays below it."""
 
 
 def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
-    """Return the driven walls of a scene whose instant is the time `start` in s, for series of so many `terms`; None if
-    none of them ever moves."""
+    """Return the driven walls of a scene for a run that starts at `start` in s.
+
+    `terms` is the number of terms of the series. Returns None if no wall ever moves.
+    """
     driven = driven_walls(scene, start, still=False)
     if not driven:
         return None
@@ -53,13 +61,13 @@ def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
 
 
 def numbers_at_ends(walls: Walls) -> tuple[int, int]:
-    """Return the numbers from 1 on of the driven walls at the two ends of a scene, 0 without."""
+    """Return the numbers of the driven walls at both ends of a scene, from 1 on, or 0."""
     sides = [float(wall["side"]) for wall in walls.wall]
     return (1 if sides[0] > 0.0 else 0), (len(sides) if sides[-1] < 0.0 else 0)
 
 
 def with_walls(walls: Walls, velocity: Array) -> Array:
-    """Return the velocities (n,) in m/s of a scene's bodies with those of its driven walls at the start."""
+    """Return the velocities (n,) in m/s of the bodies, with driven walls at the start."""
     velocity = np.array(velocity)
     wall, panels = plain(walls.wall), plain(walls.panels)
     for one in wall:
@@ -68,14 +76,14 @@ def with_walls(walls: Walls, velocity: Array) -> Array:
 
 
 def plain_walls(walls: Any) -> Any:
-    """Return driven walls for interpreted code."""
+    """Return driven walls in the form for interpreted code."""
     if not isinstance(walls, Walls) or isinstance(walls.wall, list):
         return walls
     return Walls(walls.start, plain(walls.wall), plain(walls.panels), walls.path.tolist(), walls.push.tolist())
 
 
 def compiled_walls(walls: Any) -> Any:
-    """Return driven walls for compiled code."""
+    """Return driven walls in the form for compiled code."""
     if not isinstance(walls, Walls):
         return walls
     scratch = np.array(walls.path), np.array(walls.push)
@@ -84,14 +92,17 @@ def compiled_walls(walls: Any) -> Any:
 
 @kernel
 def absolute(walls: Any, t: float, tail: float) -> tuple[float, float]:
-    """Return the caller's time in two floats from that of the run's own clock."""
+    """Return the caller's time, in two floats, at t + tail of the run's own clock."""
     high, low = total(walls.start, t)
     return high, low + tail
 
 
 @kernel
 def flown(field: Any, pair: Any, dt: float) -> tuple[float, float]:
-    """Return overlap and rate of a free pair a time `dt` after its clock; before it, those of its asymptote."""
+    """Return the overlap and rate of a free pair a time `dt` after its clock.
+
+    Before its clock, at negative `dt`, the result belongs to its asymptote.
+    """
     if DRIVEN and pair.wall > 0:
         return flight_at_wall(field, pair, 0.0, -pair.xi, -pair.eta, dt)
     if HUNG:
@@ -102,13 +113,13 @@ def flown(field: Any, pair: Any, dt: float) -> tuple[float, float]:
 
 @kernel
 def rest_gap(field: Any, pair: Any) -> float:
-    """Return how far apart the balls of a pair of pendula hang at rest."""
+    """Return the gap in m between two pendula at rest."""
     return float(-pair.pull / field.square)
 
 
 @kernel
 def rate_at(field: Any, pair: Any, t: float) -> float:
-    """Return the rate of the overlap of a free pair at time t."""
+    """Return the rate of the overlap of a free pair at the time t."""
     if HUNG or (DRIVEN and pair.wall > 0):
         return float(flown(field, pair, (t - pair.t) - pair.tail)[1])
     return float(pair.eta + pair.pull * (t - pair.t))
@@ -116,8 +127,10 @@ def rate_at(field: Any, pair: Any, t: float) -> float:
 
 @kernel
 def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> tuple[float, float]:
-    """Return overlap and rate, after a flight of `dt`, of a pair at a driven wall that had a gap and its rate a time
-    `ahead` after its clock."""
+    """Return the overlap and rate of a pair at a driven wall after a flight of `dt`.
+
+    The flight starts a time `ahead` after the clock of the pair, with the given gap and its rate.
+    """
     t, tail = absolute(walls, pair.t, pair.tail + ahead)
     gap, rate = after(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, rate, pair.pull, dt)
     return -gap, -rate
@@ -125,18 +138,21 @@ def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float,
 
 @kernel
 def touching_rate(field: Any, pair: Any, wait: float) -> float:
-    """Return the rate of the overlap of an open pair that touches a time `wait` after its clock."""
+    """Return the rate of an open pair that touches a time `wait` after its clock."""
     if DRIVEN and pair.wall > 0:
         return flown(field, pair, wait)[1]
     if HUNG:
         return -hung_rate_at_contact(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
+    # an open pair can have a positive overlap by rounding
     return -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
 
 
 @kernel
 def next_touch(field: Any, pair: Any) -> float:
-    """Return the time after its clock at which an open pair at a driven wall, or of pendula, touches; inf if it never
-    does."""
+    """Return the time from the clock of an open pair to its next touch, or inf.
+
+    The pair is at a driven wall or consists of pendula.
+    """
     if HUNG:
         return hung(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
     t, tail = absolute(field, pair.t, pair.tail)
@@ -146,8 +162,10 @@ def next_touch(field: Any, pair: Any) -> float:
 
 @kernel
 def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
-    """Return the largest acceleration at which the gap of a pair in flight opens, within `span` from `ahead` after its
-    clock on; 0 if it is concave."""
+    """Return the largest acceleration at which the gap of a flying pair opens.
+
+    The maximum is over the interval `span` that starts a time `ahead` after its clock. It is 0 if the gap is concave.
+    """
     if DRIVEN and pair.wall > 0:
         t, tail = absolute(field, pair.t, pair.tail + ahead)
         least, _ = pressing_bounds(field.wall[pair.wall - 1], field.panels, t, tail, pair.pull, span)
@@ -157,7 +175,7 @@ def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
 
 @kernel
 def carry_walls(walls: Any, s: Any) -> None:
-    """Let driven walls have the velocities, and islands at them the pull, of the time of the event under way."""
+    """Set the velocities of driven walls, and the pulls at them, to the current event."""
     run = s.run[0]
     for i in range(len(walls.wall)):
         c, b = (0, 0) if walls.wall[i].side > 0.0 else (len(s.pairs) - 1, len(s.bodies) - 1)
@@ -169,7 +187,10 @@ def carry_walls(walls: Any, s: Any) -> None:
 
 @kernel
 def gap_later(field: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> float:
-    """Return the gap after a flight of `dt` from a gap and its rate a time `ahead` after the clock of a pair."""
+    """Return the gap after a flight of `dt` from the given gap and its rate.
+
+    The flight starts a time `ahead` after the clock of the pair.
+    """
     if DRIVEN and pair.wall > 0:
         return -flight_at_wall(field, pair, ahead, gap, rate, dt)[0]
     if HUNG:
@@ -179,10 +200,13 @@ def gap_later(field: Any, pair: Any, ahead: float, gap: float, rate: float, dt: 
 
 @kernel
 def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> float:
-    """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt` to some `gap`."""
+    """Return the rate of the overlap after a flight of `dt` that ends at `gap`.
+
+    `eta` is the rate at the clock of the pair.
+    """
     if HUNG and dt > 0.0:
         cosine, sine = math.cos(field.omega * dt), math.sin(field.omega * dt)
-        off = (gap - rest_gap(field, pair) + eta / field.omega * sine) / cosine  # from the gap at rest, now
+        off = (gap - rest_gap(field, pair) + eta / field.omega * sine) / cosine  # from the gap at rest, initially
         return float(eta * cosine + field.omega * off * sine)
     if DRIVEN and pair.wall > 0 and dt > 0.0:
         return flight_at_wall(field, pair, 0.0, 0.0, -eta, dt)[1]
@@ -191,7 +215,10 @@ def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> floa
 
 @kernel
 def speed_at(walls: Any, pair: Any, body: Any, block: Any) -> float:
-    """Return the velocity of a wall, `body`, at the clock of a block, `pair` being the pair at it."""
+    """Return the velocity of the wall `body` at the clock of a block.
+
+    `pair` is the pair at the wall.
+    """
     if DRIVEN and pair.wall > 0:
         return velocity_of_wall(walls, pair.wall - 1, block.t, block.tail)[0]
     return float(body.v)
@@ -199,7 +226,7 @@ def speed_at(walls: Any, pair: Any, body: Any, block: Any) -> float:
 
 @kernel
 def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, float]:
-    """Return the velocity of a driven wall, and its acceleration towards the balls."""
+    """Return the velocity of driven wall `i` and its acceleration towards the balls."""
     high, low = absolute(walls, t, tail)
     _, v, a = wall_at(walls.wall[i], walls.panels, high, low)
     return v, walls.wall[i].side * a
@@ -207,8 +234,11 @@ def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, 
 
 @kernel
 def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
-    """Expand the paths of the driven walls of the island that starts with `lo` about its clock; return the time for
-    which a piece may go on, inf without walls. `holds` of the block is that to the next panel."""
+    """Expand the paths of the driven walls of an island about the clock of its block.
+
+    `lo` is the first pair of the island. Returns the longest permitted duration of the next piece, inf without driven
+    walls. Sets `holds` of the block, the time to the next edge of a panel.
+    """
     reach = math.inf
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     block.holds = math.inf
@@ -217,6 +247,7 @@ def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
             holds = expand_path(walls, pairs[c].wall - 1, block)
             wall, path = walls.wall[pairs[c].wall - 1], walls.path[pairs[c].wall - 1]
             member, bound = pool[pairs[c].slot], wall.stiff + abs(pairs[c].pull)
+            # the constant term of the wall's acceleration is part of the pull
             member.pull, member.sway = pairs[c].pull + 2.0 * path[2], bound
             block.holds = min(block.holds, holds)
             reach = min(reach, tame(path, holds, bound))
@@ -225,7 +256,10 @@ def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
 
 @kernel
 def expand_path(walls: Any, i: int, block: Any) -> float:
-    """Expand the path of driven wall `i` about the clock of a block, unless it is; return for how long it holds."""
+    """Expand the path of driven wall `i` about the clock of a block, if necessary.
+
+    Returns the time in s for which the expansion is valid.
+    """
     wall = walls.wall[i]
     if not (wall.about == block.t and wall.about_tail == block.tail):
         t, tail = absolute(walls, block.t, block.tail)
@@ -236,8 +270,13 @@ def expand_path(walls: Any, i: int, block: Any) -> float:
 
 @kernel
 def tame(path: Any, reach: float, bound: float) -> float:
-    """Return a time up to `reach` within which no term of a wall's acceleration is large beside its bound."""
+    """Return a time up to `reach` in which a wall's acceleration series is small.
+
+    The sum of the absolute values of its terms is then at most `GROWS` times `bound`. If `reach` is inf, no single term
+    exceeds `bound` instead.
+    """
     if not reach < math.inf:
+        # a path without edges: every term on its own stays below the bound
         reach = 1e300
         for j in range(3, len(path)):
             if path[j] != 0.0:
@@ -250,12 +289,16 @@ def tame(path: Any, reach: float, bound: float) -> float:
             power *= reach
         if not size > GROWS * bound:
             return reach
+        # this ends, because the constant term alone is within the bound
         reach *= 0.5
 
 
 @kernel
 def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
-    """Write the accelerations of driven walls, but for their first terms, as power series in τ, t = (hτ)^q."""
+    """Write the accelerations of driven walls as power series in τ, t = (hτ)^q.
+
+    The constant terms are left out: they are part of the pull.
+    """
     for c in range(lo, hi):
         if pairs[c].wall > 0:
             path, push, scale, per = walls.path[pairs[c].wall - 1], walls.push[pairs[c].wall - 1], 1.0, h
@@ -266,14 +309,17 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
             j = 1
             while j * q <= ORDER and j + 2 < len(path):
                 scale *= per
+                # t^j is h^(jq) τ^(jq)
                 push[j * q] = (j + 1) * (j + 2) * path[j + 2] * scale
                 j += 1
 
 
 @kernel
 def beside_edge(walls: Any, pair: Any, block: Any) -> float:
-    """Return the time from the clock of a block, brought to an EDGE in one float, to where that is; 0 if `pair` is at
-    no driven wall."""
+    """Return the time from the clock of a block to the EDGE at which it has arrived.
+
+    The clock is there only to the resolution of one float. Returns 0 if `pair` is not at a driven wall.
+    """
     if pair.wall <= 0:
         return 0.0
     t, tail = absolute(walls, block.t, block.tail)
@@ -282,8 +328,11 @@ def beside_edge(walls: Any, pair: Any, block: Any) -> float:
 
 @kernel
 def jump_at(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]:
-    """Return by how much the rate of a pair's overlap jumps at an edge of its wall's path, if that is now, and then
-    with the rounding of the path."""
+    """Return the jump of the rate of a pair at an edge of its wall's path.
+
+    The second number is the same jump between the two panels as stored, with their rounding errors. Both are 0
+    elsewhere.
+    """
     wall = walls.wall[pair.wall - 1]
     high, low = absolute(walls, t, tail)
     return edge_jump(wall, walls.panels, high, low)
