@@ -1,4 +1,4 @@
-"""Soft spheres: Newton's equation with contact forces, with a fixed time step or with located events.
+"""Soft spheres: contact forces, with a fixed time step or with located events.
 
 Main line: `fixed/`, `located/`.
 A first reader may skip: `binary`, `isolation`, `simulation`, `time_step`, `waves/`.

@@ -1,7 +1,8 @@
-"""One isolated contact under a force law: restitution, duration, peaks; the inverse; the rule made from a law.
+"""Isolated contact of two bodies: restitution, duration, peaks, inverse problem.
 
-Two bodies of effective mass m_eff meet at speed v and see nothing else: m_eff ξ̈ = -max(0, F(ξ, ξ̇)), ξ(0) = 0,
-ξ̇(0) = v, until F returns to zero. This is all that event-driven simulation knows of a force law.
+Two bodies of effective mass m_eff meet at speed v without other forces: m_eff ξ̈ = -max(0, F(ξ, ξ̇)), ξ(0) = 0, ξ̇(0) =
+v, until F returns to zero. Event-driven simulation uses no other information about a force law. `restitution_of` makes
+a collision rule from it.
 """
 
 from __future__ import annotations
@@ -29,17 +30,21 @@ __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restituti
 __dir__ = __all__.copy
 
 MAX_STEPS = 20_000
-"""Steps after which a contact is taken to go on forever."""
+"""Number of steps after which a contact is assumed not to end."""
 SLOWEST, FASTEST = 1e-50, 1e50
-"""Impact speeds in m/s between which a contact is run: beyond, its overlaps, forces and energies are no numbers."""
+"""Impact speeds in m/s between which a contact is integrated.
+
+Beyond them overlaps, forces or energies leave the range of floats."""
 STUCK = 1e-9
-"""Part of the impact speed that may be left, downwards, of a contact that takes all of it."""
+"""Largest remaining downward speed of a contact that absorbs all speed.
+
+It is relative to the impact speed."""
 
 
 @check.face
 @dataclass(frozen=True)
 class Collision:
-    """What one isolated contact does.
+    """Result of one isolated contact.
 
     Attributes
     ----------
@@ -62,17 +67,40 @@ class Collision:
 
 @check.face
 def collision(law: Any, pair: Pair, speed: float) -> Collision:
-    """Return the isolated contact of `pair` under `law` at impact speed `speed` in m/s.
+    """Return the isolated contact of `pair` under `law` at impact speed `speed`.
 
-    Closed forms for linear laws (any damping), undamped powers, `WaltonBraun`, and the restitution of damped powers
-    F = k ξ^p + γ ξ^((p-1)/2) ξ̇, which map onto the dashpot with ζ = γ / √(2 (p+1) k m_eff) (Tsuji: α/√5); else the
-    contact is run by the event-located method.
+    Linear laws (with any damping), undamped powers and `WaltonBraun` have closed forms, and so has the restitution of
+    damped powers F = k ξ^p + γ ξ^((p-1)/2) ξ̇: they map onto the dashpot with ζ = γ / √(2 (p+1) k m_eff) (Tsuji: α/√5).
+    All other contacts are integrated by the event-located method.
+
+    Parameters
+    ----------
+    law : force law
+        Law of the contact.
+    pair : Pair
+        The two bodies, such as ``scene.pairs[0]``.
+    speed : float
+        Impact speed in m/s.
+
+    Returns
+    -------
+    Collision
+        Restitution, duration and peaks.
 
     Raises
     ------
     TypeError, ValueError
-        If `speed` is not positive; if the contact never ends (ε = 0, or the law does not repel), gains energy, or its
-        overlap or force is beyond the range of numbers (speeds below 1e-50 or above 1e50 m/s, except for linear laws).
+        If `speed` is not positive. If the contact does not end (ε = 0, or the law does not repel) or gains energy. If
+        its overlap or force is beyond the range of floats: speeds below 1e-50 or above 1e50 m/s, except for linear
+        laws.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> pair = gr.scenes.three_balls().pairs[1]
+    >>> hit = gr.binary.collision(gr.LinearDashpot(k=1e5, gamma=0.5), pair, speed=3.0)
+    >>> round(hit.restitution, 6), float(f"{hit.duration:.4g}")
+    (0.960653, 0.0006047)
     """
     known, v = _resolved(law, pair), _speed(speed)
     if known.form is not None and known.is_linear:
@@ -94,9 +122,31 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array: 
 
 @check.face
 def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array:
-    """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`.
+    """Return ε of an isolated contact of `pair` under `law` at impact speed `speed`.
 
-    For an array of speeds, an array of the same shape.
+    Parameters
+    ----------
+    law, pair
+        As for `collision`.
+    speed : float or array
+        Impact speed in m/s.
+
+    Returns
+    -------
+    float or array
+        ε, with the shape of `speed`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `collision`.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> pair = gr.scenes.three_balls().pairs[1]
+    >>> gr.binary.restitution(gr.LinearDashpot(k=1e5, gamma=0.5), pair, [1.0, 3.0]).round(6).tolist()
+    [0.960653, 0.960653]
     """
     known = _resolved(law, pair)
     if check.is_one(speed):
@@ -106,7 +156,10 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array:
 
 
 def at_speed(known: PairLaw, speed: float) -> float:
-    """`restitution` at one speed, whatever it is: ε at rest is 1, or the limit for slow impacts."""
+    """Return ε at one speed without checking it.
+
+    ε at rest is 1, or the limit for slow impacts.
+    """
     if (same := steady(known)) is not None:
         return same
     if not speed > 0.0:
@@ -120,7 +173,7 @@ def at_speed(known: PairLaw, speed: float) -> float:
 
 
 def at_speed_or_nan(known: PairLaw, speed: float) -> float:
-    """The same; nan if the contact does not end."""
+    """Return ε at one speed, or nan if the contact does not end."""
     try:
         return at_speed(known, speed)
     except (ValueError, ArithmeticError):
@@ -128,7 +181,7 @@ def at_speed_or_nan(known: PairLaw, speed: float) -> float:
 
 
 def steady(known: PairLaw) -> float | None:
-    """ε if it is known to be the same at every speed, else None."""
+    """Return ε if it is known to be the same at every speed, else None."""
     zeta = damping_ratio(known)
     if zeta is None:
         return float(known.law.restitution()) if is_bilinear(known) else None
@@ -136,7 +189,7 @@ def steady(known: PairLaw) -> float | None:
 
 
 def is_bilinear(known: PairLaw) -> bool:
-    """Return whether the law is `WaltonBraun`, and none that is made of it."""
+    """Return whether the law is exactly `WaltonBraun`, not a law derived from it."""
     if not known.memory:
         return False
     from granular.laws.springs import WaltonBraun
@@ -145,7 +198,10 @@ def is_bilinear(known: PairLaw) -> bool:
 
 
 def damping_ratio(known: PairLaw) -> float | None:
-    """ζ of the dashpot with the law's restitution at every speed; None if ε is not known to be the same at all."""
+    """Return ζ of the dashpot with the same restitution at every speed.
+
+    The value is None if ε is not known to be constant.
+    """
     if known.form is None:
         return None
     k, p, gamma, d = known.form
@@ -154,13 +210,13 @@ def damping_ratio(known: PairLaw) -> float | None:
 
 
 class Stuck(ValueError):
-    """A contact damped so strongly that the bodies stop and do not part."""
+    """A contact damped so strongly that the bodies stop and do not separate."""
 
 
 @check.face
 @dataclass(frozen=True)
 class LawRestitution:
-    """The collision rule made from force laws: ε as a function of impact speed and pair.
+    """Collision rule made from force laws: ε as a function of impact speed and pair.
 
     Attributes
     ----------
@@ -177,7 +233,10 @@ class LawRestitution:
             instance("law", law)
 
     def __call__(self, speed: float, pair: Pair) -> float:
-        """Restitution at impact speed `speed` in m/s; 0 where a contact takes all speed and does not end."""
+        """Return ε at impact speed `speed` in m/s.
+
+        ε is 0 if a contact absorbs all speed and does not end.
+        """
         try:
             return at_speed(resolve(self.laws[0 if len(self.laws) == 1 else pair.index], pair), speed)
         except Stuck:
@@ -186,9 +245,33 @@ class LawRestitution:
 
 @check.face
 def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule:
-    """Return the collision rule of a force law, or of a list with one law per pair.
+    """Return the collision rule of one force law, or of a list with one law per pair.
 
-    Given the scene, it is a `ConstantRestitution` where ε depends on no speed: faster, and exact about collapse.
+    Parameters
+    ----------
+    law : force law or sequence of force laws
+        One law for all pairs, or one per pair from the bottom up.
+    scene : Scene, optional
+        If ε is independent of the speed in all pairs of this scene, the rule is a `ConstantRestitution`. This is
+        faster, and exact about inelastic collapse.
+
+    Returns
+    -------
+    Rule
+        ``rule(speed, pair)`` for `granular.edmd.simulate`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For invalid arguments.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> scene = gr.scenes.three_balls()
+    >>> rule = gr.restitution_of(gr.LinearDashpot(k=1e5, gamma=0.5), scene)
+    >>> round(rule(1.0, scene.pairs[1]), 6)
+    0.960653
     """
     laws = tuple(law) if isinstance(law, (list, tuple)) else (law,)
     for one in laws:
@@ -202,11 +285,14 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
 
 @check.face
 class LawRule(LawRestitution):
-    """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
+    """Collision rule of a comparison.
+
+    It raises `ValueError` naming the law if ε of that law is outside [0, 1].
+    """
 
     def __call__(self, speed: float, pair: Pair) -> float:
         eps = super().__call__(speed, pair)
-        if not 0.0 <= eps <= 1.0 + 1e-9:  # rounding is the engine's business
+        if not 0.0 <= eps <= 1.0 + 1e-9:  # the engine handles an excess by rounding
             law = self.laws[pair.index]
             raise ValueError(
                 f"law of pair {pair.index} is {law!r}: its restitution at {speed:g} m/s is {eps:.6g}, so no hard-sphere"
@@ -216,22 +302,47 @@ class LawRule(LawRestitution):
 
 
 def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
-    """The rule that a comparison makes of the laws."""
+    """Return the collision rule that a comparison uses for the given laws."""
     rule = restitution_of(laws, scene)
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
 @check.face
 def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:
-    """Return a copy of `law` whose `field` is chosen so that an isolated contact has restitution `target`.
+    """Return a copy of `law` with `field` chosen so that the restitution is `target`.
 
-    The inverse of `restitution`, for any law whose ε falls as `field` grows (damping). `speed` in m/s matters only
-    for laws whose ε depends on it.
+    This is the inverse of `restitution`, for any law whose ε decreases as `field` grows (damping).
+
+    Parameters
+    ----------
+    law : force law
+        A dataclass with the field.
+    target : float
+        Restitution of an isolated contact, in (0, 1].
+    pair : Pair
+        The two bodies.
+    speed : float
+        Impact speed in m/s. It matters only for laws whose ε depends on it.
+    field : str
+        Name of the damping coefficient.
+
+    Returns
+    -------
+    force law
+        Copy of `law` with a new value of `field`.
 
     Raises
     ------
     ValueError
-        If `law` has no such field, or no value of it gives the target.
+        If `law` does not have this field, or no value of it gives the target.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> pair = gr.scenes.three_balls().pairs[1]
+    >>> law = gr.binary.with_restitution(gr.LinearDashpot(k=1e5, gamma=0.0), 0.9, pair)
+    >>> round(gr.binary.restitution(law, pair, 1.0), 12)
+    0.9
     """
     from scipy.optimize import brentq
 
@@ -243,9 +354,10 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     def miss(log_value: float) -> float:
         return at_speed(resolve(replace(law, **{field: math.exp(log_value)}), pair), v) - goal
 
-    # a dashpot of this strength is near critical
+    # a dashpot with this damping is near critical, so the search starts within a few e-foldings of the root
     near = 0.5 * math.log(known.tangent(known.overlap_at(v))[0] * pair.m_eff)
     low = high = near if goal < 1.0 else -math.inf
+    # widen the bracket by factors of e^4; exp(±300) is close to the range of floats
     while miss(low) < 0.0 and low > -300.0:
         low, high = low - 4.0, low
     while miss(high) > 0.0 and high < 300.0:
@@ -265,7 +377,10 @@ def _resolved(law: Any, pair: Pair) -> PairLaw:
 
 
 def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
-    """All of a linear contact, with phase α = acos ζ: ξ peaks at ω₀t = f, F at ωt = 3α - π or, for ζ ≥ ½, at touch."""
+    """Return the linear contact in closed form.
+
+    With the phase α = acos ζ, ξ peaks at ω₀t = f, and F at ωt = 3α - π or, for ζ ≥ ½, at the touch.
+    """
     omega, zeta = math.sqrt(k / pair.m_eff), 0.5 * gamma / math.sqrt(k * pair.m_eff)
     eps, t_c = dashpot.restitution(zeta), dashpot.duration(zeta)
     peak = 2.0 * zeta if zeta >= 0.5 else math.exp(
@@ -275,14 +390,20 @@ def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
 
 
 def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:
-    """ξ_max = ((p+1) m v² / (2k))^(1/(p+1)); t_c v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1))."""
+    """Return the contact of an undamped power law in closed form.
+
+    ξ_max = ((p+1) m v² / (2k))^(1/(p+1)) and t_c v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1)).
+    """
     deepest = math.pow(0.5 * (p + 1.0) * pair.m_eff * v * v / k, 1.0 / (p + 1.0))
     shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / (p + 1.0)) / math.gamma(0.5 + 1.0 / (p + 1.0))
     return Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0)
 
 
 def _integrated(law: Any, pair: Pair, v: float) -> Collision:
-    """The contact by the event-located method; remembered for laws that cannot change."""
+    """Return the contact by the event-located method.
+
+    Results are cached for immutable laws.
+    """
     values = held(law)
     return _bounce(law, pair, v) if values is None else _remembered(values, law, pair, v)
 
@@ -293,20 +414,21 @@ def _remembered(values: tuple[Any, ...], law: Any, pair: Pair, v: float) -> Coll
 
 
 def _bounce(law: Any, pair: Pair, v: float) -> Collision:
-    """Let a ball of mass m_eff meet a wall.
+    """Simulate a ball of mass m_eff that hits a wall.
 
-    Where the force sets in late, the touch before counts in the log as a contact without force: the contact with the
-    largest impulse is meant.
+    If the force sets in late, the earlier touch is logged as a contact without force. The contact with the largest
+    impulse is therefore evaluated.
     """
     if not SLOWEST <= v <= FASTEST:
         raise _no_numbers(v)
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
-    # the law sees the very pair that was asked about
+    # the law has to see the original pair, not the pair of this auxiliary scene
     scene.__dict__["pairs"] = Pairs(np.array([pair.m_eff]), np.array([pair.r_eff]), pair.index)
     run = simulate(scene, law, max_events=8, max_steps=MAX_STEPS)
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
     if not math.isfinite(contact["force_max"]):
         raise _no_numbers(v)
+    # a contact without an end has no row values at its end: use the final state instead
     left = float(run.velocity[-1][1] if math.isnan(contact["t_end"]) else contact["v_out"][1])
     if contact["impulse"] > 0.5 * pair.m_eff * v and abs(left) <= STUCK * v and not left > 0.0:
         raise Stuck(f"law is {law!r}: a contact at {v!r} m/s takes all speed, does not end; weaker damping is needed.")
@@ -325,7 +447,7 @@ def _bounce(law: Any, pair: Pair, v: float) -> Collision:
 
 
 def _in_range(found: Collision, v: float) -> Collision:
-    """Return what was found, or raise if some of it is beyond the range of numbers."""
+    """Return `found`, or raise `ValueError` if it is outside the range of floats."""
     if not all(0.0 < x < math.inf for x in (found.duration, found.xi_max, found.force_max)):
         raise _no_numbers(v)
     return found

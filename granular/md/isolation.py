@@ -1,15 +1,16 @@
-"""Isolated contacts: how many of a run of soft spheres were isolated, what that certifies, and how long they last.
+"""Number of isolated contacts of a run, and durations of isolated contacts.
 
-A contact is isolated if no neighbouring pair overlaps from where its balls touch to where they part (docs/concepts.md).
-Hard spheres differ from it by its delay and its displacement only. Its delay hangs on t_c, its duration:
+A contact is isolated if no neighbouring pair overlaps between the touch and the separation of its balls
+(docs/concepts.md). It differs from a hard-sphere collision only by a delay and a displacement. The delay depends on the
+duration t_c:
 
-| law                                                   | duration                                       |
-|-------------------------------------------------------|------------------------------------------------|
-| F = k ξ^p + γ ξ^((p-1)/2) ξ̇, all dashpots among them  | D(p, ζ) (m_eff/k)^(1/(p+1)) v^((1-p)/(1+p))    |
-| viscoelastic, F = k ξ^(3/2) + γ √ξ ξ̇                  | D(b) (m_eff/k)^(2/5) v^(-1/5)                  |
-| any other                                             | contacts run at a few speeds, a cubic between  |
+| law                                                   | duration                                        |
+|-------------------------------------------------------|-------------------------------------------------|
+| F = k ξ^p + γ ξ^((p-1)/2) ξ̇, all dashpots included    | D(p, ζ) (m_eff/k)^(1/(p+1)) v^((1-p)/(1+p))     |
+| viscoelastic, F = k ξ^(3/2) + γ √ξ ξ̇                  | D(b) (m_eff/k)^(2/5) v^(-1/5)                   |
+| any other                                             | integrated at a few speeds, cubic interpolation |
 
-The functions D have no dimension, so that pairs of all sizes share them; b = γ k^(-3/5) m_eff^(-2/5) v^(1/5).
+The functions D are dimensionless and therefore shared by pairs of all sizes. Here b = γ k^(-3/5) m_eff^(-2/5) v^(1/5).
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ from granular.scene import Scene, speed_scale
 
 
 def isolated_share(run: Trajectory) -> float:
-    """Share of the contacts that were isolated; nan without contacts, and for runs that do not count them.
+    """Return the share of isolated contacts, or nan if they are not counted.
 
-    Those are runs of hard spheres and of fixed steps.
+    Runs without contacts, of hard spheres and of fixed-step methods give nan.
     """
     if run.law is None or "isolated" not in run.stats or not run.stats["contacts"]:
         return math.nan
@@ -40,14 +41,14 @@ def isolated_share(run: Trajectory) -> float:
 
 
 def numbers(run: Trajectory) -> dict[str, Any]:
-    """Return the numbers for JSON; None where a run does not count them."""
+    """Return the numbers of isolated contacts for JSON, None if not counted."""
     known = run.law is not None and "isolated" in run.stats
     return {"isolated": run.stats["isolated"] if known else None, "contacts": run.stats["contacts"] if known else None,
             "first_disturbed": run.first_disturbed if known else None}
 
 
 def sentence(run: Trajectory) -> str:
-    """Return what is certified, in words; empty if nothing is."""
+    """Return a sentence with the certified number of isolated contacts, or ""."""
     share = isolated_share(run)
     if math.isnan(share):
         return ""
@@ -58,20 +59,27 @@ def sentence(run: Trajectory) -> str:
 
 
 def first_disturbed(run: Trajectory) -> str:
-    """Return which neighbouring pairs of a run were the first that overlapped at once, and since when, in words."""
+    """Describe the first two neighbouring pairs that overlapped simultaneously.
+
+    The text contains both pairs and the time.
+    """
     time, pair = run.first_disturbed
     return f"pairs {pair} and {(pair + 1) % run.scene.n_pairs} at t = {time:.9g} s"
 
 
 def _grouped(count: int) -> str:
-    """A whole number in groups of three digits."""
+    """Format an integer in groups of three digits."""
     return f"{count:_}".replace("_", " ")
 
 
 SMOOTH, COSTLY = 8, 2
-"""Values known of an octave: of a formula, and of what a contact has to be run for."""
+"""Number of values per octave, of a closed form and of an integrated contact.
+
+The former is smooth, the latter costly."""
 SLOWEST = 2.0**-30
-"""A contact slower than this share of the scene's own speeds is taken to be as fast as that."""
+"""Smallest speed relative to the scene's own speeds.
+
+Slower contacts get the duration at this speed."""
 
 
 class Durations:
@@ -82,7 +90,7 @@ class Durations:
     laws : sequence
         One force law per pair.
     scene : Scene
-        Its pairs, without what pulls on them: a ball on the floor is taken as weightless.
+        Scene with the pairs. External forces are ignored: a ball on the floor is treated as weightless.
     """
 
     def __init__(self, laws: Sequence[Any], scene: Scene) -> None:
@@ -98,10 +106,10 @@ class Durations:
         self.slowest = max(SLOWEST * speed_scale(scene), 1e-75)
 
     def __call__(self, pair: Ints, speed: Array) -> Array:
-        """Return the durations in s of contacts of pairs of these numbers at these impact speeds in m/s.
+        """Return the durations in s of contacts of pairs at impact speeds in m/s.
 
-        Relative errors are 1e-14 for powers, 1e-7 for viscoelastic spheres and some 1e-5 at most for other laws, more
-        at speeds at which those have a kink. A contact that does not end has inf.
+        Relative errors are 1e-14 for powers, 1e-7 for viscoelastic spheres and about 1e-5 at most for other laws. They
+        are larger at speeds where such a law has a kink. The duration of a contact that does not end is inf.
         """
         v = np.log2(np.maximum(speed, self.slowest))
         kind: Any = self.kind[pair] if len(self.unit) > 1 else 0
@@ -117,21 +125,21 @@ class Durations:
 
 
 class Curve:
-    """A positive function of a positive number by few of its values: a cubic between them. All are binary logarithms.
+    """Cubic interpolation of a positive function, in binary logarithms.
 
     Parameters
     ----------
     function : callable
-        The function.
+        Function of a positive number.
     fine : int
-        How many values to have of an octave.
+        Number of tabulated values per octave.
     """
 
     def __init__(self, function: Callable[[float], float], fine: int) -> None:
         self.function, self.fine, self.low, self.known = function, fine, 0, np.zeros(0)
 
     def __call__(self, x: Array) -> Array:
-        """Return the function at many numbers; inf next to where it is."""
+        """Return the function at many numbers, inf next to points where it is inf."""
         if not len(x):
             return x
         place = self.fine * x
@@ -140,13 +148,14 @@ class Curve:
         z, at = place - k, k - self.low
         a, b, c, d = (self.known[at + i] for i in (-1, 0, 1, 2))
         with np.errstate(invalid="ignore"):
+            # mean of the second differences at both nodes, weighted for a four-point cubic
             bends = (2.0 - z) * (a - 2.0 * b + c) + (1.0 + z) * (b - 2.0 * c + d)
             value = b + z * ((c - b) - (1.0 - z) / 6.0 * bends)
         value[np.isnan(value)] = np.inf
         return value
 
     def _learn(self, k: Ints) -> None:
-        """Have the values that numbers between the k-th and the next need."""
+        """Make sure that the table covers the intervals from each `k` to k + 1."""
         low, end = int(k.min()) - 1, int(k.max()) + 3
         if len(self.known) == 0:
             self.low = low
@@ -154,14 +163,17 @@ class Curve:
         if before or after:
             self.low -= before
             self.known = np.pad(self.known, (before, after), constant_values=np.nan)
+        # a cubic needs one neighbour below and two above
         needed = np.unique(np.flatnonzero(np.bincount(k - self.low))[:, None] + np.arange(-1, 3))
         for i in needed[np.isnan(self.known[needed])].tolist():
             self.known[i] = math.log2(self.function(math.pow(2.0, (self.low + i) / self.fine)))
 
 
 def _powers(law: PairLaw, shapes: dict[tuple[float, float], float]) -> tuple[float, float, float]:
-    """Return (unit, power, b) of a law, unit and b as logarithms: its duration is unit v^power, times D(b v^(1/5)) of a
-    viscoelastic one; nan for other laws. `shapes` remembers what laws of all sizes share.
+    """Return (unit, power, b) of a law, with unit and b as binary logarithms.
+
+    The duration is unit·v^power, multiplied by D(b v^(1/5)) for viscoelastic spheres. unit is nan for other laws.
+    `shapes` caches numbers that are shared by laws of all sizes.
     """
     zeta, m = binary.damping_ratio(law), law.pair.m_eff
     if law.form is None or (zeta is None and law.form[1::2] != (1.5, 0.5)):
@@ -177,7 +189,10 @@ def _powers(law: PairLaw, shapes: dict[tuple[float, float], float]) -> tuple[flo
 
 
 def _duration(law: PairLaw, speed: float) -> float:
-    """Return the duration in s of one contact; inf if it does not end, and where there is none."""
+    """Return the duration in s of one contact, inf if it does not end.
+
+    Contacts that raise `ValueError` for any other reason also give inf.
+    """
     try:
         return binary.collision(law.law, law.pair, speed).duration
     except ValueError:

@@ -1,4 +1,7 @@
-"""`granular.md.simulate`: soft spheres, Newton's equation with a contact force."""
+"""Soft spheres: integrate Newton's equation with contact forces.
+
+`granular.md.simulate` runs a scene, `resume` continues a run, and `events` yields its contacts one at a time.
+"""
 
 from __future__ import annotations
 
@@ -24,15 +27,19 @@ from granular.scene.places import Closing, checked, fitted
 from granular.scene.state import Scene
 
 SHORTEST = 1e-60
-"""Least `dt` in s: its fifth power, which "gear5" needs, is a number."""
+"""Smallest `dt` in s: "gear5" needs its fifth power, which underflows below."""
 EXACT = 1e-16
 """Default `tol`."""
 FINEST = 1e-17
-"""Least `tol`: less only costs steps, since sums of floats are good to 1e-16."""
+"""Smallest `tol`.
+
+Smaller values only cost steps, because sums of floats are accurate to 1e-16."""
 STEPS = 20_000_000
 """Default of `max_steps`."""
 STEPS_PER_CONTACT = 500
-"""Default resolution of the shortest contact; halving an order-1 error costs twice as many."""
+"""Default number of steps per shortest contact.
+
+Halving the error of a method of order 1 doubles it."""
 
 
 @check.face
@@ -56,102 +63,118 @@ def simulate(
     tol: float = EXACT,
     disturbed: str = "resolve",
 ) -> Trajectory:
-    """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g + f_i, with F = max(0, law) where ξ > 0, else 0.
+    """Run a scene as soft spheres.
+
+    Integrates m_i a_i = F_(i-1) - F_i - m_i g + f_i, where F = max(0, law) for ξ > 0, else 0.
 
     Parameters
     ----------
     scene : Scene
-        Where it starts; overlaps (negative gaps) are allowed.
-    law : force law or sequence of them
-        One for all pairs, or one per pair from the bottom up; that of a pair at a thermal wall is not asked.
+        Initial state. Overlaps (negative gaps) are allowed.
+    law : force law or sequence of force laws
+        One law for all pairs, or one per pair from the bottom up. The law of a pair at a thermal wall is ignored.
     t_end, until : float, stop condition, optional
-        End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
-        follow, or to the limits below; beside driven or thermal walls, on a ring and of pendula one of them is needed,
-        for another contact may always follow, and on a floor under laws like `WaltonBraun` alone, by which balls bounce
-        in their dents forever.
-        Elastic balls that fall back to a floor, or fly between two walls, need `t_end`, `until`, `max_events` or
-        `max_steps` too. Walls that move towards each other need a `t_end` before they meet.
+        End time in s, and a condition from `granular.until`. By default a run ends when no further contact is possible,
+        or at one of the limits below. One of the two is required where another contact can always follow: with driven
+        or thermal walls, on a ring, and for pendula. It is also required on a floor if all laws are like `WaltonBraun`,
+        because balls then bounce in their dents forever. Elastic balls that fall back to a floor or fly between two
+        walls need `t_end`, `until`, `max_events` or `max_steps`. Walls that approach each other need a `t_end` before
+        they meet.
     t_start : float
-        Time in s of the scene's instant.
-    samples : None, int, "contacts" or array
-        Rows to keep: first and last, that many spread from `t_start` to `t_end`, or at these times in s; "contacts" for
-        some before, during and after every contact, its onset and end among them. For these, and a number of rows
-        without `t_end`, the run is solved twice. A run that
-        ends before the last of them keeps its end as the last row.
+        Time of the initial state in s.
+    samples : None, int, "contacts" or array of float
+        States to record. None records the first and the last state. An int records that number of evenly spaced times
+        from `t_start` to `t_end`. An array contains the times in s. "contacts" records the onset, the end and a few
+        times before, during and after every contact. The run is solved twice for "contacts", and for a number of
+        samples without `t_end`. If a run ends before the last sample, its final state becomes the last sample.
     log : bool or path
-        Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
-        are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
-        blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
+        Keep one row per contact in ``contacts``. A path ``"run.npy"`` of a file that does not exist yet writes the rows
+        to that file block by block instead. This needs no memory, and all written blocks remain readable if the process
+        is killed. ``contacts`` then stays empty, and `Trajectory.contact_batches` reads the file.
     max_events, max_steps : int, optional
-        Stop with status ``max_events`` after that many contacts or steps, by default 1 000 000 and 20 000 000; also
-        where contacts under laws that are no powers creep or chatter, so that some thousand trial steps bring the run
-        on by next to nothing.
+        Stop with status ``max_events`` after that number of contacts or steps, by default 1 000 000 and 20 000 000.
+        Under laws other than powers, a run also stops with this status if contacts creep or chatter: some thousand
+        trial steps then hardly advance the time.
     on_event : callable, optional
-        Called with each row of the contact log, in batches, in the order in which contacts end; of fixed steps, those
-        that end within one step in any order.
+        Called with each row of the contact log, in batches, in the order in which contacts end. With fixed steps,
+        contacts that end within one step can come in any order.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` now and then: the time reached in s, and the number of contacts so far.
+        ``on_progress(reached, count)`` is called from time to time with the time reached in s and the number of
+        contacts.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Show the progress of runs longer than 2 s on standard error, as a bar if tqdm is installed.
     engine : {"auto", "plain", "compiled"}
-        Interpreted or compiled by numba (extra ``fast``); the same bits. "auto" starts interpreted and goes on
-        compiled once that is worth it and the law compiles; the reason is in `stats` if it does not.
+        Interpreted or compiled by numba (extra ``fast``). Results are bitwise identical. "auto" starts interpreted and
+        switches to compiled code once that saves time and if the law compiles. If it does not compile, `stats` contains
+        the reason.
     method : {"located", "verlet", "symplectic-euler", "rk4", "gear5"}, optional
-        "located" finds every event (touch, end of the force, new push) to rounding: the default and the judge. The
-        others are fixed-step integrators, as in DEM codes; rows between two steps are one shorter step on a copy.
-        Where only `dt` is given, "verlet".
+        "located", the default and the reference, locates every event to rounding: touch, end of the force, return of
+        the force. The others are fixed-step integrators as in DEM codes. Their samples between two steps are computed
+        by one shorter step on a copy. The default is "verlet" if only `dt` is given.
     dt : float, optional
-        Time step in s of a fixed-step method; default 1/500 of the shortest expected contact.
+        Time step in s of a fixed-step method. Defaults to 1/500 of the shortest expected contact.
     tol : float
-        Truncation error of a step of "located" under nonlinear laws, relative to speed and overlap of the moment;
-        from 1e-17, which is below rounding, to 1e-3.
+        Truncation error per step of "located" under nonlinear laws, relative to the current speed and overlap. From
+        1e-17, which is below rounding, to 1e-3.
     disturbed : {"resolve", "stop", "ignore"}
-        What "located" does where an overlap begins beside another: "resolve" follows both together, exactly; "stop"
-        ends there with status ``disturbed``, the horizon up to which every contact was isolated; "ignore" takes every
-        contact as if it were isolated, which is soft event-driven simulation: a neighbour that touches early begins
-        when the contact is over, with gap 0. Contacts that have no end of their own (at rest), and overlaps at the
-        start, are resolved in any case. Pendula are not to be ignored: set back to gap 0, they would have another
-        energy.
+        What "located" does if an overlap begins beside another one. "resolve" integrates both together exactly. "stop"
+        ends the run with status ``disturbed``: until then every contact was isolated. "ignore" treats every contact as
+        isolated (soft event-driven simulation): a neighbour that touches early begins with gap 0 when the contact is
+        over. Contacts without an end (at rest) and initial overlaps are always resolved. "ignore" is not allowed for
+        pendula, because resetting a gap to 0 would change their energy.
 
     Returns
     -------
     Trajectory
-        Of a fixed-step method with status ``unstable`` if dt was beyond the stability limit 2/λ of the contacts that
-        took place; a `RuntimeWarning` from 0.2/λ on.
+        A fixed-step method returns status ``unstable`` if dt was above the stability limit 2/λ of the contacts that
+        took place. Above 0.2/λ it issues a `RuntimeWarning`.
 
     Raises
     ------
     TypeError, ValueError
-        For misuse, with a sentence.
+        For invalid arguments.
 
     Notes
     -----
-    Fixed-step methods can miss a contact shorter than `dt` altogether; begin and end of a contact are interpolated
-    between two steps, good to about (dt/t_c)² t_c. The error of the state falls with order min(p, 1+s), where the force
-    starts like t^s (s = 0 for a dashpot, 1 for a spring, 1.5 for Hertz) and p is the integrator's own order: 4 for
-    "rk4" and "gear5", 2 for "verlet", 1 for "symplectic-euler", whose velocities are half a step late. Elastic contacts
-    from flight to flight, without gravity or swing, do not show that: there it has the order of "verlet". "gear5"
-    begins a run within a contact without the higher derivatives of its velocities, hence with order 2. Time: of
-    "located", O(contacts); of a fixed-step method, O(pairs) per step.
+    Fixed-step methods can miss a contact shorter than `dt` completely. Begin and end of a contact are interpolated
+    between two steps, accurate to about (dt/t_c)² t_c. The error of the state has order min(p, 1+s) if the force starts
+    like t^s: s = 0 for a dashpot, 1 for a spring, 1.5 for Hertz. The integrator's own order p is 4 for "rk4" and
+    "gear5", 2 for "verlet" and 1 for "symplectic-euler", whose velocities lag by half a step. Exception: elastic
+    contacts from flight to flight have the order of "verlet" without gravity and pendula. A "gear5" run that starts
+    within a contact has order 2, because the higher derivatives of its velocities are unknown. Cost: O(contacts) for
+    "located", O(pairs) per step for a fixed-step method.
 
-    Beside a driven wall (`Scene.floor`, `ceiling`) "located" certifies the next touch on the path itself, and adds the
-    path's series to that of the contact. In a fixed step such a wall drifts by the difference of two places on its
-    path, and forces see its velocity there, so all orders above stay; where the velocity of the path jumps within a
-    step, the step is of order 1. While all pairs are open the balls fly to the next touch, found on the path itself.
+    At a driven wall (`Scene.floor`, `ceiling`) "located" certifies the next touch on the path of the wall. It adds the
+    series of the path to the series of the contact. With fixed steps such a wall moves by the difference of two
+    positions on its path. Forces see its velocity there, so all orders above hold. A step in which the velocity of the
+    path jumps has order 1. While all pairs are open, the balls fly to the next touch, which is found on the path
+    itself.
 
-    "located" between thermal walls (`granular.walls.Thermal`): a ball that touches one is thrown back at once, whatever
-    the law of that pair, in the midst of another contact too; its hit is a row of the log of no duration and no largest
-    force (nan). Between pendula, and on a ring, contacts are certified to be isolated as elsewhere; on a ring an island
-    of pushing pairs may go all around. No proof of rest or of binding is made in such scenes: they go on to the end.
+    Thermal walls (`granular.walls.Thermal`) with "located": a ball that touches one is thrown back immediately,
+    whatever the law of that pair, even during another contact. The hit is a row of the log with zero duration and force
+    nan. Between pendula and on a ring, contacts are certified as isolated in the same way. On a ring an island can
+    extend all around. Rest and binding are not proved in such scenes, so these runs continue to their end.
 
-    Where walls are driven, the ledger behind `Trajectory.account` is summed by Simpson's rule in each fixed step: the
-    account closes to the order of the method only, and to 1 + s at onsets and ends; what is dissipated is nan while a
-    law with memory pushes.
+    With driven walls, `Trajectory.account` is summed by Simpson's rule in each fixed step. The energy balance then
+    closes only to the order of the method, and to order 1 + s at onsets and ends. The dissipated energy is nan while a
+    law with memory exerts a force.
 
-    Fixed steps on a ring and of pendula keep their orders, and open scenes fly in closed form. After a hit of a thermal
-    wall within a step the ball goes on, from the hit's own time, on the parabola that it leaves on. So hits are right
-    to rounding where nothing else touches the ball ("symplectic-euler" knows no parabolas: order 1), of order 2 beside
-    a contact, and 1 where a damped force jumps with the speed.
+    With fixed steps, rings and pendula keep the orders above, and open scenes fly in closed form. After a hit of a
+    thermal wall within a step, the ball continues from the time of the hit on its new parabola. Hits are therefore
+    exact to rounding if nothing else touches the ball ("symplectic-euler" knows no parabolas: order 1). They have order
+    2 beside a contact, and order 1 where a damped force jumps with the velocity.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> scene = gr.scenes.three_balls(gap=0.01)
+    >>> run = gr.md.simulate(scene, gr.LinearDashpot(k=1e7, gamma=0.5), t_end=0.4)
+    >>> run.status.name
+    'time'
+    >>> run.contacts["pair"].tolist(), run.contacts["t_begin"].round(6).tolist()
+    ([0, 1], [0.319275, 0.321833])
+    >>> run.velocity[-1].round(3).tolist()
+    [0.0, 2.346, 8.604]
     """
     laws, start = checked_laws(law, checked(scene)), check.number("t_start", t_start)
     request = _requested(
@@ -171,7 +194,10 @@ def simulate(
 
 
 def _stopping(run: located.Run) -> Any:
-    """Return the run; if a level ends it, one that is watched: what watches is loaded then."""
+    """Return the run, wrapped for monitoring if a level stops it.
+
+    The monitoring code is imported only in this case.
+    """
     if not isinstance(run.request.until, stop.LEVELS):
         return run
     from granular.md.located import levels
@@ -197,7 +223,7 @@ def _stepped(
     scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float | None, engine: str, *, tol: float,
     disturbed: str,
 ) -> Trajectory:
-    """Run a scene with a fixed step, which has neither tolerance nor another way to take contacts."""
+    """Run a scene with a fixed step, which supports neither `tol` nor `disturbed`."""
     from granular.md import fixed
 
     if check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
@@ -227,12 +253,38 @@ def _stepped(
 
 @check.face
 def events(scene: Scene, law: Any, *, max_events: int = check.LARGEST, **options: Any) -> Iterator[Event]:
-    """Yield the contacts of a run one at a time as they end, each with the scene then: for demos and debuggers.
+    """Yield the contacts of a run as they end, each with the scene at that time.
 
-    ``for contact, time, scene in gr.md.events(scene, law, t_end=1.0)``: the row of the log, the time in s, and a
-    `Scene` that stands so then (with ``disturbed="ignore"``, at the next event). By method "located", and to rounding
-    the contacts of `simulate`, whose options are taken but for `samples` and `on_event`; where nothing ends the run, it
-    goes on for as long as it is asked.
+    Accepts all options of `simulate` except `samples`, `on_event`, `log`, `method` and `dt`. Method "located" is used,
+    and the contacts agree with those of `simulate` to rounding. Without a stop condition the iterator does not end.
+
+    Parameters
+    ----------
+    scene, law
+        As for `simulate`.
+    max_events : int
+        Maximum number of contacts.
+    **options
+        Options of `simulate`.
+
+    Yields
+    ------
+    contact, time, scene : row of the contact log, float, Scene
+        The contact, the time in s, and the state of the scene then (with ``disturbed="ignore"``, at the next event).
+
+    Raises
+    ------
+    TypeError, ValueError
+        For invalid arguments.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> law = gr.LinearDashpot(k=1e7, gamma=0.5)
+    >>> for contact, time, now in gr.md.events(gr.scenes.three_balls(gap=0.01), law, t_end=0.4):
+    ...     print(contact["pair"], round(time, 6), now.velocity.round(3).tolist())
+    0 0.321207 [0.0, 3.132, -3.151]
+    1 0.321894 [0.0, 3.112, 9.37]
     """
     check.known(options, check.parameters(simulate) - {"scene", "law", "samples", "on_event", "log", "method", "dt"},
                  "option of md.events", TypeError)
@@ -256,18 +308,36 @@ def resume(
     engine: str = "auto",
     disturbed: str = "resolve",
 ) -> Trajectory:
-    """Go on from the end of a run of `simulate` by method "located", in the middle of contacts too, bit for bit, or, if
-    `until` ended it, to rounding.
+    """Continue a run of `simulate` from its end, by method "located".
 
-    Laws and tolerance are those of `trajectory`. The contact log begins anew, with the contacts that were under way
-    whole (if both runs have logs); contacts of a pair are counted from the beginning (``until.contact(0, 7)`` is still
-    the seventh), `max_events` and `max_steps` from here, `stats` over both. See `simulate` for the parameters.
+    The result is bitwise identical to an uninterrupted run, also from the middle of a contact. It is equal to rounding
+    if `until` ended the first run. Laws and tolerance are taken from `trajectory`. See `simulate` for the other
+    parameters.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Run of soft spheres by method "located".
+
+    Returns
+    -------
+    Trajectory
+        The continuation. Its contact log starts with complete rows of the contacts that were under way (if both runs
+        keep logs). Contacts of a pair are counted from the beginning of the first run: ``until.contact(0, 7)`` is still
+        the seventh. `max_events` and `max_steps` count from here, `stats` over both runs.
 
     Raises
     ------
     ValueError
-        If `trajectory` is no run of soft spheres by method "located", stopped before it began, or is broken; or if its
-        state cannot be that of its scene, laws and last row.
+        If `trajectory` is not a run of soft spheres by method "located", stopped before it began, or is broken. Also if
+        its state is inconsistent with its scene, laws and last sample.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> run = gr.md.simulate(gr.scenes.three_balls(gap=0.01), gr.LinearDashpot(k=1e7, gamma=0.5), t_end=0.3)
+    >>> gr.md.resume(run, t_end=0.4).velocity[-1].round(3).tolist()
+    [0.0, 2.346, 8.604]
     """
     state = check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
     check.refuse({
@@ -290,7 +360,10 @@ def resume(
 
 @contextmanager
 def _in_range(law: Any) -> Iterator[None]:
-    """Say in a sentence that the engine's own numbers ran out of range; what a user's law raises passes through."""
+    """Convert range errors of the engine's own numbers to a `ValueError`.
+
+    Errors raised by a user's law pass through.
+    """
     try:
         yield
     except (ArithmeticError, LinAlgError) as error:
@@ -307,14 +380,20 @@ def _in_range(law: Any) -> Iterator[None]:
 
 
 def _check_walls(scene: Scene, start: float, end: float) -> None:
-    """Raise if walls at constant speed meet before the end; of driven ones the run takes care."""
+    """Raise if walls at constant speed meet before the end.
+
+    The run itself checks driven walls.
+    """
     if scene.is_wall[0] and scene.is_wall[-1] and not scene.driven:
         Closing(scene, start, flattened=True).refuse(end, end)
 
 
 def _dented(scene: Scene, laws: SceneLaws) -> bool:
-    """Return whether balls fall on a floor and lose energy only where an overlap exceeds all before it: each ends in an
-    elastic bounce within its own dent, and none comes to rest."""
+    """Return whether balls fall on a floor and lose energy only in new dents.
+
+    Under such laws energy is lost only where an overlap exceeds all earlier ones. Each ball ends in an elastic bounce
+    within its own dent, and none comes to rest.
+    """
     lossless = all(law.memory and not law.rate_dependent for law in laws.each)
     return bool(scene.gravity > 0.0 and scene.is_wall[0] and lossless)
 

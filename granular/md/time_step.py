@@ -1,9 +1,10 @@
-"""How small a fixed time step must be, before a run (default, warning) and after it (what really happened).
+"""Stability limit of a fixed time step, before and after a run.
 
-Explicit methods follow a contact only while dt·λ stays well below a limit: 2, and 1.05 for Gear's five values, whose
-spectral radius is 1 + 6e-8 at dt·λ = 0.1, 1.01 at 1 and grows steeply from there. For the closed pairs of an assembly,
-row sums of M⁻¹K and M⁻¹C bound its sharpest rate λ = ½ (b + √(b² + 4a)): ω₀ for one pair, 2√(k/m) inside a chain of
-equal balls; of pendula a grows by Ω².
+Before a run it gives the default step and a warning, after the run the step required by its contacts. Explicit methods
+follow a contact only if dt·λ is well below a limit. The limit is 2, and 1.05 for Gear's five-value method, whose
+spectral radius is 1 + 6e-8 at dt·λ = 0.1 and 1.01 at 1, and increases steeply from there. For the closed pairs of an
+assembly, row sums of M⁻¹K and M⁻¹C bound its sharpest rate λ = ½ (b + √(b² + 4a)). This is ω₀ for one pair, and 2√(k/m)
+inside a chain of equal balls. For pendula a increases by Ω².
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from granular.laws.kinds import SceneLaws, alike
 from granular.scene import Scene, speed_scale
 
 WARN = 0.2
-"""dt·λ from which results are doubtful."""
+"""dt·λ above which results are doubtful."""
 
 
 def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = True) -> float:
-    """Bound λ in 1/s over all pairs closed to the given overlaps in m (0: not closed).
+    """Bound λ in 1/s over all pairs with the given overlaps in m (0: open).
 
-    `beside` says of every pair whether it and the next one are ever closed together (all are if not given).
+    `beside` states for every pair whether it and the next one are ever closed simultaneously. By default all are.
     """
     overlap = np.array(overlap, np.float64)
     for c, wall in zip((0, -1), scene.heat, strict=True):
@@ -43,14 +44,20 @@ def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = Tru
 
 
 def expected_rate(scene: Scene, laws: SceneLaws) -> float:
-    """Sharpest rate λ in 1/s of any single contact, at the overlaps expected from the scene's speeds."""
+    """Return the sharpest rate λ in 1/s of any single contact.
+
+    Overlaps are estimated from the speeds of the scene.
+    """
     speed = speed_scale(scene)
     depth = laws.column(lambda law: law.overlap_at(speed))
     return sharpest_rate(scene, laws, np.maximum(np.maximum(depth, -scene.gap), 1e-30), False)
 
 
 def _slopes(laws: SceneLaws, overlap: Array) -> Array:
-    """Stiffness in N/m and damping in kg/s of all pairs at their overlaps, shape (2, n-1); 0 of pairs not closed."""
+    """Return stiffness in N/m and damping in kg/s of all pairs at their overlaps.
+
+    The shape is (2, n-1), and open pairs have 0.
+    """
     slope, closed = np.zeros((2, len(overlap))), np.flatnonzero(overlap > 0.0)
     if len(closed):
         of_pair, each = laws.in_pairs
@@ -63,5 +70,5 @@ def _slopes(laws: SceneLaws, overlap: Array) -> Array:
 def _tangent(law: PairLaw, xi: float) -> tuple[float, float]:
     try:
         return law.tangent(xi)
-    except OverflowError:  # an overlap far beyond all that a law is made for
+    except OverflowError:  # an overlap far outside the range of the law
         return math.inf, 0.0

@@ -1,7 +1,7 @@
-"""A long chain on several cores: each steps a part of the windows, and they meet when all have taken their steps.
+"""Parallel steps of a long chain: each core steps a part of the windows.
 
-Windows know nothing of each other until then, so who steps which changes no bit. Machine code runs without the
-interpreter's lock; the loop of the march goes on as it stands.
+Windows are independent until all parts have taken their steps, so the assignment to cores changes no bit. Compiled code
+runs without the interpreter lock. The loop of the march itself is unchanged.
 """
 
 from __future__ import annotations
@@ -15,24 +15,28 @@ from granular._engine.reports import cores
 from granular.md.fixed import march
 
 FEWEST = 20_000
-"""Pairs of a part: it takes ten times as long as to meet."""
+"""Smallest number of pairs per part.
+
+Stepping them takes ten times as long as synchronizing."""
 
 Crew = namedtuple("Crew", "whole parts pool code ended log pair nth")
-"""The work of the chain and those of its parts; threads; kernels; four of the fields of the first."""
+"""Work spaces of the whole chain and of its parts, thread pool and kernels.
+
+The other four fields are fields of the first work space."""
 
 
 def parts(pairs: int) -> int:
-    """Return in how many parts a chain is stepped."""
+    """Return the number of parts in which a chain is stepped."""
     return max(1, min(cores(), pairs // FEWEST))
 
 
 def crew(whole: Any, works: list[Any], code: Any) -> Crew:
-    """Return what `march.march` takes for its work in order to step parts of a chain side by side."""
+    """Return the work space of `march.march` for steps of the parts in parallel."""
     return Crew(whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
 
 
 def take_steps(physics: Any, here: Any, there: Any, work: Crew, *how: Any) -> tuple[int, int]:
-    """Take steps as `march.take_steps` does, all parts at once."""
+    """Take steps as `march.take_steps` does, all parts in parallel."""
     mine, *others = work.parts
     for part in work.parts:
         part.ended[0] = 0
@@ -48,14 +52,14 @@ def take_steps(physics: Any, here: Any, there: Any, work: Crew, *how: Any) -> tu
 
 
 def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: Any, work: Crew) -> None:
-    """Note contacts as `notes.log_contacts` does."""
+    """Log contacts as `notes.log_contacts` does."""
     work.code.log_contacts(first, stop, lo, k, physics, was, now, work.whole)
 
 
 def deepest(xi: Any) -> int:
-    """Return what `march.deepest` does."""
+    """Return the same as `march.deepest`."""
     return int(compiled(march.deepest)(xi))
 
 
 MARCH = {"take_steps": take_steps, "log_contacts": log_contacts, "deepest": deepest}
-"""What stands in `march.march` for its kernels."""
+"""Functions that replace the kernels of the same name in `march.march`."""

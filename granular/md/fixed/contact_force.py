@@ -1,11 +1,11 @@
-"""How a kernel asks for the force of a pair: kernels of one face, which a march is specialised for.
+"""Contact force of a pair in the kernels with a fixed step.
 
-They are called as ``force(physics, lo, j, xi, xi_dot, a)`` for the pair at place `j` of a window that begins at pair
-`lo`, and return the unclipped force, 0 of an open pair. Laws of the form k ξ + γ ξ̇, √ξ (k ξ + γ ξ̇) or that of Tsuji
-become part of the march itself, interpreted and compiled. All others are `asked` as objects where a run is interpreted,
-and `called` as one C function where it is compiled: the law's own method, compiled with a record of its fields in place
-of `self`. It is the same source, hence the same bits. The function has one fixed type whatever the law, so a march that
-takes it is compiled once and cached, and a new law costs only its own few lines.
+All kernels share the signature ``force(physics, lo, j, xi, xi_dot, a)``, where `j` is the index of the pair in a window
+that begins at pair `lo`. They return the unclipped force, and 0 for an open pair. Laws of the form k ξ + γ ξ̇, √ξ (k ξ
++ γ ξ̇) or Tsuji's law are compiled into the march itself. All other laws are called as objects (`asked`) in interpreted
+runs, and as one C function (`called`) in compiled runs. This function is the law's own method, compiled with a record
+of its fields in place of `self`. The source is the same, so results are bitwise identical. The function has one fixed
+type for all laws. The march is therefore compiled once and cached, and a new law costs only its own few lines.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,)), ("failed", 
 PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
 
 Called = namedtuple("Called", "function law pair")
-"""A compiled force, and records of laws and pairs that it takes; where a law raised, the first ξ, ξ̇ and ξ_max of it."""
+"""A compiled force with the records of laws and pairs that it takes.
+
+If a law raised an exception, its record contains the first ξ, ξ̇ and ξ_max at which it did."""
 
 
 @kernel
 def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇)."""
+    """Return k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇)."""
     x = xi if xi > 0.0 else 0.0
     f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot if DAMPED else a.k[j + 1] * x
     if physics.root:
@@ -44,7 +46,7 @@ def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 
 @kernel
 def tsuji(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """k ξ √ξ + γ ξ^(1/4) ξ̇, rounded as the law rounds it."""
+    """Return k ξ √ξ + γ ξ^(1/4) ξ̇, with the same rounding as the law."""
     x = xi if xi > 0.0 else 0.0
     root = math.sqrt(x)
     f = a.k[j + 1] * x * root + a.gamma[j + 1] * math.sqrt(root) * xi_dot
@@ -53,7 +55,10 @@ def tsuji(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 
 @kernel
 def asked(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Force of a law that is an object; what is too large for a number is infinite, as in compiled code."""
+    """Return the force of a law that is an object.
+
+    Overflow gives inf, as in compiled code.
+    """
     if not xi > 0.0 or (HEATED and a.k[j + 1] == 0.0):
         return 0.0
     c = (lo + j) % physics.ring if RING else lo + j
@@ -65,7 +70,7 @@ def asked(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 
 @kernel
 def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Force of a law that is a C function of records; see `Called`."""
+    """Return the force of a law that is a C function of records, see `Called`."""
     if not xi > 0.0 or (HEATED and a.k[j + 1] == 0.0):
         return 0.0
     laws, c = physics.laws, (lo + j) % physics.ring if RING else lo + j
@@ -73,8 +78,10 @@ def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> A
 
 
 def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool, Any] | None:
-    """Return k and γ of all pairs, whether √ξ is a factor, and the kernel that takes them, if all laws are of one such
-    form."""
+    """Return k and γ of all pairs, whether √ξ is a factor, and the kernel for them.
+
+    The result is None unless all laws have one such form.
+    """
     for p, d, force in ((1.0, 0.0, power), (1.5, 0.5, power), (1.5, 0.25, tsuji)):
         if all(law.form and law.form[1] == p and (law.form[3] == d or not law.form[2]) for law in laws.each):
             k, _, gamma, _ = laws.column(lambda law: law.form).T
@@ -83,11 +90,11 @@ def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool, Any] | None:
 
 
 class NotCompilableError(TypeError):
-    """A law that cannot be compiled, with the reason."""
+    """A law cannot be compiled, for the reason in the message."""
 
 
 def records(laws: SceneLaws, pairs: Pairs) -> Called:
-    """What `called` takes of laws and their pairs.
+    """Return the compiled force with records of laws and pairs, for `called`.
 
     Raises
     ------
@@ -112,7 +119,10 @@ def records(laws: SceneLaws, pairs: Pairs) -> Called:
 
 @cache
 def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
-    """The compiled force of laws of some classes, with or without memory; of one type whatever the laws."""
+    """Compile the force of laws of some classes, with or without memory.
+
+    The compiled function has the same type for all laws.
+    """
     numba = load_numba()
     real, law, pair = numba.types.float64, numba.from_dtype(LAW), numba.from_dtype(PAIR)
     signature = real(law, real, real, real, pair)
@@ -121,12 +131,15 @@ def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
     except numba.core.errors.NumbaError as error:
         raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: "
                                  f"{str(error).strip().splitlines()[-1]}") from error
+    # a first-class function: its type depends on the signature only, not on the law
     return numba.types.function_type.CompileResultWAP(force.get_compile_result(signature))
 
 
 def _or_inf(force: Any) -> Any:
-    """Nothing can be raised through a C function: what a law refuses or cannot say is infinite, which ends the run;
-    `ask_again` raises it."""
+    """Return the force function with exceptions converted to inf, which ends the run.
+
+    No exception can pass through a C function. `ask_again` raises it later.
+    """
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
         try:
@@ -140,15 +153,21 @@ def _or_inf(force: Any) -> Any:
 
 
 def ask_again(laws: SceneLaws, compiled: Called) -> None:
-    """Ask laws interpreted what they could not say compiled: they raise their own errors."""
+    """Call laws again, interpreted, where their compiled force failed.
+
+    They then raise their own errors.
+    """
     failed = compiled.law["failed"]
     for c in np.flatnonzero(failed[:, 0]).tolist():
-        with suppress(OverflowError):  # infinite there, too
+        with suppress(OverflowError):  # inf in interpreted runs, too
             laws[c].force(*failed[c].tolist())
 
 
 def _one_of(kinds: tuple[tuple[Any, bool], ...], number: int = 0) -> Any:
-    """Choose by the record's kind: the method of one class, with a tuple of its fields for `self`."""
+    """Return a function that selects the law's method by the kind of its record.
+
+    The method of each class is called with a tuple of its fields as `self`.
+    """
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 

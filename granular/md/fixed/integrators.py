@@ -1,9 +1,9 @@
-"""What a fixed-step integrator is, and one step of each, as kernels that move a window on.
+"""Fixed-step integrators, as kernels that advance a window by one step.
 
-The state is the overlap ξ of each pair and the velocity v of each body; ``overlap rate = v[c] - v[c+1]``. Every step
-leaves in `raw` the (unclipped) contact forces that belong to the new state, which the next step reuses: Verlet, Euler
-and Gear evaluate each force once a step, Runge-Kutta four times. A step ends with the notes of `noted`, and returns the
-flags `CHANGED` (a force or an overlap comes or goes) and `CLOSED` (there is an overlap).
+The state is the overlap ξ of each pair and the velocity v of each body, with ``overlap rate = v[c] - v[c+1]``. Every
+step stores in `raw` the unclipped contact forces of the new state, which the next step reuses. Verlet, Euler and Gear
+evaluate each force once per step, Runge-Kutta four times. A step calls `noted` and returns the flags `CHANGED` (a force
+or an overlap appears or vanishes) and `CLOSED` (an overlap exists).
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ CHANGED, CLOSED = 1, 2
 
 @kernel
 def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
-    """Acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed.
+    """Return the acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g.
 
-    Of a pendulum -Ω² y_i stands in place of -g: `a.square` is Ω² in 1/s², `a.off` y in m.
+    Walls (1/m = 0, no fall) keep their velocity. For a pendulum, -Ω² y_i replaces -g, where `a.square` is Ω² in 1/s²
+    and `a.off` is y in m.
     """
     push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
     if HUNG:
@@ -32,7 +33,7 @@ def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
 
 @kernel
 def noted(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
-    """Note the largest overlap of pair `j` after a step, for a log also peaks; return flags."""
+    """Update the largest overlap of pair `j`, for a log also peaks, and return flags."""
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
     if LOGGED:
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
@@ -43,7 +44,10 @@ def noted(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> i
 
 @kernel
 def beside(m: int, a: Any) -> None:
-    """Note which pairs are closed together with the next one: asked only where that may have changed."""
+    """Update the common overlap of each pair and the next one.
+
+    It is called only after steps in which this can change.
+    """
     for j in range(m):
         both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
         a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
@@ -51,8 +55,12 @@ def beside(m: int, a: Any) -> None:
 
 @kernel
 def share(j: int, half: float, a: Any) -> None:
-    """Note the impulse of pair `j` in a step of twice `half`: beside a neighbour that pushes, for a log all."""
+    """Add the impulse of pair `j` in a step of length 2·`half`.
+
+    It counts as shared if a neighbouring pair exerts a force. For a log the total is kept as well.
+    """
     before, after = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0, a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
+    # trapezoidal rule
     pushed, impulse = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2], half * (before + after)
     a.shared[j + 1] += impulse if pushed > 0.0 else 0.0
     if LOGGED:
@@ -61,7 +69,10 @@ def share(j: int, half: float, a: Any) -> None:
 
 @kernel
 def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
-    """Move pair `j` by the velocities `half` and evaluate the force there, which sees the velocities `guess`."""
+    """Move pair `j` with the velocities `half`, and evaluate its force.
+
+    The force sees the velocities `guess`.
+    """
     was_xi, was = a.xi[j + 1], a.raw[j + 1]
     xi = was_xi + physics.dt * (a.half[j + 1] - a.half[j + 2])
     raw = force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
@@ -73,12 +84,12 @@ def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
 
 @kernel
 def idle(dt: float, m: int, a: Any) -> None:
-    """Nothing is to be made ready."""
+    """Do nothing: no preparation is required."""
 
 
 @kernel
 def half_way(dt: float, m: int, a: Any) -> None:
-    """Begin the first of several Verlet steps."""
+    """Prepare the first of several Verlet steps."""
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.half[i + 1] = a.v[i + 1] + 0.5 * dt * acc
@@ -88,7 +99,7 @@ def half_way(dt: float, m: int, a: Any) -> None:
 
 @kernel
 def kick(i: int, dt: float, a: Any) -> None:
-    """End a Verlet step of ball i, and begin the next."""
+    """Finish a Verlet step of ball i, and start the next one."""
     if HUNG:
         a.off[i + 1] += dt * a.half[i + 1]
     acc, half = ball_acceleration(i, a.raw[i], a.raw[i + 1], a), 0.5 * dt
@@ -100,9 +111,10 @@ def kick(i: int, dt: float, a: Any) -> None:
 
 @kernel
 def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too.
+    """Velocity Verlet. It starts the next step as well.
 
-    The velocities of a step ago are kept only where a contact begins or ends, or walls do work.
+    A rate-dependent force sees the predicted velocity v + a·dt. The velocities one step ago are stored only if a
+    contact begins or ends, or if walls do work.
     """
     if DRIVEN:
         steer(physics, lo, m, a.half, WHOLE, a.guess, END)
@@ -124,7 +136,10 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
 
 @kernel
 def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Symplectic (semi-implicit) Euler: kick with the old force, then drift with the new velocity."""
+    """Symplectic (semi-implicit) Euler.
+
+    It kicks with the old force and drifts with the new velocity.
+    """
     flags, dt = 0, physics.dt
     for i in range(m + 1):
         v = a.v[i + 1] + dt * ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
@@ -147,7 +162,10 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
 
 @kernel
 def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: int, speed: int, a: Any) -> None:
-    """Add the derivatives of a stage of Runge-Kutta, and go on from the start to the next one, `reach` in s away."""
+    """Add the derivatives of a Runge-Kutta stage, and evaluate the next stage.
+
+    The next stage is `reach` seconds after the start of the step.
+    """
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.acc[i + 1] += weight * acc
@@ -198,12 +216,13 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
 
 @kernel
 def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Gear's five-value predictor-corrector for second-order equations, corrector 19/90, 3/4, 1, 1/2, 1/12.
+    """Gear's five-value predictor-corrector for second-order equations.
 
-    The values are ξ, v, a and the next two derivatives of v (`jerk`, `snap`). These two begin at 0: a run that starts
-    in contact converges with order 2, as one does after an onset.
+    The corrector is 19/90, 3/4, 1, 1/2, 1/12. The values are ξ, v, a and the next two derivatives of v (`jerk`,
+    `snap`). The last two start at 0, so a run that starts in contact converges with order 2, as it does after an onset.
     """
     flags, dt, half = 0, physics.dt, 0.5 * physics.dt
+    # Taylor coefficients of the predictor
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
     if DRIVEN:
         steer(physics, lo, m, a.was_v, START, a.v, WHOLE)
@@ -228,12 +247,14 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         miss = acc - a.acc[i + 1]
         a.half[i + 1], a.acc[i + 1] = miss, acc
+        # coefficient c_k of the scaled k-th derivative becomes c_k k!/2 dt^(2-k): 3/4 · dt/2, and so on
         a.v[i + 1] += 0.375 * dt * miss
         a.jerk[i + 1] += 1.5 / dt * miss
         a.snap[i + 1] += 1.0 / (dt * dt) * miss
         if HUNG:
             a.off[i + 1] += 19.0 / 180.0 * dt * dt * miss
     for j in range(m):
+        # 19/90 · dt²/2
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
         flags |= noted(j, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
@@ -249,22 +270,22 @@ class Integrator(NamedTuple):
     Attributes
     ----------
     name : str
-        As `granular.md.simulate` calls it.
+        Name in `granular.md.simulate`.
     step : kernel
-        ``step(physics, lo, m, a)``: move the `m` pairs of a window that begins at pair `lo`, and return flags.
+        ``step(physics, lo, m, a)`` advances the `m` pairs of a window that starts at pair `lo`, and returns flags.
     begin : kernel
-        ``begin(dt, m, a)``: what is to be done before the first of several steps.
+        ``begin(dt, m, a)`` prepares the first of several steps.
     order : float
-        Of its error for smooth forces; Gear's once its derivatives are known.
+        Order of its error for smooth forces. Gear's method reaches it once its derivatives are known.
     evaluations : int
-        Of each force in a step: so many balls far a push goes in it.
+        Evaluations of each force per step, equal to the number of pairs by which a force propagates per step.
     limit : float
-        dt·λ from which results mean nothing (λ: sharpest rate of the contacts). Runge-Kutta grows only from 2√2, but at
-        2 it damps by a quarter a step.
+        dt·λ above which results are meaningless (λ: sharpest rate of the contacts). Runge-Kutta grows only from 2√2,
+        but at 2 it damps by a quarter per step.
     label : str
-        Its full name.
+        Full name.
     derivatives : bool
-        Whether it remembers accelerations and higher derivatives of the velocities.
+        Whether it stores accelerations and higher derivatives of the velocities.
     """
 
     name: str
@@ -286,4 +307,4 @@ INTEGRATORS = {
         Integrator("gear5", gear5, idle, 4.0, 1, 1.05, "Gear, 5 values", derivatives=True),
     )
 }
-"""All of them, by name."""
+"""All integrators by name."""

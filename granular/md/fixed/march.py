@@ -1,11 +1,12 @@
-"""The loop of the fixed-step methods: windows of the chain take some steps each, contacts are noted on the way.
+"""Main loop of the fixed-step methods, with the chain divided into windows.
 
-A push goes one pair far with every evaluation of the forces. So a window with a margin on either side takes its steps
-without asking the rest; what the margins then hold is wrong and is thrown away. A short chain is one window.
+A force propagates by one pair per evaluation of the forces. A window with a margin on either side can therefore take
+several steps independently of the rest of the chain. The values in its margins become invalid and are discarded. A
+short chain is one window.
 
-Two sets of columns take turns: the steps lead from one to the other. If something happens on the way that concerns
-more than a window (all pairs open, the stop condition, a row at rest is hit), these few steps are forgotten, and all
-windows take them one by one. Times are counted in whole steps plus a fraction, so late times cost no digits.
+Two sets of rows alternate: the steps lead from one set to the other. Some events concern more than one window: all
+pairs open, the stop condition is met, or a row of balls at rest is hit. Then these steps are discarded, and all windows
+repeat them one by one. Times are stored as a step number and a fraction, so late times do not lose digits.
 """
 
 from __future__ import annotations
@@ -21,18 +22,20 @@ from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
-"""Why `march` returned: steps used up, every pair open, log buffer full, stop condition, too many hits in a step."""
+"""Why `march` returned.
+
+Steps used up, every pair open, log buffer full, stop condition met, too many hits in a step."""
 REACH = 96
-"""Evaluations of the forces in a window before the next one has its turn."""
+"""Evaluations of the forces per window before the next window is stepped."""
 EVALUATIONS = 1
-"""Of the forces in a step."""
+"""Evaluations of the forces per step."""
 NO_PAIR = -1
-"""For the number of one."""
+"""Pair number that stands for no pair."""
 
 
 @kernel
 def remember(m: int, a: Any) -> None:
-    """Note the largest overlaps of running contacts, which laws with memory ask for."""
+    """Update the largest overlaps of running contacts, for laws with memory."""
     for j in range(m):
         a.top[j + 1] = 0.0 if not a.xi[j + 1] > 0.0 else a.xi[j + 1] if a.xi[j + 1] > a.top[j + 1] else a.top[j + 1]
 
@@ -41,28 +44,28 @@ def remember(m: int, a: Any) -> None:
 def take_steps(
     physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, noting: bool, watched_pair: int
 ) -> tuple[int, int]:
-    """Take up to `reach` steps of the work's windows from `here` to `there`, `noting` their contacts or leaving them as
-    is.
+    """Take up to `reach` steps of the windows of `work`, from `here` to `there`.
 
-    If they are noted, a chain in one window stops when all its pairs are open, and a longer one cannot go on alone if
-    the pair `watched_pair` opens.
+    If `noting`, contacts are counted and logged. A chain in one window then stops when all its pairs are open. A longer
+    chain cannot step its windows independently if the pair `watched_pair` opens.
 
     Returns
     -------
     taken, flags : int
-        Steps taken, none if the windows cannot take them alone; flags of the last of them.
+        Number of steps taken, 0 if the windows cannot take them independently, and the flags of the last step.
     """
+    # + 2: forces act on both balls of a pair, and `beside` reads the next pair
     pairs, margin, taken, flags, a = len(here[XI]) - 2, reach * EVALUATIONS + 2, reach, 0, work.window
     for first in range(work.low, min(work.high, pairs), physics.block):
         stop = min(first + physics.block, pairs)
         lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
         if RING and not alone:
             lo, hi = first - margin, stop + margin
-        m, done, wall_flags = hi - lo, 0, 0  # pairs first … stop-1 are kept, lo … hi-1 are stepped
+        m, done, wall_flags = hi - lo, 0, 0  # keep pairs first … stop-1, step lo … hi-1
         load(lo, m, physics, here, work)
         begin(physics.dt, m, a)
         while done < taken:
-            right = m if hi == pairs else m - done * EVALUATIONS  # what is farther has become wrong
+            right = m if hi == pairs else m - done * EVALUATIONS  # pairs beyond are invalid by now
             if DRIVEN and (lo == 0 or hi == pairs):
                 ahead(physics, k + done)
             if HEATED and (lo == 0 or hi == pairs):
@@ -88,7 +91,7 @@ def take_steps(
             full = physics.logged and work.ended[0] + most_rows(pairs) > len(work.log)
             if alone and noting and (full or not step_flags & CLOSED):
                 taken, flags = done, step_flags
-            if first <= watched_pair < stop and not a.xi[watched_pair - lo + 1] > 0.0:  # or no number
+            if first <= watched_pair < stop and not a.xi[watched_pair - lo + 1] > 0.0:  # or nan
                 return 0, 0
         store(lo, first, stop, work, there)
     return taken, flags
@@ -96,13 +99,13 @@ def take_steps(
 
 @kernel
 def most_rows(pairs: int) -> int:
-    """How many contacts a step may add to the log."""
+    """Return the largest number of log rows that a step can add."""
     return pairs + 2 * MOST if HEATED else pairs
 
 
 @kernel
 def deepest(xi: Any) -> int:
-    """The pair of the largest overlap; one that is open or no number, if all are."""
+    """Return the pair of the largest overlap, or any pair if all are open or nan."""
     best = 1
     for j in range(1, len(xi) - 1):
         best = j if xi[j] > 0.0 and not xi[j] <= xi[best] else best
@@ -113,17 +116,18 @@ def deepest(xi: Any) -> int:
 def march(
     physics: Any, here: Any, there: Any, work: Any, start: int, steps: int, room: int
 ) -> tuple[int, int, bool]:
-    """Take up to `steps` steps from step number `start`, until more than `room` contacts have ended.
+    """Take up to `steps` steps from step number `start`.
 
-    Those that end are counted, and noted in the log if one is kept.
+    The loop stops as well if more than `room` contacts have ended. Finished contacts are counted, and logged if a log
+    is kept.
 
     Returns
     -------
     why, k : int
-        One of `DONE`, `FLIGHT`, `FULL`, `UNTIL`, `CROWDED`; the step number reached. After `UNTIL` the contact begins
-        between step k and step k + 1.
+        One of `DONE`, `FLIGHT`, `FULL`, `UNTIL`, `CROWDED`, and the step number reached. After `UNTIL` the contact
+        begins between step k and step k + 1.
     turned : bool
-        Whether the state at step k is `there`. After `UNTIL` the other one is that at step k + 1.
+        Whether `there` contains the state at step k. After `UNTIL` the other set contains the state at step k + 1.
     """
     pairs, k, turned, single_steps, until, deep = len(here[XI]) - 2, start, False, 0, work.pair + 1, deepest(here[XI])
     alone, ended = pairs <= physics.block, work.ended
@@ -131,8 +135,9 @@ def march(
     while k < start + steps:
         if ended[0] > room or (physics.logged and ended[0] + most_rows(pairs) > len(work.log)):
             return FULL, k, turned
-        # nobody waits for a lone window
+        # a single window has no margins, so it can take more steps per call
         reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
+        # one overlapping pair is enough to prove that the scene is not open
         deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
         before, taken, flags, walking = ended[0], 0, 0, single_steps > 0
         if walking or alone or here[XI][deep + 1] > 0.0:
@@ -148,7 +153,7 @@ def march(
             flags = CLOSED if there[XI][deepest(there[XI]) + 1] > 0.0 else 0
             single_steps -= 1
         elif taken == 0 or ended[0] > room:
-            # forget these steps; take them one by one
+            # discard these steps and repeat them one by one, where all windows see each other
             ended[0], single_steps, deep = before, reach, deepest(here[XI])
             continue
         here, there, turned, k = there, here, not turned, k + taken

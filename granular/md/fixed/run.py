@@ -1,6 +1,6 @@
-"""A run with a fixed time step, as DEM codes do it: steps while pairs are closed, a jump while all are open.
+"""One run with a fixed time step: steps while pairs are closed, else a flight.
 
-In the end it says honestly how far the step could be trusted.
+At its end the run reports whether the time step was short enough to be trusted.
 """
 
 from __future__ import annotations
@@ -33,15 +33,17 @@ from granular.scene import Scene, positions
 from granular.scene.places import Closing
 
 CHUNK = 1 << 15
-"""Steps of a pair up to the first look at the clock (progress, switch to compiled code)."""
+"""Number of pair steps before the clock is checked for the first time.
+
+The checks serve progress reports and the switch to compiled code."""
 LOADING, MAKING = 0.4, 3.0
-"""Seconds that it takes to load the machine code, and to make it."""
+"""Time in s to load cached machine code, and to compile it."""
 MOST_STEPS = 1 << 53
-"""Number of the last step: that of the next one would be no float."""
+"""Largest step number. The next one has no exact float."""
 
 
 class Run:
-    """One run under way, `k` steps after its start; its free flights are no `steps`."""
+    """State of one run, `k` steps after its start. Free flights are not `steps`."""
 
     in_order = False
     adds_up = True
@@ -56,10 +58,10 @@ class Run:
         self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled",
                                self.start)
         self.k = self.steps = self.flights = self.contacts = 0
-        self.met = math.inf  # s, when the level is passed at which to stop
-        self.halted = False  # between two steps, at the onset of the contact at which to stop
-        self.crowded = False  # a ball would meet a thermal wall too often in a step
-        self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
+        self.met = math.inf  # s, time at which the stop level is passed
+        self.halted = False  # between two steps, at the onset of the contact to stop at
+        self.crowded = False  # a ball would hit a thermal wall too often in one step
+        self.take_off: tuple[int, Any] | None = None  # step and state at the start of the flight that ends here
         self.note = self.doubt = ""
         self.chunk = max(1, CHUNK // scene.n_pairs)
         if engine == "auto":
@@ -68,21 +70,21 @@ class Run:
             self.closing = Closing(scene, self.start, flattened=True)
 
     def time(self) -> float:
-        """Time in s of the present step."""
+        """Return the time in s of the current step."""
         return self.start + self.k * self.dt
 
     def progress(self) -> tuple[float, int]:
-        """Return time in s and number of contacts so far."""
+        """Return the time in s and the number of contacts so far."""
         return self.time(), self.contacts
 
     def row(self, time: float) -> Row:
-        """Return the scene at most one step ahead: one shorter step on a copy.
+        """Return the scene at `time`, at most one step ahead, by a shorter step on a copy.
 
-        A time that lies behind, in the free flight just made, is read off that flight.
+        An earlier time within the flight just completed is evaluated on that flight.
         """
         behind = self.take_off if time < self.time() else None
         k, flying = behind or (self.k, None)
-        ahead = max(0.0, time - (self.start + k * self.dt))  # k dt may be a rounding beyond
+        ahead = max(0.0, time - (self.start + k * self.dt))  # rounding can put k dt after `time`
         state = self.stepper.after(k, ahead) if flying is None else self.stepper.glide(copied(flying), k, ahead)
         return self._row(time, state, state if flying is None else self.stepper.here)
 
@@ -93,7 +95,7 @@ class Run:
                    ledger=ledger)
 
     def to(self, time: float, last: bool) -> Pause:
-        """Take the steps up to `time`, of a chunk, or to an event worth a look."""
+        """Take steps up to `time`, to the end of a chunk, or to a final event."""
         if self.k == 0 and self._halts_at_start():
             return Pause.until
         if self.k == 0:
@@ -111,19 +113,22 @@ class Run:
         return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
 
     def _steps(self, span: float) -> float:
-        """Number of whole steps in a time in s."""
+        """Return the number of whole steps in a time span in s."""
         steps = span / self.dt
         if span < steps == math.inf:
             raise self._beyond(steps)
         return math.floor(steps) if steps < math.inf else steps
 
     def _beyond(self, step: float) -> ValueError:
-        """What is said of a step so short that a number of steps is no exact float."""
+        """Return the error for a step number that has no exact float."""
         return ValueError(f"dt is {self.dt:g}: step {step:.3g} is more than can be counted; take a longer step, or the "
                           "method 'located'.")
 
     def _halts_at_start(self) -> bool:
-        """Whether the very contact at which to stop is there from the start; then it does not act."""
+        """Return whether the contact to stop at exists at the start.
+
+        If so, its force is set to 0, because the contact must not act.
+        """
         here, j = self.stepper.here, self.pair + 1
         if j == 0 or here[COUNT][j] < self.nth:
             return False
@@ -131,13 +136,13 @@ class Run:
         return True
 
     def _advance(self, limit: float) -> Pause:
-        """Fly, then take steps until step number `limit`."""
+        """Complete a free flight, then take steps until step number `limit`."""
         stepper = self.stepper
         if not (stepper.pairs(XI) > 0.0).any():
             if isinstance(self.request.until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
-                if self.take_off is None:  # one flight to a march, however often it is looked at
+                if self.take_off is None:  # at most one flight per march
                     if self._fly():
                         return Pause.quiet
                     self.met = self._meets()
@@ -147,6 +152,7 @@ class Run:
             raise self._beyond(self.k)
         if self.engine == "auto":
             self._compile_if_worth_it()
+        # 1 << 60 keeps an infinite `max_events` within the integers of the kernel
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
         most = 1 if self.request.singly else self.chunk
         begun, steps = process_time(), int(min(most, limit - self.k, self.request.max_steps - self.steps))
@@ -164,19 +170,25 @@ class Run:
         return Pause.full
 
     def _meets(self) -> float:
-        """When a level is passed in s, in the flight that ends here or else at this step; inf if it is not."""
+        """Return the time in s at which a level is passed, or inf.
+
+        The flight that ends at the current step is searched, or else the step itself.
+        """
         level, first = self.request.until, self.k if self.take_off is None else self.take_off[0]
         if not isinstance(level, stop.LEVELS):
             return math.inf
         return first_met(partial(shown, self, level), level, self.scene, self.start + first * self.dt, self.time())
 
     def _last_part(self, end: float) -> Pause:
-        """Count the hits of thermal walls in the part of a step that is left to the end."""
+        """Count the hits of thermal walls in the partial step before the end."""
         halts = self.stepper.hit_within(self.k, max(0.0, end - self.time()))
         return Pause.until if self._counted(halts) else Pause.reached
 
     def _counted(self, halts: bool) -> bool:
-        """Count the contacts that ended; return whether the run halts at the onset of one, before which they did."""
+        """Count the finished contacts, and return whether the run halts at an onset.
+
+        If it does, the counted contacts ended before that onset.
+        """
         self.halted = halts
         if halts and self.stepper.heaters:
             self._forget_later_hits()
@@ -184,33 +196,38 @@ class Run:
         return halts
 
     def _forget_later_hits(self) -> None:
-        """Take thermal walls' hits in the rest of a step that is not taken to its end out of the log."""
+        """Remove later hits of thermal walls in the current step from the log.
+
+        A hit is later if it follows the onset to stop at.
+        """
         log, ended, part = self.stepper.work.log, self.stepper.work.ended, self._part()
         late = [log[i]["step_out"] == self.k and log[i]["part_out"] > part for i in range(ended[0])]
+        # a stable sort keeps the order of the remaining rows
         order = sorted(range(ended[0]), key=late.__getitem__)
         log[: ended[0]] = [log[i] for i in order] if isinstance(log, list) else log[order]
         ended[0] -= sum(late)
 
     def _part(self) -> float:
-        """Part of a step at which the contact begins at whose onset to stop."""
+        """Return the fraction of the step at which the contact to stop at begins."""
         old, new, j = self.stepper.here, self.stepper.there, self.pair + 1
         return float(new[PART][j] if self._at_thermal_wall() else part_of_step(j, old[XI][j], old, new))
 
     def _at_thermal_wall(self) -> bool:
-        """Whether the pair at whose contact to stop is that of a thermal wall."""
+        """Return whether the contact to stop at belongs to a thermal wall."""
         return any(wall.pair == self.pair for wall in self.stepper.heaters)
 
     def _fly(self) -> bool:
-        """Jump whole steps while nothing touches; true if nothing ever will and no end is set.
+        """Advance by whole steps while all pairs are open.
 
-        A flight goes on to the next touch or to the end of the run: samples do not cut it, so they change no bit.
+        Return whether no touch follows and no end time is set. A flight extends to the next touch or to the end of the
+        run. Samples do not interrupt it, so they do not change any bit of the result.
         """
         span, stepper = self.request.end - self.start, self.stepper
         last = self._steps(span)
         touch = stepper.time_to_touch(self.k, span - self.k * self.dt)
         if touch == last == math.inf:
             return True
-        jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
+        jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is nan
         if jump == math.inf:
             raise self._beyond(jump)
         if jump > 0.0:
@@ -232,7 +249,7 @@ class Run:
             self.note = str(reason)
 
     def rows(self) -> list[Rows]:
-        """Hand over the contacts that ended since the last call."""
+        """Return the contacts that ended since the last call."""
         work = self.stepper.work
         ended, work.ended[0] = work.ended[0], 0
         if ended == 0 or not self.request.rows:
@@ -241,7 +258,7 @@ class Run:
         return [self._settled(log[np.lexsort((log["pair"], log["step_out"]))])]
 
     def _settled(self, raw: Rows) -> Rows:
-        """Steps become times."""
+        """Convert step numbers and fractions to times."""
         rows = np.zeros(len(raw), CONTACT_ROW)
         for name in ("pair", *(name for name, _ in COLUMNS)):
             rows[name] = raw[name]
@@ -251,7 +268,7 @@ class Run:
         return rows
 
     def _running(self, end: float) -> Rows | None:
-        """Return the contacts that go on at the end."""
+        """Return the contacts that are not finished at the end."""
         going = np.flatnonzero(self.stepper.pairs(RAW) > 0.0)
         if not self.request.rows or len(going) == 0:
             return None
@@ -265,7 +282,7 @@ class Run:
         return rows
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
+        """Return how the run ended: at its end time, before an onset, or at its step."""
         if self.engine == "auto":
             self.toll.lap()
         at = self.request.end if pause is Pause.reached else min(self.met, self.time())
@@ -287,7 +304,7 @@ class Run:
         return End(row if row.time > seen else None, status, message, stats, {}, self._running(row.time))
 
     def _onset(self) -> Row:
-        """Return the scene between two steps, at the onset of the contact at which to stop."""
+        """Return the scene between two steps, at the onset of the contact to stop at."""
         old, new, part = self.stepper.here, self.stepper.there, self._part()
         if self._at_thermal_wall():
             state = self.stepper.after(self.k, part * self.dt)
@@ -299,20 +316,24 @@ class Run:
 
     @np.errstate(all="ignore")
     def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
-        """Status, message and dt·λ of the contacts that took place; also a doubt if the step was too long."""
+        """Return status, message and dt·λ of the contacts that took place.
+
+        If the step was too long, `doubt` is set as well.
+        """
         scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
         trust = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE)) if pairs(DEEPEST).any() else 0.0
-        if trust == 0.0 and self.steps and self._deflected():  # contacts shorter than a step leave no overlap behind
+        if trust == 0.0 and self.steps and self._deflected():  # contacts shorter than a step leave no overlap
             trust = dt * expected_rate(scene, laws)
         gain = self._energy_gain() if self.steps else 0.0
         limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
         if self.crowded:
             return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "
                             "step: take a shorter one."), trust
+        # an energy gain of 50 % cannot be truncation error of a stable step
         if trust > (most := self.integrator.limit) or status is Status.unstable or gain > 0.5:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
             grown = f" and the energy grew {fold}" * (gain > 0.5)
-            known = 0.0 < trust < math.inf  # else the law jumps, or is flat, where it was last
+            known = 0.0 < trust < math.inf  # otherwise the force jumps or is constant at its last overlap
             shorter = f"take dt ≤ {WARN * dt / trust:.2g} s" if trust > WARN else "a law's force jumps, or is no number"
             return Status.unstable, (
                 f"{limit}, the limit is {most:g}{grown}: {shorter}." if known else
@@ -326,7 +347,10 @@ class Run:
         return status, f"{status.value} at t = {end:.6g} s.", trust
 
     def _deflected(self) -> bool:
-        """Whether any ball moves otherwise than it would have fallen or swung freely; not told where walls heat."""
+        """Return whether any ball deviates from free fall or free swing.
+
+        Scenes with thermal walls always return False.
+        """
         scene, balls = self.scene, ~self.scene.is_wall
         if scene.heated:
             return False
@@ -334,8 +358,10 @@ class Run:
         return not bool((np.abs(v - free) <= 1e-9 * float(np.abs(free).max())).all())
 
     def _energy_gain(self) -> float:
-        """Growth of kinetic energy beyond what gravity, forces and swing gave, relative to the largest supply; 0 with
-        walls that move or heat."""
+        """Return the unexplained growth of kinetic energy, relative to the largest supply.
+
+        Work of gravity, forces and pendula is explained. With walls that move or heat the result is 0.
+        """
         scene, balls = self.scene, ~self.scene.is_wall
         if scene.fed:
             return 0.0

@@ -1,6 +1,6 @@
-"""A scene under a fixed time step, in rows for the kernels: interpreted at first, perhaps compiled later.
+"""A scene under a fixed time step, as rows for interpreted or compiled kernels.
 
-It steps while pairs are closed; while all are open, the balls fly analytically.
+Steps are taken while pairs are closed. While all pairs are open, the balls fly analytically.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ from granular.md.fixed.window import ROWS, WINDOW, XI, Physics, V, Work
 from granular.scene import Scene
 
 SWUNG = 1e-11
-"""Part of the speed up to which pendula swing as they would freely: Gear's derivatives follow a little behind."""
+"""Relative velocity change up to which pendula count as swinging freely.
+
+Gear's derivatives lag slightly behind a free swing."""
 Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swing time_to_touch_hung")
-"""The kernels of a run, as they stand or compiled."""
+"""The kernels of a run, interpreted or compiled."""
 
 
 @cache
 def kernels(how: Integrator, force: Any, logged: bool, damped: bool, flags: tuple[tuple[str, bool], ...]) -> Code:
-    """Return the kernels of an integrator and a force, specialised for the flags of a scene."""
+    """Return the kernels of an integrator and a force, specialised for scene flags."""
     fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force,
                            "LOGGED": logged, "DAMPED": damped, **dict(flags)}
     return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **dict(flags)),
@@ -40,24 +42,24 @@ def kernels(how: Integrator, force: Any, logged: bool, damped: bool, flags: tupl
 
 
 class Stepper:
-    """The rows of one run, and its motion.
+    """Rows of one run, and its motion.
 
     Parameters
     ----------
     scene, laws : Scene, SceneLaws
-        What moves.
+        Scene that moves, and its force laws.
     integrator : Integrator
-        How it steps.
+        Method of the steps.
     dt : float
         Time step in s.
     until : tuple of int
-        At the onset of which contact of which pair to stop; pair -1 for none.
+        Pair and number of the contact at whose onset to stop. Pair -1 for none.
     logged : bool
-        Whether contacts are noted, not only counted.
+        Whether contacts are logged, not only counted.
     at_once : bool
-        Whether all of the run is compiled.
+        Whether the whole run is compiled.
     start : float
-        Time in s of the scene's instant.
+        Time in s of the initial state of the scene.
     """
 
     def __init__(
@@ -66,7 +68,7 @@ class Stepper:
     ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
         self.crew: abreast.Crew | None = None
-        self.flags = {name: holds for name, holds in scene._flags.items() if name != "FORCED"}  # which no kernel reads
+        self.flags = {name: holds for name, holds in scene._flags.items() if name != "FORCED"}  # no kernel reads it
         p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         form = contact_force.coefficients(laws)
@@ -81,6 +83,7 @@ class Stepper:
         self.physics = Physics(asked, held(given), form is not None and form[2], dt, logged, memory, p, self.walls or 0,
                                p * scene.ring, self.heaters or 0)
         rows = [[0.0] * (2 if at_once else p + 2) for _ in ROWS]
+        # a step adds at most one row per pair and `MOST` per thermal wall, so the log never overflows within one step
         room, row = max(64, 4 * p) + 4 * MOST * scene.heated if logged else 0, twin(STEP_ROW)
         log: Any = np.zeros(room, STEP_ROW) if at_once else list(map(object.__new__, repeat(row, room)))
         self.work = Work(twin(WINDOW)(*rows), rows, rows[window.WAS :], rows[window.GIVEN :], [0], log, *until)
@@ -90,7 +93,7 @@ class Stepper:
             self.compile()
 
     def _state(self, start: float, logged: bool, memory: bool) -> Array:
-        """Rows of what changes, up to the last one that the run needs."""
+        """Return the rows of variables, up to the last one that the run needs."""
         scene, hung = self.scene, self.rest is not None
         needed = {window.SHARED: True, window.TOUCHED: logged, window.TOP: memory, window.OFF: hung,
                   window.SNAP: self.integrator.derivatives, window.HEAT_LOW: self.walls is not None}
@@ -104,7 +107,7 @@ class Stepper:
         return state
 
     def _given(self, form: tuple[Any, Any, bool, Any] | None) -> Array:
-        """Rows of what does not change; a thermal wall has no stiffness."""
+        """Return the rows of constants. A thermal wall has stiffness 0."""
         scene = self.scene
         given = np.zeros((1 + window.SQUARE, scene.n_pairs + 2))
         given[window.K, 1:-1], given[window.GAMMA, 1:-1], *_ = form or (1.0 * scene.heated, 0.0)
@@ -115,11 +118,14 @@ class Stepper:
         return given
 
     def _around(self, of_balls: Array) -> Array:
-        """What rows hold of one number of every ball: on a ring the first once more behind the last."""
+        """Return a row of one number per ball.
+
+        On a ring the first number is repeated behind the last.
+        """
         return np.append(of_balls, of_balls[:1]) if self.scene.ring else of_balls
 
     def _push(self) -> None:
-        """Let pairs that overlap push."""
+        """Initialise the forces of pairs that overlap."""
         physics, x, a = self.physics, self.here, self.work.window
         xi, raw, v = x[XI], x[window.RAW], x[V]
         for c in np.flatnonzero(self.scene.gap < 0.0).tolist():
@@ -127,6 +133,7 @@ class Stepper:
             raw[c + 1] = self.force(physics, c, 0, float(xi[c + 1]), float(v[c + 1] - v[c + 2]), a)
             if physics.logged:
                 log_contacts(c, c + 1, 0, 0, physics, self.there, x, self.work)
+                # no time has passed since the onset at the start of the run
                 x[window.IMPULSE][c + 1] = 0.0
         if self.integrator.derivatives:
             pushed = np.fmax(0.0, raw)
@@ -140,17 +147,19 @@ class Stepper:
         return kernels(self.integrator, force, self.physics.logged, damped, tuple(self.flags.items()))
 
     def _fall(self) -> Array:
-        """Acceleration of every ball without contacts in m/s²."""
+        """Return the acceleration of every ball without contacts in m/s²."""
         fall, square = (np.asarray(self.physics.given[row])[1:] for row in (window.FALL, window.SQUARE))
         return fall if self.rest is None else fall - square * np.asarray(self.here[window.OFF])[1:]
 
     @cached_property
     def fit(self) -> Code:
-        """What is compiled: kernels for the step and the force of the run."""
+        """Kernels to compile: those for the step and the force of the run."""
         return self._kernels(contact_force.called) if self.force is contact_force.asked else self.code
 
     def compile(self) -> None:
-        """Go on with compiled code from the present state: same source, same bits.
+        """Continue with compiled code from the current state.
+
+        The source is the same, so the results are bitwise identical.
 
         Raises
         ------
@@ -158,7 +167,7 @@ class Stepper:
             If numba is missing or a law does not compile.
         """
         laws = 0 if self.force is not contact_force.asked else contact_force.records(self.laws, self.scene.pairs)
-        self.code = Code(*map(compiled, self.fit))  # what may fail: before anything changes
+        self.code = Code(*map(compiled, self.fit))  # can fail, so it precedes all changes of the state
         walls = 0 if self.walls is None else packed_walls(self.walls)
         heat = packed(self.heaters, HEATER) if self.heaters else 0
         self.physics = self.physics._replace(laws=laws, given=np.array(self.physics.given), block=self._block(),
@@ -173,14 +182,14 @@ class Stepper:
             self._spread(self.parts)
 
     def _packed(self, work: Work, log: Any, **more: int) -> Work:
-        """What is worked with in compiled code, with a window of its own."""
+        """Return the work space of compiled code, with its own window."""
         record = np.zeros(1, WINDOW)
         rows = record.view(float).reshape(len(ROWS), window.LENGTH)
         return work._replace(window=one(record), rows=rows, was=rows[window.WAS :], given=rows[window.GIVEN :],
                              ended=np.array(work.ended), log=log, **more)
 
     def _spread(self, parts: int) -> None:
-        """Let the windows be stepped in so many parts at once."""
+        """Split the chain into `parts` groups of windows, each stepped by its own thread."""
         pairs, block = self.scene.n_pairs, self.physics.block
         ends = [-(-pairs * i // (parts * block)) * block for i in range(parts + 1)]
         works = [self._packed(self.work, np.zeros(pairs // parts * self.physics.logged, STEP_ROW), low=low, high=high)
@@ -189,20 +198,24 @@ class Stepper:
         self.code = self.code._replace(march=fitted(self.fit.march, **abreast.MARCH))
 
     def _block(self) -> int:
-        """How many pairs a window stands for, beside its margins."""
+        """Return the number of pairs that a window represents, without its margins."""
         pairs, most = self.scene.n_pairs, window.LENGTH - 2
+        # windows of nearly equal size whose two margins of REACH + 2 pairs fit beside them
         return pairs if pairs <= most else -(-pairs // -(-pairs // (most - 2 * (march.REACH + 2))))
 
     def pairs(self, row: int) -> Array:
-        """One number of every pair."""
+        """Return one number of every pair."""
         return np.asarray(self.here[row])[1:-1]
 
     def balls(self, row: int = V) -> Array:
-        """One number of every ball, its velocity if nothing else is asked for."""
+        """Return one number of every ball, by default its velocity."""
         return np.asarray(self.here[row])[1 : self.scene.n + 1]
 
     def march(self, k: int, steps: int, room: int) -> tuple[int, int]:
-        """Take up to `steps` steps from step number `k`; see `granular.md.fixed.march.march`."""
+        """Take up to `steps` steps from step number `k`.
+
+        See `granular.md.fixed.march.march`.
+        """
         work = self.crew or self.work
         why, k, turned = self.code.march(self.physics, self.here, self.there, work, k, steps, room)
         if turned:
@@ -210,11 +223,14 @@ class Stepper:
         return why, int(k)
 
     def clock(self, k: int) -> tuple[float, float]:
-        """Time in s at step `k` in two floats."""
+        """Return the time in s at step `k` in two floats."""
         return (0.0, 0.0) if self.walls is None else clock(self.walls, float(k), self.physics.dt)
 
     def time_to_touch(self, k: int, within: float) -> float:
-        """Time in s from step `k` until something touches, beside driven walls at least up to `within`."""
+        """Return the time in s from step `k` until the next touch.
+
+        At driven walls the search covers at least the time `within`.
+        """
         if self.rest is not None:
             return float(self.code.time_to_touch_hung(self.here, self.scene.pendulum, self.rest))
         if self.walls is None:
@@ -225,7 +241,7 @@ class Stepper:
         return min(free, next_touch(self.walls, *self.clock(k), self.here, self.pull, within))
 
     def glide(self, x: Any, k: int, dt: float) -> Any:
-        """Let the open scene in rows `x`, of step `k`, fly for a time `dt` in s."""
+        """Advance the open scene in rows `x`, of step `k`, by a time `dt` in s."""
         if self.rest is not None:
             self.code.swing(x, self.scene.pendulum, self.rest, dt)
             return x
@@ -236,8 +252,11 @@ class Stepper:
         return x
 
     def hit_within(self, k: int, dt: float) -> bool:
-        """Log the hits of thermal walls within a time `dt` in s, shorter than a step, after step `k`, the present one;
-        return whether the one at which to stop would come. The run stays there."""
+        """Log the hits of thermal walls within a time `dt` in s after step `k`.
+
+        `dt` is shorter than a step, and `k` is the current step. Return whether the hit to stop at would occur. The run
+        stays at step `k`.
+        """
         work, part = self.work, dt / self.physics.dt
         work.ended[0] = 0
         halt = bool(self._part_of_step(k, dt, self.physics.logged) & HALT)
@@ -248,14 +267,17 @@ class Stepper:
         return halt
 
     def after(self, k: int, dt: float) -> Any:
-        """The rows a time `dt` in s after step `k`, the present one; the run stays there."""
+        """Return the rows a time `dt` in s after the current step `k`.
+
+        The run stays at step `k`.
+        """
         ended = self.work.ended[0]
         self._part_of_step(k, dt, False)
-        self.work.ended[0] = ended  # hits of thermal walls are counted where they are to stay
+        self.work.ended[0] = ended  # hits of thermal walls in this partial step are not counted
         return self.there if dt > 0.0 else self.here
 
     def _part_of_step(self, k: int, dt: float, logged: bool) -> int:
-        """Write the rows a time `dt` in s after step `k` there; return flags."""
+        """Compute the rows a time `dt` in s after step `k` in `there`, and return flags."""
         if not dt > 0.0:
             return 0
         physics = self.physics._replace(dt=dt, logged=logged)
@@ -265,9 +287,10 @@ class Stepper:
         return int(self.code.take_steps(physics, self.here, self.there, self.work, 0, 1, False, march.NO_PAIR)[1])
 
     def account(self, x: Any, xi: Array) -> Array:
-        """What is kept of the energy in rows `x` in J where walls are driven or heat, see `granular.run.drive.Row`.
+        """Return the energy account in J of rows `x`, see `granular.run.drive.Row`.
 
-        What laws with memory dissipate is known while all pairs are open: not, by the overlaps `xi`, if one is not.
+        It exists with driven or thermal walls. The dissipation of laws with memory is known only while all pairs are
+        open. It is nan if an overlap in `xi` is positive.
         """
         work, heat, lost = (np.asarray(x[row]) + np.asarray(x[row + 1])
                             for row in (window.WORK, window.HEAT, window.LOST))
@@ -275,15 +298,16 @@ class Stepper:
         return np.array([work[1], work[-1], heat[1], heat[-1], lost])
 
     def settled(self) -> bool:
-        """Whether the higher derivatives that Gear's method remembers no longer change any velocity."""
+        """Return whether Gear's stored derivatives no longer change any velocity."""
         if not self.integrator.derivatives:
             return True
         dt, n = self.physics.dt, self.scene.n
+        # 1e-17 of the largest velocity is below its rounding error
         still = (1e-17 if self.rest is None else SWUNG) * np.abs(self.balls()).max()
         kept = dt * np.abs(self.balls(window.ACC) - self._fall()[:n]) <= still
         jerk = self.balls(window.JERK) + self.scene.pendulum**2 * self.balls()
         return bool(kept.all() and (dt * dt * np.abs(jerk) <= still).all())
 
     def receding(self) -> bool:
-        """Whether no pair approaches."""
+        """Return whether no pair approaches."""
         return bool(np.less_equal(*self.scene.sides(self.balls())).all())

@@ -1,15 +1,15 @@
-"""Walls under a fixed time step: along a path, with the account of the energy beside them, and thermal ones.
+"""Driven and thermal walls under a fixed time step, with their energy account.
 
-In a step a wall drifts by the difference of two places on its path, and forces see the velocity of the path: nothing is
-integrated, so each integrator keeps its order. Time is counted in steps from the start, in two floats.
+In a step a driven wall moves by the difference of two positions on its path, and forces see the velocity of the path.
+Nothing is integrated, so each integrator keeps its order. Time is counted in steps from the start, in two floats.
 
-Work of a wall, ∫ F x_w' dt, and what a pair dissipates, ∫ (F - F_el) ξ̇ dt with the elastic part F_el = F(ξ, ξ̇ = 0), are
-summed step by step by Simpson's rule, whose middle is on the cubic through both ends.
+The work of a wall is ∫ F x_w' dt. The energy dissipated by a pair is ∫ (F - F_el) ξ̇ dt, with the elastic part F_el =
+F(ξ, ξ̇ = 0). Both are summed per step by Simpson's rule, with the midpoint on the cubic through both ends.
 
-A ball that would meet a thermal wall within a step does so on the parabola of its present velocity and acceleration: at
-its root the wall gives it a new speed, and the step begins on the parabola that it leaves on, traced back to the step's
-start. So a hit has no error of the step where nothing else touches the ball; next to a contact it has order 2, and 1
-where a damped force jumps with the speed. Hits of a step follow one another so in the order of their times.
+A ball that would hit a thermal wall within a step does so on the parabola of its current velocity and acceleration. At
+the root the wall gives it a new speed. The step then starts on the new parabola, traced back to the start of the step.
+A hit therefore has no step error if nothing else touches the ball. Beside a contact it has order 2, and order 1 where a
+damped force jumps with the velocity. Several hits in a step are processed in the order of their times.
 """
 
 from __future__ import annotations
@@ -34,18 +34,27 @@ from granular.scene.walls.path import PANEL, WALL, moved, product, total
 from granular.scene.walls.thermal import drawn
 
 Walls = namedtuple("Walls", "paths panels bodies last time tail drive")
-"""Records of the driven walls and of their panels, and the bodies they are; the last body; the time in s from which
-steps are counted, in two floats; velocities of both ends in the step, (2, 6)."""
+"""Walls as kernels read them.
+
+Records of the driven walls and of their panels, the bodies that they are, and the last body. Time in s from which steps
+are counted, in two floats. Velocities of both ends in the step, (2, 6)."""
 HIT, HALT, CROWD = 4, 8, 16
-"""Flags: a ball has left a thermal wall anew; the hit at which to stop would come; more than `MOST` hits in it."""
+"""Flags of a step with thermal walls.
+
+A ball has left a thermal wall. The hit to stop at would occur. There are more than `MOST` hits in the step."""
 MOST = 64
-"""Hits in a step."""
+"""Largest number of hits per step."""
 HEATER = np.dtype([("pair", int), ("side", int), ("temperature", float), ("seed", int), ("mass", float)], align=True)
-"""A thermal wall: its pair; 0 of a floor, 1 of a ceiling; k_B T in J, seed; mass in kg of its ball."""
+"""A thermal wall.
+
+Its pair, side (0: floor, 1: ceiling), k_B T in J, seed, and mass in kg of its ball."""
 
 
 def walls_of(scene: Scene, start: float) -> Walls:
-    """Return what kernels read of the walls of a scene that moves from `start` (s) on; plain objects and lists."""
+    """Return the walls of a scene as plain objects and lists.
+
+    `start` is the time in s at which the scene starts.
+    """
     driven = driven_walls(scene, start)
     bodies = [body for body, _, _ in driven]
     paths, panels = ([record for each in driven for record in plain(each[i])] for i in (1, 2))
@@ -54,14 +63,14 @@ def walls_of(scene: Scene, start: float) -> Walls:
 
 
 def packed_walls(walls: Walls) -> Walls:
-    """Return the same for compiled code."""
+    """Return the walls for compiled code."""
     return walls._replace(paths=packed(walls.paths, WALL), panels=packed(walls.panels, PANEL),
                           bodies=np.array(walls.bodies, np.int64), drive=np.array(walls.drive))
 
 
 @kernel
 def clock(walls: Any, k: float, dt: float) -> tuple[float, float]:
-    """Return the time in s, in two floats, k steps of `dt` after that from which steps are counted."""
+    """Return the time in s, in two floats, after k steps of `dt`."""
     p, low = product(k, dt)
     t, rest = total(walls.time, p)
     return t, rest + (low + walls.tail)
@@ -69,7 +78,7 @@ def clock(walls: Any, k: float, dt: float) -> tuple[float, float]:
 
 @kernel
 def ahead(physics: Any, k: int) -> None:
-    """Note how driven walls move in step k."""
+    """Compute the motion of driven walls in step k."""
     walls, dt = physics.walls, physics.dt
     for i in range(len(walls.bodies)):
         wall, row = walls.paths[i], walls.drive[0 if walls.bodies[i] == 0 else 1]
@@ -78,6 +87,7 @@ def ahead(physics: Any, k: int) -> None:
         x2, v2, _ = on_path(walls, i, k + 1.0, dt)
         row[HALF] = wall.velocity + wall.side * ((x1 - x0) / (0.5 * dt))
         row[WHOLE] = wall.velocity + wall.side * ((x2 - x0) / dt)
+        # Runge-Kutta sums (1 + 2) HALF + 2 WHOLE + LAST, which has to be 6 WHOLE
         row[LAST] = 4.0 * row[WHOLE] - 3.0 * row[HALF]
         row[START], row[MIDDLE] = wall.velocity + wall.side * v0, wall.velocity + wall.side * v1
         row[END] = wall.velocity + wall.side * v2
@@ -85,16 +95,20 @@ def ahead(physics: Any, k: int) -> None:
 
 @kernel
 def on_path(walls: Any, i: int, k: float, dt: float) -> tuple[float, float, float]:
-    """Return the motion of the i-th driven wall towards the balls, its rate and acceleration, at k steps."""
+    """Return the motion of the i-th driven wall towards the balls after k steps.
+
+    Position, rate and acceleration are returned.
+    """
     t, tail = clock(walls, k, dt)
     return moved(walls.paths[i], walls.panels, t, tail)
 
 
 @kernel
 def book(physics: Any, lo: int, m: int, a: Any) -> None:
-    """Add ∫ (F − F_el) ξ̇ dt to `lost` of each pair and ∫ F x_w′ dt to `work` of each end, by Simpson's rule.
+    """Add dissipated energy to `lost` of each pair, and work to `work` of each end.
 
-    Under laws with memory, whose F_el is unknown, ∫ F ξ̇ dt is added to `lost` (reported as nan while they push).
+    These are ∫ (F − F_el) ξ̇ dt and ∫ F x_w′ dt, by Simpson's rule. Under laws with memory, F_el is unknown. ∫ F ξ̇ dt
+    is then added to `lost`, which is reported as nan while they exert a force.
     """
     dt, has_elastic_part = physics.dt, 0.0 if physics.memory else 1.0
     for j in range(m):
@@ -106,7 +120,7 @@ def book(physics: Any, lo: int, m: int, a: Any) -> None:
         a.lost_low[j + 1] += low
     for end in range(2):
         place, row = (0, 0) if end == 0 else (m - 1, m)
-        if lo + row == end * physics.walls.last:  # this window reaches that end
+        if lo + row == end * physics.walls.last:  # the window contains this end
             f0, f_mid, f1, _, _, _, _ = pushes(physics, lo, place, a)
             wall, sixth = physics.walls.drive[end], (1.0 - 2.0 * end) * dt / 6.0
             done = (f0 * wall[START] + 4.0 * f_mid * wall[MIDDLE] + f1 * wall[END]) * sixth
@@ -116,10 +130,13 @@ def book(physics: Any, lo: int, m: int, a: Any) -> None:
 
 @kernel
 def pushes(physics: Any, lo: int, j: int, a: Any) -> tuple[float, float, float, float, float, float, float]:
-    """Return the forces of pair j at the start, in the middle and at the end of a step, the overlap in its middle, and
-    the rates at the start, in the middle and at the end."""
+    """Return forces, middle overlap and rates of pair j in a step.
+
+    The forces and the rates are given at the start, in the middle and at the end of the step.
+    """
     dt, x0, x1 = physics.dt, a.was_xi[j + 1], a.xi[j + 1]
     u0, u1 = a.was_v[j + 1] - a.was_v[j + 2], a.v[j + 1] - a.v[j + 2]
+    # value and slope of the cubic Hermite polynomial in the middle of the step
     x, u = 0.5 * (x0 + x1) + 0.125 * dt * (u0 - u1), 1.5 * (x1 - x0) / dt - 0.25 * (u0 + u1)
     raw = force(physics, lo, j, x, u, a)
     f0, f1 = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0, a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
@@ -127,9 +144,10 @@ def pushes(physics: Any, lo: int, j: int, a: Any) -> tuple[float, float, float, 
 
 
 def next_touch(walls: Walls, t: float, tail: float, x: Any, pull: Any, within: float) -> float:
-    """Return the time in s until the first gap beside a driven wall closes, from the time t + tail; inf if none does.
+    """Return the time in s until the first gap at a driven wall closes, or inf.
 
-    `x` are rows of overlaps and velocities, see `window`. A ball that touches at rest is at its touch.
+    Time starts at t + tail. `x` are rows of overlaps and velocities, see `window`. A ball that touches at rest touches
+    immediately.
     """
     first = np.inf
     for wall, body in zip(walls.paths, walls.bodies, strict=True):
@@ -141,14 +159,14 @@ def next_touch(walls: Walls, t: float, tail: float, x: Any, pull: Any, within: f
 
 
 def beside(x: Any, body: int) -> tuple[float, float, int]:
-    """Return the gap in m beside a wall, its rate in m/s, and the number of its pair."""
+    """Return the gap in m at a wall, its rate in m/s, and the number of its pair."""
     xi, _, v = x[:3]
     c = body if body == 0 else body - 1
     return max(0.0, -float(xi[c + 1])), float(v[c + 2] - v[c + 1]), c
 
 
 def flown(walls: Walls, t: float, tail: float, x: Any, pull: Any, dt: float) -> list[tuple[int, float, float]]:
-    """Return of every driven wall its body, the gap beside it in m and its velocity in m/s a time `dt` later."""
+    """Return body, gap in m and velocity in m/s of each driven wall after a time `dt`."""
     out = []
     for wall, body in zip(walls.paths, walls.bodies, strict=True):
         gap, rate, c = beside(x, body)
@@ -159,7 +177,7 @@ def flown(walls: Walls, t: float, tail: float, x: Any, pull: Any, dt: float) -> 
 
 
 def heaters(scene: Scene) -> list[Any]:
-    """Return what kernels read of the thermal walls of a scene; plain objects."""
+    """Return the thermal walls of a scene as plain objects."""
     rows = [(side * (scene.n_pairs - 1), side, heat.temperature, heat.seed, scene.mass[-2 if side else 1])
             for side, heat in enumerate(scene.heat) if heat is not None]
     return plain(np.array(rows, HEATER))
@@ -167,9 +185,9 @@ def heaters(scene: Scene) -> list[Any]:
 
 @kernel
 def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any) -> int:
-    """Let the balls of a window of `m` pairs hit thermal walls in step `k`, at its start; return flags.
+    """Process the hits of thermal walls in step `k` of a window, and return flags.
 
-    Hits are logged for the pairs from `first` to before `stop`.
+    The window has `m` pairs. Hits are logged for the pairs from `first` to before `stop`.
     """
     a, s, hits, flags = work.window, 0.0, 0, 0
     while True:
@@ -178,8 +196,9 @@ def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any
             j = physics.heat[i].pair - lo
             if 0 <= j < m:
                 gap, rate, pull = _flight(physics.heat[i].side, j, s, a)
-                pressed = gap == 0.0 and rate == 0.0 and pull > 0.0  # at rest: it hits now
+                pressed = gap == 0.0 and rate == 0.0 and pull > 0.0  # at rest on the wall: it hits immediately
                 t = s + (0.0 if pressed else time_to_contact(gap, rate, pull))
+                # a hit exactly at the end of the step belongs to this step
                 if t < at or (best < 0 and t == at):
                     best, at = i, t
         if best < 0:
@@ -203,7 +222,7 @@ def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any
 
 @kernel
 def _flight(side: int, j: int, s: float, a: Any) -> tuple[float, float, float]:
-    """Return a thermal wall's gap, its rate and its closing acceleration at a time s into a step."""
+    """Return a thermal wall's gap, its rate and closing acceleration, `s` into a step."""
     i = j + 1 if side == 0 else j
     acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
     gap, rate, pull = -a.xi[j + 1], a.v[j + 2] - a.v[j + 1], -acc if side == 0 else acc
@@ -213,7 +232,9 @@ def _flight(side: int, j: int, s: float, a: Any) -> tuple[float, float, float]:
 
 @kernel
 def _leave(wall: Any, j: int, m: int, at: float, was: float, speed: float, pull: float, a: Any) -> None:
-    """Put the ball that met a thermal wall at a time `at` into the step onto the parabola that it leaves on; book that.
+    """Put a ball that hits a thermal wall onto its new parabola, and book the energy.
+
+    The hit occurs `at` seconds into the step. The parabola is traced back to the start of the step.
     """
     ball, body, beside = (j + 2, j + 1, j + 2) if wall.side == 0 else (j + 1, j + 2, j)
     away, impulse, gap = 1.0 - 2.0 * wall.side, wall.mass * (speed + was), -at * (speed + 0.5 * pull * at)
@@ -229,7 +250,10 @@ def _leave(wall: Any, j: int, m: int, at: float, was: float, speed: float, pull:
 
 @kernel
 def _note(row: Any, wall: Any, lo: int, was: float, speed: float, k: int, part: float, a: Any) -> None:
-    """Write down a hit: an instant, at which a ball that came with the speed `was` turns."""
+    """Log a hit as a contact of zero duration.
+
+    `was` is the speed of the incoming ball, `speed` the new one.
+    """
     v = a.v[wall.pair - lo + 1 + wall.side]
     row.pair, row.step_in, row.part_in, row.step_out, row.part_out = wall.pair, k, part, k, part
     row.lower_in, row.lower_out, row.upper_in, row.upper_out = v, v, v, v

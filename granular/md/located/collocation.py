@@ -1,9 +1,8 @@
-"""What steps of laws that are no powers stand on: polynomials through the Gauss points of a step, and the places where
-the law itself changes sign.
+"""Collocation at Gauss points, and events of laws that are not powers.
 
-The force vanishes or returns where the law itself changes sign. An interpolant says where to look, but near ξ = 0,
-where every force is small, it errs to either side; so the law is asked, and the place is found by bisection. A pair
-whose force stays positive up to ξ = 0 parts there and nowhere else.
+The force vanishes or returns where the law itself changes sign. An interpolant indicates where to search. Near ξ = 0,
+where every force is small, its sign is unreliable. The law is therefore evaluated, and the root is found by bisection.
+A pair whose force stays positive up to ξ = 0 separates there and nowhere else.
 """
 
 from __future__ import annotations
@@ -29,21 +28,28 @@ TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * WEIGHT * (np.arange(POINTS)
 TO_POWERS = np.array([np.pad(np.round(row), (0, POINTS - len(row))) for row in _BASIS])
 """Coefficients in τ of the Legendre polynomials in 2τ - 1, one per row."""
 BETWEEN = np.concatenate([[0.0], 0.5 * (NODES[1:] + NODES[:-1]), [1.0]])
-"""Where the law is asked whether the interpolant holds: both ends, and between the nodes."""
+"""Points at which the interpolant is checked: both ends, and between the nodes."""
 TO_LOOKS = legendre.legvander(2.0 * BETWEEN - 1.0, POINTS - 1) @ TO_LEGENDRE
-"""Values there of what is given at the nodes."""
+"""Matrix from values at the nodes to values at the points of `BETWEEN`."""
 NEAR = np.array([1.0 - NODES[-1], *[1.0 / POINTS] * (POINTS - 1), 1.0 - NODES[-1]])
-"""Share of the step for which each of them stands."""
+"""Share of the step that each of these points represents."""
 Sign = Callable[..., bool]
-"""Whether the law pushes at τ; with a second argument true, surely so, beyond rounding."""
+"""Whether the law gives a positive force at τ.
+
+With a second argument True: beyond rounding errors."""
 TRIES = 26
-"""Places at which a law is tried before its pair parts, each a quarter as far from there as the last: 4⁻²⁶ = 2⁻⁵²."""
+"""Points at which a law is evaluated before its pair separates.
+
+The distance to the separation decreases by 4 per point: 4⁻²⁶ = 2⁻⁵²."""
 PARTS = 16
-"""Places at which a law is tried before its force returns."""
+"""Points at which a law is evaluated before its force returns."""
 
 
 def _integrals(places: Array) -> Array:
-    """Integrals from 0 to some places in [-1, 1] of what is given at the nodes."""
+    """Return the matrix from values at the nodes to integrals from 0 to `places`.
+
+    The places are in [-1, 1].
+    """
     powers = [(legendre.legint([0.0] * k + [0.5], lbnd=-1), k + 1) for k in range(POINTS)]
     primitive = [row @ legendre.legvander(places, degree).T for row, degree in powers]
     out: Array = np.array(primitive).T @ TO_LEGENDRE
@@ -51,15 +57,18 @@ def _integrals(places: Array) -> Array:
 
 
 INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * BETWEEN - 1.0)
-"""Integrals from 0 to each node, and to each look, of what is given at the nodes."""
+"""Matrices from values at the nodes to integrals from 0.
+
+The integrals end at each node, and at each point of `BETWEEN`."""
 
 
 def next_event_of_law(
     pair: Any, pushes: Sign, idles: Sign, doubt: float, span: float, scratch: Any
 ) -> tuple[float, int]:
-    """Return the τ of the first event of a pair that overlaps within [0, span], inf without, and which it is.
+    """Return the τ of the first event of an overlapping pair, and the event.
 
-    `idles` says whether the force is 0 at a τ and all about; `doubt` in N is that of g.
+    The search covers [0, span], and τ is inf without an event. `idles` returns whether the force is 0 at τ and in a
+    neighbourhood. `doubt` in N is the uncertainty of g.
     """
     parts = first_up_crossing(pair.x, span, scratch, -1.0)
     until = min(parts, span)
@@ -80,13 +89,14 @@ def next_event_of_law(
 
 
 def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scratch: Any) -> float:
-    """Return the first τ up to `span` where the law no longer pushes; inf if it always does.
+    """Return the first τ up to `span` at which the force vanishes, or inf.
 
-    Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
+    Just before the pair separates (`parts`), its force is smaller than any uncertainty. There the law is evaluated at
+    ever smaller distances.
     """
     before, found = 0.0, shifted(pair.g, doubt, span, scratch, -1.0)
     if not parts and (found == math.inf or pushes(found)):
-        found = span  # a force that is zero from some overlap on never crosses zero
+        found = span  # a force that is 0 on a whole interval never crosses zero
     if found < math.inf and not pushes(found):
         return bisected(pushes, *last_push(pushes, found))
     for j in range(1, TRIES if parts else 0):
@@ -99,28 +109,34 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scrat
 
 
 def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, scratch: Any) -> float:
-    """Return the first τ up to `span` where the law idles for an instant: tried where the overlap is least."""
+    """Return the first τ up to `span` at which the force vanishes for an instant.
+
+    The law is evaluated at the minimum of the overlap.
+    """
     least = first_up_crossing(pair.e, span, scratch) if pair.e[0] < 0.0 else math.inf
     return bisected(pushes, *last_push(pushes, least)) if least < math.inf and idles(least) else math.inf
 
 
 def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
-    """Return an interval that ends at or before `tau` in which the law stops to push; (0, 0) if it never did."""
+    """Return an interval up to `tau` in which the force vanishes.
+
+    It is (0, 0) if the force was never positive.
+    """
     low, high = 0.0, tau
     for _ in range(TRIES):
         if pushes(low):
             return low, high
-        high *= 0.25  # a contact that begins has no force at its first instant
+        high *= 0.25  # the force is 0 at the first instant of a contact: search towards it
         if pushes(high):
             return high, 4.0 * high
     return 0.0, 0.0
 
 
 def regains(pair: Any, pushes: Sign, doubt: float, span: float, scratch: Any) -> float:
-    """Return the first τ up to `span` where a clipped law pushes again, beyond rounding; inf if it does not.
+    """Return the first τ up to `span` at which a clipped force returns, or inf.
 
-    The law is tried at places spread up to where the interpolant says that it pushes; after a kink that may be too
-    early, so beyond it too.
+    The force has to be positive beyond rounding. The law is evaluated at points up to the one where the interpolant
+    becomes positive. After a kink this point can be too early, so later points follow.
     """
     found = shifted(pair.g, -doubt, span, scratch, 1.0)
     if found == math.inf and not pushes(span, True):
@@ -137,7 +153,7 @@ def regains(pair: Any, pushes: Sign, doubt: float, span: float, scratch: Any) ->
 
 
 def bisected(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Return where what holds at `low` ceases to hold, before `high`."""
+    """Return the point between `low` and `high` at which `holds` becomes False."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if holds(middle) else (low, middle)
     return high
@@ -148,9 +164,10 @@ def _own_speeds(pairs: list[Any]) -> Array:
 
 
 def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[Array, float]:
-    """Return errors of forces: what each misses on average, and the largest as a part of the force of its contact.
+    """Return the mean error of each force, and the largest relative error.
 
-    `off` is by how much the interpolants err between the nodes; up to `noise` it is rounding.
+    The latter is relative to the force of the contact. `off` contains the errors of the interpolants between the nodes.
+    Values up to `noise` are rounding errors.
     """
     last_terms = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
     last_terms, off = np.where(last_terms > noise, last_terms, 0.0), np.where(off > noise[:, None], off, 0.0)
@@ -161,13 +178,18 @@ def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[A
 
 
 def _beside(force: Array, closed: bool) -> Array:
-    """Forces (pairs, nodes) with those of the pair below the first and above the last: 0, or, in a ring, of the others.
+    """Return forces (pairs, nodes) with a row before the first and after the last.
+
+    These rows are 0, or on a ring the forces of the neighbours.
     """
     return np.concatenate([force[-1:], force, force[:1]]) if closed else np.pad(force, ((1, 1), (0, 0)))
 
 
 def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> None:
-    """Write the rows of rates and overlaps from those of the forces, the paths of driven walls, and Ω² of pendula."""
+    """Write the coefficients of rates and overlaps from the coefficients of forces.
+
+    Paths of driven walls and Ω² of pendula (`square`) are included.
+    """
     q, rows = pairs[0].clock, _beside(np.array([p.f for p in pairs]), closed).tolist()
     sigma = q * pairs[0].h ** q
     for below, p, above in zip(rows, pairs, rows[2:], strict=False):
@@ -186,11 +208,15 @@ def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> No
 
 
 def shown(shaken: Any, holds: float, q: int) -> float:
-    """Return a time up to `holds` in which a series of order 20 on the clock of q shows the paths of driven walls."""
+    """Return a time up to `holds` in which a series represents the wall paths.
+
+    The series has order 20 on the clock of q.
+    """
     for _, path in shaken:
         terms = [abs((j + 1) * (j + 2) * path[j + 2]) for j in range(len(path) - 2)]
         while q > 1 and 0.0 < holds < math.inf:
             sizes = [term * holds**j for j, term in enumerate(terms)]
+            # the omitted terms must be far below one rounding of the largest term
             if sum(sizes[(ORDER - q) // q + 1 :]) <= 0.1 * ULP * max(sizes):
                 break
             holds *= 0.5
@@ -198,7 +224,10 @@ def shown(shaken: Any, holds: float, q: int) -> float:
 
 
 def _shaking(shaken: Any, count: int, times: Array) -> Array:
-    """Accelerations (pairs, nodes) in m/s², towards the balls, of driven walls, but for those at the start."""
+    """Return accelerations (pairs, nodes) in m/s² of driven walls towards the balls.
+
+    Their values at the start are excluded.
+    """
     out = np.zeros((count, len(times)))
     for i, path in shaken:
         out[i] = np.polynomial.polynomial.polyval(times, [0.0, *((j + 1) * (j + 2) * path[j + 2]

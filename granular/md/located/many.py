@@ -1,4 +1,4 @@
-"""`solve_many`: many small scenes in one compiled call, for parameter maps."""
+"""Many small scenes in one compiled call, for parameter maps (`solve_many`)."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from granular.run.trajectory import Status
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items() if why != REST} | {REACHED: 0, MORE: -1}
 """Places in `Status` of the reasons for which `advance` returns."""
 AT_ONCE = 10_000
-"""Scenes of which there are records at a time."""
+"""Number of scenes with records in memory at a time."""
 RESULT = np.dtype([("why", int), ("time", float)])
 LAST = np.dtype(
     [
@@ -54,11 +54,13 @@ LAST = np.dtype(
     ],
     align=True,
 )
-"""Results of a run, and of each of its pairs; see `Many`."""
+"""Results of a run, and of each of its pairs, see `Many`."""
 
 
 class Scenes(NamedTuple):
-    """S scenes of the same number n of bodies; what all have in common may lack the first axis.
+    """S scenes with the same number n of bodies.
+
+    Arrays that are equal for all scenes can omit the first axis.
 
     Attributes
     ----------
@@ -69,7 +71,7 @@ class Scenes(NamedTuple):
     law : (S, n-1, 4) or (n-1, 4) array
         (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇ for each pair.
     gravity : (S,) array or float
-        In m/s².
+        Acceleration in m/s².
     """
 
     mass: ArrayLike
@@ -85,18 +87,20 @@ class Many(NamedTuple):
     Attributes
     ----------
     status : (S,) int array
-        Place in `Status` of why the run ended; -1 if the scene is left to `granular.md.simulate`: piles that creep at
-        the end, balls proved to rest, whose overlaps are not static yet, and laws that no power series follows.
+        Index in `Status` of the reason for the end. It is -1 if the scene requires `granular.md.simulate`. This applies
+        to piles that creep at the end, to balls proved to rest whose overlaps are not static yet, and to laws that no
+        power series represents.
     time : (S,) array
-        When it ended, in s.
+        End of the run in s.
     counts : (S, n-1) int array
-        Contacts of each pair that began.
+        Number of contacts of each pair that began.
     ongoing : (S, n-1) bool array
-        Whether a contact of the pair was still running at the end.
+        Whether a contact of the pair was not finished at the end.
     t_end, v_lower, v_upper : (S, n-1) arrays
-        End in s of the last contact of each pair that ended, and the velocities of its bodies in m/s then; nan without.
+        End in s of the last finished contact of each pair, and velocities of its bodies in m/s then. They are nan
+        without such a contact.
     longest : (S, n-1) array
-        Duration in s of the longest contact of each pair that ended; nan without.
+        Duration in s of the longest finished contact of each pair, nan without one.
     rate : (S, n-1) array
         Rate in m/s at which each gap grows at the end.
     """
@@ -117,18 +121,23 @@ def solve_many(
     max_events: int = 1_000_000, max_steps: int = 20_000_000,
     engine: str = "compiled",
 ) -> Many:
-    """Run many scenes, each as `granular.md.simulate` would, bit for bit.
+    """Run many scenes, each bitwise identical to `granular.md.simulate`.
 
     Parameters
     ----------
     scenes : Scenes
-        Where they start, and their laws.
+        Initial states and laws.
     until, t_end : stop condition, float or (S,) array
-        When to stop.
+        Stop condition, and end time in s.
     tol, max_events, max_steps : float, int, int
         As in `granular.md.simulate`.
     engine : {"compiled", "plain"}
         Compiled by numba, or interpreted.
+
+    Returns
+    -------
+    Many
+        Results.
     """
     mass, gap, velocity, law, gravity = (np.asarray(column, np.float64) for column in scenes)
     m_eff = 1.0 / (1.0 / mass[..., :-1] + 1.0 / mass[..., 1:])
@@ -147,14 +156,14 @@ def solve_many(
 
 
 def _solved(s: System, end: Array, engine: str) -> Many:
-    """Solve scenes of which there are records."""
+    """Solve the scenes of a set of records."""
     result, last = np.zeros(len(end), RESULT), np.zeros(s.pairs.shape, LAST)
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
     seen, many, i, room = np.zeros((3, last.shape[-1])), s, 0, np.zeros(REFERENCE_WORDS, np.int64)
     given: Any = end, COMPILED, result, last, seen
-    kernels: Any = compiled  # for types of a single run: less to compile
+    kernels: Any = compiled  # with the types of a single run, so fewer kernels are compiled
     if engine == "plain":
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
         given, kernels = (end.tolist(), COMPILED, *rows, seen.tolist()), interpreted
@@ -171,11 +180,11 @@ def _solved(s: System, end: Array, engine: str) -> Many:
 
 
 def _kinds(law: Array, m_eff: Array) -> Any:
-    """Return laws (…, 4) of pairs of some effective masses as records of `KIND`."""
+    """Return laws (…, 4) of pairs with effective masses as records of `KIND`."""
     kinds = np.zeros(np.broadcast_shapes(law.shape[:-1], m_eff.shape), KIND)
     for i, name in enumerate(("k", "p", "gamma", "d")):
         kinds[name] = law[..., i]
-    with np.errstate(all="ignore"):  # laws that are refused anyway
+    with np.errstate(all="ignore"):  # invalid laws are rejected later
         mapped(kinds, np.broadcast_to(m_eff, kinds.shape))
     kinds["elastic"] = elastic = kinds["gamma"] == 0.0
     kinds["d"] = np.where(elastic, np.where(kinds["p"] == 1.5, 0.5, 0.0), kinds["d"])
@@ -189,7 +198,10 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 
 @kernel
 def scene_of(many: Any, i: int, room: Any) -> Any:
-    """Return the records of scene i, which shares pool, queue and log with the others; noted in a `room`."""
+    """Return the records of scene i, stored in a `room`.
+
+    Pool, queue and log are shared by all scenes.
+    """
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
     rest = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None
     return by_reference(Fields(*own, *rest), room)
@@ -197,8 +209,11 @@ def scene_of(many: Any, i: int, room: Any) -> Any:
 
 @kernel
 def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: Any, seen: Any, first: int) -> int:
-    """Solve scenes from `first` to the end, one after the other; return at which one a table is wanted first: then it
-    is to be called again from there on."""
+    """Solve scenes from `first` to the end, one after the other.
+
+    Return the index of the first scene that requires a table or a look. The function is then called again from there
+    on.
+    """
     for i in range(first, len(t_end)):
         s = scene_of(many, i, room)
         if result[i].why == MORE:
@@ -217,7 +232,10 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
 
 @kernel
 def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -> None:
-    """Solve one scene, until a table or a look is wanted; not if a law of it is none that a power series follows."""
+    """Solve one scene until a table or a look is required.
+
+    A scene with a law that no power series represents is skipped.
+    """
     run, n = s.run[0], len(s.pairs)
     if result.why == MORE:
         for c in range(n):
@@ -244,12 +262,12 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
         last[c].counts, last[c].rate = pair.contacts, -seen[1][c]
         last[c].ongoing = pair.slot >= 0 and s.pool[pair.slot].going_on == 1
         if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner in (CREEPS, ASKS):
-            result.why = CRAMPED  # left to a run by itself
+            result.why = CRAMPED  # left to a single run
 
 
 @kernel
 def harvest(s: Any, last: Any, t: float) -> None:
-    """Take what is asked of contacts that are over at time `t` out of the log."""
+    """Collect the results of contacts that ended by time `t` from the log."""
     for i in range(s.run[0].rows):
         row = s.log[i]
         if row.pair >= 0 and row.t_end <= t:

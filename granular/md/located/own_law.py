@@ -1,9 +1,10 @@
-"""The step of laws that are no powers: the same polynomial pieces, found by collocation instead of recurrences.
+"""Polynomial steps of laws that are not powers, computed by collocation.
 
-The forces are evaluated at 16 Gauss points of the step and interpolated; the polynomials of rate and overlap follow by
-exact integration, and the forces are evaluated anew there until nothing changes (Picard). The interpolant's last
-Legendre coefficients say whether the step resolves the force, and so does the law itself at both ends and between the
-nodes, for a kink between an end and the outermost node shows at no node; if not, it is halved. Interpreted only.
+The forces are evaluated at 16 Gauss points of the step and interpolated. The polynomials of rate and overlap follow by
+exact integration, and the forces are evaluated again until they no longer change (Picard iteration). The interpolant's
+last Legendre coefficients show whether the step resolves the force. The law itself is evaluated at both ends and
+between the nodes as well: a kink between an end and the outermost node affects no node. A step that does not resolve
+the force is halved. Interpreted only.
 """
 
 from __future__ import annotations
@@ -45,53 +46,68 @@ from granular.md.located.step_size import amplitude
 
 SWEEPS = 40
 SMALLEST = 2e-15
-"""The tolerance cannot be smaller: interpolated forces carry their rounding."""
+"""Smallest tolerance: interpolated forces contain their rounding errors."""
 SHORTEST, HOPELESS = 1e-14, 1e-60
-"""Parts of a step to which it is halved at most: of one that converges, where the force jumps, and of any."""
+"""Largest reductions of a step by halving.
+
+The first applies to a step that converges, where the force jumps, the second to any step."""
 SHORT = 1e-9
-"""Part of a contact's time below which a step may cross a jump, and of its force from which it does."""
+"""Share of a contact's time below which a step can cross a jump.
+
+It is also the share of its force above which a change is a jump."""
 TOUCH = 1e-150
-"""Overlap in m of a touch: a law need not be defined at 0, and may have a force there."""
+"""Overlap in m of a touch.
+
+A law need not be defined at 0, and can have a force there."""
 SETTLED = 1024.0 * ULP
-"""Part of the largest force of a contact up to which a clipped force is rounding."""
+"""Share of the largest force of a contact up to which a clipped force is rounding."""
 FLAT = 1.0 - 1e-9
-"""Part of an overlap at which a force that is 0, and 0 here, is 0 on the whole, as below a plastic overlap."""
+"""Share of an overlap at which a force is evaluated a second time.
+
+If both forces are 0, the force is 0 on an interval, as below a plastic overlap."""
 PRECISE = 3e-14
-"""Error of forces, as a part of the largest: a kink in a short step hardly moves rates, but peaks are read there."""
+"""Largest error of forces relative to the largest force.
+
+A kink in a short step hardly affects rates, but peak forces are evaluated there."""
 HYSTERESIS = 1e-13
-"""Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
+"""Share of its largest value in the piece up to which a force has no certain sign.
+
+The force is the interpolated one."""
 AtRest = Callable[[Any, float], float]
 """Force in N of a pair at an overlap in m."""
 TANGENT = 1e-6
-"""Part of an overlap over which its stiffness is taken."""
+"""Relative change of an overlap over which its stiffness is computed."""
 ROUNDING = 1e-11
-"""Part of the accelerations of a pair, and of its block's speed, up to which their sum, and its rate, is rounding."""
+"""Relative size up to which accelerations and rates of a pair are rounding errors.
+
+A sum of accelerations is compared with its largest term, a rate with the speed of the island."""
 
 
 class Collocation:
-    """Forces of a scene as its laws give them, and the steps they make."""
+    """Forces of a scene as its laws return them, and the steps computed from them."""
 
     def __init__(self, laws: SceneLaws, ring: bool) -> None:
         self.laws, self.ring = list(laws), ring
-        self.closed = False  # whether the island under way goes all around a ring
-        self.shaken: list[tuple[int, Any]] = []  # of the island under way, pairs at driven walls, and their paths
+        self.closed = False  # whether the current island is a whole ring
+        self.shaken: list[tuple[int, Any]] = []  # pairs at driven walls and their paths, of the current island
         self.square = 0.0  # Ω² of pendula
-        self.trials = 0  # steps tried, of all pieces
+        self.trials = 0  # trial steps of all pieces
 
     def force(self, p: Any, xi: float, eta: float = 0.0) -> float:
-        """Unclipped force in N of a pair on the branch that it is on."""
+        """Return the unclipped force in N of a pair on its current branch."""
         try:
             return on_branch(self.laws[p.number], xi, eta, p.xi_peak, p.loading)
         except OverflowError:  # the trial step is too long
             return math.inf
 
-    @np.errstate(over="ignore", invalid="ignore")  # trial steps may be far too long
+    @np.errstate(over="ignore", invalid="ignore")  # trial steps can be far too long
     def fill(
         self, records: list[Any], pool: list[Any], lo: int, tol: float, field: Any = None, holds: float = math.inf
     ) -> float:
-        """Compute the piece of an island on τ in [0, 1], set its h and clock; return its truncation error.
+        """Compute the piece of an island on τ in [0, 1], and set its h and clock.
 
-        It is no longer than `holds`, for which the paths of driven walls go on as they do.
+        Return its truncation error. The piece is at most `holds` long, the time in s for which the series of the wall
+        paths are valid.
         """
         self.square = getattr(field, "square", 0.0)
         island = enumerate(records[lo : records[lo].hi])
@@ -100,6 +116,7 @@ class Collocation:
         self.closed = self.ring and len(pairs) == len(self.laws)
         block = pairs[0]
         block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.q > 1 for p in pairs) else 1
+        # first trial: a fifth of the time of a contact
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.last_step > 0.0 and block.clock == 1:
             reach = block.last_step
@@ -115,23 +132,30 @@ class Collocation:
             miss = float((misses / _own_speeds(pairs)).max())
             if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
                 break
-            if miss < math.inf:  # so long a step converges; a far shorter one crosses a jump
+            if miss < math.inf:  # a step of this length converges, so only a jump requires a far shorter one
                 shortest = max(shortest, SHORTEST * reach)
             elif reach * block.speed < SHORT * block.length:
                 self._check(pairs, ((block.h * NODES) ** block.clock).tolist())
             reach *= 0.5
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
+        # 0.9: safety factor against an immediate rejection
         block.last_step = reach * min(2.0, 0.9 * growth)
         self._write(pairs, force, reach)
         return float(misses.max()) / block.speed if block.speed > 0.0 else 0.0
 
     def next_event(self, p: Any, span: float, scratch: Any) -> tuple[float, int]:
-        """Return the τ of the first event of a pair that overlaps within [0, span], inf without, and which it is."""
-        asked = partial(self._pushes, p, 1e-3 * (p.deepest or p.own_length))
-        return next_event_of_law(p, asked, partial(self._idles, p), p.doubt, span, scratch)
+        """Return the τ of the first event of an overlapping pair, and the event.
+
+        The search covers [0, span], and τ is inf without an event.
+        """
+        pushes = partial(self._pushes, p, 1e-3 * (p.deepest or p.own_length))
+        return next_event_of_law(p, pushes, partial(self._idles, p), p.doubt, span, scratch)
 
     def dissipated(self, p: Any, block: Any, tau: float) -> float:
-        """Return the energy in J that a contact loses in [0, τ] of its piece; nan with memory."""
+        """Return the energy in J that a contact dissipates in [0, τ] of its piece.
+
+        The result is nan for laws with memory.
+        """
         law = self.laws[p.number]
         if p.mode == RESIDUAL:
             return self.lost(p, value(p.x, 0.0), value(p.x, tau))
@@ -145,24 +169,29 @@ class Collocation:
         return float(total * math.pow(block.h * tau, float(q)))
 
     def lost(self, p: Any, first: float, last: float) -> float:
-        """Return the elastic energy in J that a pair loses without a force from one overlap to another."""
+        """Return the elastic energy in J that a pair loses between two overlaps.
+
+        The pair moves without a force.
+        """
         law = self.laws[p.number if hasattr(p, "number") else p.first]
         return float(law.energy(first) - law.energy(last))
 
     def is_clipped(self, p: Any) -> bool:
-        """Return whether the law gives no push to balls that overlap."""
+        """Return whether the law gives no repulsive force to an overlapping pair."""
         return not self.force(p, p.xi, p.eta) > 0.0
 
     def pushes_at_touch(self, p: Any) -> bool:
-        """Return whether a pair that has just closed at a rate > 0 is pushed apart at once, and not only later."""
+        """Return whether a pair that just closed at a rate > 0 is repelled immediately."""
         depth = amplitude(p, p.eta * p.eta)
         force = self.force(p, 1e-9 * depth, p.eta)
+        # close to the touch a force can underflow to 0
         return force > 0.0 or (force == 0.0 and self.force(p, 1e-3 * depth, p.eta) > 0.0)
 
     def _pushes(self, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
-        """Return whether the law of a pair pushes at τ (`surely`: beyond what rounding makes of a contact's end).
+        """Return whether the law of a pair gives a repulsive force at τ.
 
-        Up to a `shallow` overlap the force of a contact may be 0 by underflow. Where it is 0 all about, any is sure.
+        With `surely`, the force must exceed rounding errors at the end of a contact. Up to the overlap `shallow` the
+        force of a contact can be 0 by underflow. If the force is 0 on an interval, every positive force is certain.
         """
         xi = value(p.x, tau)
         force = self.force(p, xi, value(p.e, tau))
@@ -171,14 +200,18 @@ class Collocation:
         return force > floor or (p.mode == ACTIVE and force == 0.0 and xi < shallow)
 
     def _idles(self, p: Any, tau: float) -> bool:
-        """Return whether the law of a pair gives no force at τ, and none at slightly other overlaps."""
+        """Return whether the force of a pair is 0 at τ and at slightly different overlaps."""
         xi, eta = value(p.x, tau), value(p.e, tau)
         return all(self.force(p, xi * part, eta) == 0.0 for part in (FLAT, 1.0, 2.0 - FLAT))
 
     def _check(self, pairs: list[Any], times: list[float]) -> None:
-        """Raise if nothing stops an overlap, or if a force is no number, at times in the step, by free flight."""
+        """Raise if nothing stops an overlap, or if a force is not finite.
+
+        Overlaps are extrapolated by free flight to the given times in the step.
+        """
         for p, t in product(pairs, times):
             xi, eta = p.xi + (p.eta + 0.5 * p.pull * t) * t, p.eta + p.pull * t
+            # products of larger overlaps overflow
             if xi > 1e150:
                 raise ValueError(
                     f"law of pair {p.number} is {self.laws[p.number].law!r}: it lets the bodies pass through each "
@@ -190,9 +223,10 @@ class Collocation:
                     raise no_number(self.laws[p.number], xi, eta, force)
 
     def _iterate(self, pairs: list[Any]) -> tuple[Array, Array, float]:
-        """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of each rate, and of forces.
+        """Return the forces (pairs, nodes) at the nodes, and their errors.
 
-        The latter as a part of the largest force of a contact at the pair's own speed.
+        The first error is the error of each rate. The second is the largest error of a force, relative to the largest
+        force of a contact at the pair's own speed. Both are inf if the iteration diverges.
         """
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
@@ -208,6 +242,7 @@ class Collocation:
         for _ in range(SWEEPS):
             new = self._forces(pairs, xi, eta)
             change, force = float(abs(new - force).max()), new
+            # the Picard iteration diverges: the step is too long
             if not change < 1e300 or change > 1e3 * worst:
                 break
             acting = _beside(np.where(acts[:, None], force, 0.0), self.closed)
@@ -216,6 +251,7 @@ class Collocation:
             xi = xi0 + (eta * pace) @ INTEGRATE.T
             largest = float(abs(force).max())
             settled = change <= max(4e-16 * largest, float(grain.max()))
+            # converged, or changes no longer decrease because of rounding
             if settled or (change < 1e-13 * largest and change >= worst):
                 looks = (xi0 + (eta * pace) @ INTEGRATE_TO_LOOKS.T, eta0 + (push * pace) @ INTEGRATE_TO_LOOKS.T)
                 noise = np.maximum(4.0 * grain, np.where(acts, 0.0, HYSTERESIS * abs(force).max(axis=1)))
@@ -225,14 +261,21 @@ class Collocation:
         return force, np.full(len(pairs), math.inf), math.inf
 
     def _grain(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
-        """How much of each force one rounding of its overlap moves, where that is far more than the force's own."""
+        """Return the change of each force under one rounding of its overlap.
+
+        Changes comparable to the rounding error of the force itself are returned as 0.
+        """
         here = self._forces(pairs, xi, eta)
         moved = abs(self._forces(pairs, xi * (1.0 + ULP), eta) - here).max(axis=1)
+        # 16 roundings: only a law that amplifies rounding errors of ξ needs this allowance
         steep: Array = np.where(moved > 16.0 * ULP * abs(here).max(axis=1), moved, 0.0)
         return steep
 
     def _forces(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
-        """Forces at the nodes of all pairs that overlap; those of residual pairs do not act."""
+        """Return the forces at the nodes of all pairs that overlap.
+
+        Forces of residual pairs are included, although they do not act.
+        """
         force = np.zeros_like(xi)
         for i, p in enumerate(pairs):
             if p.mode != OPEN and p.mode != DORMANT:
@@ -240,18 +283,22 @@ class Collocation:
         return force
 
     def _along(self, p: Any, xi: list[float], eta: list[float]) -> list[float]:
-        """Forces of a pair at some overlaps and rates, without detours where no image is among them."""
+        """Return the forces of a pair at some overlaps and rates.
+
+        The law is called directly if no overlap is a mirror image.
+        """
         law, at = self.laws[p.number], list(zip(xi, eta, strict=True))
         if not law.memory and min(xi) >= 0.0:
-            ask, pair = law.law.force, law.pair
+            force, pair = law.law.force, law.pair
             with suppress(OverflowError):
-                return [float(ask(x, e, pair)) for x, e in at]
+                return [float(force(x, e, pair)) for x, e in at]
         return [self.force(p, x, e) for x, e in at]
 
     def _write(self, pairs: list[Any], force: Array, reach: float) -> None:
-        """Write the rows: forces from their interpolants (in g clipped ones too), rates and overlaps by integration.
+        """Write the coefficients of forces, rates and overlaps.
 
-        Forces that jump within a short step become straight lines, not to overshoot.
+        Forces come from their interpolants, with clipped forces in g only. Rates and overlaps follow by integration. A
+        force that jumps within a short step becomes a straight line, which cannot overshoot.
         """
         last_terms, peaks = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1), abs(force).max(axis=1)
         doubts = np.maximum(HYSTERESIS * peaks, 8.0 * last_terms)
@@ -267,7 +314,7 @@ class Collocation:
             _integrate(pairs, self.shaken, self.square, self.closed)
 
     def _jumps(self, p: Any) -> bool:
-        """Write the force of a short step as a straight line if it jumps there; return whether it does."""
+        """Replace a force that jumps in a short step by a line, and return if it jumps."""
         first, last = self.force(p, p.xi, p.eta), self.force(p, value(p.x, 1.0), value(p.e, 1.0))
         jumps = bool(max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last)) > SHORT * p.largest)
         if jumps:
@@ -277,16 +324,17 @@ class Collocation:
 
 
 def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> float:
-    """Force in N of a law; beyond ξ = 0 or the largest overlap so far, on its branch, a mirror image.
+    """Return the force in N of a law on its current branch.
 
-    Images serve interpolation only; they keep value and slope, so that the law's own branches end at events.
+    Beyond ξ = 0 or the largest overlap so far, the branch is continued as a mirror image. Images are used for
+    interpolation only. They preserve value and slope, so that the law's own branches end at events.
     """
     unloading = law.memory and not loading
 
     def branch(xi: float, eta: float) -> float:
         return law.force(xi, eta, top if unloading else max(top, xi))
 
-    if law.memory and loading and top > 0.0 and xi < top:  # loading goes on as it is above the old maximum
+    if law.memory and loading and top > 0.0 and xi < top:  # continue the loading branch above the old maximum downwards
         mirror, image = top, 2.0 * top - xi
     elif xi < 0.0:
         mirror, image = TOUCH, min(-xi, top) if unloading else -xi
@@ -298,7 +346,10 @@ def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> 
 
 
 def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
-    """Write the piece of a block that lies still, and return whether it does; `closed` if it is a ring."""
+    """Write the piece of an island at rest, and return whether it is at rest.
+
+    `closed` is True for a whole ring.
+    """
     block = pairs[0]
     if any(p.mode not in (OPEN, ACTIVE) or (p.mode == ACTIVE and not abs(p.eta) <= STILL * block.speed) for p in pairs):
         return False
@@ -308,7 +359,7 @@ def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
     if not deeper or not all(balances(pairs[i], push[i], force[i], more) for i, more in deeper.items()):
         return False
     arrivals = [time_to_contact(max(0.0, -p.xi), -p.eta, a) for p, a in zip(pairs, push, strict=True) if p.mode == OPEN]
-    if 0.0 in arrivals:  # the run has stopped where a ball arrives
+    if 0.0 in arrivals:  # the run has stopped at the arrival of a ball
         return False
     block.clock, block.h, block.last_step = 1, min([LONG, *(2.0 * t for t in arrivals)]), 0.0
     for p, f, a in zip(pairs, force, push, strict=True):
@@ -319,7 +370,10 @@ def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
 
 
 def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[float]:
-    """Closing accelerations in m/s² of all pairs, 0 where those of open ones are rounding."""
+    """Return the closing accelerations in m/s² of all pairs.
+
+    For open pairs, a value that is only rounding error is returned as 0.
+    """
     first, last = (force[-1], force[0]) if closed else (0.0, 0.0)
     out = []
     for p, below, own, above in zip(pairs, [first, *force[:-1]], force, [*force[1:], last], strict=True):
@@ -331,7 +385,10 @@ def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[fl
 
 
 def balances(pair: Any, push: float, force: float, more: float) -> bool:
-    """Return whether a pair is at rest where its force balances, given the force a little deeper."""
+    """Return whether a pair is at rest at the equilibrium of its force.
+
+    `more` is its force at a slightly larger overlap.
+    """
     stiffness = (more - force) / (TANGENT * pair.xi)
     square = stiffness * pair.inverse
     if not (force > 0.0 and stiffness > 0.0):

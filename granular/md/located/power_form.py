@@ -1,12 +1,13 @@
-"""Laws as kernels know them: the coefficients of their power forms, and which maps their isolated contacts have.
+"""Coefficients of laws as kernels read them, and maps of their isolated contacts.
 
-Isolated contacts of elastic powers, and of powers damped with the exponent d = (p-1)/2, are alike at all speeds. With
-s = ξ^((p+1)/2) and the time dτ = ξ^((p-1)/2) dt, the contact m ξ̈ = -k ξ^p - γ ξ^((p-1)/2) ξ̇ is that of a dashpot,
+Isolated contacts of elastic powers, and of powers damped with the exponent d = (p-1)/2, are similar at all speeds. With
+s = ξ^((p+1)/2) and the time dτ = ξ^((p-1)/2) dt, the contact m ξ̈ = -k ξ^p - γ ξ^((p-1)/2) ξ̇ becomes a dashpot,
 
-    s″ + 2 ζ ω s′ + ω² s = 0 ,  ω² = (p+1) k / (2m) ,  ζ = γ / √(2 (p+1) k m) ,
+    s″ + 2 ζ ω s′ + ω² s = 0 ,  ω² = (p+1) k / (2m) ,  ζ = γ / √(2 (p+1) k m) .
 
-so that its restitution is the dashpot's (Tsuji, Tanaka & Ishida 1992 found ε = ε(α) so), and t = ∫ s^(-β) dτ with
-β = (p-1)/(p+1). In units of the length X = (m v²/k)^(1/(p+1)) and the time X/v all contacts of one p and one ζ are one.
+Its restitution is the restitution of this dashpot (Tsuji, Tanaka & Ishida 1992 found ε = ε(α) in this way), and t = ∫
+s^(-β) dτ with β = (p-1)/(p+1). In units of the length X = (m v²/k)^(1/(p+1)) and the time X/v, all contacts of one p
+and one ζ are identical.
 """
 
 from __future__ import annotations
@@ -41,15 +42,19 @@ if TYPE_CHECKING:
     from granular.scene.state import Scene
 
 NODES = 40
-"""Points of the quadratures: their errors are rounding."""
+"""Number of quadrature points, sufficient for an error of rounding size."""
 STEEP = 3.0
-"""Largest exponent of a damped law that has a shape: the integrals of steeper ones lose digits."""
+"""Largest exponent of a damped law with a shape.
+
+The integrals of larger exponents lose digits."""
 STRONG = 0.3
-"""Damping ratio from which the integral is taken up to its end, and not as a half period less what is missing."""
+"""Damping ratio from which the integral is computed up to its end.
+
+Below, it is computed as a half period minus the missing part."""
 
 
 def mapped(kinds: Any, m_eff: Array) -> None:
-    """Note which maps isolated contacts of laws that are power forms have, and their shapes."""
+    """Set the maps of isolated contacts of power laws, and their shapes."""
     k, p, gamma, d = (kinds[name] for name in ("k", "p", "gamma", "d"))
     linear = p == 1.0
     kinds["map"] = np.where(linear, DASHPOT, np.where((p == 1.5) & (gamma > 0.0) & (d == 0.5), VISCOELASTIC, NO_MAP))
@@ -61,7 +66,7 @@ def mapped(kinds: Any, m_eff: Array) -> None:
         shapes[free] = np.transpose(elastic_shape(one))
         if alike.any():
             zeta = gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])
-            zeta, which = np.unique(zeta, return_inverse=True)  # a map has few of them
+            zeta, which = np.unique(zeta, return_inverse=True)  # a parameter map has few different values
             shapes[alike] = np.transpose(damped_shape(one, zeta))[which]
     kinds["map"][shapes[..., 0] > 0.0] = SELF_SIMILAR
     for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
@@ -69,7 +74,10 @@ def mapped(kinds: Any, m_eff: Array) -> None:
 
 
 def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
-    """Return the laws of a scene as records of `KIND`; they are kept with laws that all have power forms."""
+    """Return the laws of a scene as records of `KIND`.
+
+    The records are cached in `laws` if all laws have power forms.
+    """
     if "kinds" in laws.notes:
         return copied(laws.notes["kinds"])
     speed, pull = speed_scale(scene), scene.gravity
@@ -81,7 +89,7 @@ def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
         kinds[name] = values
     kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
     write_maps(kinds, laws, scene)
-    if (kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
+    if (kinds["kind"] == GENERAL).any():  # one general law, and all laws are evaluated by collocation
         kinds["kind"], kinds["s"] = GENERAL, 0.0
     else:
         laws.notes["kinds"] = copied(kinds)
@@ -89,7 +97,10 @@ def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
 
 
 def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
-    """Note the maps of all kinds of laws that have one; a damping ratio must be the same in all pairs of a kind."""
+    """Set the maps of all kinds of laws that have one.
+
+    A damped map requires the same damping ratio in all pairs of a kind.
+    """
     mapped(kinds, np.array([law.pair.m_eff for law in laws.each]))
     kinds["map"][kinds["kind"] == GENERAL] = NO_MAP
     damped = (kinds["map"] == SELF_SIMILAR) & (kinds["gamma"] > 0.0)
@@ -101,7 +112,7 @@ def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
 
 
 def described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
-    """What kind of law it is, and its coefficients: a row of `KIND`."""
+    """Return the kind of a law and its coefficients: a row of `KIND`."""
     form = power_form(law)
     if form is None:
         k, p, q = _rough_form(law, speed, gravity)
@@ -112,46 +123,58 @@ def described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
 
 
 def power_form(law: PairLaw) -> Form | None:
-    """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇ if a power series can follow it, else None."""
+    """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇, or None.
+
+    It is None if a power series cannot represent the law.
+    """
     return law.form if law.form is not None and kind_and_q(*law.form)[0] != GENERAL else None
 
 
 def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, float, int]:
-    """Return k and p of a power law of about the size of `law`, and 1 if its force begins smoothly in time, else 2.
+    """Return k and p of a power law comparable to `law`, and q.
 
-    It sets scales, as of first steps; matched at the overlap that an impact at `speed` reaches, or a weight at rest.
+    q is 1 if its force starts smoothly in time, else 2. The result only sets scales, such as the first step. The two
+    laws agree at the overlap of an impact at `speed`, or of a weight at rest.
     """
     pair = law.pair
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
     typical = xi
+    # go up until the force stops the impact, then down to the first overlap that does not
     for factor in (4.0, 0.25):
         while 1e-100 < xi < 1e100 and speed + gravity > 0.0:
             stops = abs(_bounded(law, xi)) * xi >= pair.m_eff * (speed * speed + gravity * xi)
             if stops == (factor > 1.0):
                 break
             xi *= factor
-    if not 1e-100 < xi < 1e100:  # it cannot bear the weight, or stops nothing
+    if not 1e-100 < xi < 1e100:  # the law cannot bear the weight, or stops no impact
         return _rough_form(law, speed, 0.0) if gravity > 0.0 else _at_overlap(law, typical)
     return _at_overlap(law, xi)
 
 
 def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
-    """Return k and p of a power law of about the size of `law` at an overlap in m, and q, see `_rough_form`."""
+    """Return k and p of a power law equal to `law` at an overlap in m, and q.
+
+    See `_rough_form`.
+    """
     p, onset = (_slope(law, x) for x in (xi, 1e-6 * xi))
     k = abs(_bounded(law, xi)) / math.pow(xi, p)
     return (k if 0.0 < k < math.inf else 1.0), p, (1 if abs(onset - round(onset)) < 1e-3 else 2)
 
 
 def _slope(law: PairLaw, xi: float) -> float:
-    """Return d ln F / d ln ξ at rest at overlap `xi`, within [1, 3]; 1.5 where it cannot be told."""
+    """Return d ln F / d ln ξ at rest at overlap `xi`, within [1, 3].
+
+    It is 1.5 where it is not defined.
+    """
     near, far = abs(_bounded(law, xi)), abs(_bounded(law, 1.01 * xi))
     if not 0.0 < near < math.inf or not 0.0 < far < math.inf:
         return 1.5
+    # the exponent only sets scales: limit it to those of common laws
     return min(max(1.0, math.log(far / near) / math.log(1.01)), 3.0)
 
 
 def _bounded(law: PairLaw, xi: float) -> float:
-    """Return the force at rest at overlap `xi`, 0 if it is too large for a number."""
+    """Return the force at rest at overlap `xi`, or 0 on overflow."""
     try:
         return law.force(xi, 0.0, xi)
     except OverflowError:
@@ -159,7 +182,7 @@ def _bounded(law: PairLaw, xi: float) -> float:
 
 
 def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
-    """Return the kind of the law F = k ξ^p + γ ξ^d ξ̇, and the q of the clock its contacts start on."""
+    """Return the kind of F = k ξ^p + γ ξ^d ξ̇, and the q of its starting clock."""
     if p == 1.0 and (gamma == 0.0 or d == 0.0):
         return LINEAR, 1
     q = _denominator(p) if gamma == 0.0 else math.lcm(_denominator(p), _denominator(d))
@@ -169,19 +192,26 @@ def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
 
 
 def factor(p: float, gamma: float, d: float) -> float:
-    """Return the d of F = ξ^d (k ξ^(p-d) + γ ξ̇); without damping it is free: ½ for Hertz's law, else 0."""
+    """Return the d of F = ξ^d (k ξ^(p-d) + γ ξ̇).
+
+    Without damping it is arbitrary: ½ for Hertz's law, else 0.
+    """
     return d if gamma != 0.0 else 0.5 if p == 1.5 else 0.0
 
 
 @cache
 def _denominator(exponent: float) -> int:
-    """Return the smallest q with q·exponent whole, or one that is too large."""
+    """Return the smallest q with q·exponent an integer, or `LARGEST_Q` + 1."""
+    # 1e-12: exponents such as 1/3 are not exact floats
     found = (q for q in range(1, LARGEST_Q + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)
     return next(found, LARGEST_Q + 1)
 
 
 class Shape(NamedTuple):
-    """Contacts in units of X and X/v: when the force and when the overlap is zero, ε, peaks (the force in k X^p)."""
+    """Isolated contacts in units of X and X/v.
+
+    End of the force, end of the overlap, ε, largest overlap, and largest force in k X^p.
+    """
 
     force_ends: Array
     parts: Array
@@ -199,7 +229,10 @@ def elastic_shape(p: float) -> Shape:
 
 
 def damped_shape(p: float, zeta: Array) -> Shape:
-    """Return contacts of exponent `p` and damping ratios `zeta` > 0; no numbers where it has no half period, ζ ≥ 1."""
+    """Return contacts of exponent `p` and damping ratios `zeta` > 0.
+
+    Values are nan for ζ ≥ 1, where s has no half period, and for p > `STEEP`.
+    """
     zeta = np.where((zeta < 1.0) & (p <= STEEP), zeta, np.nan)[:, None]
     beta, root, omega = (p - 1.0) / (p + 1.0), np.sqrt((1.0 - zeta) * (1.0 + zeta)), math.sqrt(0.5 * (p + 1.0))
     fade, height = zeta / root, omega / root
@@ -208,7 +241,7 @@ def damped_shape(p: float, zeta: Array) -> Shape:
     def s(phase: Any) -> Any:
         return height * np.exp(-fade * phase) * np.sin(phase)
 
-    def late(phase: Any) -> Any:  # counted backwards from the half period
+    def late(phase: Any) -> Any:  # phase counted backwards from the half period
         return height * np.exp(-fade * (math.pi - phase)) * np.sin(phase)
 
     def force(phase: Any) -> Any:
@@ -226,7 +259,7 @@ def damped_shape(p: float, zeta: Array) -> Shape:
 
 
 def _integral(s: Callable[[Any], Any], high: Array, beta: float) -> Array:
-    """∫ s^(-β) dφ from 0, where s is zero, to `high`."""
+    """Return ∫ s^(-β) dφ from 0, where s is zero, to `high`."""
     x, weight = _points(beta)
     half = 0.5 * high
     total: Array = half * np.sum(weight * (s(half * (1.0 + x)) / (1.0 + x)) ** -beta, axis=1, keepdims=True)
@@ -235,10 +268,14 @@ def _integral(s: Callable[[Any], Any], high: Array, beta: float) -> Array:
 
 @cache
 def _points(beta: float) -> tuple[Array, Array]:
-    """Points and weights on [-1, 1] of the quadrature for (1+x)^-β (Golub & Welsch 1969)."""
+    """Return points and weights on [-1, 1] for the weight function (1+x)^-β.
+
+    The method is by Golub & Welsch (1969).
+    """
     k = np.arange(1.0, NODES)
     middle = beta * beta / ((2.0 * k - beta) * (2.0 * k - beta + 2.0))
     beside = 4.0 * (k * (k - beta)) ** 2 / ((2.0 * k - beta) ** 2 * ((2.0 * k - beta) ** 2 - 1.0))
+    # k = 1, with the common factor 1 - β cancelled
     beside[0] = 4.0 * (1.0 - beta) / ((2.0 - beta) ** 2 * (3.0 - beta))
     rows = np.diag(np.append(-beta / (2.0 - beta), middle)) + np.diag(np.sqrt(beside), 1) + np.diag(np.sqrt(beside), -1)
     x, vectors = np.linalg.eigh(rows)
@@ -246,8 +283,12 @@ def _points(beta: float) -> tuple[Array, Array]:
 
 
 def _largest(force: Callable[[Any], Any], high: Array) -> Array:
-    """Return the largest value of a force that rises and then falls before the phase `high`, by golden section."""
+    """Return the largest value of a force that rises and falls before `high`.
+
+    Golden-section search in the phase is used.
+    """
     low = np.zeros_like(high)
+    # 0.618^50 = 4e-11: the error of a maximum is of second order
     for _ in range(50):
         a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
         rises = force(a) < force(b)

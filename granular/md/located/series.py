@@ -1,15 +1,15 @@
-"""The power series of a step: overlaps, rates and forces of a block of pairs as polynomials in τ.
+"""Power series of a step: overlaps, rates and forces of an island in τ.
 
     dξ/dt = η ,  η̇_c = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
 
-with inverse masses w and G the pull of gravity, and of what else acts on bodies; that of a driven wall is a series
-itself, and pendula add -Ω² ξ. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
-σ η̇_n. q = 1 is the plain clock; q > 1 makes the onset of a contact regular, where F starts like a fractional
-power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again. Of such a
-ξ the rows hold y from index `offset` on.
+Here w are inverse masses, and G is the acceleration by gravity and other external forces. For a driven wall, G is
+itself a series, and pendula add -Ω² ξ. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, and of η σ η̇_n. q
+= 1 is the plain clock. q > 1 makes the onset of a contact regular if F starts like a fractional power of t: a pair that
+just touches has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is again a power series. The rows of such a ξ contain y
+from index `offset` on.
 
-Products run over blocks of eight terms: one factor is kept backwards in a `mirror` with zeros behind it, terms not
-known yet are zero, and the few loop lengths are soon foreseen by the processor, which a loop over n terms never is.
+Products are summed in blocks of eight terms. One factor is stored backwards in a `mirror` with zeros behind it, and
+unknown terms are zero. Processors predict these few loop lengths well, unlike a loop over n terms.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ from granular.md.located.walls import drive
 
 @kernel
 def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any) -> None:
-    """Fill the rows x, e, f of pairs lo … hi-1 from their state, and g, the bracket φ, of those not open."""
+    """Compute x, e, f of pairs lo … hi-1 from their state, and g of those not open.
+
+    g is the bracket φ of the force.
+    """
     for c in range(lo, hi):
         prepare(pool[pairs[c].slot], q)
     if DRIVEN:
@@ -39,7 +42,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
             pair.x[n + q] = step * pair.e[n]
             if pair.mode == OPEN:
                 continue
-            if pair.kind == LINEAR:  # no call: of two linear pairs, the most frequent block, it is most of the work
+            if pair.kind == LINEAR:  # no call: it would dominate two linear pairs
                 phi = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
                 pair.g[n], pair.f[n] = phi, (1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0) * phi
             else:
@@ -47,6 +50,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
         pair = pool[pairs[lo].slot]
         if RING and last > hi:
             below = pool[pairs[hi - 1].slot].f[n]
+        # a second loop: the rate of a pair needs the forces of both neighbours at the same order
         for c in range(lo, hi):
             after = pool[pairs[c + 1].slot] if c + 1 < last else pair
             force = pair.f[n]
@@ -66,7 +70,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
 
 @kernel
 def prepare(pair: Any, q: int) -> None:
-    """Write the lowest orders, and zeros where no term will be computed."""
+    """Write the lowest orders, and zeros for terms that are not computed."""
     pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(1, q):
         pair.x[n], pair.e[n] = 0.0, 0.0
@@ -84,20 +88,24 @@ def prepare(pair: Any, q: int) -> None:
 
 @kernel
 def force_term(pair: Any, n: int, q: int) -> None:
-    """Add order n of the force (and of φ = kξ^s + γη) under a law that is not linear, of a pair that is not open; x is
-    known to order n+q, e to order n. At the event that found φ to be 0, it is exactly so."""
+    """Add order n of the force, and of φ = kξ^s + γη, under a nonlinear law.
+
+    The pair must not be open. x is known to order n+q, e to order n. At the event that found φ = 0, φ is set to exactly
+    0.
+    """
     if pair.mode == DORMANT:
         return
-    if pair.x[0] <= 0.0 and pair.e[0] < 0.0:  # opens now, together with another pair
+    if pair.x[0] <= 0.0 and pair.e[0] < 0.0:  # opens at this instant, together with another pair
         pair.f[n], pair.g[n] = 0.0, pair.gamma * pair.e[0] if n == 0 else 0.0
         return
+    # a pair that just touches has ξ = τ^q y
     offset = q if pair.x[0] == 0.0 else 0
     if pair.kind == ELASTIC and pair.p != 1.5:
         power_term(pair.x, pair.r, pair.p, n, offset)
         pair.f[n] = pair.k * pair.r[n]
         return
-    if pair.d == 0.25 and (pair.s == 1.0 or pair.s == 1.25):  # else z is needed for ξ^s
-        root_term(pair.x, pair.z, pair.zm, n + offset // 4, offset)  # the next root starts half as late
+    if pair.d == 0.25 and (pair.s == 1.0 or pair.s == 1.25):  # for other s the row z is needed for ξ^s
+        root_term(pair.x, pair.z, pair.zm, n + offset // 4, offset)  # √ξ starts at order q/2, its root at q/4
         root_term(pair.z, pair.r, pair.rm, n, offset // 2)
     elif pair.d == 0.5:
         root_term(pair.x, pair.r, pair.rm, n, offset)
@@ -118,7 +126,7 @@ def force_term(pair: Any, n: int, q: int) -> None:
 
 @kernel
 def complete(pair: Any, q: int) -> None:
-    """Take the event function φ = kξ + γη to full order; it needs no neighbours."""
+    """Extend the event function φ = kξ + γη to full order, without neighbours."""
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
     force = works(pair)
@@ -136,8 +144,11 @@ def works(pair: Any) -> float:
 
 @kernel
 def expand_two(a: Any, b: Any, h: float) -> None:
-    """Fill the rows of two pairs under linear laws on the plain clock, the most frequent block, as `expand` does: the
-    same sums, without going to and fro between the pairs, which halves the time of an interpreted run's series."""
+    """Compute the rows of two linear pairs on the plain clock, as `expand` does.
+
+    This is the most frequent island. The sums are the same, without alternating between the pairs, which halves the
+    time of the series in an interpreted run.
+    """
     xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
     of_a, of_b = works(a), works(b)
     ka, ga, kb, gb = of_a * a.k, of_a * a.gamma, of_b * b.k, of_b * b.gamma
@@ -151,6 +162,7 @@ def expand_two(a: Any, b: Any, h: float) -> None:
         xa, xb = step * ea, step * eb
         ea, eb = step * (between * fb - own_a * fa + push_a), step * (across * fa - own_b * fb + push_b)
         fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
+        # constant accelerations enter order 0 only
         push_a, push_b = 0.0, 0.0
     for pair in (a, b):
         if pair.mode == RESIDUAL:
@@ -160,10 +172,13 @@ def expand_two(a: Any, b: Any, h: float) -> None:
 
 @kernel
 def product_term(a: Any, mirror: Any, n: int) -> float:
-    """Return order n of the product of two series, Σ a_j b_(n-j), the second backwards: b_i = mirror[ORDER - i]."""
+    """Return order n of the product of two series, Σ a_j b_(n-j).
+
+    The second series is stored backwards: b_i = mirror[ORDER - i].
+    """
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     for block in range(n // 8 + 1):
-        j, i = (8 * block) & 31, (ORDER - n + 8 * block) & 63  # masks tell a compiler that no index is negative
+        j, i = (8 * block) & 31, (ORDER - n + 8 * block) & 63  # masks prove that no index is negative
         s0 += a[j] * mirror[i] + a[j + 4] * mirror[i + 4]
         s1 += a[j + 1] * mirror[i + 1] + a[j + 5] * mirror[i + 5]
         s2 += a[j + 2] * mirror[i + 2] + a[j + 6] * mirror[i + 6]
@@ -173,7 +188,10 @@ def product_term(a: Any, mirror: Any, n: int) -> float:
 
 @kernel
 def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
-    """Write order n of r = √ξ and of its mirror: from r² = ξ, 2 r_0 r_n = ξ_n - Σ r_j r_(n-j)."""
+    """Write order n of r = √ξ and of its mirror.
+
+    From r² = ξ follows 2 r_0 r_n = ξ_n - Σ r_j r_(n-j).
+    """
     first = offset // 2
     order = n - first
     if order < 0:
@@ -187,7 +205,10 @@ def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
 
 @kernel
 def power_term(x: Any, out: Any, alpha: float, n: int, offset: int) -> None:
-    """Write order n of f = ξ^α: f' y = α f y' gives n y_0 f_n = Σ (α j - (n-j)) y_j f_(n-j) (Knuth, TAOCP 2, 4.7)."""
+    """Write order n of f = ξ^α.
+
+    f' y = α f y' gives n y_0 f_n = Σ (α j - (n-j)) y_j f_(n-j) (Knuth, TAOCP 2, 4.7).
+    """
     first = int(alpha * offset + 0.5)
     order = n - first
     if order <= 0:

@@ -1,14 +1,14 @@
-"""How long a step is, and on which clock.
+"""Length of a step, and its clock.
 
-*Linear blocks*: the series of the step converges like that of exp(λh), λ = ½ (b + √(b² + 4a)) with a, b the largest
-absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, and Ω² of pendula in a; λh = `REACH` leaves
+*Linear islands*: the series of a step converges like the series of exp(λh), λ = ½ (b + √(b² + 4a)). Here a and b are
+the largest absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, with Ω² of pendula in a. λh = `REACH` leaves
 (λh)^(N+1)/(N+1)! = 1e-17.
 
-*Others*: h is only a scale. The coefficients themselves say how far they may be trusted, θ = tol^(1/N) / a with
-a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block, with
-each pair's own X and V: a slow contact beside a fast one is to be as good. The maximum
-is over the last six orders j, and over more where a contact begins: its series is lacunary, F = k ξ^p has terms of
-orders q(p+1), 2q(p+1), … only, and the last of them must be seen. Left out is less than (aτ)^(N+1) / (1 - aτ).
+*Other islands*: h is only a scale. The coefficients determine how far the series is valid: θ = tol^(1/N) / a with a =
+max_j A_j^(1/j). A_j is the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the island. Each pair has
+its own X and V, so that a slow contact beside a fast one is equally accurate. The maximum is taken over the last six
+orders j, and over more where a contact begins. There the series is lacunary: F = k ξ^p has terms of orders q(p+1),
+2q(p+1), … only, and the last of them must be included. The omitted terms are less than (aτ)^(N+1) / (1 - aτ).
 """
 
 from __future__ import annotations
@@ -25,23 +25,33 @@ from granular.md.located.system import is_closed
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
-"""A step reaches at most this many times the scale it was computed with."""
+"""Largest length of a step relative to its scale."""
 FAR = 1e9
-"""The scale of a step is at most so many times the time for which a contact has lasted: 1e9^20 is a number."""
+"""Largest scale of a step relative to the time for which a contact has lasted.
+
+1e9^20 does not overflow."""
 JUST = 1e-15
-"""Overlap, as a part of the typical one, below which a closing pair has only just touched: what an event elsewhere in
-the block, located to rounding, leaves of a touch at the same instant."""
+"""Relative overlap below which a closing pair has only just touched.
+
+It is relative to the typical overlap, and is caused by the rounding error of a simultaneous event elsewhere in the
+island."""
 SHALLOW = 0.1
-"""Part of its typical overlap below which a pair's force may be about to grow by many orders."""
+"""Relative overlap below which a force can grow by many orders of magnitude.
+
+It is relative to the typical overlap."""
 DORMANCY, ASLEEP = 1e-17, 0.1
-"""A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap, or
-to so many times the tolerance: below it, its overlap is what steps leave out."""
+"""Limits of the overlap up to which a pair is dormant.
+
+The pair touches at rest, or on an unsuitable clock. The first limit is relative to the typical overlap, the second to
+the tolerance as well. Below them, its overlap is within the truncation error."""
 
 
 @kernel
 def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> float:
-    """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work. `square`
-    is Ω² of pendula, else 0."""
+    """Return λ in 1/s, a bound of all rates of the touching pairs.
+
+    It is -1 if a nonlinear law is active. `square` is Ω² of pendula, else 0.
+    """
     stiffness, damping = square, 0.0  # largest absolute row sums of M⁻¹K and M⁻¹C so far
     k_below, g_below, closed = 0.0, 0.0, RING and is_closed(pairs, lo, hi)
     if RING and closed:
@@ -51,6 +61,7 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
     for c in range(lo, hi):
         pair, k_above, g_above = pool[pairs[c].slot], 0.0, 0.0
         if pair.mode != OPEN and pair.kind != LINEAR:
+            # only linear laws have a rate that is valid for the whole step
             return -1.0
         if c + 1 < hi or closed:
             above = pool[pairs[c + 1].slot]
@@ -67,29 +78,33 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
 
 @kernel
 def run_off_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return a time in s for which to follow linear pairs of which none pushes, at a wall of constant acceleration."""
+    """Return a time in s for a step of linear pairs without forces.
+
+    A wall has constant acceleration.
+    """
     t = math.inf
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.mode == RESIDUAL:
             t = min(t, time_to_contact(pair.xi, pair.eta, -pair.pull), force_returns(pair, pair))
+    # twice the time of the event, so that the step certainly contains it
     return 2.0 * t if 0.0 < t < math.inf else 1.0
 
 
 @kernel
 def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
-    """Set the block's `speed` V and `length` X, and each pair's own: what its energy amounts to as a rate and overlap.
+    """Set `speed` V and `length` X of the island, and the same of each pair.
 
-    V² is the largest η² + 2 w k ξ^(p+1)/(p+1), X the largest ((p+1) V² / (2 k w))^(1/(p+1)), w the inverse m_eff.
-    A ball at rest on a floor counts with its static overlap. Open pairs do not count: beside a slow contact a fast
-    ball may fly.
+    V² is the largest η² + 2 w k ξ^(p+1)/(p+1), X the largest ((p+1) V² / (2 k w))^(1/(p+1)), with w the inverse m_eff.
+    A ball at rest on a floor contributes its static overlap. Open pairs are ignored, because a fast ball can fly beside
+    a slow contact.
     """
     speed, length = 0.0, 0.0
     for c in range(lo, hi):
         pair, stored = pool[pairs[c].slot], 0.0
         if pair.xi > 0.0:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
-            if pair.kind == GENERAL:  # matched where impacts reach, it may tell little of a ball that comes to rest
+            if pair.kind == GENERAL:  # matched at the depth of impacts, not at rest
                 stored = max(stored, 2.0 * pair.pull * pair.xi)
         elif max(pair.pull, pair.sway) > 0.0 and (
             pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT * pair.noise)
@@ -117,20 +132,29 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
 
 @kernel
 def lend(giver: Any, pair: Any, w: float) -> None:
-    """Let a pair count with the speed that a neighbour may give it: 2 m_eff/m of its own, m = 1/w between them."""
+    """Raise a pair's speed to the speed that a neighbour can transfer.
+
+    This is 2 m_eff/m of the neighbour's speed, where m = 1/w is the mass between them.
+    """
     if giver.mode != OPEN:
         pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * w / giver.inverse) * giver.own_speed)
 
 
 @kernel
 def amplitude(pair: Any, square: float) -> float:
-    """Return the overlap in m at which the pair alone would stop from a squared rate `square` in m²/s²."""
+    """Return the overlap in m at which the pair alone would stop.
+
+    `square` is its squared rate in m²/s².
+    """
     return power((pair.p + 1.0) * square / (2.0 * pair.k * pair.inverse), 1.0 / (pair.p + 1.0))
 
 
 @kernel
 def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
-    """Return q of the clock t = (hτ)^q: 1, or that of pairs just touched; those it does not suit go dormant."""
+    """Return q of the clock t = (hτ)^q: 1, or the q of pairs that just touched.
+
+    Pairs for which it is unsuitable become dormant.
+    """
     q, asleep = 1, max(DORMANCY, ASLEEP * tol)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
@@ -146,6 +170,7 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
         if is_curved(pair) and pair.eta > 0.0 and pair.xi > 0.0:
             if pair.xi < JUST * pair.own_length and q % pair.q == 0 and q * pair.p <= STEEPEST:
                 pair.xi = 0.0
+            # half of the overlap at which it wakes, so that it does not wake immediately
             elif pair.xi < 0.5 * asleep * pair.own_length:
                 pair.mode = DORMANT
         if pair.mode == DORMANT:
@@ -155,17 +180,21 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
 
 @kernel
 def is_curved(pair: Any) -> bool:
-    """Return whether the pair pushes by a power law that is not linear: just touched, it needs a clock of its own."""
+    """Return whether the pair has a nonlinear power law and exerts a force.
+
+    If it just touched, it needs its own clock.
+    """
     return bool(pair.mode == ACTIVE and LINEAR < pair.kind < GENERAL)
 
 
 @kernel
 def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return the h with which the coefficients of a nonlinear block are computed.
+    """Return the h with which the coefficients of a nonlinear island are computed.
 
-    It is less where powers of h over the time a contact lasts at its rate or pull would leave the range of numbers.
+    It is reduced where powers of h relative to the time of a contact would overflow.
     """
     block = pool[pairs[lo].slot]
+    # a fifth of the time of a contact
     h = power(0.2 * block.length / block.speed, 1.0 / block.clock) if block.speed > 0.0 else 1.0
     if block.clock > 1:
         return h
@@ -183,10 +212,10 @@ def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
 
 @kernel
 def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
-    """Return ln a, the growth of the computed coefficients per order; -inf if there are none."""
+    """Return ln a, the growth of the coefficients per order, or -inf without any."""
     q, first, worst = pool[pairs[lo].slot].clock, ORDER - 5, -math.inf
     for c in range(lo, hi):
-        if just_touched(pool[pairs[c].slot]):  # the highest order that its rate is sure to have
+        if just_touched(pool[pairs[c].slot]):  # the highest order that its rate certainly has
             period = int(q * (pool[pairs[c].slot].p + 1.0) + 0.5)
             first = min(first, ORDER // period * period)
     for j in range(first, ORDER + 1):
@@ -199,18 +228,19 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if just_touched(pair) and pair.x[q] > 0.0 and 2.0 * q * (pair.p + 1.0) > ORDER:
-            # one order of the force cannot tell: ξ = τ^q y, and y^p is a power series up to where y is zero;
-            # a ball that touches almost at rest is soon moved by gravity alone
+            # one order of the force is not enough: ξ = τ^q y, and y^p is a power series up to the zero of y.
+            # A ball that touches almost at rest is soon moved by gravity alone.
             worst = max(worst, steepest(pair.x, 1, ORDER - q, q, pair.x[q]))
         elif is_curved(pair) and 0.0 < pair.x[0] < SHALLOW * pair.own_length:
-            # then the products of orders that F = k ξ^p leaves out are left out rightly; a pair that turns round with
-            # ξ = 0 and η = 0 goes on with ξ ∝ τ², and a force ∝ τ^(2p) that no order need show
+            # Then the omitted products of orders in F = k ξ^p are negligible. A pair that reverses at
+            # ξ = 0 and η = 0 continues with ξ ∝ τ² and a force ∝ τ^(2p), which may affect no computed order.
             worst = max(worst, steepest(pair.x, 1, ORDER, 0, pair.own_length))
         bends = pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0
         if pair.mode == RESIDUAL and pair.s != 1.0:
             bends = not stays_clipped(pair, trusted(worst, tol))
             if not bends:
                 for j in range(ORDER + 1):
+                    # φ is proved negative on the piece: replace it by a constant without roots
                     pair.g[j] = -1.0 if j == 0 else 0.0
         if bends:
             worst = max(worst, steepest(pair.g, ORDER - 5, ORDER, 0, pair.k * power(pair.own_length, pair.s)))
@@ -219,13 +249,19 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
 
 @kernel
 def just_touched(pair: Any) -> bool:
-    """Return whether the series of a pair begins where it touches: F = k ξ^p has terms of few orders only."""
+    """Return whether the series of a pair starts at its touch.
+
+    F = k ξ^p then has terms of few orders only.
+    """
     return bool(pair.mode == ACTIVE and pair.x[0] == 0.0 and pair.kind != LINEAR)
 
 
 @kernel
 def steepest(row: Any, first: int, last: int, lead: int, size: float) -> float:
-    """Return ln a of orders `first` … `last` of a row that begins with order `lead`, as parts of `size`."""
+    """Return ln a of orders `first` … `last` of a row, relative to `size`.
+
+    The row starts with order `lead`.
+    """
     worst = -math.inf
     for j in range(first, last + 1):
         if row[lead + j] != 0.0:
@@ -235,7 +271,10 @@ def steepest(row: Any, first: int, last: int, lead: int, size: float) -> float:
 
 @kernel
 def stays_clipped(pair: Any, theta: float) -> bool:
-    """Return whether φ = k ξ^s + γη is negative up to θ: by bounds of ξ and η, for φ is singular where ξ is zero."""
+    """Return whether φ = k ξ^s + γη is negative up to θ.
+
+    Bounds of ξ and η are used, because φ is singular where ξ is zero.
+    """
     xi, eta, t = pair.x[0], pair.e[0], 1.0
     for j in range(1, ORDER + 1):
         t *= theta
@@ -246,13 +285,14 @@ def stays_clipped(pair: Any, theta: float) -> bool:
 
 @kernel
 def trusted(worst: float, tol: float) -> float:
-    """Return the θ up to which coefficients that grow by ln a = `worst` hold to `tol`."""
+    """Return the θ up to which coefficients with ln a = `worst` hold to `tol`."""
     return math.exp(min(math.log(FURTHEST), math.log(tol) / ORDER - worst))
 
 
 @kernel
 def left_out(worst: float, tau: float) -> float:
-    """Return what the piece leaves out up to τ, as a part of its speed."""
+    """Return the truncation error of a piece up to τ, relative to its speed."""
     ratio = tau * math.exp(worst)
+    # 0.5: guard against a ratio close to 1, where the geometric series diverges
     return elapsed(ratio, ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
 

@@ -1,4 +1,4 @@
-"""Waves in chains of touching balls: bands and band gaps under a static force, solitary waves without one.
+"""Waves in chains of touching balls: bands under a static force, solitary waves.
 
 A first reader may skip: `bands`, `sensors`, `solitary_wave`.
 """

@@ -1,9 +1,9 @@
-"""Small waves in a chain under a static force: frequencies, bands, decay in a gap.
+"""Small-amplitude waves in a chain under a static force: bands, gaps and decay.
 
-Small swings of a chain at rest see springs: the tangent stiffness K = dF/dξ of every contact under its static force F₀,
-which is (3/2) A^(2/3) F₀^(1/3) under Hertz's law F = A ξ^(3/2). A chain is described by one unit cell: the masses of
-its balls, and the stiffness of the contact from each to the next, for the last that to the next cell. Damping is left
-out.
+Small oscillations about the equilibrium see linear springs. The stiffness of a contact is the tangent stiffness K =
+dF/dξ under its static force F₀. For Hertz's law F = A ξ^(3/2) it is (3/2) A^(2/3) F₀^(1/3). A chain is described by one
+unit cell: the masses of its balls, and the stiffness of the contact between each ball and the next. The last contact
+connects to the next cell. Damping is ignored.
 """
 
 from __future__ import annotations
@@ -21,20 +21,24 @@ from granular.laws.springs import stiffness_at
 from granular.scene import Scene, checked
 
 FASTEST = 1e100
-"""Angular frequency in rad/s above which squares are beyond the range of numbers."""
+"""Angular frequency in rad/s above which squares leave the range of floats."""
 
 
 @check.face
 def stiffness(scene: Scene, law: Any) -> check.Array:
-    """Return the stiffness K = dF/dξ in N/m of every contact at the overlaps of a scene, shape (n-1,); 0 where it is
-    open.
+    """Return the tangent stiffness of every contact of a scene.
 
     Parameters
     ----------
     scene : Scene
-        Such as `granular.scenes.compressed_chain`.
-    law : force law or sequence of them
-        One for all pairs, or one per pair.
+        A scene with overlaps, such as `granular.scenes.compressed_chain`.
+    law : force law or sequence of force laws
+        One law for all pairs, or one per pair.
+
+    Returns
+    -------
+    (n-1,) array
+        K = dF/dξ in N/m at the overlaps of the scene, 0 for open pairs.
     """
     kind, each = resolved(check.per_pair("law", law, checked(scene).n_pairs), scene).in_pairs
     contacts = list(zip(kind.tolist(), scene.gap.tolist(), strict=True))
@@ -44,26 +48,28 @@ def stiffness(scene: Scene, law: Any) -> check.Array:
 
 @check.face
 def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
-    """Return the angular frequencies ω in rad/s of waves in an endless chain, lowest branch first.
+    """Return the angular frequencies of waves in an infinite chain.
 
-    One ball to a cell: ω = 2 √(K/m) |sin(θ/2)|. Two of masses m and M: ω² = K (1/m + 1/M) ± K √((1/m + 1/M)² -
-    4 sin²(θ/2)/(m M)). More: eigenvalues of a Hermitian matrix.
+    The lowest branch comes first.
+
+    One ball per cell: ω = 2 √(K/m) |sin(θ/2)|. Two balls of masses m and M: ω² = K (1/m + 1/M) ± K √((1/m + 1/M)² - 4
+    sin²(θ/2)/(m M)). Larger cells: eigenvalues of a Hermitian matrix.
 
     Parameters
     ----------
     phase : float or array
         θ in rad from cell to cell: wave number times length of a cell.
     stiffness, mass : float or (p,) arrays
-        Of one unit cell of p balls, in N/m and kg; one number stands for all p.
+        Stiffness in N/m and mass in kg of one unit cell of p balls. One number applies to all p.
 
     Returns
     -------
     (…, p) array
-        One frequency for each branch.
+        ω in rad/s, one frequency per branch.
     """
     k, m = _cell(stiffness, mass)
     theta, p = check.array("phase", phase, ..., finite="finite angles in rad are needed"), len(m)
-    strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps of the contacts for balls that move by 1
+    strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps per unit displacement of each ball
     for j in range(p):
         strain[..., j, j] += 1.0 / math.sqrt(m[j])
         strain[..., j, (j + 1) % p] -= np.exp(1j * theta * (j == p - 1)) / math.sqrt(m[(j + 1) % p])
@@ -72,13 +78,20 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
 
 @check.face
 def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
-    """Return lower and upper edge in rad/s of every band, shape (p, 2); between two bands nothing is carried on.
+    """Return the lower and the upper edge of every frequency band.
+
+    Waves with frequencies between two bands do not propagate.
 
     Parameters
     ----------
     stiffness, mass : float or (p,) arrays
-        Of one unit cell, see `dispersion`. Of balls of masses m < M and one stiffness: 0 … √(2K/M) and
-        √(2K/m) … √(2K (1/m + 1/M)).
+        Unit cell, see `dispersion`. For balls of masses m < M and one stiffness the bands are 0 … √(2K/M) and √(2K/m) …
+        √(2K (1/m + 1/M)).
+
+    Returns
+    -------
+    (p, 2) array
+        Edges in rad/s.
     """
     k, m = _cell(stiffness, mass)
     edges = np.sort(dispersion([0.0, math.pi], k, m).T, axis=1)
@@ -88,42 +101,51 @@ def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.A
 
 @check.face
 def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Any:
-    """Return by which factor a wave of angular frequency ω shrinks from ball to ball: 1 in a band, below 1 in a gap.
+    """Return the factor by which a wave of angular frequency ω decays per ball.
 
-    One ball to a cell: exp(-2 acosh(ω/ω_c)) above ω_c = 2 √(K/m). Of larger cells the geometric mean over one.
+    It is 1 in a band and below 1 in a gap. One ball per cell: exp(-2 acosh(ω/ω_c)) above ω_c = 2 √(K/m). For larger
+    cells the geometric mean over one cell is returned.
 
     Parameters
     ----------
     omega : float or array
         ω in rad/s, not negative.
     stiffness, mass : float or (p,) arrays
-        Of one unit cell, see `dispersion`.
+        Unit cell, see `dispersion`.
+
+    Returns
+    -------
+    float or array
+        The factor, with the shape of `omega`.
     """
     k, m = _cell(stiffness, mass)
     w = check.array("omega", omega, ...)
     check.every("omega", w.ravel(), ((w >= 0.0) & (w <= FASTEST)).ravel(),
                  f"an angular frequency from 0 to {FASTEST:g} rad/s is needed")
     cell, grown = np.broadcast_to(np.eye(2), (*w.shape, 2, 2)), np.zeros(w.shape)
-    for stiff, heavy in zip(k.tolist(), m.tolist(), strict=True):  # of displacement and force, from ball to ball
+    for stiff, heavy in zip(k.tolist(), m.tolist(), strict=True):  # transfer matrix of displacement and force
         step = np.zeros((*w.shape, 2, 2))
         step[..., 0, 0], step[..., 0, 1] = 1.0 - heavy * w * w / stiff, 1.0 / stiff
         step[..., 1, 0], step[..., 1, 1] = -heavy * w * w, 1.0
         cell = step @ cell
-        size = np.abs(cell).max(axis=(-2, -1))  # taken out: over hundreds of balls it is beyond all numbers
+        size = np.abs(cell).max(axis=(-2, -1))  # scaled out: the product over hundreds of balls would overflow
         cell, grown = cell / size[..., None, None], grown + np.log(size)
     one = np.exp(-grown)
+    # rounding can put half the trace slightly below 1, where acosh is not real
     turn = np.maximum(0.5 * np.abs(cell[..., 0, 0] + cell[..., 1, 1]), one)
     return np.exp(-(grown + np.log(turn + np.sqrt((turn - one) * (turn + one)))) / len(m))[()]
 
 
 @check.face
 def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: float) -> float:
-    """Return the speed in m/s of waves much longer than a cell: L / √(Σ m Σ 1/K), of equal balls 2R √(K/m).
+    """Return the speed in m/s of waves much longer than a cell.
+
+    It is L / √(Σ m Σ 1/K), for equal balls 2R √(K/m).
 
     Parameters
     ----------
     stiffness, mass : float or (p,) arrays
-        Of one unit cell, see `dispersion`.
+        Unit cell, see `dispersion`.
     length : float
         Length L of the cell in m, for equal balls 2R.
     """
@@ -133,29 +155,35 @@ def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: f
 
 @check.face
 def modes(scene: Scene, law: Any) -> check.Array:
-    """Return the angular frequencies in rad/s of the small swings of a whole chain at rest, one per ball, ascending.
+    """Return the angular frequencies of the normal modes of a whole chain at rest.
 
     Parameters
     ----------
     scene, law
-        As for `stiffness`. Contacts that are open bear nothing; damping is left out.
+        As for `stiffness`. Open pairs exert no force, and damping is ignored.
+
+    Returns
+    -------
+    (balls,) array
+        ω in rad/s, ascending, one per ball.
     """
     k, balls = stiffness(scene, law), ~scene.is_wall
     m = scene.mass[balls]
     strain = scene.across(np.eye(scene.n)[balls])  # rows: balls
     of_contacts = np.linalg.eigvalsh(strain * k @ strain.T / np.sqrt(np.outer(m, m)))
-    return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # strings pull all balls alike
+    return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # strings add Ω² to ω²
 
 
 @check.face
 def crossing_time(scene: Scene, law: Any) -> float:
-    """Return the time in s that a slow wave takes through balls at rest that press on each other; inf if none do.
+    """Return the time in s in which a long wave crosses balls at rest in contact.
 
-    It is √(Σ m Σ 1/K) over them; where there are several such piles, the longest.
+    The time is √(Σ m Σ 1/K) over a set of connected balls. For several such sets the longest time is returned, and inf
+    if all pairs are open.
     """
     k = stiffness(scene, law)
     closed = k > 0.0
-    pile = np.append(0, np.cumsum(~closed))  # of each body, and on a ring of the first one again
+    pile = np.append(0, np.cumsum(~closed))  # set of each body, on a ring the first repeated
     pile[scene.ring & (pile == pile[-1])] = 0
     masses = np.bincount(pile[: scene.n], np.where(scene.is_wall, 0.0, scene.mass))
     times = np.bincount(pile[:-1][closed], 1.0 / k[closed], len(masses)) * masses
@@ -164,7 +192,7 @@ def crossing_time(scene: Scene, law: Any) -> float:
 
 @check.face
 def matched_end(scene: Scene, law: Any) -> list[Any]:
-    """Return the laws of a chain between walls with the last one replaced: slow waves do not come back from there.
+    """Return the laws of a chain with a last law that absorbs long waves.
 
     Parameters
     ----------
@@ -174,8 +202,9 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
     Returns
     -------
     list
-        One law per pair, the last a `granular.MatchedEnd` for the force at the wall, and the stiffness of the contact
-        before it. In a chain of two masses its mass is not the mean one: the match is rough.
+        One law per pair. The last one is a `granular.MatchedEnd` for the force at the wall and the stiffness of the
+        contact before it. In a chain of two masses the ball at the wall does not have the mean mass, so the match is
+        approximate.
     """
     laws = resolved(check.per_pair("law", law, checked(scene).n_pairs), scene)
     if not scene.is_wall[-1] or scene.n_pairs < 2 or not (scene.gap[-2:] < 0.0).all():

@@ -1,4 +1,4 @@
-"""A pulse in a run as sensors in the balls see it: when it comes, how strong and how wide; and a picture of all."""
+"""Pulses in a run: arrival, strength and width at each contact, and a picture."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from granular._engine.reports import COLUMN, canvas, style
 from granular.run.trajectory import Trajectory
 
 SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
-"""What is shown: what counts upwards, and what the bar says."""
+"""Quantities that can be drawn: labels of the vertical axis and colour bar."""
 ROUNDING = 1e-13
-"""Share of the largest force of a run up to which one may be rounding."""
+"""Share of the largest force of a run up to which a force is rounding error."""
 
 
 @check.face
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """When a pulse passes each contact, how strong it is there and how wide.
+    """Arrival time, strength and width of a pulse at each contact.
 
     Attributes
     ----------
     time : (n-1,) array
-        Of the largest force, in s; nan where that is at the first or last row of the run, or nothing passes but
-        rounding: 1e-13 of the largest force of the run.
+        Time in s of the largest force. It is nan if this is at the first or the last sample of the run, or if the force
+        is at most rounding error: 1e-13 of the largest force of the run.
     peak : (n-1,) array
-        Largest force in N above the static one.
+        Largest force in N above the static force.
     width : (n-1, w) array
-        For how long in s the force is more than the shares of the peak asked for, about that peak.
+        Duration in s for which the force around the peak exceeds each of the requested shares of it.
     place : (n-1,) array
-        Where the contacts are at the first row, in m.
+        Positions of the contacts at the first sample, in m.
     """
 
     time: Array
@@ -44,7 +44,10 @@ class Pulse:
     place: Array
 
     def speed(self, first: int = 0, last: int | None = None) -> float:
-        """Return the speed in m/s: slope of place over time (least squares) of the contacts from `first` to `last`."""
+        """Return the speed in m/s between the contacts `first` and `last`.
+
+        It is the slope of position over time (least squares).
+        """
         part = slice(*(one if one is None else check.whole(name, one, at_least=-len(self.time))
                        for name, one in (("first", first), ("last", last))))
         seen = np.isfinite(self.time[part])
@@ -58,18 +61,23 @@ class Pulse:
 
 @check.face
 def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static: float = 0.0) -> Pulse:
-    """Measure the largest pulse that passes each contact in the rows of a run of soft spheres.
+    """Measure the largest pulse at each contact in a run of soft spheres.
 
-    Between rows the force is a cubic spline: wrong by about (dt/duration)⁴, so ask for `samples` accordingly.
+    Between samples the force is interpolated by a cubic spline, with an error of about (dt/duration)⁴.
 
     Parameters
     ----------
     run : Trajectory
-        Of `granular.md` with rows often enough: 20 in a pulse give 4 digits, 200 give 8.
+        Run of `granular.md` with sufficient `samples`: 20 per pulse give 4 digits, 200 give 8.
     shares : floats
-        Parts of the peak, in (0, 1), for the widths.
+        Shares of the peak, in (0, 1), at which the width is measured.
     static : float
-        Force in N that all contacts bear at rest; the pulse is what is above it.
+        Force in N in all contacts at rest. The pulse is the force above it.
+
+    Returns
+    -------
+    Pulse
+        Arrival times, peaks and widths.
     """
     forces = _rows(run, "force", "hard spheres have no forces")
     parts = check.array("shares", shares)
@@ -83,7 +91,10 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
 
 
 def _of_one(time: Array, force: Array, shares: Array, faint: float) -> tuple[float, float, list[float]]:
-    """Time, peak and widths of the largest force of one contact; a `faint` one is none."""
+    """Return time, peak and widths of the largest force of one contact.
+
+    Time and widths are nan for a force up to `faint`.
+    """
     from scipy.interpolate import CubicSpline
 
     i = int(force.argmax())
@@ -91,6 +102,7 @@ def _of_one(time: Array, force: Array, shares: Array, faint: float) -> tuple[flo
         return np.nan, float(force[i]), [np.nan] * len(shares)
     spline: Any = CubicSpline(time - time[i], force)
     near = spline.derivative().roots(extrapolate=False)
+    # keep only extrema next to the largest sample; the sample itself is the fallback
     near = np.append(near[np.abs(near) <= max(time[i] - time[i - 1], time[i + 1] - time[i])], 0.0)
     top = float(near[spline(near).argmax()])
     peak = float(spline(top))
@@ -107,20 +119,20 @@ def picture(
     run: Trajectory, show: str = "force", path: str | PathLike[str] | None = None, *, beyond: bool = False,
     axis: Any = None,
 ) -> Any:
-    """Draw force or velocity over time and place; return the figure, or save it to `path`.
+    """Draw force or velocity over time and position, and return or save the figure.
 
     Parameters
     ----------
     run : Trajectory
-        With rows (``samples``) that are evenly spaced; a few hundred do. Of soft spheres for forces.
+        Run with evenly spaced ``samples``, a few hundred are enough. Forces require soft spheres.
     show : {"force", "velocity"}
-        What the shades mean.
+        Quantity shown by the colours.
     path : str or path, optional
         PNG, PDF or SVG file.
     beyond : bool
-        Show what is beyond the first row, such as the static force of a chain.
+        Subtract the first sample, for example the static force of a chain.
     axis : matplotlib axis, optional
-        Where to draw it, in place of a figure of its own.
+        Axis to draw on. By default a new figure is made.
     """
     across, bar = SHADES[check.choice("show", show, list(SHADES))]
     values = _rows(run, show, "of hard spheres show='velocity'")
@@ -138,7 +150,10 @@ def picture(
 
 
 def _rows(run: Any, what: str, fix: str) -> Array:
-    """Return forces or velocities of a run, or raise unless it has them, and rows enough."""
+    """Return forces or velocities of a run, or raise.
+
+    Forces exist for soft spheres only, and 5 samples are required.
+    """
     if not isinstance(run, Trajectory) or (what == "force" and run.force is None):
         raise TypeError(f"run is {run!r}: a run of granular.md is needed; {fix}.")
     if len(run.time) < 5:

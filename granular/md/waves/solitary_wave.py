@@ -1,12 +1,13 @@
-"""The solitary wave of balls that just touch, exact for the discrete chain: not that of a continuum.
+"""The solitary wave of balls that just touch, exact for the discrete chain.
 
-A wave that keeps its shape, δ_j(t) = δ_max φ(j - ct), turns Newton's equation of a chain with F = A δ^p into
+The wave of the continuum is only an approximation to it. A wave of constant shape, δ_j(t) = δ_max φ(j - ct), turns
+Newton's equation of a chain with F = A δ^p into
 
     c² φ''(x) = φ^p(x - 1) - 2 φ^p(x) + φ^p(x + 1),
 
-with c in balls per √(m / (A δ_max^(p-1))). Two integrations give φ = Λ * φ^p / c², with the triangle Λ(x) = 1 - |x| on
-[-1, 1] (English & Pego 2005). Convolving, and dividing by the peak, again and again converges to φ; c² is that peak.
-The wave falls off doubly exponentially, so that a Fourier series on a few diameters has every digit.
+with c in balls per √(m / (A δ_max^(p-1))). Two integrations give φ = Λ * φ^p / c² with the triangle Λ(x) = 1 - |x| on
+[-1, 1] (English & Pego 2005). Repeated convolution and division by the peak converges to φ, and the peak to c². The
+wave decays doubly exponentially, so a Fourier series on a few diameters is accurate to all digits.
 """
 
 from __future__ import annotations
@@ -24,30 +25,38 @@ from granular.laws.contact_law import instance, resolve
 from granular.scene import Scene, in_order
 
 BOX, POINTS = 32.0, 1024
-"""Length of the period in diameters, and points on it: more than enough for all exponents that are taken."""
+"""Length of the period in diameters, and number of points on it.
+
+Sufficient for all allowed exponents."""
 LEAST, MOST = 1.1, 8.0
-"""Exponents: below, the wave is longer than the box; above, steeper than its points resolve."""
+"""Range of exponents.
+
+For smaller ones the wave is longer than the period, for larger ones too steep for its points."""
 SWEEPS = 1000
 FAINT = 1e-16
-"""Overlaps below that share of the largest are rounding, and left out."""
+"""Share of the largest overlap below which overlaps are rounding errors.
+
+They are set to 0."""
 BACK = 5.0
-"""How far in diameters the wave reaches at least to each side in a scene."""
+"""Minimum extent of the wave in diameters on either side of its peak in a scene."""
 
 
 @check.face
 @dataclass(frozen=True, eq=False)
 class SolitaryWave:
-    """Shape and speed of the solitary wave of exponent p, for m = A = δ_max = 1 and balls 1 apart.
+    """Shape and speed of the solitary wave of exponent p, in dimensionless units.
+
+    The units are m = A = δ_max = 1 and a distance of 1 between balls.
 
     Parameters
     ----------
     exponent : float
-        p of F = A δ^p, from 1.1 to 8; 3/2 is Hertz.
+        p of F = A δ^p, from 1.1 to 8, 3/2 is Hertz.
 
     Notes
     -----
-    In general overlaps are in units of δ_max, and times of √(m / (A δ_max^(p-1))): the wave runs at c √(A δ_max^(p-1) /
-    m) balls per second, and balls at up to `peak_velocity` √(A δ_max^(p+1) / m).
+    In general, overlaps are in units of δ_max and times in units of √(m / (A δ_max^(p-1))). The wave moves at c √(A
+    δ_max^(p-1) / m) balls per second, and balls at up to `peak_velocity` √(A δ_max^(p+1) / m).
     """
 
     exponent: float
@@ -67,22 +76,29 @@ class SolitaryWave:
         return float(self.velocity(-0.5))
 
     def overlap(self, x: Any) -> Array:
-        """Return φ at distances x in balls from the peak; |x| at most 16."""
+        """Return φ at distances x in balls from the peak, |x| at most 16."""
         series, c2 = _series(self.exponent)
         return np.maximum(_cosines(series * _box() ** 2 / c2, _inside(x)), 0.0)
 
     def force(self, x: Any) -> Array:
-        """Return φ^p."""
+        """Return φ^p at distances x in balls from the peak."""
         return np.maximum(_cosines(_series(self.exponent)[0], _inside(x)), 0.0)
 
     def velocity(self, x: Any) -> Array:
-        """Return the velocity of the ball behind the contact at x; largest at x = -1/2: (1/c) ∫ φ^p from x to x + 1."""
+        """Return the velocity of the ball behind the contact at x.
+
+        It is (1/c) ∫ φ^p from x to x + 1, largest at x = -1/2.
+        """
         return _cosines(_series(self.exponent)[0] * _box() / self.speed, _inside(x) + 0.5)
 
     def width(self, share: float) -> float:
-        """Return over how many diameters the force is more than `share`, from 1e-12 to 1, of its peak."""
+        """Return the length in diameters on which the force exceeds a share of its peak.
+
+        `share` is between 1e-12 and 1.
+        """
         part = check.number("share", share, at_least=1e-12, at_most=1.0, fix="smaller forces are rounding")
         low, high = 0.0, 0.5 * BOX
+        # bisection down to neighbouring floats
         while (middle := 0.5 * (low + high)) not in (low, high):
             low, high = (middle, high) if self.force(middle) > part else (low, middle)
         return low + high
@@ -92,18 +108,20 @@ class SolitaryWave:
 def solitary(
     n: int = 40, speed: float = 0.1, *, law: Any, at: float = 6.0, radius: float = 0.009525, density: float = 8027.0
 ) -> Scene:
-    """Return a row of equal balls that touch, with the exact solitary wave in it, moving to the right.
+    """Return a row of equal touching balls with the exact solitary wave.
+
+    The wave moves to the right.
 
     Parameters
     ----------
     n : int
         Number of balls.
     speed : float
-        Largest velocity of a ball in m/s, far below that of the wave.
+        Largest velocity of a ball in m/s, far below the speed of the wave.
     law : force law
         F = A ξ^p without damping, p from 1.1 to 8, the same in all pairs.
     at : float
-        Where the peak of the force is: between the balls at - 1/2 and at + 1/2, counted from 0; at least 5 from both
+        Position of the force peak, between the balls `at` - 1/2 and `at` + 1/2, counted from 0. At least 5 from both
         ends.
     radius : float
         Radius of a ball in m.
@@ -118,12 +136,12 @@ def solitary(
     Raises
     ------
     TypeError, ValueError
-        For a law that is no such power, or a wave that does not fit in.
+        If the law is not such a power, or if the wave does not fit into the row.
 
     Notes
     -----
-    In m/s the wave runs at 2R c √(A δ_max^(p-1) / m), c = `SolitaryWave.speed`, and overlaps by up to δ_max = (v √(m/A)
-    / `SolitaryWave.peak_velocity`)^(2/(p+1)).
+    In m/s the wave moves at 2R c √(A δ_max^(p-1) / m), c = `SolitaryWave.speed`. Its largest overlap is δ_max = (v
+    √(m/A) / `SolitaryWave.peak_velocity`)^(2/(p+1)).
     """
     count = check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="a wave is five balls long")
     r, rho = check.number("radius", radius, above=0.0, at_most=1e100), check.number("density", density, above=0.0)
@@ -136,7 +154,7 @@ def solitary(
                          "solitary wave.")
     wave = SolitaryWave(form[1])
     deepest = (v * math.sqrt(m / form[0]) / wave.peak_velocity) ** (2.0 / (wave.exponent + 1.0))
-    x = np.arange(count) - 0.5 - place  # of the contact before each ball
+    x = np.arange(count) - 0.5 - place  # distance of the contact before each ball from the peak
     overlap, velocity = wave.overlap(x[1:]), wave.velocity(x)
     overlap[overlap < FAINT] = 0.0
     velocity[velocity < FAINT] = 0.0
@@ -153,10 +171,11 @@ def _series(p: float) -> tuple[Array, float]:
         new = np.maximum(raw / raw[0], 0.0)
         step = float(np.abs(new - phi).max())
         phi = new
-        if step < 1e-15 and step >= before:  # at rounding
+        if step < 1e-15 and step >= before:  # converged: changes no longer decrease
             break
         before = step
     series = np.fft.rfft(phi**p).real / POINTS
+    # the real transform stores each pair ±k once, except the first and the last term
     series[1:-1] *= 2.0
     return series, float((series * triangle).sum())
 
@@ -167,7 +186,10 @@ def _wave_numbers() -> Array:
 
 
 def _box() -> Array:
-    """The transform of 1 on [-1/2, 1/2]; its square is that of the triangle."""
+    """Return the transform of 1 on [-1/2, 1/2].
+
+    Its square is the transform of the triangle.
+    """
     return np.asarray(np.sinc(_wave_numbers() / (2.0 * math.pi)))
 
 
@@ -176,5 +198,5 @@ def _cosines(series: Array, x: Array) -> Array:
 
 
 def _inside(x: Any) -> Array:
-    """Distances from the peak; beyond half a box there is nothing."""
+    """Return distances from the peak, limited to half a period, where the wave is 0."""
     return np.clip(check.array("x", x, ..., finite="distances in balls are needed"), -0.5 * BOX, 0.5 * BOX)

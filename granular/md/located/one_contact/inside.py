@@ -1,7 +1,8 @@
-"""One contact again, from within: the pair is followed alone, by pieces, from the onset of its contact.
+"""Integrate one contact alone, piece by piece, from its onset.
 
-So one solved at once is looked into, or goes on as a member of an event that may disturb it: `relive` asks for that,
-`plan.follow_contact` takes it there piece after piece, and then `expose` or `seen` take what they need.
+This gives the state within a contact that was solved as one event. Such a contact can also become a member of an event
+that may disturb it. `relive` requests the integration, `plan.follow_contact` performs it piece by piece, and then
+`expose` or `seen` use the result.
 """
 
 from __future__ import annotations
@@ -32,12 +33,15 @@ from granular.md.located.system import count_of, join, leave, nth
 from granular.md.located.walls import beside_edge, flown, jump_at
 
 MOST_PIECES = 2000
-"""Pieces after which a contact is taken to go on forever."""
+"""Number of pieces after which a contact is assumed not to end."""
 
 
 @kernel
 def take_up(s: Any, c: int, v: float) -> Any:
-    """Take a place in the pool for pair `c`, a block of its own whose balls have just touched at speed `v`."""
+    """Take a record of the pool for pair `c`, which just touched at speed `v`.
+
+    The pair becomes an island of its own.
+    """
     pair = s.pairs[c]
     alone = pair.isolated
     join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
@@ -50,11 +54,12 @@ def take_up(s: Any, c: int, v: float) -> Any:
 
 @kernel
 def ask_to_follow(s: Any, c: int, left: float) -> None:
-    """Ask that a contact that has just begun be taken on for a time `left`, or until its balls part.
+    """Request that a contact that just began is integrated for a time `left`.
 
-    `plan.follow_contact` does it, and leaves in the record of the run when its force was over (nan: it was not), the
-    rate at which the balls were parting then, the time that has passed, and the place τ on the last piece. Balls that
-    part are OPEN; what has no end is not, nor what the force comes back to, which is another contact.
+    The integration ends earlier if the balls separate. `plan.follow_contact` performs it, and stores in the record of
+    the run: the time at which the force vanished (nan: it did not), the separation rate then, the elapsed time, and τ
+    on the last piece. After the separation the pair is OPEN. It is not OPEN if the contact does not end, or if its
+    force returns, which is another contact.
     """
     run = s.run[0]
     run.solo, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
@@ -65,7 +70,10 @@ def ask_to_follow(s: Any, c: int, left: float) -> None:
 
 @kernel
 def has_piece(s: Any, laws: Any) -> bool:
-    """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
+    """Return whether the contact that is integrated alone has another piece.
+
+    A residual contact without a returning force is advanced by free flight instead.
+    """
     run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
     if not (run.left > run.passed or run.pieces == AT_LEAST_ONE) or run.pieces == MOST_PIECES or member.mode == OPEN:
         return False
@@ -89,13 +97,17 @@ def has_piece(s: Any, laws: Any) -> bool:
 
 @kernel
 def goes_on(s: Any, laws: Any) -> bool:
-    """Take the contact that is followed alone over its piece; false if that was the last one."""
+    """Advance the contact that is integrated alone over its piece.
+
+    Return False if this was the last piece.
+    """
     run, c = s.run[0], s.run[0].solo
     member = s.pool[s.pairs[c].slot]
     tau = member.tau
     dt = piece_time(member)
     if run.passed + dt > run.left:
         dt = max(0.0, run.left - run.passed)
+        # rounding must not move τ beyond the end of the piece
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
         tally(s, laws, c, member, tau, s.ledger[0].solo)
@@ -124,7 +136,7 @@ def goes_on(s: Any, laws: Any) -> bool:
 
 @kernel
 def jolted(run: Any, member: Any, laws: Any) -> None:
-    """Let the force of a contact alone end or return where the velocity of its wall has jumped."""
+    """Update the mode of a contact alone after a jump of its wall's velocity."""
     member.exact = 0
     if laws is not None:
         clipped = laws.is_clipped(member)
@@ -138,7 +150,7 @@ def jolted(run: Any, member: Any, laws: Any) -> None:
 
 @kernel
 def happen(member: Any) -> None:
-    """Let the event happen that ends the piece of a contact alone."""
+    """Apply the event that ends the piece of a contact alone."""
     if member.event == END:
         member.mode, member.exact = RESIDUAL, 1
     elif member.event in (TURN, RELOAD):
@@ -149,9 +161,10 @@ def happen(member: Any) -> None:
 
 @kernel
 def relive(s: Any, c: int, t: float, tail: float) -> None:
-    """Take a place in the pool for pair `c`, in contact at the time t + tail, and ask that it be brought there.
+    """Take a record of the pool for pair `c`, in contact at the time t + tail.
 
-    The pair is a block of its own; if its force is over, it is in its run-off.
+    Request that its contact is integrated up to this time. The pair becomes an island of its own. If its force has
+    vanished, the contact is residual.
     """
     pair = s.pairs[c]
     left = pair.lasts + since(pair, t, tail)
@@ -163,19 +176,22 @@ def relive(s: Any, c: int, t: float, tail: float) -> None:
 
 @kernel
 def expose(s: Any, c: int) -> None:
-    """Let pair `c`, which has been relived, be a member of the event under way, for something may disturb it."""
+    """Make pair `c` a member of the current event, because it may be disturbed.
+
+    Its contact has been integrated by `relive`.
+    """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
-    if WORKED:  # what it would have come to is taken back, what it has come to so far is entered
+    if WORKED:  # replace the account of the whole contact by the account up to now
         book_at_once(s.ledger, s, c, -1.0)
         book(s.ledger[0], s.ledger[0].solo)
     xi, eta = flown(s.field, pair, back)
-    if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
+    if member.mode != ACTIVE:  # a residual contact already follows its asymptote
         member.xi = xi if member.mode == RESIDUAL else min(0.0, xi)
         member.eta, member.going_on = eta, 0
         member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
         return
-    xi -= member.xi  # what the asymptote is ahead of the contact
+    xi -= member.xi  # lead of the asymptote over the contact
     eta -= member.eta
     take_back_row(s, c, member)
     move_beside(s, c, xi, eta)
@@ -183,19 +199,21 @@ def expose(s: Any, c: int) -> None:
 
 @kernel
 def take_back_row(s: Any, c: int, member: Any) -> None:
-    """Let pair `c` go on with what its row of the log says, and void that row."""
+    """Restore the onset of pair `c` from its row of the log, and delete that row."""
     run, pair = s.run[0], s.pairs[c]
     if run.log_level != NO_LOG and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
-    elif run.log_level != NO_LOG:  # its row has been handed on: a run that ends where the contact does, to the bit
+    elif run.log_level != NO_LOG:  # its row is already written: the run ends exactly where the contact does
         member.going_on = 0
 
 
 @kernel
 def move_beside(s: Any, c: int, xi: float, eta: float) -> None:
-    """Bring the balls and flanks of pair `c` to the time of the event under way: they follow the asymptote, which is
-    ahead of the contact by `xi` and `eta`."""
+    """Move the balls and flanks of pair `c` to the time of the current event.
+
+    They follow the asymptote, which is ahead of the contact by `xi` and `eta`.
+    """
     run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
     low, high = member.lower / member.inverse, member.upper / member.inverse
     for side in range(2):
@@ -213,7 +231,7 @@ def move_beside(s: Any, c: int, xi: float, eta: float) -> None:
 
 @kernel
 def straighten(s: Any, f: int, xi: float, eta: float) -> None:
-    """Let a flank be as it is at the time of the event under way, and not as its asymptote says."""
+    """Correct a flank from its asymptote to its state at the current event."""
     run, flank = s.run[0], s.pairs[f]
     if flank.slot >= 0:
         s.pool[flank.slot].xi += xi
@@ -226,8 +244,11 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
 
 @kernel
 def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
-    """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces, as if contacts
-    solved at once were over; and into `sums`, unless there is no ledger, what it comes to."""
+    """Write overlap, rate and force of every pair at time `t`.
+
+    The time is within the current pieces. Contacts solved as one event are represented by their asymptotes. With a
+    ledger, `sums` receives its content at this time.
+    """
     if WORKED:
         read(s.ledger, sums)
     for c in range(count_of(s.pairs)):
@@ -250,8 +271,10 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
 
 @kernel
 def look_inside(s: Any, c: int, t: float) -> int:
-    """Return the first pair, `c` or later, that is in a contact solved at once at time `t`, and ask to relive it, so as
-    to be `seen`; the number of pairs if there is none."""
+    """Request the state of a pair that is in a contact solved as one event.
+
+    This is the first such pair from `c` on at time `t`. Return it, for `seen`, or the number of pairs if there is none.
+    """
     run, n = s.run[0], count_of(s.pairs)
     while c < n and not in_contact(s.pairs[c], t, 0.0):
         c += 1
@@ -264,14 +287,20 @@ def look_inside(s: Any, c: int, t: float) -> int:
 
 @kernel
 def look_over(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> int:
-    """`look`, and `look_inside` from pair 0 on, in one call: to enter machine code costs more than to look."""
+    """Call `look`, and then `look_inside` from pair 0 on.
+
+    A single call is used because entering machine code costs more than the evaluation.
+    """
     look(s, t, xi, eta, force, sums, laws)
     return look_inside(s, 0, t)
 
 
 @kernel
 def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
-    """Write what pair `c`, which has been relived, and its flanks are, and leave no trace of it."""
+    """Write the state of pair `c`, which was integrated alone, and of its flanks.
+
+    All traces of the integration are removed.
+    """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     deeper, faster = xi[c] - member.xi, eta[c] - member.eta
     xi[c], eta[c] = member.xi, member.eta

@@ -1,20 +1,21 @@
-"""An isolated contact as one event: its delay, its speeds and its peaks in closed form.
+"""Isolated contacts in closed form: delay, speeds and peaks.
 
-Two bodies of effective mass m meet at time 0 with speed v > 0 and see nothing else but gravity, which may pull them
-together by G (a ball and a wall): ξ̈ = G - F(ξ, ξ̇)/m, ξ(0) = 0, ξ̇(0) = v. The force falls to zero at t1, where they
-part with the speed v1; what is left of the overlap then runs off freely, until at t2 ≥ t1 ξ is zero and the speed v2.
-So by t2, whatever the law, the pair has moved by v t2 + G t2²/2 less than without the force, and its impulse was
-m (v + G t2 + v2).
+Two bodies of effective mass m meet at time 0 with speed v > 0. Apart from their force they only feel gravity, which can
+pull them together with acceleration G (a ball and a wall): ξ̈ = G - F(ξ, ξ̇)/m, ξ(0) = 0, ξ̇(0) = v. The force falls to
+zero at t1, when the bodies move apart with speed v1. The remaining overlap then decreases in free flight, until ξ is
+zero at t2 ≥ t1, with speed v2. For every law, the pair has moved by v t2 + G t2²/2 less at t2 than without the force.
+Its impulse was m (v + G t2 + v2).
 
 | law, by its kind and pull           | map |
 |-------------------------------------|-----|
 | dashpot F = kξ + γη, G = 0          | ω t1 = 2 f(ζ), v1 = v2 = ε v, t2 = t1 + γ/k |
-| dashpot, G ≠ 0, ζ < 1               | Newton's method from there; not where gravity nearly balances (v ω < 10 G) |
+| dashpot, G ≠ 0, ζ < 1               | Newton's method from there, except if gravity nearly balances (v ω < 10 G) |
 | powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`power_form`) |
-| viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2; t2 = t1 + γ/k |
+| viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2, t2 = t1 + γ/k |
 
-Other laws and states have none: t1 is nan. Between pendula that hang apart by d, ξ̈ = -Ω² (ξ + d) - F/m, a dashpot has
-one too (`of_pendula`): a swing of the square k/m + Ω², of which the force alone ends at kξ + γη = 0.
+Other laws and states do not have a map: t1 is nan. A dashpot between pendula that hang apart by d, ξ̈ = -Ω² (ξ + d) -
+F/m, also has a map (`of_pendula`). It is an oscillation of squared frequency k/m + Ω², whose force alone ends at kξ +
+γη = 0.
 """
 
 from __future__ import annotations
@@ -27,17 +28,24 @@ from granular.laws.viscoelastic_restitution import duration, peaks as tops, rest
 from granular.md.located.records import DASHPOT, SELF_SIMILAR, VISCOELASTIC
 
 WEIGHTLESS = 10.0
-"""A dashpot's contact under a pull G has a map if v ω exceeds this many times G: below, balls come to rest."""
+"""Smallest v ω, relative to G, at which a dashpot under a pull G has a map.
+
+Below it, balls come to rest."""
 CLOSE = 1e-9
-"""Newton steps end when the next one, in units of 1/ω, is smaller than this."""
+"""Newton's method ends when the next step, in units of 1/ω, is below this."""
 NEARLY = 1.0 - 2.0**-30
-"""Damping ratio from which a dashpot under a pull has no map: its swing, sin(Ωt)/Ω, comes to 0/0 at 1."""
+"""Damping ratio from which a dashpot under a pull has no map.
+
+Its oscillation, sin(Ωt)/Ω, becomes 0/0 at 1."""
 REFUSED = (math.nan, math.nan, math.nan, math.nan)
 
 
 @kernel
 def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return (t1, t2, v1, v2) of a contact at speed `v`; nan where it has no map. `inverse` is 1/m."""
+    """Return (t1, t2, v1, v2) of a contact at speed `v`, nan without a map.
+
+    `inverse` is 1/m.
+    """
     if law.map == DASHPOT:
         if pull == 0.0:
             t1, eps = of_dashpot(law, inverse)
@@ -58,8 +66,12 @@ def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, f
 
 @kernel
 def half_duration(zeta: float) -> float:
-    """Return f(ζ): half the duration of a dashpot's contact in units of 1/ω, ω² = k/m."""
+    """Return f(ζ), half the duration of a dashpot's contact in units of 1/ω.
+
+    Here ω² = k/m.
+    """
     root = math.sqrt(abs(1.0 - zeta)) * math.sqrt(1.0 + zeta)
+    # both formulas below become 0/0 at critical damping
     if root == 0.0:
         return 1.0
     return math.atan2(root, zeta) / root if zeta < 1.0 else math.asinh(root) / root
@@ -76,7 +88,7 @@ def of_dashpot(law: Any, inverse: float) -> tuple[float, float]:
 
 @kernel
 def reach(law: Any, inverse: float, v: float) -> float:
-    """Return the length X = (m v²/k)^(1/(p+1)), which sets the scale of a contact."""
+    """Return the length X = (m v²/k)^(1/(p+1)), the scale of a contact."""
     return math.pow(v * v / (law.k * inverse), 1.0 / (law.p + 1.0))
 
 
@@ -84,19 +96,21 @@ def reach(law: Any, inverse: float, v: float) -> float:
 def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
     """Return the contact of a dashpot under gravity.
 
-    The acceleration a = ξ̈ swings as exp(-λt) (cos, sin)(Ωt) about 0, and φ = kξ + γη = 0 where it has risen to G.
+    The acceleration a = ξ̈ oscillates as exp(-λt) (cos, sin)(Ωt) about 0, and φ = kξ + γη = 0 where it has increased to
+    G.
     """
     omega = math.sqrt(law.k * inverse)
     relax = law.gamma / law.k  # s
     zeta = 0.5 * relax * omega
     if v * omega < WEIGHTLESS * abs(pull) or zeta >= NEARLY:
         return REFUSED
-    if zeta == 0.0:  # the arc is symmetric about its lowest point
+    if zeta == 0.0:  # the motion is symmetric about the largest overlap
         t = (math.pi + 2.0 * math.atan(pull / (omega * v))) / omega
         return t, t, v, v
     t, dt, xi, eta, push = let_go(omega, zeta, relax, pull, v)
     if dt == math.inf:
         return REFUSED
+    # the last Newton step is taken by Taylor's formula, which is exact to rounding for |dt| ω < CLOSE
     jerk = -omega * omega * (eta + relax * push)
     xi += dt * (eta + 0.5 * dt * push)
     eta += dt * (push + 0.5 * dt * jerk)
@@ -104,16 +118,20 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
     if not (eta < 0.0 and square > 0.0):
         return REFUSED
     v2 = math.sqrt(square)
-    if not v2 > relax * pull:  # the force would come back
+    if not v2 > relax * pull:  # the force would return during the residual contact
         return REFUSED
     return t + dt, t + dt + 2.0 * xi / (v2 - eta), -eta, v2
 
 
 @kernel
 def let_go(omega: float, zeta: float, relax: float, pull: float, v: float) -> tuple[float, float, float, float, float]:
-    """Return a time close before or after the force ξ + relax·ξ̇ of a dashpot falls to 0, how much later that is (inf if
-    it does not), and overlap, rate and acceleration at that time."""
+    """Return a time close to the end of a dashpot's force, and the state then.
+
+    The force ξ + relax·ξ̇ falls to 0. The other values are the difference to its end (inf if it does not end), and
+    overlap, rate and acceleration.
+    """
     t, dt, xi, eta, push = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
+    # Newton's method ends earlier by `CLOSE`, and 20 is a guard
     for _ in range(20):
         xi, eta, push = swing(omega, zeta, pull, v, t)
         rise = eta + relax * push
@@ -128,7 +146,10 @@ def let_go(omega: float, zeta: float, relax: float, pull: float, v: float) -> tu
 
 @kernel
 def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return the contact of a dashpot between pendula, Ω² = `square`; the pull is -Ω² d."""
+    """Return the contact of a dashpot between pendula.
+
+    Ω² is `square`, and the pull is -Ω² d.
+    """
     stiff = law.k * inverse + square
     omega, relax = math.sqrt(stiff), law.gamma / law.k
     zeta = 0.5 * law.gamma * inverse / omega
@@ -149,7 +170,10 @@ def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -
 
 @kernel
 def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[float, float, float]:
-    """Return overlap, rate and acceleration of a dashpot, not clipped, a time t after its contact at speed v began."""
+    """Return overlap, rate and acceleration of a dashpot at time t.
+
+    The contact began at time 0 with speed v, and the force is not clipped.
+    """
     root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
     lean, angle = zeta * omega, root * omega * t
     fade, cosine, sine = math.exp(-lean * t), math.cos(angle), math.sin(angle) / root
@@ -163,7 +187,7 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 
 @kernel
 def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
-    """Return the largest overlap and the largest force of a contact that `encounter` knows."""
+    """Return the largest overlap and force of a contact that `encounter` knows."""
     if law.map == SELF_SIMILAR:
         length = reach(law, inverse, v)
         return law.deepest * length, law.strongest * v * v / (inverse * length)
@@ -180,15 +204,16 @@ def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float)
 
 @kernel
 def peaks_of_pendula(law: Any, inverse: float, square: float, pull: float, v: float, t1: float) -> tuple[float, float]:
-    """Return the same of a dashpot between pendula."""
+    """Return the largest overlap and force of a dashpot between pendula."""
     omega = math.sqrt(law.k * inverse + square)
     return peaks_under_pull(law, omega, 0.5 * law.gamma * inverse / omega, pull, v, t1)
 
 
 @kernel
 def peaks_of_dashpot(law: Any, omega: float, zeta: float, v: float, half: float, v1: float) -> tuple[float, float]:
-    """Without pull: ξ peaks half way, at ωt = f, where √ε of it is left; F at ωt = 3f - π/√(1-ζ²), or, ζ ≥ ½, at touch.
+    """Return the largest overlap and force of a dashpot without pull.
 
+    ξ peaks half way, at ωt = f, where it has decayed by √ε. F peaks at ωt = 3f - π/√(1-ζ²), or at the touch for ζ ≥ ½.
     So F = k (v/ω) exp(ζ (π/√(1-ζ²) - 3f)).
     """
     xi = v / omega * math.sqrt(v1 / v)
@@ -202,8 +227,12 @@ def peaks_of_dashpot(law: Any, omega: float, zeta: float, v: float, half: float,
 
 @kernel
 def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float, t1: float) -> tuple[float, float]:
-    """Under gravity: Newton's method, from the times without it."""
+    """Return the largest overlap and force of a dashpot under gravity.
+
+    Newton's method starts from the times without gravity.
+    """
     t = 0.5 * t1
+    # the start is off by about pull/(v ω) < 1/WEIGHTLESS, so four quadratic steps reach rounding
     for _ in range(4):
         xi, eta, push = swing(omega, zeta, pull, v, t)
         t -= eta / push
@@ -216,6 +245,7 @@ def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float,
     for _ in range(6):
         xi, eta, push = swing(omega, zeta, pull, v, t)
         bend = push - relax * omega * omega * (eta + relax * push)
+        # the force is not concave here: its maximum is at the touch
         if not bend < 0.0:
             break
         t = max(0.0, t - (eta + relax * push) / bend)

@@ -1,9 +1,10 @@
-"""Isolated contacts of any law, from a table: made for one octave of impact speeds when it has been met often enough.
+"""Isolated contacts of any law from a table per octave of impact speeds.
 
-For one law, effective mass and pull the whole contact hangs on the speed v alone. Contacts at Chebyshev points of the
-octave are solved by pieces; their times, and their speeds and peaks divided by v, are smooth where the law is. Two more
-contacts between the points say whether the polynomials hold, and two at the ends, beyond the last points, where a law
-may bend unseen; if not, such contacts go on being solved by pieces.
+A table is made when contacts in its octave are frequent enough. For one law, effective mass and pull, the whole contact
+depends on the speed v alone. Contacts at Chebyshev points of the octave are integrated by pieces. Their times, and
+their speeds and peaks divided by v, are smooth if the law is smooth. Two more contacts between the points test the
+polynomials. Two others test the ends, beyond the last points, where a kink of the law could remain hidden. If a test
+fails, contacts in this octave are always integrated by pieces.
 """
 
 from __future__ import annotations
@@ -19,19 +20,26 @@ from granular.md.located.system import leave
 from granular.md.located.walls import touching_rate
 
 WARM = 32
-"""Contacts of an octave after which its table is made: it costs about as many."""
+"""Number of contacts of an octave after which its table is made.
+
+A table costs about that number of contacts."""
 HOLDS = 1e-14
-"""Error up to which a table holds, as a part of each number, beyond the tolerance of the pieces."""
+"""Largest relative error of a table, beyond the tolerance of the pieces."""
 TIMES = 2
-"""So many of the numbers kept are times; the others are kept in units of the speed."""
+"""Number of stored quantities that are times.
+
+The other quantities are stored in units of the speed."""
 REFUSED, WANTED = -1, -2
 ITSELF = -1
-"""In place of the number of a point: at its own speed."""
+"""Replaces the number of a point: the contact at its own speed."""
 
 
 @kernel
 def table_of(s: Any, c: int, v: float) -> int:
-    """Return the place of the table for a contact of pair `c` at speed `v`; or REFUSED, WANTED."""
+    """Return the index of the table for a contact of pair `c` at speed `v`.
+
+    The result is REFUSED or WANTED if there is none.
+    """
     known, octave = s.maps[s.pairs[c].map], math.frexp(v)[1]
     i = octave - SLOWEST
     if not 0 <= i < OCTAVES:
@@ -46,11 +54,15 @@ def table_of(s: Any, c: int, v: float) -> int:
 
 @kernel
 def ask(s: Any, j: int, laws: Any) -> None:
-    """Ask that the contact that is wanted be followed alone, at point j of the octave of its speed, or at ITSELF."""
+    """Request that the wanted contact is integrated alone.
+
+    Its speed is point j of the octave, or its own speed for ITSELF.
+    """
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
     v = touching_rate(s.field, pair, pair.wait)
     if j != ITSELF:
+        # the mantissa of an octave is in [0.5, 1)
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log_level
     run.speed, run.log_level, run.error = v, PEAKS, 0.0
@@ -61,7 +73,10 @@ def ask(s: Any, j: int, laws: Any) -> None:
 
 @kernel
 def note(s: Any, j: int) -> bool:
-    """Note the contact that has been followed alone; false if it did not come to an end. ITSELF is the answer."""
+    """Store the contact that was integrated alone, for ITSELF as the answer.
+
+    Return False if it did not end.
+    """
     run, v = s.run[0], s.run[0].speed
     member = s.pool[s.pairs[run.wanted].slot]
     ends = member.mode == OPEN and member.eta < 0.0
@@ -83,7 +98,7 @@ def note(s: Any, j: int) -> bool:
 
 @kernel
 def put_back(s: Any) -> None:
-    """Let the run be as it was before a contact was followed alone."""
+    """Restore the run to its state before a contact was integrated alone."""
     run, pair = s.run[0], s.pairs[s.run[0].wanted]
     leave(run, s.pairs, s.pool, run.wanted)
     pair.due, run.steps, run.error, run.log_level = run.before_due, run.before_steps, run.before_error, run.before_log
@@ -91,11 +106,12 @@ def put_back(s: Any) -> None:
 
 @kernel
 def fit(s: Any) -> None:
-    """Make the table of an octave from the contacts noted for it; refuse the octave if it does not hold."""
+    """Make the table of an octave from its contacts, or refuse the octave."""
     run, known = s.run[0], s.maps[s.pairs[s.run[0].wanted].map]
     i = math.frexp(run.speed)[1] - SLOWEST
     if holds(s.tables[run.tables]):
         run.tables += 1
+        # index + 1, because 0 stands for an octave without a table
         known.table[i] = run.tables
     else:
         known.table[i] = -1
@@ -103,13 +119,17 @@ def fit(s: Any) -> None:
 
 @kernel
 def holds(table: Any) -> bool:
-    """Write the coefficients of a table; return whether it says what was seen between its points, and at the ends."""
+    """Write the coefficients of a table, and return whether it passes the tests.
+
+    It is tested between its points and at the ends.
+    """
     if table.noted < POINTS + CHECKS:
         return False
     for q in range(QUANTITIES):
         expand(table, q)
         for j in range(POINTS, POINTS + CHECKS):
             seen = table.seen[q * (POINTS + CHECKS) + j]
+            # the difference of a table and a contact contains the errors of both
             if not abs(polynomial(table, q, place_of(j)) - seen) <= max(HOLDS, 4.0 * table.error) * abs(seen):
                 return False
     return True
@@ -117,10 +137,14 @@ def holds(table: Any) -> bool:
 
 @kernel
 def place_of(j: int) -> float:
-    """Return the j-th point of an octave, from -1 to 1: the zeros of a Chebyshev polynomial, then those to check at."""
+    """Return the j-th point of an octave, from -1 to 1.
+
+    The zeros of a Chebyshev polynomial come first, then the test points.
+    """
     if j < POINTS:
         return math.cos(math.pi * (j + 0.5) / POINTS)
     i = j - POINTS
+    # both ends, then 0.47 and -0.63, which lie between Chebyshev points
     return 2.0 * i - 1.0 if i < 2 else 0.47 - 1.1 * (i - 2)
 
 
@@ -136,7 +160,7 @@ def expand(table: Any, q: int) -> None:
 
 @kernel
 def polynomial(table: Any, q: int, z: float) -> float:
-    """Return one quantity at z, from -1 to 1, by Clenshaw's sums."""
+    """Return one quantity at z, from -1 to 1, by Clenshaw's algorithm."""
     last, twice, base = 0.0, 0.0, q * POINTS
     for k in range(POINTS - 1, 0, -1):
         last, twice = table.c[base + k] + 2.0 * z * last - twice, last
@@ -147,6 +171,7 @@ def polynomial(table: Any, q: int, z: float) -> float:
 @kernel
 def tabled(table: Any, elastic: int, v: float) -> tuple[float, float, float, float]:
     """Return (t1, t2, v1, v2) of a contact at speed `v`, as `maps.encounter` does."""
+    # the mantissa of an octave is in [0.5, 1)
     z = 4.0 * math.frexp(v)[0] - 3.0
     t1, t2 = polynomial(table, 0, z), polynomial(table, 1, z)
     if elastic:

@@ -1,24 +1,25 @@
-"""Balls pressed together: their equilibrium, and a proof by energy that none of their contacts can ever open.
+"""Equilibrium of balls in contact, and an energy proof that no contact can open.
 
-A group is a maximal run of pairs a … b-1 whose forces act: a pile on a floor or below a ceiling, balls between both, or
-balls that forces press together in flight. In the frame of its wall, or of its mass centre, which accelerates
-uniformly, the energy about its static equilibrium (overlaps ξ°, forces F° > 0),
+A group is a maximal run of pairs a … b-1 with contact forces: a pile on a floor or below a ceiling, balls between both,
+or balls that forces press together in flight. Consider the frame of its wall, or of its mass centre, which accelerates
+uniformly. The energy relative to the static equilibrium (overlaps ξ°, forces F° > 0),
 
     E = Σ ½ m v² + Σ U(ξ) - U(ξ°) - F° (ξ - ξ°) ,
 
-never grows. The force of pair c can only vanish where kξ^s + γη = 0, and the relative motion alone then has ½ m_eff η²,
-so that it needs at least the least value on 0 ≤ ξ ≤ ξ° of
+never grows. The force of pair c can only vanish where kξ^s + γη = 0. The relative motion alone then has the energy ½
+m_eff η², so that the pair needs at least the minimum on 0 ≤ ξ ≤ ξ° of
 
-    U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² ,
+    U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² .
 
-F°²/(2 (k + γ²/m_eff)) for a dashpot; for γ = 0 it has to part, ξ = 0. Besides, kξ^s + γη must fall there: its rate is
-at least γ G - s k² ξ^(2s-1)/γ, for other forces only press, so that under a pull G > 0 it takes an overlap of
+For a dashpot this is F°²/(2 (k + γ²/m_eff)). For γ = 0 the pair has to separate, ξ = 0. In addition, kξ^s + γη must
+decrease there. Its rate is at least γ G - s k² ξ^(2s-1)/γ, because other forces only press. Under a pull G > 0 this
+requires an overlap of
 
     ξ^(2s-1) ≥ γ² G / (s k²) ,
 
-which, beyond ξ°, a strongly damped ball never comes to. Less energy than that in every contact: no force vanishes
-forever after, hence nothing opens. The equilibrium is the same at every look: loads are weights and forces, and between
-two walls at rest the overlaps have a constant sum.
+which is beyond ξ° and out of reach for a strongly damped ball. If the energy is below this bound for every contact, no
+force ever vanishes, and no contact opens. The equilibrium does not depend on the time of its computation: loads are
+weights and forces, and between two walls at rest the overlaps have a constant sum.
 """
 
 from __future__ import annotations
@@ -31,12 +32,15 @@ from granular.md.located.pieces import power
 from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR
 
 NOT_YET, RESTS, BOUND = range(3)
-"""Verdicts: nothing proved; rests, with damping in every contact; bound forever, but not damped in every contact."""
+"""Verdicts about a group.
+
+Nothing is proved. The group rests, with damping in every contact. It is bound forever, but not damped in every
+contact."""
 
 
 @kernel
 def end_of_group(pairs: Any, pool: Any, c: int) -> int:
-    """Return the end of the group that starts with pair `c`; `c` itself if that does not push."""
+    """Return the end of the group that starts with pair `c`, or `c` without a force."""
     b = c
     while b < len(pairs) and pairs[b].slot >= 0 and pool[pairs[b].slot].mode == ACTIVE:
         b += 1
@@ -45,7 +49,10 @@ def end_of_group(pairs: Any, pool: Any, c: int) -> int:
 
 @kernel
 def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
-    """Return what is proved of the group of pairs a … b-1; notes energy and barrier in the record of its first pair."""
+    """Return the verdict about the group of pairs a … b-1.
+
+    Energy and barrier are stored in the record of its first pair.
+    """
     head = pool[pairs[a].slot]
     find_equilibrium(pairs, pool, bodies, a, b)
     if head.opening <= 0.0:
@@ -62,12 +69,13 @@ def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
         for c in range(a, b):
             head.barrier = min(head.barrier, hurdle(pool[pairs[c].slot]))
     head.energy = energy
+    # 1e-9: margin for rounding errors of energy and barrier
     return damped if energy < (1.0 - 1e-9) * head.barrier else NOT_YET
 
 
 @kernel
 def is_known(pairs: Any, pool: Any, a: int, b: int) -> bool:
-    """Return whether a group is as it was when its equilibrium was noted."""
+    """Return whether a group is unchanged since its equilibrium was stored."""
     if pool[pairs[a].slot].piled != b - a:
         return False
     for c in range(a, b):
@@ -78,10 +86,11 @@ def is_known(pairs: Any, pool: Any, a: int, b: int) -> bool:
 
 @kernel
 def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None:
-    """Note the loads of a group, and an energy in J that none of its pairs needs more of to open: 0 if one bears none.
+    """Store the loads of a group, and an upper bound of its energy barrier in J.
 
-    That is without damping, where it has to part, or from where its force can fall; a `hurdle` is lower. A group that
-    is as it was keeps what is noted.
+    With more energy than the bound, a pair can open. The bound is 0 if a pair bears no load. It is computed without
+    damping, where a pair has to separate, or at the overlap from which its force can decrease. A `hurdle` is lower. An
+    unchanged group keeps the stored values.
     """
     head, least = pool[pairs[a].slot], math.inf
     if is_known(pairs, pool, a, b):
@@ -102,7 +111,10 @@ def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None
 
 @kernel
 def find_loads(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
-    """Note the force in N that each pair of a group bears at rest; false if it has no equilibrium, or a driven wall."""
+    """Store the force in N of each pair of a group at rest.
+
+    Return False if the group has no equilibrium, or a driven wall.
+    """
     if pairs[a].wall > 0 or pairs[b - 1].wall > 0:
         return False
     floor, ceiling, load = bodies[a].inverse_mass == 0.0, bodies[b].inverse_mass == 0.0, 0.0
@@ -117,21 +129,23 @@ def find_loads(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
     for c in range(a, b if ceiling else a):
         load -= weight(bodies[c])
         pair = pool[pairs[c].slot]
+        # between two walls the equilibrium has a free common force, which `squeeze` determines
         pair.load = 0.5 * (pair.load + load) if floor else load
     return not (floor and ceiling) or squeeze(pairs, pool, a, b)
 
 
 @kernel
 def weight(body: Any) -> float:
-    """Return the force in N that pulls a ball down; 0 for a wall."""
+    """Return the force in N that pulls a ball down, or 0 for a wall."""
     return float(body.fall / body.inverse_mass) if body.inverse_mass > 0.0 else 0.0
 
 
 @kernel
 def find_loads_in_flight(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
-    """Note the loads of a group in flight: what its balls above a pair would lose on those below, F = m_eff Δ(fall).
+    """Store the loads of a group in flight.
 
-    Falls count from that of its lowest ball on: exactly none where gravity alone pulls.
+    The load of a pair is F = m_eff Δ(fall), for the balls above and below it. Falls are relative to the fall of the
+    lowest ball, so loads are exactly 0 if only gravity acts.
     """
     fall, mass, total, falls = 0.0, 1.0 / bodies[a].inverse_mass, 0.0, False
     for c in range(a, b):
@@ -154,7 +168,10 @@ def find_loads_in_flight(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> 
 
 @kernel
 def squeeze(pairs: Any, pool: Any, a: int, b: int) -> bool:
-    """Add to the loads of balls between two walls what lets the static overlaps add up to those there are; true."""
+    """Add to the loads of balls between two walls a common force.
+
+    With it the static overlaps have the same sum as the present overlaps. Return True.
+    """
     total, low, high = 0.0, -math.inf, 0.0
     for c in range(a, b):
         total += pool[pairs[c].slot].xi
@@ -162,6 +179,7 @@ def squeeze(pairs: Any, pool: Any, a: int, b: int) -> bool:
         pair = pool[pairs[c].slot]
         low = max(low, -pair.load)
         high = max(high, pair.k * power(total, pair.p) - pair.load)
+    # 100 halvings exhaust the digits of the common force
     for _ in range(100):
         middle, taken = 0.5 * (low + high), 0.0
         for c in range(a, b):
@@ -175,7 +193,10 @@ def squeeze(pairs: Any, pool: Any, a: int, b: int) -> bool:
 
 @kernel
 def kinetic(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return the kinetic energy in J of a group relative to its wall, or, without, to its mass centre."""
+    """Return the kinetic energy in J of a group relative to its wall.
+
+    Without a wall, it is relative to the mass centre.
+    """
     v, energy, free = 0.0, 0.0, bodies[a].inverse_mass > 0.0
     if free:
         mass, momentum = 1.0 / bodies[a].inverse_mass, 0.0
@@ -211,8 +232,10 @@ def excess(pair: Any, xi: float) -> float:
 
 @kernel
 def turning(pair: Any) -> float:
-    """Return the least overlap in m at which the force of a pair may fall through zero, if that is beyond the static
-    one; else 0."""
+    """Return the smallest overlap in m at which a force can decrease through zero.
+
+    The result is 0 if this is not beyond the static overlap.
+    """
     exponent = 2.0 * pair.s - 1.0
     if pair.kind == ELASTIC or not (pair.gamma > 0.0 and pair.pull > 0.0 and exponent > 0.0):
         return 0.0
@@ -223,7 +246,7 @@ def turning(pair: Any) -> float:
 
 @kernel
 def opens_at(pair: Any, xi: float) -> float:
-    """Return the energy in J with which the force of a pair vanishes at an overlap in m."""
+    """Return the energy in J at which the force of a pair vanishes at an overlap in m."""
     if xi == 0.0:
         return excess(pair, 0.0)
     stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
@@ -232,13 +255,13 @@ def opens_at(pair: Any, xi: float) -> float:
 
 @kernel
 def hurdle(pair: Any) -> float:
-    """Return the least energy in J with which the force of a pair can vanish."""
+    """Return the smallest energy in J at which the force of a pair can vanish."""
     rest, least = overlap_under(pair, pair.load), turning(pair)
     if pair.kind == ELASTIC or pair.gamma == 0.0 or least > 0.0:
         return opens_at(pair, least)
     stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
     low, high = 0.0, rest
-    for _ in range(60):  # the sum is convex: halve by the sign of its slope
+    for _ in range(60):  # the sum is convex: bisect the sign of its slope, 2^-60 is below rounding
         xi = 0.5 * (low + high)
         slope = pair.k * power(xi, pair.p) - pair.load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
         low, high = (xi, high) if slope < 0.0 else (low, xi)

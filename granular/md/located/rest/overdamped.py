@@ -1,16 +1,17 @@
-"""The slow motion of strongly damped piles: a power series on the clock of the creep, not on that of the fast decay.
+"""Slow motion of strongly damped piles, as a power series on the scale of creep.
 
-What balls pressed to a wall lose of their rate decays within m/(γ ξ^d), and is soon below rounding; what is left creeps
-at k ξ^p/(γ ξ^d), and a step of an explicit series would be as short as the former for as long as the latter takes. The
-creep alone is regular: the forces are loads and inertia, F = F° + Σ m a over the balls beyond the pair, with them
+The rates of balls pressed against a wall decay within m/(γ ξ^d), and are soon below rounding. The remaining motion
+creeps at k ξ^p/(γ ξ^d). An explicit series would need steps as short as the decay time during the whole creep. The
+creep alone is regular. With the forces F = F° + Σ m a, load plus inertia of the balls beyond the pair,
 
     γ η = F ξ^(-d) - k ξ^s
 
-is an equation of first order, whose series has steps as long as the creep, and its rates give the next forces. Each
-round is better by the ratio of both times.
+is an equation of first order, whose series has steps as long as the creep. Its rates give the next forces. Each
+iteration reduces the error by the ratio of both times.
 
-`look_at` says what a block does that may be at rest: whether that is proved, and its piece where it lies still or
-creeps. The event loop stops for it (`WANTS_LOOK`), so that what is here is compiled only where it is wanted.
+`look_at` examines an island that may be at rest. It returns whether rest is proved, and writes the piece of an island
+that lies still or creeps. The event loop stops for it (`WANTS_LOOK`), so that this module is compiled only when it is
+needed.
 """
 
 from __future__ import annotations
@@ -38,18 +39,24 @@ from granular.md.located.series import power_term
 from granular.md.located.step_size import growth, left_out, trusted
 
 NEAR = 0.1
-"""Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed
-down."""
+"""Largest difference between force and load of a pair in creep.
+
+It is relative to the sum of load and elastic force. A larger difference means that the pair is still decelerating."""
 ROUNDS = 60
 SETTLED = 2.0**-52
-"""Part of the load up to which the forces of two rounds are the same."""
+"""Relative change of forces, as a share of the load, below which they converged."""
 GONE = 1e-13
-"""Part of its load and elastic force that the fast motion of a pair may still bear: ordinary steps leave that."""
+"""Largest force of the fast motion of a pair.
+
+It is relative to the sum of load and elastic force. Ordinary steps leave this amount."""
 
 
 @kernel
 def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
-    """Fill the rows of a block whose pairs creep or fly, and set its h; false if it is none."""
+    """Write the piece of an island whose pairs creep or fly, and set its h.
+
+    Return False for any other island.
+    """
     block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
     while c < hi:
         if pool[pairs[c].slot].mode == ACTIVE and not drags(pool[pairs[c].slot]):
@@ -79,7 +86,7 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return the time in s in which a group creeps; 0 if it is not so slow, or not yet."""
+    """Return the time in s in which a group creeps, or 0 if it does not creep yet."""
     slowest = math.inf
     closed = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0
     find_equilibrium(pairs, pool, bodies, a, b)
@@ -105,7 +112,10 @@ def creeping(load: float, push: float, damping: float) -> bool:
 
 @kernel
 def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> bool:
-    """Fill the rows of a group, round by round; false if that does not converge, or its fast motion is not over."""
+    """Compute the coefficients of a group by iteration.
+
+    Return False if this does not converge, or if the fast motion is not over.
+    """
     first, last = pool[pairs[a].slot], math.inf
     for n in range(ORDER + 1):
         first.zm[n] = 0.0
@@ -114,7 +124,7 @@ def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) 
     for _ in range(ROUNDS):
         sink(pairs, pool, bodies, a, b, h)
         change = press_slowly(pairs, pool, bodies, a, b, h)
-        for c in range(a, b):  # the fast motion is more than the next round can take
+        for c in range(a, b):  # the remaining fast motion must be within reach of the next iteration
             pair = pool[pairs[c].slot]
             allowed = max(10.0 * change * pair.own_speed, GONE * (2.0 * pair.own_speed + abs(pair.eta)))
             if abs(pair.e[0] - pair.eta) > allowed:
@@ -131,9 +141,10 @@ def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) 
 
 @kernel
 def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
-    """Fill the rows of overlaps, rates and brackets of a group, given those of its forces.
+    """Compute overlaps, rates and brackets of a group from its forces.
 
-    Between two walls the rates add up to 0: for that all forces are larger by a series in `zm` of the first pair.
+    Between two walls the sum of the rates is 0. All forces are therefore increased by a series, stored in `zm` of the
+    first pair.
     """
     closed, first = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0, pool[pairs[a].slot]
     for n in range(ORDER + 1):
@@ -155,7 +166,7 @@ def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
 
 @kernel
 def sink_term(pair: Any, n: int, h: float) -> None:
-    """Add order n of overlap, rate and bracket of a pair."""
+    """Compute order n of overlap, rate and bracket of a pair."""
     pair.x[n] = h / n * pair.e[n - 1] if n > 0 else pair.xi
     phi, bent = pair.f[n], pair.x[n]
     if pair.d != 0.0:
@@ -171,7 +182,10 @@ def sink_term(pair: Any, n: int, h: float) -> None:
 
 @kernel
 def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> float:
-    """Fill the rows of the forces of a group from those of its rates; return by what part of a load they changed."""
+    """Compute the forces of a group from its rates.
+
+    Return their largest change relative to a load.
+    """
     first, worst = pool[pairs[a].slot], 0.0
     floor, ceiling = bodies[a].inverse_mass == 0.0, bodies[b].inverse_mass == 0.0
     mass = 0.0 if floor else 1.0 / first.lower
@@ -200,15 +214,16 @@ def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -
 
 @kernel
 def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) -> None:
-    """Fill the rows of a pair without force: its hulls fly, and the overlaps beside it change what is between them.
+    """Compute the coefficients of a pair without a force.
 
-    To integrate the forces beside it would add up their rounding.
+    Its hulls fly freely, and the overlaps beside the pair change the gap between them. Integrating the forces beside it
+    would accumulate their rounding errors.
     """
     pair, (_, rate, pull) = pool[pairs[c].slot], between(pairs, pool, bodies, lo, c)
     write_flight(pair, h, pull, 0.0)
     pair.x[1], pair.e[0] = -h * rate, -rate
-    for way in (-1, 1):
-        subtract(pairs, pool, bodies, pair, c, way)
+    for direction in (-1, 1):
+        subtract(pairs, pool, bodies, pair, c, direction)
     pair.eta = pair.e[0]
     for n in range(ORDER + 1 if pair.mode == RESIDUAL else 0):
         pair.g[n] = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
@@ -217,23 +232,25 @@ def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) ->
 
 
 @kernel
-def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, way: int) -> None:
-    """Take the overlaps of the group below (way -1) or above (way 1) pair `c` from its rows, and their rates.
+def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direction: int) -> None:
+    """Subtract the overlaps and rates of a neighbouring group from those of a pair.
 
-    In flight each counts with the share of the balls beyond it in the mass.
+    The group is below (`direction` -1) or above (1) pair `c`. In flight, each overlap is weighted with the mass
+    fraction of the balls beyond it.
     """
-    f = c + way
+    f = c + direction
     while 0 <= f < len(pairs) and pairs[f].slot >= 0 and pool[pairs[f].slot].mode == ACTIVE:
-        f += way
-    last = f + 1 if way < 0 else f  # the outermost body
+        f += direction
+    # index of a body: pair f joins bodies f and f + 1
+    last = f + 1 if direction < 0 else f  # the outermost body
     at_wall, mass, total = bodies[last].inverse_mass == 0.0, 0.0, 1.0
     if not at_wall:
         total = 0.0
         for i in range(abs(f - c)):
-            total += 1.0 / bodies[last - way * i].inverse_mass
+            total += 1.0 / bodies[last - direction * i].inverse_mass
     for i in range(abs(f - c) - 1):
-        beyond = pool[pairs[f - way * (i + 1)].slot]
-        mass += 0.0 if at_wall else 1.0 / bodies[last - way * i].inverse_mass
+        beyond = pool[pairs[f - direction * (i + 1)].slot]
+        mass += 0.0 if at_wall else 1.0 / bodies[last - direction * i].inverse_mass
         share = 1.0 if at_wall else mass / total
         for n in range(ORDER + 1):
             pair.e[n] -= share * beyond.e[n]
@@ -243,9 +260,10 @@ def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, way: int) ->
 
 @kernel
 def look_at(s: Any, limit: float) -> int:
-    """Return what is proved of the scene if that ends a run up to time `limit`: RESTS, BOUND; else NOT_YET.
+    """Return the verdict about the scene if it ends a run up to time `limit`.
 
-    It is about the block under way. Its next piece is written, or it is to be planned.
+    The verdict is RESTS, BOUND or NOT_YET. The current island is examined, and its next piece is written or left to the
+    planner.
     """
     run, pairs, pool, bodies, lo = s.run[0], s.pairs, s.pool, s.bodies, s.run[0].lo
     block = pool[pairs[lo].slot]
@@ -271,7 +289,7 @@ def look_at(s: Any, limit: float) -> int:
 
 @kernel
 def write_piece(s: Any, lo: int) -> None:
-    """Write the piece of a block that lies still, or has been found to creep, and where it ends."""
+    """Write the piece of an island that lies still or creeps, and its end."""
     run, pairs, pool, worst, span = s.run[0], s.pairs, s.pool, -math.inf, 1.0
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     block.linear, block.clock = 1 if block.manner == LIES else 0, 1
@@ -289,7 +307,10 @@ def write_piece(s: Any, lo: int) -> None:
 
 @kernel
 def turn_to_asking(s: Any) -> bool:
-    """Let the first block that asks whether it creeps be the one under way; false if none does."""
+    """Make the first island with manner ASKS the current one.
+
+    Return False if there is none.
+    """
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
         if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner == ASKS:

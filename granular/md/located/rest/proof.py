@@ -1,13 +1,14 @@
-"""When a scene rests for good: no contact can ever open, and none can begin.
+"""Proof that a scene rests permanently: no contact can open, and none can begin.
 
-What the event loop asks first, `may_rest` and `may_creep`, is cheap, and never in vain: a block of which they say no is
-none that could be proved to rest, or to creep. The proofs are needed seldom, and are compiled only then.
+The event loop first calls the cheap tests `may_rest` and `may_creep`. They never exclude an island that could be proved
+to rest or to creep. The proofs are needed rarely, and are compiled only then.
 
-Every ball is in a group whose contacts never open (`equilibrium`), or flies, and no gap ever closes. A group reaches
-at most to where its balls would lie if its overlaps were 0, as seen from its wall or its mass centre. That moves at
-constant acceleration, as a flying ball does, so that the gap between two such hulls is a parabola.
+Every ball is in a group whose contacts never open (`equilibrium`), or flies, and no gap ever closes. The balls of a
+group never move beyond its *hull*: the outermost surface with all overlaps set to 0, as seen from its wall or its mass
+centre. The wall or mass centre moves with constant acceleration, like a flying ball, so the gap between two hulls is a
+parabola.
 
-A group that has come to its equilibrium, except for rounding, is put there and lies still, until a ball arrives.
+A group that has reached its equilibrium, except for rounding, is moved to it and lies still until a ball arrives.
 """
 
 from __future__ import annotations
@@ -31,14 +32,21 @@ from granular.md.located.rest.equilibrium import (
 )
 
 STILL = 1e-14
-"""Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""
+"""Relative deviation from the equilibrium up to which a resting pile is still.
+
+It applies to static overlaps and to their natural rates."""
 STIFF = 12.0
-"""Ratio of the times of creep and of fast decay from which on the former is worth it, and sure to converge."""
+"""Smallest ratio of the times of creep and fast decay for the slow series.
+
+Above it the series saves steps and converges."""
 
 
 @kernel
 def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float) -> bool:
-    """Return whether a block whose piece is over without an event is to be looked at, for a run up to time `limit`."""
+    """Return whether an island whose piece ended without an event has to be examined.
+
+    The run extends up to time `limit`.
+    """
     if pool[pairs[lo].slot].manner != MOVES:
         return True  # already lying or creeping
     if run.rests == 1:
@@ -61,22 +69,24 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
     has_event_due = doubted_block.slot < 0 and doubted_block.due < math.inf
     if not known or ((damped or limit == math.inf) and not has_event_due):
         return True
-    # undamped, in a run that ends, or another block in doubt still has an event due
+    # undamped in a run with an end, or an event of the island in doubt is still due
     return bool(damped and is_still(pairs, pool, lo))
 
 
 @kernel
 def has_too_much(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
-    """Return whether a group has more energy than one that can be proved to rest, as far as a bound of it tells.
+    """Return whether a group certainly has too much energy to be proved at rest.
 
-    About its equilibrium a group has Σ D(ξ_c, r_c), with D(ξ, r) = U(ξ) - U(r) - U'(r) (ξ - r) and r_c its overlaps at
-    rest: the more, the smaller these are, and they are not larger than under all of its weight.
+    Relative to its equilibrium the energy of a group is Σ D(ξ_c, r_c). Here D(ξ, r) = U(ξ) - U(r) - U'(r) (ξ - r), and
+    r_c are its overlaps at rest. Smaller r_c give more energy, and r_c is at most the overlap under the whole weight of
+    the group.
     """
     energy = kinetic(pairs, pool, bodies, a, b)
     if is_known(pairs, pool, a, b):
         return not energy < pool[pairs[a].slot].opening
     if bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0:
         return not energy < math.inf
+    # 1.001 here and 0.999 in `stored` are margins, so that the bounds hold despite rounding errors
     load, least, falls = abs(weight(bodies[a])), math.inf, False
     for c in range(a, b):
         load += abs(weight(bodies[c + 1]))
@@ -85,14 +95,17 @@ def has_too_much(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
         pair = pool[pairs[c].slot]
         least = min(least, highest_hurdle(pair, 1.001 * load))
         if not energy < least:
-            return True  # most often: what follows adds to the one, and takes from the other
+            return True  # most frequent: later terms only increase the energy and lower the bound
         energy += stored(pair, 1.001 * load)
     return not energy < (least if falls else 0.0)
 
 
 @kernel
 def stored(pair: Any, load: float) -> float:
-    """Return an energy in J that is not above D(ξ, r), see `has_too_much`, of a pair that bears at most a load."""
+    """Return a lower bound in J of D(ξ, r), see `has_too_much`.
+
+    The pair bears at most `load`.
+    """
     if pair.kind == GENERAL or not pair.k > 0.0:
         return 0.0
     rest = overlap_under(pair, load)
@@ -105,7 +118,10 @@ def stored(pair: Any, load: float) -> float:
 
 @kernel
 def highest_hurdle(pair: Any, load: float) -> float:
-    """Return an energy in J that is not below that with which a pair opens that bears at most a load."""
+    """Return an upper bound in J of the energy at which a pair opens.
+
+    The pair bears at most `load`.
+    """
     if pair.kind == GENERAL or not pair.k > 0.0:
         return 0.0
     rest, exponent, most = overlap_under(pair, load), 2.0 * pair.s - 1.0, 0.0
@@ -118,7 +134,10 @@ def highest_hurdle(pair: Any, load: float) -> float:
 
 @kernel
 def is_still(pairs: Any, pool: Any, lo: int) -> bool:
-    """Return whether the groups of a block are at the equilibrium that is noted of them, except for rounding."""
+    """Return whether the groups of an island are at their stored equilibrium.
+
+    Rounding errors are tolerated.
+    """
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
         if pair.mode == ACTIVE:
@@ -133,7 +152,10 @@ def is_still(pairs: Any, pool: Any, lo: int) -> bool:
 
 @kernel
 def may_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
-    """Return whether every pair of a block flies or is strongly damped, and something may press them together."""
+    """Return whether every pair flies or is strongly damped, and can be pressed.
+
+    The pairs of one island are examined.
+    """
     hi, active = pairs[lo].hi, False
     pressed = bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0
     for c in range(lo, hi):
@@ -146,10 +168,11 @@ def may_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def postpones(pairs: Any, pool: Any, lo: int) -> bool:
-    """Return whether a block of linear pairs that may creep takes an ordinary step without a look at it.
+    """Return whether an island that may creep takes an ordinary step first.
 
-    The fast motion of n balls takes about n² times as many steps to decay as that of one, and a look costs as much as
-    ten steps. After k steps only one in 1 + √k/4 is looked at, so the creep is found at most about √k/4 steps late.
+    Its pairs are linear. The fast motion of n balls takes about n² times as many steps to decay as the motion of one
+    ball. An examination costs as much as ten steps. After k steps only one in 1 + √k/4 is followed by an examination,
+    so creep is found at most about √k/4 steps late.
     """
     for c in range(lo, pairs[lo].hi):
         if pool[pairs[c].slot].kind != LINEAR:
@@ -161,7 +184,10 @@ def postpones(pairs: Any, pool: Any, lo: int) -> bool:
 
 @kernel
 def drags(pair: Any) -> bool:
-    """Return whether a pair that bears no load is damped strongly enough; under one it takes more."""
+    """Return whether a pair without load is damped strongly enough for creep.
+
+    Under a load a stronger damping is required.
+    """
     if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
         return False
     depth, exponent = 1.0, pair.d + 1.0 - pair.s
@@ -172,15 +198,15 @@ def drags(pair: Any) -> bool:
 
 @kernel
 def flies(pair: Any) -> bool:
-    """Return whether a pair has no force, and needs no power of its overlap to see it return."""
+    """Return whether a pair has no force, and a return of its force needs no powers."""
     return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
 
 
 @kernel
 def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
-    """Return what is proved of the groups of the block that starts with pair `lo`, as long as no ball arrives.
+    """Return the verdict about the groups of the island that starts with pair `lo`.
 
-    Where a wall is driven or thermal nothing is.
+    It holds as long as no ball arrives. With a driven or thermal wall it is NOT_YET.
     """
     c, proved = lo, NOT_YET
     if pairs[0].wall != 0 or pairs[len(pairs) - 1].wall != 0:
@@ -201,9 +227,10 @@ def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
 
 @kernel
 def whole_verdict(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
-    """Return what is proved of the scene; notes energy and barrier of the group that is nearest to open.
+    """Return the verdict about the scene.
 
-    Begins with the block that was in doubt when last asked.
+    Energy and barrier of the group nearest to opening are stored. The search starts with the island that was in doubt
+    last time.
     """
     n, proved, run.energy, run.barrier = len(pairs), RESTS, 0.0, math.inf
     c = start = pairs[run.doubted].first
@@ -225,7 +252,10 @@ def whole_verdict(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
 
 @kernel
 def nearest(run: Any, pairs: Any, pool: Any, lo: int) -> None:
-    """Note energy and barrier of a group of a block if it is nearer to open than those looked at before."""
+    """Store energy and barrier of a group that is nearer to opening than all before.
+
+    The groups of one island are examined.
+    """
     for c in range(lo, pairs[lo].hi if pairs[lo].slot >= 0 else lo):
         pair = pool[pairs[c].slot]
         heads = pair.mode == ACTIVE and (c == lo or pool[pairs[c - 1].slot].mode != ACTIVE)
@@ -235,7 +265,10 @@ def nearest(run: Any, pairs: Any, pool: Any, lo: int) -> None:
 
 @kernel
 def closes(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
-    """Return whether a gap of the block that starts with pair `lo` may ever close, or is not open yet."""
+    """Return whether a gap of the island that starts with pair `lo` can ever close.
+
+    A gap that is not open yet counts as well.
+    """
     if pairs[lo].slot < 0:
         return bool(pairs[lo].due < math.inf or in_contact(pairs[lo], run.t, run.tail))
     for c in range(lo, pairs[lo].hi):
@@ -248,50 +281,59 @@ def closes(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float, float, float]:
-    """Return the gap between the hulls beside the open pair `c` of a block, its rate, and the acceleration at which it
-    closes."""
+    """Return gap, rate and closing acceleration of the hulls beside an open pair.
+
+    The pair is `c`, in the island that starts with pair `lo`.
+    """
     block = pool[pairs[lo].slot]
     inner, v_lower, fall_lower, size_lower = hull(pairs, pool, bodies, block, c, -1)
     outer, v_upper, fall_upper, size_upper = hull(pairs, pool, bodies, block, c, 1)
     pull = fall_upper - fall_lower
+    # a difference of equal falls is only rounding error, and must not close the gap
     if abs(pull) <= STILL * max(size_lower, size_upper):
         pull = 0.0
     return -pool[pairs[c].slot].xi - inner - outer, v_upper - v_lower, pull
 
 
 @kernel
-def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tuple[float, float, float, float]:
-    """Return of the group, ball or wall below the open pair `c` of a block (way -1) or above it (way 1): by how much
-    its hull goes beyond it, velocity and fall of its wall or mass centre, and the size of what its fall sums up."""
-    first = c if way < 0 else c + 1
-    b, f = first, c + way
+def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, direction: int) -> tuple[float, float, float, float]:
+    """Return the hull of the group, ball or wall beside an open pair.
+
+    It is below (`direction` -1) or above it (1). The first value is the distance from the present surface to the hull.
+    It is followed by velocity and fall of its wall or mass centre, and by the magnitude of the terms summed for its
+    fall.
+    """
+    first = c if direction < 0 else c + 1
+    b, f = first, c + direction
     while 0 <= f < len(pairs) and pairs[f].slot >= 0 and pool[pairs[f].slot].mode == ACTIVE:
-        b, f = b + way, f + way
+        b, f = b + direction, f + direction
     if bodies[b].inverse_mass == 0.0:
         reach = 0.0
         for i in range(abs(b - first)):
-            reach += pool[pairs[c + way * (i + 1)].slot].xi
+            reach += pool[pairs[c + direction * (i + 1)].slot].xi
         return reach, float(bodies[b].v), 0.0, 0.0
     if b == first:
         body = bodies[b]
         return 0.0, float(body.v - body.fall * since(body, block.t, block.tail)), float(body.fall), 0.0
     mass = momentum = falls = size = reach = 0.0
     for i in range(abs(b - first) + 1):
-        body = bodies[b - way * i]
+        body = bodies[b - direction * i]
         own = 1.0 / body.inverse_mass
         mass += own
         momentum += own * (body.v - body.fall * since(body, block.t, block.tail))
         falls += own * body.fall
         size += own * abs(body.fall)
-        if b - way * i != first:  # the pair towards the open one
-            reach += mass * pool[pairs[f - way * (i + 1)].slot].xi
+        if b - direction * i != first:  # the pair towards the open one
+            reach += mass * pool[pairs[f - direction * (i + 1)].slot].xi
     return reach / mass, momentum / mass, falls / mass, size / mass
 
 
 @kernel
 def come_to_rest(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
-    """Return whether the groups of a block are so near to their equilibrium that the difference is rounding; if so, put
-    them there: they lie still."""
+    """Move the groups of an island to their equilibrium if the difference is rounding.
+
+    Return whether this was done. The groups then lie still.
+    """
     if not is_still(pairs, pool, lo):
         return False
     for c in range(lo, pairs[lo].hi):
@@ -306,7 +348,10 @@ def come_to_rest(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def lie(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
-    """Write the piece of a block whose groups lie still: it has no end, unless a ball arrives."""
+    """Write the piece of an island whose groups lie still.
+
+    It does not end unless a ball arrives.
+    """
     block = pool[pairs[lo].slot]
     block.clock, block.linear, block.h = 1, 1, LONG
     for c in range(lo, pairs[lo].hi):
