@@ -1,4 +1,7 @@
-"""Is it an inelastic collapse? The suspects of the event loop are looked at closely, and a verdict is given or not."""
+"""Detection of inelastic collapse.
+
+A suspected collapse is followed in relative coordinates (`zoom`) and classified by a `Verdict`, or rejected.
+"""
 
 from __future__ import annotations
 
@@ -19,32 +22,38 @@ from granular.edmd.state import State, gaps
 from granular.edmd.zoom import soonest, write_back, zoom
 
 REACH = 64
-"""Pairs looked at on each side of a suspect."""
+"""Number of pairs on either side of the suspect in the slice."""
 SLOW = 2.0**-20
-"""Rates below this, in units of the scale, make a pair part of a collapse."""
+"""Largest rate of a pair in a collapse, in units of the speed scale."""
 ROUNDING = 1e-12
-"""Speeds below this, in units of the scale, count for nothing."""
+"""Negligible speed, in units of the speed scale."""
 ALONE = 64.0
-"""Such a run is judged while nothing outside collides for so many times the wait for its own next collision."""
+"""Minimum isolation of a slow group.
+
+A group is classified only if no pair outside collides within this many times the wait for its own next collision.
+"""
 PATIENCE, STEP = 64, 16_384
-"""Collisions looked at closely, in units of the square of the pairs looked at, before a run may be judged by that (or,
-where `max_events` ends it, by the bound it has got to); and how many lie between two such judgements."""
+"""Collisions in relative coordinates before an undecided slice is classified.
+
+`PATIENCE` is in units of the square of the number of pairs. After this number a slice can be classified by its speeds,
+or by its bound if `max_events` ends the run. `STEP` is the number of collisions between two such classifications.
+"""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """An inelastic collapse, or what may be one.
+    """An inelastic collapse, or a possible one.
 
     Attributes
     ----------
     kind : str
-        *exact*: infinitely many bounces of one ball on a wall, summed; *proved*: two pairs that alternate forever, or
-        more whose word of collisions repeats forever; *bounded*: no collapse, for nobody knows whether it is infinite,
-        but no body involved will be faster than `bound`.
+        *exact*: infinitely many bounces of one ball on a wall, summed. *proved*: two pairs that alternate forever, or
+        more pairs whose collision sequence repeats forever. *bounded*: it is not known whether the sequence is
+        infinite, but no body involved will be faster than `bound`.
     first, last : int
-        The pairs involved.
+        First and last pair involved.
     bound : float
-        Largest possible speed in m/s of the bodies involved, relative to each other (to the wall), from now on,
+        Largest possible speed in m/s of the bodies involved, relative to each other (to the wall), from now on. Valid
         unless another body hits them.
     """
 
@@ -58,15 +67,19 @@ class Verdict:
 
 
 def begin(state: State, queue: SortedQueue) -> None:
-    """Look closely at the neighbourhood of the suspect, which has just collided, from now on."""
+    """Follow the neighbourhood of the suspect in relative coordinates from now on.
+
+    The suspect has just collided.
+    """
     run, c, n = state.run, int(state.run.suspect), len(state.pairs)
     first, end = max(0, c - REACH), min(n, c + REACH + 1)
     if state.ring:
-        whole = n <= 2 * REACH + 1  # then the largest gap is last, and no collapse reaches across it
+        whole = n <= 2 * REACH + 1  # the largest gap comes last, and no collapse extends across it
         first = (int(np.argmax(state.row(run.now)[1])) + 1 if whole else c - REACH) % n
         end = first + min(n, 2 * REACH + 1)
     state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0)
     state.clock.zooms += 1
+    # A run with that many undecided collisions is classified again after each `STEP`.
     if run.zoomed >= PATIENCE * (end - first) ** 2:
         run.allowance = STEP
     state.near = near = np.zeros(end - first, NEAR)
@@ -74,6 +87,7 @@ def begin(state: State, queue: SortedQueue) -> None:
     u, noise = column(bodies, "fall_velocity"), column(bodies, "noise")
     pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
     rate = (np.diff(u) - pull * at) - pull * (run.now - at)
+    # A closing rate below its noise has an uncertain sign.
     rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
     near["gap"], near["rate"] = gaps(pairs, u, run.now, True), np.where(rounding, 0.0, rate)
     near["rate"][(c - first) % n] = run.rebound
@@ -83,7 +97,10 @@ def begin(state: State, queue: SortedQueue) -> None:
 def look(
     state: State, physics: Physics, queue: SortedQueue, limit: float, budget: int, log: Log | None
 ) -> tuple[int, Verdict | None]:
-    """Go on with a closer look until time `limit`; return why it pauses, and the verdict if it ends with one."""
+    """Advance the slice until time `limit`.
+
+    Returns the reason of the pause, and a verdict if the slice ends with one.
+    """
     run, near, seen = state.run, state.near, state.run.events
     assert near is not None
     rows = None if log is None else queue.rows(budget)
@@ -101,6 +118,7 @@ def look(
     verdict = Verdict("exact", int(run.suspect), int(run.suspect), 0.0) if end == RESTS else None
     if end in (TINY, SPENT):
         verdict = judged(state, physics)
+        # A spent allowance alone is not a collapse: the bound must also be negligible.
         if verdict is None or not (end == TINY or verdict.bound < 1e-9 * state.clock.speed):
             verdict = None
             if end == SPENT and run.zoomed >= PATIENCE * len(near) ** 2:
@@ -109,6 +127,7 @@ def look(
                 if verdict is None:
                     return end, None
             else:
+                # Undecided: suspect less often, and allow twice as many collisions next time.
                 run.short = math.ldexp(run.short, -4)
                 run.allowance *= 2
     if verdict is not None and verdict.kind == "bounded":
@@ -120,13 +139,17 @@ def look(
 
 
 def finish(state: State, queue: SortedQueue) -> None:
-    """End a closer look: put its pairs back into the state, and count the rates that velocities cannot hold."""
+    """End the use of relative coordinates and write the slice back into the state.
+
+    Counts the rates that velocities cannot represent.
+    """
     put_back(state, queue)
     run, near = state.run, state.near
     assert near is not None
     if run.looked > 0:
         (pairs, bodies), rate = state.slices(), column(near, "rate")
         held = np.diff(column(bodies, "fall_velocity")) - column(pairs, "closing_acceleration") * column(pairs, "at")
+        # A rate is lost if velocities reproduce it with an error above 50 %.
         state.clock.lost += int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
         queue.refresh(run.first, run.first + len(near) - 1)
     run.clamps += run.clamped
@@ -134,14 +157,17 @@ def finish(state: State, queue: SortedQueue) -> None:
 
 
 def put_back(state: State, queue: SortedQueue) -> None:
-    """Put gaps and velocities of the pairs looked at back into the state."""
+    """Write the gaps and velocities of the slice back into the state."""
     slices = state.slices()
     queue.use(write_back)(state.run, state.near, *slices)
     state.put(*slices)
 
 
 def bound(state: State, physics: Physics) -> Verdict | None:
-    """Return what can be said of the slow pairs of a closer look that is not over."""
+    """Return a verdict on the slow pairs of an unfinished slice, or None.
+
+    The verdict must have a finite bound.
+    """
     if state.near is None or state.run.looked == 0:
         return None
     verdict = judged(state, physics, collided=int(np.argmin(column(state.near, "gap"))))
@@ -149,7 +175,10 @@ def bound(state: State, physics: Physics) -> Verdict | None:
 
 
 def left(state: State, physics: Physics) -> Verdict | None:
-    """Return the same of one that has lasted long, if nothing else is due soon: what a run may end with for good."""
+    """Return `bound` for a slice that can end a run, or None.
+
+    The slice must have had many collisions, and no other event may be due soon.
+    """
     if state.near is None or state.run.zoomed < PATIENCE * len(state.near) ** 2:
         return None
     verdict = bound(state, physics)
@@ -157,11 +186,12 @@ def left(state: State, physics: Physics) -> Verdict | None:
 
 
 def slowing(run: Any, events: int) -> str:
-    """Return what shows that a run that was cut off was slowing down, if anything does."""
+    """Return message text on a run that slowed down before its limit, or ""."""
     said = ""
     if len(run.pace) == 2:
         (begin, start), (tail, t) = run.pace
         last, took = events - tail, run.time() - t
+        # The events of the last part came ten times as fast as those before.
         if last > 0 and took * (tail - begin) < 0.1 * last * (t - start):
             said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
                     "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
@@ -172,10 +202,12 @@ def slowing(run: Any, events: int) -> str:
 
 
 def _faint(state: State, physics: Physics) -> Verdict | None:
-    """Return the verdict on the longest run about the suspect whose speeds will count for nothing, if there is one.
+    """Return a verdict on the longest group with negligible speeds, or None.
 
-    It must be so twice in a row, or the end of a finite sequence would be taken for a collapse.
+    The group contains the suspect. The condition must hold in two consecutive tests. Otherwise the end of a finite
+    sequence would be classified as a collapse.
     """
+    # Each step lowers the limit of slow rates by 2^4, down to 2^-56 of the scale.
     for k in range(0, 40, 4):
         verdict = judged(state, physics, SLOW * 2.0**-k)
         if verdict is None:
@@ -188,9 +220,10 @@ def _faint(state: State, physics: Physics) -> Verdict | None:
 
 
 def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
-    """Return the verdict *proved* on those pairs of a *bounded* one that collide forever, if they are shown to.
+    """Return the verdict *proved* if pairs of a *bounded* verdict collide forever.
 
-    No pair but them may collide within the time that is left, though it has come closer by twice the bound.
+    The proof requires that no other pair collides within the remaining time, even if it approaches faster by twice the
+    bound. Without a proof the given verdict is returned.
     """
     run, near, (pairs, bodies), n = state.run, state.near, state.slices(), len(state.pairs)
     low, high = ((k - int(run.first)) % n for k in (verdict.first, verdict.last))
@@ -198,7 +231,7 @@ def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
     resting = (column(bodies, "is_free") == 0.0) & np.isfinite(column(bodies, "mass")) & (run.gravity > 0.0)
     if physics.rule is not None or state.walls is not None or pull[low:end].any() or resting[low : end + 1].any():
         return verdict
-    from granular.edmd.proof import forever  # seldom needed
+    from granular.edmd.proof import forever  # rarely needed
 
     gap, rate = column(near, "gap"), column(near, "rate")
     found = forever(pairs[low:end], gap[low:end], rate[low:end])
@@ -212,7 +245,7 @@ def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
 
 
 def _is_alone(state: State, verdict: Verdict) -> bool:
-    """Return whether no pair outside a run collides before it has had time for many collisions of its own."""
+    """Return whether a group collides many times before any other pair does."""
     columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "closing_acceleration")
     wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
     first, last = ((k - state.run.first) % len(state.pairs) for k in (verdict.first, verdict.last))
@@ -220,12 +253,14 @@ def _is_alone(state: State, verdict: Verdict) -> bool:
 
 
 def judged(state: State, physics: Physics, share: float = SLOW, collided: int | None = None) -> Verdict | None:
-    """Return what can be said of the neighbours of the suspect with rates below `share` of the scale.
+    """Return a verdict on the neighbours of the suspect with slow rates, or None.
 
-    Proved of two pairs, bounded, or nothing. `collided`, a pair of the slice, stands for the suspect if it is given.
+    Rates are slow if they are below `share` of the speed scale. The verdict is *proved* for two alternating pairs, else
+    *bounded*. If `collided` is given, this pair of the slice replaces the suspect.
     """
     run, gap, rate = state.run, column(state.near, "gap"), column(state.near, "rate")
     tiny = state.clock.speed * share
+    # Slow pairs must also be close: within the distance of a slow rate during a window.
     slow = (np.abs(rate) < tiny) & (gap < tiny * state.clock.window)
     if state.walls is not None:
         slow &= column(state.slices()[0], "heat") < 0
@@ -238,7 +273,7 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     pairs, bodies = pairs[low:end], bodies[low : end + 1]
     pulled = bool((column(pairs, "closing_acceleration")[[0, -1]] > 0.0).any())
     if low == high and (not pulled or (physics.rule is None and math.isinf(max(column(bodies, "mass"))))):
-        return None  # two free bodies collide once; the bounces of a ball alone on a wall are summed
+        return None  # Two free bodies collide once, and the bounces of a single ball on a wall are summed.
     kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
     if physics.scene.external_force is not None:
         speed = largest_speed_under_forces(bodies, gap[low:end], rate[low:end], run.gravity)
@@ -249,9 +284,10 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
 
 
 def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
-    """Return √(2E/m_min) in m/s, which no body of a run of pairs exceeds while nobody hits the run.
+    """Return √(2E/m_min) in m/s, an upper bound of the speed of each body.
 
-    E is the energy of its bodies relative to the wall among them (with gravity), else to their centre of mass.
+    The bound holds until another body hits the group. E is the energy of its bodies relative to their wall (with
+    gravity), or to their centre of mass without a wall.
     """
     mass = np.ascontiguousarray(column(bodies, "mass"))
     ball = np.isfinite(mass)
@@ -259,19 +295,20 @@ def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> f
     height = np.concatenate([[0.0], np.cumsum(gap)])
     if ball.all():
         velocity -= (mass @ velocity) / mass.sum()
-        height = np.zeros_like(height)  # they fall together
+        height = np.zeros_like(height)  # all balls fall together
     elif ball[0]:
         velocity -= velocity[-1]
         if gravity > 0.0:
-            return math.inf  # they fall off the ceiling
+            return math.inf  # the balls fall off the ceiling
     energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + gravity * (mass[ball] @ height[ball])
     return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
 
 
 def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
-    """Return the same where forces act too; inf if they pull the run apart somewhere.
+    """Return the bound of `largest_speed` with external forces.
 
-    What presses a pair together, were all of them at rest on each other, does the work of its gap.
+    The result is inf if the forces pull the group apart somewhere. The potential energy is the sum of gap times
+    pressing force, where the pressing force of a pair is that of all bodies resting on each other.
     """
     mass = np.array(column(bodies, "mass"))
     ball = np.isfinite(mass)
@@ -291,13 +328,14 @@ def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity
 
 
 def alternates(pairs: Records, rate_a: float, rate_b: float, lower_collided: bool) -> bool:
-    """Return whether two pairs of constant restitution, free except for each other, collide in turn forever.
+    """Return whether two pairs collide in turn forever.
 
-    Two collisions map the ratio of the rates by a Möbius map; forever means that its fixed points are real and the
-    ratio lies on the right side of the unstable one.
+    The pairs have constant restitution and collide only with each other. Two collisions map the ratio of the rates by a
+    Möbius map. The pairs alternate forever if its fixed points are real and the ratio lies on the right side of the
+    unstable fixed point.
     """
     e1, e2 = column(pairs, "eps").tolist()
-    onto_lower = column(pairs, "low")[1] * (1.0 + e2)  # what a collision of the upper pair gives the rate of the lower
+    onto_lower = column(pairs, "low")[1] * (1.0 + e2)  # rate change of the lower pair per rate of the upper
     onto_upper = column(pairs, "high")[0] * (1.0 + e1)
     p, q, opening, closing = onto_lower, onto_upper, rate_a, -rate_b
     if not lower_collided:

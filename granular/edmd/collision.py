@@ -1,4 +1,7 @@
-"""One collision: everything that happens to the bodies, for both queues; and what falls by itself again after it."""
+"""Apply one collision to the two bodies of a pair, for both event queues.
+
+Balls that rested on these bodies are released.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +29,18 @@ from granular.edmd.wall_state import book, borne, enter
 from granular.scene.walls.thermal import drawn
 
 SUSPICIOUS = 8
-"""Streak that calls for a closer look."""
+"""Streak from which a collapse is suspected."""
 FAINT = 2.0**-26
-"""Rate, in units of the velocities it is the difference of, that calls for one at once: half its digits are gone."""
+"""Rebound that raises a suspicion immediately, in units of the fall velocities.
+
+Half of the digits of such a rate are lost in the velocities.
+"""
 CLOSE, FEW = 2.0**-20, 64
-"""Balls that merge: time from one collision of a pair to its next, in units of the time on the clock, below which the
-zero of the clock is moved on; and pairs at most for which it is, as all have to be carried along."""
+"""Limits for moving the zero of time when balls merge.
+
+The zero of time is moved if the time between two collisions of a pair is below `CLOSE` times the time on the clock. It
+is moved for at most `FEW` pairs, because all pairs have to be advanced.
+"""
 
 
 @kernel
@@ -39,29 +48,33 @@ def event(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
     walls: Walls,
 ) -> tuple[int, int, float]:
-    """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after.
+    """Let pair `c` collide at time `now`.
 
-    `row`, if there is one, takes what is kept of it.
+    Returns the first and the last pair to predict again, and the rate after the collision. The log entry is written to
+    `row`, if given.
     """
     if FORCED and pairs[c].heat >= 0:
         return leave_thermal_wall(run, pairs, bodies, c, now, row, walls)
     pair, lower, upper, first, last = pairs[c], bodies[c], bodies[c + 1], c, c
     if RING and (c == 0 or c + 1 == len(pairs)):
-        k = len(pairs) - 1 - c  # its neighbour across the seam
+        k = len(pairs) - 1 - c  # the neighbour across the seam
         run.clamps += carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
     w = rate_at_touch(pair, lower, upper, walls)
     e = pair.eps if rule is None else rule(c, -w)
+    # A call only for scenes with a remedy.
     if run.tc > 0.0 or run.elastic_below > 0.0:
         e = remedied(run, pairs, c, -w, e, now)
     if FORCED and pair.wall >= 0:
-        carry(pair, lower, upper, now, walls)  # its wall has the velocity of this time
+        carry(pair, lower, upper, now, walls)  # sets the velocity of the wall at `now`
     if row is not None:
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
+    # Without a rebound, or with a rebound below the noise, the bodies may stick.
     nothing_left = e * w == 0.0 or (e * w) * (e * w) < lower.noise + upper.noise
     if e < 1.0 and (nothing_left or -w < run.merge_below) and will_stick(pairs, bodies, c, now, w, e, walls):
         first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:
+        # The first factor is a cheap test: without gravity and mergers nothing is stuck.
         if (FORCED or run.gravity > 0.0 or run.merged > 0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
             first, last = wake(run, pairs, bodies, c, now, walls)
         else:
@@ -89,16 +102,17 @@ def event(
 
 @kernel
 def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: float) -> float:
-    """Return ε of an impact of pair `c` with `speed` at time `now` where its rule says `e`.
+    """Return ε of a collision of pair `c`, where `e` is the value of its rule.
 
-    Elastic below a speed of `elastic_below`, and if one of its two bodies has collided less than `tc` ago (the TC
-    model of Luding & McNamara, Granular Matter 1, 113 (1998)).
+    A collision is elastic if its `speed` is below `elastic_below`, or if one of its two bodies has collided less than
+    `tc` before `now` (TC model, Luding & McNamara, Granular Matter 1, 113 (1998)).
     """
     if speed < run.elastic_below:
         return 1.0
     for k in range(max(c - 1, 0), min(c + 2, len(pairs))):
         if now - pairs[k].last < run.tc:
             return 1.0
+    # The neighbour across the seam of a ring.
     end = len(pairs) - 1
     if RING and (c == 0 or c == end) and now - pairs[end - c].last < run.tc:
         return 1.0
@@ -109,12 +123,15 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
 def streak(
     run: Record, count: int, lower: Record, upper: Record, now: float, last: float, speed: float, e: float
 ) -> int:
-    """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again.
+    """Return the number of consecutive suspicious collisions of a pair.
 
-    A rebound that velocities of their size can hardly hold calls for a closer look at once. So does, where balls merge,
-    a collision so soon after the `last` that times can hardly tell them apart: what is next is decided there.
+    `count` is the number before. A slow collision counts three times, and a repeated collision within a short time
+    once. A rebound that velocities of their size can hardly represent raises a suspicion immediately. Where balls
+    merge, so does a collision too soon after `last` for the resolution of the clock, because the order of the next
+    events depends on it.
     """
     if run.slow < 0.0:
+        # Order: cheap tests first. `FEW` because all pairs are advanced when the clock moves.
         fine = FORCED or HUNG or run.merge_below == 0.0 or e == 0.0 or run.pairs > FEW or now - last >= CLOSE * now
         return 0 if fine else SUSPICIOUS
     if 0.0 < e * speed < FAINT * max(abs(lower.fall_velocity), abs(upper.fall_velocity)):
@@ -129,12 +146,13 @@ def streak(
 def leave_thermal_wall(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, row: Record | None, walls: Walls
 ) -> tuple[int, int, float]:
-    """Let the ball of pair `c` leave the thermal wall it hits at time `now`; return what `event` does.
+    """Let the ball of pair `c` leave the thermal wall it hits at time `now`.
 
-    It is never part of a touching group or of a closer look, and never merges: one that stands on such a wall, pressed
-    on it, is hit at once. What is drawn hangs on how often this pair has hit before, so every queue, and a run that
-    goes on, draws the same. With w the rate before and s the speed drawn, the wall gives the impulse
-    m(s - w), the work of that at its own velocity, and the heat ½m(s² - w²).
+    Returns the same values as `event`. Such a hit is never part of a touching group or of a slice in `zoom`, and its
+    bodies never merge. A ball pressed on the wall is hit immediately. The drawn speed depends on the number of earlier
+    hits of the pair, so every queue and a resumed run draw the same speed. With w the rate before and s the drawn
+    speed, the wall transfers the impulse m(s - w), does the work of this impulse at its own velocity, and adds the heat
+    ½m(s² - w²).
     """
     pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
     side, w = walls.sides[pair.heat], rate_at_touch(pair, lower, upper, walls)
@@ -144,6 +162,7 @@ def leave_thermal_wall(
     pair.gap, pair.at = 0.0, now
     start, end = wake(run, pairs, bodies, c, now, walls)
     ball = upper if pair.heat == 0 else lower
+    # A function of the contact count, not of a generator state: every queue draws the same speed.
     s = drawn(side.temperature, side.seed, pair.heat, pair.contacts, ball.mass)
     if pair.heat == 0:
         upper.fall_velocity = lower.fall_velocity + (pair.closing_acceleration * now + s)
@@ -165,10 +184,9 @@ def leave_thermal_wall(
 @rare
 @kernel
 def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let the bodies of pair `c`, which is hit, fall by themselves, and those that rested upon them or are pressed
-    against them.
+    """Release the bodies of pair `c`, which is hit, and the balls that rest on them.
 
-    Returns the first and the last pair to predict anew.
+    Balls that forces press against them are released as well. Returns the first and the last pair to predict again.
     """
     low, top = c, c + 1
     while low > 0 and is_pressed(bodies[low]) and is_stuck(pairs[low - 1], bodies[low - 1], bodies[low]):
@@ -177,7 +195,7 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
         if FORCED and at_rest(bodies[top]) and pairs[top].wall >= 0:
             break
         top += 1
-    if not FORCED and bodies[top].mass == math.inf:  # they rest on the ceiling: it is those below that do upon them
+    if not FORCED and bodies[top].mass == math.inf:  # the bodies above rest on the ceiling, so those below rest on them
         top = c + 1
         while low > 0 and at_rest(bodies[low]) and is_stuck(pairs[low - 1], bodies[low - 1], bodies[low]):
             low -= 1
@@ -193,12 +211,16 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
 @rare
 @kernel
 def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls) -> None:
-    """Let those of bodies `low` … `high` that are stuck fall by themselves again."""
+    """Release the stuck bodies `low` to `high`.
+
+    From `now` on each of them falls under its own forces.
+    """
     first, last = max(low - 1, 0), min(high, len(pairs) - 1)
     for i in range(low, high + 1):
         body = bodies[i]
         if FORCED:
             set_free(run, pairs, bodies, i, now, walls)
+        # The fall velocity changes by g·now, so that the velocity is unchanged.
         elif at_rest(body):
             body.is_free = 1.0
             body.fall_velocity += run.gravity * now
@@ -217,7 +239,7 @@ def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, n
 @rare
 @kernel
 def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, walls: Walls) -> None:
-    """Let ball `i` fall by its own force, if it is stuck."""
+    """Release ball `i`, if it is stuck, to fall under its own force."""
     body = bodies[i]
     if at_rest(body):
         which = CEILING - 1 if (i < len(pairs) and pairs[i].stuck == CEILING) else FLOOR - 1
@@ -233,7 +255,10 @@ def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, w
 @rare
 @kernel
 def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
-    """Let forces accelerate a ball by `push` (m/s²): its fall velocity grows by `more` (m/s), so its velocity stays."""
+    """Set the acceleration of a ball by forces to `push` (m/s²).
+
+    The fall velocity changes by `more` (m/s), so that the velocity is unchanged.
+    """
     body.fall_velocity += more
     body.force_acceleration = push
     if walls.sides[0].lands:
@@ -243,9 +268,9 @@ def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
 @rare
 @kernel
 def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let what rests on a wall beyond stuck pair `c` leave it at time `now`, as one; all pairs that open now do.
+    """Let the balls that rest on a wall beyond stuck pair `c` leave it as one.
 
-    Returns the first and the last pair to predict anew.
+    All pairs that open at time `now` open. Returns the first and the last pair to predict again.
     """
     on, low, high = pairs[c].stuck, c, c
     same = pairs[c].closing_acceleration
@@ -262,7 +287,7 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
             low -= 1
         b, e, opens = low, high, high
     side, push = walls.sides[on - 1], common(bodies, b, e)
-    v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of its velocity
+    v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of the wall velocity
     first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
     for k in range(first, last + 1):
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)

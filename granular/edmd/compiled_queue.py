@@ -1,15 +1,19 @@
-"""The compiled queue: a tournament tree over all pairs under the same event loop.
+"""The compiled queue: a tournament tree over all pairs, with the same event loop.
 
-Events, and so results, are those of `sorted_queue` bit for bit.
+Events and results are bitwise identical to `sorted_queue`.
 
-Large scenes are run block after block, each small enough for the processor's cache.
-What happens to a ball until the end of a window depends only on balls near by: influence travels with the balls, at
-most as fast as the fastest, V. So a block of pairs is run to the end of the window alone, together with a halo on both
-sides whose gaps add up to more than 2 V times the window, and of the result only the block is kept. That is exact,
-down to the bits, if no ball was faster than V. V is assumed with a margin (light balls may gain speed) and checked
-after each sweep; a sweep that was too fast, or in which anything happened that needs the order of the whole scene (a
-suspected collapse, a clamped gap, too many events), is thrown away and the window is run as one. The rows that blocks
-write are put into the order of their times; where two blocks have rows of the same time, the window is run as one too.
+Large scenes are advanced block by block, so that each block fits into the processor cache. The motion of a ball until
+the end of a window depends only on nearby balls. Influence travels with the balls, at most at the speed V of the
+fastest ball. A block of pairs is therefore advanced to the end of the window alone, together with a halo on either
+side. The gaps of a halo add up to more than 2 V times the window. Only the block is kept of the result.
+
+The result is exact, bit for bit, if no ball was faster than V. V is assumed with a margin, because light balls can gain
+speed, and is checked after each sweep. After a valid sweep, the log rows of all blocks are sorted by time. A sweep is
+discarded, and the window is advanced without blocks, in these cases:
+
+* A ball was too fast.
+* An event needs the order of the whole scene: a suspected collapse, a clamped gap, or too many events.
+* Two blocks have log rows with the same time.
 """
 
 from __future__ import annotations
@@ -30,20 +34,23 @@ from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 
 LARGE = 100_000
-"""Bodies from which on working in blocks pays."""
+"""Number of bodies from which advancing in blocks is faster."""
 BLOCK = 4096
-"""Pairs kept of a block."""
+"""Number of pairs per block, without the halo."""
 ROOM = 64
-"""Rows of the log that there is room for at first."""
+"""Number of log rows allocated first."""
 GROWTH = 4
-"""Each next room is so many times as large, up to `chunk` rows."""
+"""Growth factor of the next allocation of log rows, up to `chunk` rows."""
 MARGIN = 2.0
-"""Speed allowed for, in units of the largest at the start of the window: light balls among heavy ones gain some."""
+"""Assumed maximum speed, in units of the largest speed at the start of the window.
+
+A light ball among heavy balls can gain speed.
+"""
 
 
 @kernel
 def head(queue: Any) -> tuple[float, int]:
-    """Return the next event: its time and its pair."""
+    """Return the time and the pair of the next event."""
     return queue[1].due, queue[1].key & MASK
 
 
@@ -51,16 +58,16 @@ def head(queue: Any) -> tuple[float, int]:
 def refresh(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
-    """Predict pairs `first` … `last` anew and decide the matches above them again."""
+    """Predict pairs `first` to `last` again and replay the matches above them."""
     c = first
     while c <= last:
         pair = pairs[c]
         due = predicted(pair, bodies[c], bodies[c + 1], walls)
         leaf(queue, c).due = due
-        if run.order != LEFT:  # else its number, as the tree has it
+        if run.order != LEFT:  # otherwise the rank is the pair number, which the tree holds
             leaf(queue, c).key = rank(c, run.order, run.seed, pair.contacts)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
-        if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):  # asked here, as `rest` is a call
+        if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):  # tested here: a call costs time
             low, high = rest(run, pairs, bodies, c, walls)
             first, last = min(first, low), max(last, high)
             c = low
@@ -73,7 +80,7 @@ loop = specialised(SortedQueue.loop, head=head, refresh=refresh)
 
 
 class TreeQueue(SortedQueue):
-    """A `SortedQueue` with another queue in it, compiled, on arrays of records."""
+    """A `SortedQueue` with a compiled tournament tree, on arrays of records."""
 
     name = "compiled"
     chunk = 65_536
@@ -83,37 +90,43 @@ class TreeQueue(SortedQueue):
     loop, predict = staticmethod(loop), staticmethod(refresh)
 
     def rows(self, n: int) -> Records:
-        """Return room for `n` rows of the log, or for as many as there still are of those made at a time."""
+        """Return room for `n` rows of the log, at most the rest of the current allocation."""
         if len(self.room) < min(n, ROOM):
             self.room, self.size = np.empty(self.size, ROW), min(GROWTH * self.size, TreeQueue.chunk)
         return self.room[:n]
 
     def kept(self, rows: Records) -> Records:
-        """Return rows of the log, which are kept where they were written; the next ones come behind them."""
+        """Return rows of the log without a copy; the next rows are written behind them."""
         self.room = self.room[len(rows) :]
         return rows
 
     def begin(self, n: int) -> None:
-        """Begin with a tree in which nothing is due."""
+        """Create a tree in which no event is due."""
         self.queue = tournament(n)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event of any pair outside `first` … `last`, counted round."""
+        """Return the time of the next event outside pairs `first` to `last`.
+
+        Pairs are counted modulo the number of pairs.
+        """
         if last < first:
             return float(self.queue["due"][1])
         due = self.queue["due"][len(self.queue) // 2 :]
-        before = max(0, last + 1 - len(self.state.pairs))  # inside too, on a ring
+        before = max(0, last + 1 - len(self.state.pairs))  # the excluded range continues there on a ring
         return min(float(part.min(initial=math.inf)) for part in (due[before:first], due[last + 1 :]))
 
 
 def in_order(rows: Any, sizes: list[int]) -> Any:
-    """Return rows of blocks, parts of these sizes, in the order of their times, of equal ones within a part in its own,
-    some at a time; None if parts have rows of the same time."""
+    """Sort log rows of several blocks by time, and return them in chunks.
+
+    `sizes` are the numbers of rows per part. Rows of one part with equal times keep their order. Returns None if two
+    parts have rows with the same time.
+    """
     time = rows["t_begin"].copy()
     order = np.argsort(time)
     later = time[order]
     same = later[1:] == later[:-1]
-    if same.any():  # rare: what keeps the order of equal ones takes twice as long
+    if same.any():  # rare: a stable sort takes twice as long
         order = np.argsort(time, kind="stable")
         part = np.repeat(np.arange(len(sizes)), sizes)[order]
         if (part[1:] != part[:-1])[same].any():
@@ -123,21 +136,28 @@ def in_order(rows: Any, sizes: list[int]) -> Any:
 
 
 class BlockQueue(TreeQueue):
-    """A `TreeQueue` that advances whole windows in blocks where nobody looks at single events."""
+    """A `TreeQueue` that advances whole windows in blocks.
 
+    Blocks are used only if no single event has to be observed.
+    """
+
+    # Practically unlimited, so that the budget never splits a window.
     chunk = 1 << 40
-    as_one = 0.0  # until then (tau) the current window is run as one
-    spare = np.empty(0, ROW)  # rows of a window, block after block; kept, as new memory costs more than they
+    as_one = 0.0  # tau until which the current window is advanced without blocks
+    spare = np.empty(0, ROW)  # log rows of a window by block; reused, because allocating is slower
 
     def rebuild(self) -> None:
-        """Predict all pairs anew; this begins a window."""
+        """Predict all pairs again, which begins a window."""
         self.as_one = 0.0
         super().rebuild()
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
-        """Let events up to and including time `edge` act, at most `budget` of them, appending them to `log`."""
+        """Process events up to and including time `edge` and append them to `log`.
+
+        At most `budget` events are processed.
+        """
         run = self.state.run
-        alone = run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones
+        alone = run.stop_pair == NEVER and run.order != RANDOM  # no single event is observed
         if alone and edge > self.as_one and self.soonest() <= edge:
             swept = self._sweep(edge, budget, log)
             self.begin(len(self.state.pairs))
@@ -147,9 +167,10 @@ class BlockQueue(TreeQueue):
         return super().advance(edge, min(budget, TreeQueue.chunk), log)
 
     def _sweep(self, edge: float, budget: int, log: Log | None) -> bool:
-        """Run all blocks to time `edge`; return whether that was exact, with state and log unchanged if not.
+        """Advance all blocks to time `edge` and return whether the result is exact.
 
-        The tree is given up, for there are two states for a while.
+        If it is not, state and log are unchanged. The tree is deleted, because two states are in memory during the
+        sweep.
         """
         s, done, sizes, page = self.state, 0, list[int](), np.empty(0 if log is None else TreeQueue.chunk, ROW)
         speed, ends = self._blocks(edge)
@@ -171,7 +192,7 @@ class BlockQueue(TreeQueue):
             raw(pairs)[first:last] = raw(part.pairs)[first - low : last - low]
             raw(bodies)[first:top] = raw(part.bodies)[first - low : top - low]
             done += int(pairs["contacts"][first:last].sum() - s.pairs["contacts"][first:last].sum())
-            if done * len(ends) > budget * k:  # all of them would be too many
+            if done * len(ends) > budget * k:  # extrapolated to all blocks
                 return False
         if log is not None and done:
             rows = in_order(self.spare[: sum(sizes)], sizes)
@@ -184,8 +205,12 @@ class BlockQueue(TreeQueue):
         return True
 
     def _keep(self, rows: Any, at: int, blocks: int) -> None:
-        """Keep rows of a block behind the `at` of those before it, of so many blocks in all."""
+        """Store the log rows of a block behind the first `at` rows.
+
+        `blocks` is the number of all blocks, from which the necessary room is estimated.
+        """
         if at + len(rows) > len(self.spare):
+            # A quarter more than estimated, so that few blocks cause another copy.
             held, self.spare = self.spare[:at], np.empty(max(at + len(rows), blocks * len(rows)) * 5 // 4, ROW)
             raw(self.spare)[:at] = raw(held)
         raw(self.spare)[at : at + len(rows)] = rows
@@ -193,10 +218,14 @@ class BlockQueue(TreeQueue):
     def _run(
         self, low: int, high: int, edge: float, speed: float, log: Log | None = None, page: Any = TreeQueue.room
     ) -> State | None:
-        """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept. Rows are
-        appended to `log`; the first of them stand on `page`."""
+        """Advance pairs `low` to `high` - 1 alone.
+
+        Returns their final state, or None if the result may not be used. Log rows are appended to `log`, and the first
+        of them are stored in `page`.
+        """
         s, fastest = self.state, np.zeros(1)
         part = State(one(np.array([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
+        # Practically unlimited: only the end of the window stops a block.
         part.run.edge, part.run.budget = edge, 1 << 40
         queue = TreeQueue(part, self.physics)
         if log is None:
@@ -211,7 +240,11 @@ class BlockQueue(TreeQueue):
         return part if pause == LATER and same and fastest[0] <= speed else None
 
     def _blocks(self, edge: float) -> tuple[float, list[tuple[int, int, int, int]]]:
-        """Return the speed allowed for, and first and end of each block, and with its halo; none if those are long."""
+        """Return the assumed maximum speed, and the limits of each block and its halo.
+
+        The limits are the first pair and the end of the block, then those with its halo. The list is empty if the
+        blocks with their halos are too long.
+        """
         s = self.state
         start, n, g = max(s.run.now, 0.0), len(s.pairs), s.run.gravity
         rest = edge - start
@@ -223,6 +256,7 @@ class BlockQueue(TreeQueue):
         slack = 2.0 * speed * rest * (1.0 + 1e-9) + 1e-9 * float(place[-1]) / n  # cumulative sums round
         low = np.maximum(np.searchsorted(place, place[first] - slack, side="right") - 2, 0)
         high = np.minimum(np.searchsorted(place, place[last] + slack, side="left") + 2, n)
+        # Beyond this length, more than two thirds of the work would be discarded with the halos.
         longer = float(np.median(high - low)) > 3 * BLOCK
         ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
         return speed - g * rest, ends

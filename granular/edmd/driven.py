@@ -1,10 +1,12 @@
-"""Walls that move along a path, and forces on balls: the flight of a pair beside a wall that shakes.
+"""Flight of a pair beside a driven wall, and under constant forces on the balls.
 
-The state is the same: gaps, and fall velocities that change at impacts only. A body falls with g, if it is free, less
-the `force_acceleration` by the force on it (of those that move as one, their common one). Beside a moving wall the gap
-is followed by `granular.walls`; the fall velocity of the wall, and of what is stuck to it, is that of the wall at the
-time `at` of the pair, so that the rate of the gap is written as that of any other. They are not free; pairs among them
-are stuck.
+The state is the same as without forces: gaps, and fall velocities that change at impacts only. A free body falls with g
+minus `force_acceleration`, the acceleration by the force on it. Balls that move as one have a common
+`force_acceleration`.
+
+Beside a moving wall the gap is evaluated by `granular.scene.walls`. The fall velocity of the wall, and of every ball
+stuck to it, is the velocity of the wall at the time `at` of the pair. The rate of the gap has therefore the same
+formula as for any other pair. Walls and balls stuck to them are not free, and the pairs between them are stuck.
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ NEVER = math.inf
 
 @kernel
 def rate_of(pair: Record, lower: Record, upper: Record) -> float:
-    """Return the rate of a pair at its time (m/s); 0 where the bodies touch and it is but rounding."""
+    """Return the rate (m/s) of a pair at its time `at`.
+
+    The rate is 0 if the bodies touch and their relative velocity is below its noise.
+    """
     rate = (upper.fall_velocity - lower.fall_velocity) - pair.closing_acceleration * pair.at
     if pair.gap == 0.0 and rate * rate <= lower.noise + upper.noise:
         return 0.0
@@ -33,9 +38,10 @@ def rate_of(pair: Record, lower: Record, upper: Record) -> float:
 @rare
 @kernel
 def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the time at which a pair beside a driven wall collides, inf if it never does; note it as `wait`.
+    """Return the time of the next hit on a driven wall, or inf if there is none.
 
-    Between two of them the bodies meet when there is no room left: then the run is over.
+    The time from `at` to the hit is stored as `wait`. A pair between two driven walls has no hit: its bodies meet only
+    when no room is left, and then the run ends.
     """
     if pair.wall == BOTH:
         return NEVER
@@ -47,35 +53,38 @@ def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
 @rare
 @kernel
 def opening(pair: Record, walls: Walls) -> float:
-    """Return the time at which a stuck pair opens: nothing presses it any more, or the velocity of its wall jumps."""
+    """Return the time at which a stuck pair opens.
+
+    A pair opens when no acceleration presses it together any more, or when the velocity of its wall jumps.
+    """
     if pair.wall < 0:
         return pair.at if pair.closing_acceleration < 0.0 else NEVER
     side = walls.sides[pair.wall]
     wait, rate = lift_off(side, walls.panels, side.epoch, side.low + pair.at, pair.closing_acceleration, NEVER)
     time = pair.at + wait
     if rate != 0.0:
-        time += 2.0**-50 * (abs(side.epoch) + abs(time))  # after the jump for certain
+        time += 2.0**-50 * (abs(side.epoch) + abs(time))  # after the jump despite rounding
     return time  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the rate, not positive, at which a pair beside a driven wall is about to collide."""
+    """Return the rate (m/s, not positive) of a pair at its next hit on a driven wall."""
     side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
     t, tail = side.epoch, side.low + pair.at
     _, w = after(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait)
-    if w >= 0.0 and pair.wait > 0.0:  # at a jump of the wall's velocity
+    if w >= 0.0 and pair.wait > 0.0:  # The wall velocity jumps at the hit: take the rate just after the jump.
         _, w = after(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
     if w >= 0.0 and pair.gap == 0.0:
-        w = -rate  # a bounce too low for the time of the next one
+        w = -rate  # The next bounce is too short for the resolution of the clock.
     return min(w, 0.0)
 
 
 @rare
 @kernel
 def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
-    """Return gap (m) and rate (m/s) of a pair beside a driven wall at time `now`."""
+    """Return the gap (m) and rate (m/s) of a pair beside a driven wall at time `now`."""
     if pair.wall == BOTH:
         return apart(pair, walls, now)
     side, rate = walls.sides[pair.wall], rate_of(pair, lower, upper)
@@ -86,7 +95,10 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
 @rare
 @kernel
 def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
-    """Give what is stuck to a driven wall, of a pair beside it, the velocity of the wall at the time of the pair."""
+    """Give the body at the wall side of a pair the velocity of its driven wall.
+
+    This body is the wall or a ball stuck to it. The velocity is evaluated at the time `at` of the pair.
+    """
     if pair.wall == AT_FLOOR or pair.wall == BOTH:
         _, lower.fall_velocity = place(walls, 0, pair.at)
     if pair.wall == AT_CEILING or pair.wall == BOTH:
@@ -96,10 +108,11 @@ def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls)
 @rare
 @kernel
 def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
-    """Return how far a wall has moved since the start (m), and its velocity (m/s)."""
+    """Return the displacement of a wall since the start (m) and its velocity (m/s)."""
     side = walls.sides[which]
     x, v = side.velocity * ((side.epoch - side.begin) + (side.low + now)), side.velocity
     if side.panels > 0:
+        # Panels hold the path with its sign towards the balls; `origin` is its value at the start.
         m, dm, _ = moved(side, walls.panels, side.epoch, side.low + now)
         x += side.side * (m - side.origin)
         v += side.side * dm
@@ -109,7 +122,10 @@ def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
 @rare
 @kernel
 def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
-    """Return gap (m) and rate (m/s) of a pair between two driven walls, what rests on them included, at time `now`."""
+    """Return the gap (m) and rate (m/s) of a pair between two driven walls.
+
+    The bodies of the pair can also be balls that rest on these walls. Both values are for the time `now`.
+    """
     below, floor = place(walls, 0, now)
     above, ceiling = place(walls, 1, now)
     gap = pair.gap + ((above - place(walls, 1, pair.at)[0]) - (below - place(walls, 0, pair.at)[0]))
@@ -119,7 +135,10 @@ def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
 @rare
 @kernel
 def presses(pair: Record, walls: Walls) -> bool:
-    """Return whether a ball that touches a driven wall, at the time of their pair, is pressed on it."""
+    """Return whether a ball that touches a driven wall is pressed on it.
+
+    The pressure is evaluated at the time `at` of the pair.
+    """
     side = walls.sides[pair.wall]
     now = state(side, walls.panels, side.epoch, side.low + pair.at, 0.0, 0.0, pair.closing_acceleration)
     return opens(side, walls.panels[now.panel], now, 0.0, 0.0) == 0.0
@@ -127,6 +146,6 @@ def presses(pair: Record, walls: Walls) -> bool:
 
 @kernel
 def synchronise(pairs: Records, bodies: Records, walls: Walls) -> None:
-    """Give the driven walls their velocities, for another zero of times."""
+    """Update the velocities of the driven walls after the zero of time has moved."""
     for c in range(len(pairs)):
         take_wall_velocity(pairs[c], bodies[c], bodies[c + 1], walls)

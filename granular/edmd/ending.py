@@ -1,4 +1,4 @@
-"""How a hard run ended: the message and the counters of its trajectory."""
+"""Message and counters of a finished hard-sphere run."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ WHY = {
     "proved": "the {count} pairs collide in turn forever; rates left: {bound:.2g} m/s",
     "bounded": "unless hit from outside, none of their bodies will be faster than {bound:.2g} m/s",
 }
-"""What a verdict says, by its kind."""
+"""Explanations of a verdict by its kind."""
 
 
 def sentence(run: Any, status: Status, s: dict[str, Any], now: float) -> str:
-    """Return the sentence to print at the time `now` in s; `s` are the numbers of the run."""
+    """Return the message of a run that ends at the time `now` in s.
+
+    `s` are the numbers of the run.
+    """
     verdict = run.verdict
     when = f"t = {now:.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
@@ -53,7 +56,10 @@ def sentence(run: Any, status: Status, s: dict[str, Any], now: float) -> str:
 
 
 def counters(run: Any, numbers: dict[str, Any]) -> dict[str, Any]:
-    """Return the counters of a run: collisions, clamped gaps, re-basings, closer looks, lost rates; and its verdict."""
+    """Return the counters of a run and its verdict.
+
+    The counters are collisions, clamped gaps, re-basings, uses of relative coordinates and lost rates.
+    """
     verdict = run.verdict
     names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost", *["settled"] * (numbers["settled"] > 0),
              *["merge_below"] * (numbers["merge_below"] > 0.0),

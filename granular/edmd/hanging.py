@@ -1,11 +1,12 @@
-"""Pendula: what a collision does to balls that hang and swing.
+"""Pendula: collisions of balls that swing.
 
-Gap and rate of a pair at its time are the state, as in a closer look at free balls: between collisions they turn as
-``gap'' = Ω² (rest - gap)``, so rates have all their digits however fast all swing together, and no collapse has to be
-judged. One that would be infinite is followed until its squares are no numbers (1e-154 m/s), and what touches then goes
-on without a rate, together where the pendula touch at rest. Bodies know only how they swing, for the rows of the log:
-their velocity is ``u cos Ωt - sway sin Ωt``, and u and sway change at impacts only. Without a log they do not, for
-nobody asks: at the end they are set from the rates.
+The state of a pair is its gap and its rate, as for the free balls in `zoom`. Between collisions both turn as
+``gap'' = Ω² (rest - gap)``. Rates therefore keep all their digits however fast all balls swing together, and no
+inelastic collapse has to be detected. An infinite sequence of collisions is followed until the squares of its rates
+underflow (1e-154 m/s). Pairs that touch then continue with rate 0, and stay together if the pendula touch at rest.
+
+Bodies store only their swing, which the contact log needs: the velocity is ``u cos Ωt - sway sin Ωt``, and u and sway
+change at impacts only. Without a log they are not updated at impacts, and are set from the rates at the end of the run.
 """
 
 from __future__ import annotations
@@ -28,9 +29,12 @@ from granular.scene import positions
 def swing_off(
     pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, row: Record | None
 ) -> None:
-    """Let pair `c` collide at time `now` with rate `w`, and part with -ε·w; its bodies if that is logged."""
+    """Let pair `c` collide at time `now` and separate with the rate -ε·w.
+
+    `w` is the rate before the collision, `e` is ε. The bodies are updated only if the collision is logged.
+    """
     pair = pairs[c]
-    up = pair.low * ((1.0 + e) * w)  # the larger change is what the smaller leaves, or energy would drift
+    up = pair.low * ((1.0 + e) * w)  # the larger change is the remainder, or the energy would drift
     down = pair.high * ((1.0 + e) * w)
     if pair.low <= 0.5:
         down = (1.0 + e) * w - up
@@ -49,7 +53,10 @@ def swing_off(
 
 @kernel
 def kick(body: Record, change: float, cosine: float, sine: float) -> None:
-    """Change the velocity of a body (m/s) at a time with such cos Ωt and sin Ωt."""
+    """Change the velocity of a body by `change` (m/s).
+
+    `cosine` and `sine` are cos Ωt and sin Ωt at the time t of the change.
+    """
     body.fall_velocity += change * cosine
     body.sway -= change * sine
 
@@ -59,10 +66,10 @@ def kick(body: Record, change: float, cosine: float, sine: float) -> None:
 def swing_together(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
 ) -> tuple[int, int, float]:
-    """Let the bodies of pair `c`, which close at rate `w`, and all that touch them at rest, go on with one velocity.
+    """Give pair `c`, which closes at rate `w`, and its neighbours one velocity.
 
-    They stay together where pendula touch at rest, and come apart at once where they do not. Returns the first and the
-    last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
+    All bodies that touch at rest take part. They stay together where pendula touch at rest, and separate immediately
+    elsewhere. Returns the first and the last pair to predict again, and the momentum exchanged by pair `c` in kg m/s.
     """
     n, b, e = len(pairs), c, c + 1
     while b > 0 and bodies[b - 1].mass < math.inf and stands(run, pairs[b - 1], now, walls):
@@ -70,6 +77,7 @@ def swing_together(
     while e < n and bodies[e + 1].mass < math.inf and stands(run, pairs[e], now, walls):
         e += 1
     lower, upper = total(bodies, b, c), total(bodies, c + 1, e)
+    # A wall takes the whole change, and inf/inf is not a number.
     part = 1.0 if upper == math.inf else upper / (lower + upper)
     up, down = part * w, w - part * w
     if b > 0:
@@ -89,20 +97,23 @@ def swing_together(
 @rare
 @kernel
 def stands(run: Record, pair: Record, now: float, walls: Walls) -> bool:
-    """Return whether the bodies of a pair touch without a rate at time `now`, to which it is carried."""
+    """Advance a pair to time `now` and return whether it touches with rate 0."""
     run.clamps += carry(pair, pair, pair, now, walls)
     return pair.gap == 0.0 and pair.rate == 0.0  # type: ignore[no-any-return]
 
 
 def begin(pairs: Any, bodies: Any, scene: Any) -> None:
-    """Set what pendula add to a new state."""
+    """Initialise the fields of a new state that only pendula have."""
     pairs["rate"], pairs["rest"] = scene.across(scene.velocity), scene.rest_gap
     pairs["omega"] = bodies["omega"] = scene.pendulum
     bodies["sway"] = scene.pendulum * scene.displacement
 
 
 def row(pairs: Any, tau: float) -> tuple[Array, Array]:
-    """Return rates in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
+    """Return the rates in m/s and the gaps in m (never negative) at `tau`.
+
+    The state is not changed.
+    """
     names = "gap", "rate", "rest", "omega", "at"
     gap, rate, rest, omega, at = (column(pairs, name) for name in names)
     t = np.tan(0.5 * omega * (tau - at))
@@ -112,7 +123,7 @@ def row(pairs: Any, tau: float) -> tuple[Array, Array]:
 
 
 def settle(s: Any, scene: Any, row: Any) -> None:
-    """Let bodies swing as their row says, the row of now."""
+    """Set the swing of all bodies from `row`, the sample at the current time."""
     at = positions(scene, row.gap[None], np.array([row.elapsed]))[0]
     turn, off = scene.pendulum * s.run.now, np.where(scene.is_wall, 0.0, scene.pendulum * (at - scene.at_rest))
     cosine, sine = math.cos(turn), math.sin(turn)
@@ -121,10 +132,12 @@ def settle(s: Any, scene: Any, row: Any) -> None:
 
 
 def strike(s: Any, first: int, rates: list[float], changes: list[float]) -> None:
-    """Let the group of pairs from `first` on collide at once: their rates before, its bodies' changes of velocity, m/s.
+    """Let a group of touching pairs collide simultaneously.
 
-    Rates that are only rounding become exactly 0.
+    `rates` are the rates before the collision, of the pairs from `first` on. `changes` are the velocity changes of the
+    bodies, both in m/s. Rates that consist of rounding errors become exactly 0.
     """
+    # A rounding error kept as a rate would cause another collision at the same instant.
     tiny, last = max(map(abs, rates)) * 2.0**-40, first + len(rates) - 1
     for pair, rate, (below, above) in zip(s.pairs[first : last + 1], rates, pairwise(changes), strict=True):
         after = rate + (above - below)

@@ -1,4 +1,4 @@
-"""Hard spheres between two events, for whom watches a ball: when the next event is, and how fast it is until then."""
+"""Observables of a hard-sphere run as functions of time between two events."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from granular.run.until import Level, Speed
 
 
 def calm(run: Any) -> tuple[float, float]:
-    """Return the time in s up to which a run has got, and that of the next event."""
+    """Return the current time of the run and the time of the next event, both in s."""
     state, queue = run.state, run.queue
     if state.near is None:
         return run.time(), float(state.time(queue.soonest()))
-    r, (pairs, _) = state.run, state.slices()  # a closer look
+    r, (pairs, _) = state.run, state.slices()  # in relative coordinates
     dt = queue.fit(soonest)(r, plain(state.near), plain(pairs))[1]
     outside = queue.soonest(r.first, r.first + len(pairs) - 1)
     return run.time(), float(state.time(min(r.began + r.elapsed + dt, outside)))
 
 
 def watched(run: Any, level: Level) -> Callable[[float], float]:
-    """Return what is watched as a function of the time in s up to the next event; a velocity from the ball alone."""
+    """Return the observable of `level` as a function of the time in s.
+
+    The function is valid up to the next event. A velocity is computed from its ball alone.
+    """
     state = run.state
     if not isinstance(level, Speed) or run.scene.driven:
         return partial(ahead, run, level)
@@ -39,7 +42,10 @@ def watched(run: Any, level: Level) -> Callable[[float], float]:
 
 
 def ahead(run: Any, level: Level, time: float) -> float:
-    """Return what is watched as a row shows it, at a time up to the next event; the run stays where it is."""
+    """Evaluate the observable at `time`, up to the next event.
+
+    The run is not advanced.
+    """
     r = run.state.run
     now, r["now"] = r["now"], run.state.tau(time)
     value = shown(run, level, time)

@@ -1,17 +1,21 @@
-"""What a pair does: predict its contact, be carried along, collide. Both queues use these same expressions.
+"""Motion of one pair: prediction of its contact, free flight and collision.
 
-Records of pair c: `gap` (m, never negative) as it was at time `at`, and of its bodies the `fall_velocity` u
-(m/s), which changes only at impacts: a body moves with ``u - g·tau`` if it `is_free`. Gravity gives the gap its
-`closing_acceleration` (g at a floor, 0 between balls, -g at a ceiling). Times are counted from the last re-basing.
+Both event queues evaluate these same expressions.
 
-What collisions leave of a velocity is rounded. `noise` (m²/s²) is the square of what that may amount to in u, with a
-margin: a collision passes it on as it does velocities, and adds its own. Two balls that close more slowly than that
-are not known to close at all, and do not collide; velocities that were given are exact.
+The record of a pair holds its `gap` (m, never negative) at the time `at`. The record of a body holds its
+`fall_velocity` u (m/s), which changes only at impacts. A body moves with ``u - g·tau`` if it `is_free`. Gravity gives
+the gap its `closing_acceleration` (g at a floor, 0 between balls, -g at a ceiling). Times are measured from the last
+re-basing.
 
-What stands behind `if FORCED`, `if HUNG` or `if RING` is for scenes that are not plain, see `granular._engine.kernels`,
-and may be skipped: walls that shake and forces (`driven`), pendula (`hanging`), and rings. A ring of n balls is a line
-of n pairs and n + 1 bodies, the last of which is the first once more: what happens to one of these two happens to the
-other, and the neighbours of a pair are counted round. Its velocities are relative to the centre of mass.
+A collision rounds velocities. `noise` (m²/s²) bounds the square of the rounding error of u, with a margin. A collision
+propagates the noise as it propagates velocities, and adds its own rounding error. Two balls whose approach speed is
+below their noise do not collide, because the sign of their relative velocity is uncertain. Initial velocities are
+exact.
+
+The branches `if FORCED`, `if HUNG` and `if RING` serve driven walls and forces (`driven`), pendula (`hanging`) and
+rings. A first reader can skip them, see `granular._engine.kernels`. A ring of n balls is a line of n pairs and n + 1
+bodies, where the last body repeats the first. Every change of one of these two bodies is copied to the other, and the
+neighbours of a pair are counted modulo n. Velocities on a ring are relative to the centre of mass.
 """
 
 from __future__ import annotations
@@ -25,25 +29,36 @@ from granular.edmd.driven import beside, next_wall_hit, opening, rate_at_wall, r
 from granular.edmd.records import FREE, Walls
 
 NOISE = 2.0**-96
-"""What a collision adds to the noise, in units of the velocities squared: 16 units in the last place of velocities, of
-which rounding takes less than 3."""
+"""Noise that a collision adds, in units of the squared velocities.
+
+It corresponds to 16 units in the last place of a velocity. The rounding error is less than 3 units.
+"""
 UNCERTAIN = 2.0**-76
-"""Noise that a ball has at most, in units of the largest velocity squared."""
+"""Largest noise of a ball, in units of the largest squared velocity."""
 CLOCK_ROUNDING = 2.0**-52
 """Relative rounding error of a time."""
 REBASED = 2.0**-104
-"""What re-basing under gravity adds to it, in the same units: one unit in the last place; rounding takes half of it."""
+"""Noise that re-basing under gravity adds, in the same units as `NOISE`.
+
+It corresponds to one unit in the last place. The rounding error is half a unit.
+"""
 COMPARABLE = 2.0**-20
-"""Velocity of the centre of mass of a ring, in units of the largest, that is taken back."""
+"""Smallest centre-of-mass velocity of a ring that is removed.
+
+In units of the largest velocity of a ball.
+"""
 LONGEST = 1000
-"""Largest window of the clock, a power of 2, in s."""
+"""Largest binary exponent of the clock window, a power of 2 in s."""
 LATEST = 2.0**LONGEST
 """Time in s after which runs end."""
 
 
 @kernel
 def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[float, float]:
-    """Return the velocities of the bodies of a pair (m/s) at time `now`; of a driven wall, at that of its pair."""
+    """Return the velocities (m/s) of the two bodies of a pair at time `now`.
+
+    The velocity of a driven wall is its velocity at the time `at` of its pair.
+    """
     if HUNG:
         c, s = math.cos(lower.omega * now), math.sin(lower.omega * now)
         return lower.fall_velocity * c - lower.sway * s, upper.fall_velocity * c - upper.sway * s
@@ -56,12 +71,14 @@ def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[floa
 
 @kernel
 def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the time at which a pair collides if nothing happens before, inf if it never does.
+    """Return the time of the next collision of a pair, or inf if it never collides.
+
+    The prediction assumes that no other event changes the pair before.
 
     A pair that touches and approaches collides now. A pair whose approach speed is below its rounding error never
     collides: without a closing acceleration its balls pass by, and balls that touch and are pressed together are at
-    rest. With forces, a stuck pair opens at that time. A ball on a thermal wall never rests: it collides now if it is
-    pressed on the wall.
+    rest. With forces, a stuck pair opens at the returned time. A ball on a thermal wall never rests: it collides now if
+    it is pressed on the wall.
     """
     if HUNG:
         if pair.gap == 0.0 and pair.rate < 0.0:
@@ -70,21 +87,24 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
     a = pair.closing_acceleration
     rate = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
     if FORCED:
+        # First, because a pressed ball on a thermal wall collides; the tests below would let it rest.
         if pair.heat >= 0 and pair.gap == 0.0 and a > 0.0 and rate <= 0.0:
             return pair.at  # type: ignore[no-any-return]
         if pair.stuck > FREE:
             return opening(pair, walls)
         if pair.wall >= 0:
             return next_wall_hit(pair, lower, upper, walls)
+        # Touching at rest and pulled apart: the pair opens without a collision.
         if walls.sides[0].lands and a < 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return math.inf
     if (
         a > 0.0 and rate * rate < lower.noise + upper.noise and not (FORCED and pair.heat >= 0)
         and pair.gap <= CLOCK_ROUNDING * abs(pair.at) * (abs(lower.fall_velocity) + abs(upper.fall_velocity))
     ):
-        pair.gap = 0.0  # at most the rounding error of a collision time, beside an event at the same instant
+        pair.gap = 0.0  # The gap is within the rounding error of the time of a simultaneous event.
         return math.inf
     if a == 0.0:
+        # The sign of a rate below the noise is unknown: such a pair does not collide.
         known = rate < 0.0 and rate * rate >= lower.noise + upper.noise
         return pair.at + pair.gap / -rate if known else math.inf
     return pair.at + time_to_contact(pair.gap, rate, a)  # type: ignore[no-any-return]
@@ -92,7 +112,10 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
 
 @kernel
 def after(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
-    """Return gap (m) and rate (m/s) of a pair at time `now`; rounding may make a gap negative that closes."""
+    """Return the gap (m) and rate (m/s) of a pair at time `now`.
+
+    The gap of a closing pair can be negative by rounding.
+    """
     if HUNG:
         return hung_after(pair.gap, pair.rate, pair.omega, pair.rest, now - pair.at)
     if FORCED and pair.wall >= 0:
@@ -103,7 +126,7 @@ def after(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
 
 @kernel
 def rate_at_touch(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the rate (m/s), not positive, at which a pair is about to collide."""
+    """Return the rate (m/s, not positive) of a pair at its next collision."""
     if HUNG:
         return hung_rate_at_contact(pair.gap, pair.rate, pair.omega, pair.rest)
     if FORCED and pair.wall >= 0:
@@ -114,7 +137,10 @@ def rate_at_touch(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
 
 @kernel
 def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> bool:
-    """Return whether the bodies of a pair touch at time `now`, without tolerance; beside a thermal wall none do."""
+    """Return whether the bodies of a pair touch at time `now`, without tolerance.
+
+    A pair with a thermal wall never counts as touching.
+    """
     if FORCED:
         if pair.heat >= 0:
             return False
@@ -127,11 +153,14 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
 
 @kernel
 def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
-    """Move a pair to time `now`; return 1 if rounding made its gap negative and it was clamped at 0."""
+    """Advance a pair to time `now`.
+
+    Returns 1 if rounding made the gap negative and the gap was clamped at 0, else 0.
+    """
     if HUNG or (FORCED and (pair.wall >= 0 or pair.stuck > FREE)):
         return carry_led(pair, lower, upper, now, walls)
     a, at = pair.closing_acceleration, pair.at
-    d = gap_after(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * at, a, now - at)  # `after`, called less
+    d = gap_after(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * at, a, now - at)  # `after`, inlined
     pair.at = now
     pair.gap = d if d > 0.0 else 0.0
     return 1 if d < 0.0 else 0
@@ -139,10 +168,12 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
 
 @kernel
 def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
-    """Move a pair of pendula, or beside a wall that may be driven, to time `now`.
+    """Advance a pair of pendula, or a pair with a driven or stuck body, to time `now`.
 
-    One that is stuck opens when it does, looked at from when it closed: a jump of its wall's velocity just now counts.
+    A stuck pair keeps its time `at`. Its opening is searched from the time of its closing, so that a jump of the wall
+    velocity at `now` is found.
     """
+    # The gap of a stuck pair stays 0, and `opening` needs the time of its closing.
     if FORCED and pair.stuck > FREE:
         return 0
     d, rate = after(pair, lower, upper, now, walls)
@@ -157,14 +188,17 @@ def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Wal
 
 @kernel
 def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e: float) -> None:
-    """Let a pair collide at time `now` with rate `w` ≤ 0, and part with -ε·w.
+    """Let a pair collide at time `now` and separate with the rate -ε·w.
 
-    The heavier body takes its share of the change, the lighter one follows at the new rate. So no rounding of the
-    shares adds up (with two shares that are 1 together except for 2^-54, the energy drifts by 4e-12 in 4e7 collisions),
-    and with ε = 0 the pair moves as one in all bits. On a ring equal balls that lose nothing exchange their velocities
-    to the last bit: they fly as if they passed each other.
+    `w` ≤ 0 is the rate before the collision, `e` is ε.
+
+    The velocity change of the heavier body is computed from its share. The velocity of the lighter body follows from
+    the new rate. Rounding errors of the two shares therefore do not accumulate (with shares that add to 1 only within
+    2^-54, the energy drifts by 4e-12 in 4e7 collisions). With ε = 0 both bodies have bitwise identical velocities. On a
+    ring, equal balls with ε = 1 exchange their velocities exactly, as if they passed through each other.
     """
     part = pair.closing_acceleration * now - e * w
+    # Equal masses: an exchange has no rounding error.
     if RING and e == 1.0 and pair.low == 0.5:
         lower.fall_velocity, upper.fall_velocity = upper.fall_velocity, lower.fall_velocity
     elif pair.low <= 0.5:
@@ -180,19 +214,20 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
 
 @kernel
 def impulse(lower: Record, upper: Record, jump: float) -> float:
-    """Return the impulse in N s by which the rate of a pair becomes less by `jump` (m/s)."""
+    """Return the impulse in N s that reduces the rate of a pair by `jump` (m/s)."""
     light, heavy = lower.mass, upper.mass
     if light > heavy:
+        # The quotient below is then at most 1, also for an infinite mass.
         light, heavy = heavy, light
     return -jump * (light / (1.0 + light / heavy))  # type: ignore[no-any-return]
 
 
 @kernel
 def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None:
-    """Pass the noise of the bodies of a pair, which has just collided at rate `w`, on to each other, and add to it.
+    """Propagate the noise of a pair through its collision at rate `w`, and add to it.
 
-    In squares, so m₁ noise₁ + m₂ noise₂ is kept if ε = 1, and falls if ε < 1, as the energy does. A wall has none; a
-    driven one, and what rests on it, has its own.
+    The noise is quadratic, so m₁ noise₁ + m₂ noise₂ is conserved if ε = 1 and decreases if ε < 1, as the energy does. A
+    wall has zero noise. A driven wall, and a ball that rests on it, keep their own noise.
     """
     a, b = pair.low * (1.0 + e), pair.high * (1.0 + e)
     below, above = lower.noise, upper.noise
@@ -206,7 +241,7 @@ def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None
 
 @kernel
 def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> float:
-    """Return the rate of a pair (m/s) at time `now`."""
+    """Return the rate (m/s) of a pair at time `now`."""
     if FORCED and pair.stuck > FREE:
         return 0.0
     return after(pair, lower, upper, now, walls)[1]
@@ -214,12 +249,16 @@ def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
 
 @kernel
 def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: Walls) -> int:
-    """Return a pair that approaches at time `now`, looking at pair `first` first; -1 if none does."""
+    """Return the number of a pair that approaches at time `now`, or -1.
+
+    The search starts at pair `first` and wraps around.
+    """
     n = len(pairs)
     for k in range(n):
         c = first + k if first + k < n else first + k - n
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
         rate = rate_at(pair, lower, upper, now, walls)
+        # As in `predicted`: without an acceleration, a rate below the noise is not an approach.
         if rate < 0.0 and (pair.closing_acceleration != 0.0 or rate * rate >= lower.noise + upper.noise):
             return c
     return -1
@@ -227,10 +266,14 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: 
 
 @kernel
 def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Walls) -> float:
-    """Move all gaps to time `shift`, the new zero of time; return the largest rate without what gravity adds (m/s)."""
+    """Advance all pairs to time `shift`, which becomes the new zero of time.
+
+    Returns the largest relative velocity (m/s), excluding the gravity term.
+    """
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift, walls)
+        # Stuck pairs keep the time of their closing.
         pair.at = pair.at - shift if FORCED and pair.stuck > FREE else 0.0
         pair.last -= shift
     if FORCED or HUNG or run.gravity != 0.0:
@@ -242,6 +285,7 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
             elif FORCED:
                 fallen = body.is_free * (run.gravity * shift) - body.force_acceleration * shift
                 body.fall_velocity -= fallen
+                # A subtraction of 0 does not round.
                 if fallen != 0.0:
                     body.noise += REBASED * (body.fall_velocity * body.fall_velocity)
             else:
@@ -264,8 +308,11 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
 
 @kernel
 def cut(bodies: Records) -> None:
-    """Cut the noise: what rounding has left in rates becomes less as they do, but noise, which balls have in common
-    too, does not, and would have slow balls pass through each other."""
+    """Limit the noise of all bodies to `UNCERTAIN` times the largest squared velocity.
+
+    Rounding errors of relative velocities decrease as the velocities do. The noise, which neighbouring balls have in
+    common, does not decrease. Without the limit, slow balls would pass through each other.
+    """
     fastest = 0.0
     for i in range(len(bodies)):
         fastest = max(fastest, abs(bodies[i].fall_velocity))
@@ -275,35 +322,44 @@ def cut(bodies: Records) -> None:
 
 @kernel
 def span(length: float, speed: float, g: float) -> float:
-    """Return the window (s): the power of two near 64 times the mean time to cross a gap, less if gravity is strong.
+    """Return the window (s), a power of two near 64 mean times to cross a gap.
 
-    Then it is the time in which gravity doubles the speed. A power of two keeps the bits of a scene scaled by powers
-    of two.
+    Under strong gravity the window is limited to the time in which gravity doubles the speed. With a power of two, a
+    scene that is scaled by powers of two gives the same bits.
     """
     if speed == 0.0:
         return 1.0
+    # Balls that touch everywhere have no mean gap; gravity sets the scale then.
     window = 64.0 * length / speed if length > 0.0 else speed / g if g > 0.0 else 1.0
     if g > 0.0:
         window = min(window, speed / g)
+    # frexp returns the exponent of the next power of two.
     return math.ldexp(1.0, min(math.frexp(window)[1], LONGEST))
 
 
 @kernel
 def add(total: float, low: float, more: float) -> tuple[float, float]:
-    """Return a sum and what its rounding has left, with one more summand (Neumaier, 1974)."""
+    """Add `more` to a compensated sum.
+
+    Returns the new sum and its accumulated rounding error (Neumaier, 1974).
+    """
+    # The smaller summand is the one that loses digits.
     new = total + more
     return new, low + ((total - new) + more if abs(total) >= abs(more) else (more - new) + total)
 
 
 @kernel
 def reimpose(run: Record, pairs: Records) -> None:
-    """Give the largest gap what rounding has taken from the sum of all, which never changes, and of pendula its rate
-    what it has taken from the sum of those, which is 0."""
+    """Correct the largest gap so that the sum of all gaps keeps its initial value.
+
+    For pendula, the rate of this pair is corrected so that the sum of all rates is 0.
+    """
     widest, total, low = 0, 0.0, 0.0
     for c in range(len(pairs)):
         total, low = add(total, low, pairs[c].gap)
         if pairs[c].gap > pairs[widest].gap:
             widest = c
+    # The relative change is smallest in the largest gap, which also cannot become negative.
     pairs[widest].gap += (run.gap_sum - total) - low
     if HUNG:
         total, low = 0.0, 0.0
@@ -314,9 +370,9 @@ def reimpose(run: Record, pairs: Records) -> None:
 
 @kernel
 def centre(bodies: Records) -> None:
-    """Take back what rounding has given the centre of mass of a ring, before it is comparable to the velocities.
+    """Subtract the velocity of the centre of mass of a ring before it is significant.
 
-    They are relative to it, and so keep their digits however much slower the balls become.
+    Velocities are relative to the centre of mass, so they keep their digits however slow the balls become.
     """
     n, momentum, low, mass, fastest = len(bodies) - 1, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
@@ -332,14 +388,17 @@ def centre(bodies: Records) -> None:
 
 @kernel
 def same(body: Record, other: Record) -> None:
-    """Let a body be what the other is: both are the ball at the seam of a ring."""
+    """Copy velocity and noise from `other` to `body`, which represent the same ball.
+
+    Both represent the ball at the seam of a ring.
+    """
     body.fall_velocity = other.fall_velocity
     body.noise = other.noise
 
 
 @kernel
 def across(bodies: Records, c: int) -> None:
-    """Let what has happened to the ball at the seam of a ring, in pair `c`, happen to both bodies that it is."""
+    """Copy the result of a collision of pair `c` to the other body of the seam ball."""
     n = len(bodies) - 1
     if c == 0:
         same(bodies[n], bodies[0])
@@ -349,7 +408,7 @@ def across(bodies: Records, c: int) -> None:
 
 @kernel
 def total(bodies: Records, b: int, e: int) -> float:
-    """Return the mass of bodies `b` … `e` (kg), on a ring counted round."""
+    """Return the mass (kg) of bodies `b` to `e`, on a ring counted modulo n."""
     mass = 0.0
     for i in range(b, e + 1):
         mass += bodies[i % (len(bodies) - 1) if RING else i].mass

@@ -1,4 +1,4 @@
-"""What does not change during a run: the scene, its rules, and how ties, collapse and weak impacts are treated."""
+"""Scene, restitution rules and options of a run: everything that stays constant."""
 
 from __future__ import annotations
 
@@ -19,17 +19,26 @@ from granular.scene.walls.motion import fastest
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)
 ORDER = {"left": LEFT, "right": RIGHT, "random": RANDOM, "newton": GROUP, "poisson": GROUP, "reflect": GROUP}
-"""What acts first of collisions at one instant. The last three solve a touching group as a whole, see
-`granular.edmd.ties`; groups apart act from the left."""
+"""Order of simultaneous collisions, by the option `ties`.
+
+The last three rules solve a touching group as a whole, see `granular.edmd.ties`. Groups that do not touch each other
+act from the left.
+"""
 MASK = (1 << 24) - 1
-"""Mask of the pair in a rank; scenes have at most that many pairs."""
+"""Mask of the pair number in a rank, and the largest number of pairs of a scene."""
 OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
-"""Options that change the physics: a saved run holds them by these names."""
+"""Names of the options that change the physics, as stored in a saved run."""
 TURN, SHARE = 4.0, 0.25
-"""The window of the clock where pendula swing, in units of 1/Ω; where two walls hold the sum of their gaps, it is no
-longer than on a line of this share of their gaps: what rounding leaves in that sum acts at every bounce."""
+"""Limits of the clock window of pendula.
+
+`TURN` is the window in units of 1/Ω. If two walls fix the sum of the gaps, the window is at most that of a line with
+gaps of `SHARE` times the length. The rounding error of the sum acts at every bounce.
+"""
 SMALLEST, LARGEST = 1e-75, 1e75
-"""Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
+"""Smallest speed and largest number in a scene.
+
+Squares, products and ratios of these numbers neither underflow nor overflow.
+"""
 SIZE = f"0 or a size from 0 to {LARGEST:g} is needed"
 
 
@@ -39,11 +48,11 @@ class Physics:
     Attributes
     ----------
     has : tuple
-        Flags of kernels that hold for the scene.
+        Kernel flags that hold for the scene.
     eps : array
-        Restitution per pair; nan if not all rules are constant, and `rule` has to be asked.
+        Restitution per pair. Contains nan if a rule is not constant; then `rule` is evaluated.
     rule : callable or None
-        ε of a pair at a speed (m/s); None if all rules are constant.
+        ε of a pair at a speed (m/s). None if all rules are constant.
     """
 
     rule: Restitution | None = None
@@ -58,17 +67,20 @@ class Physics:
 
     @property
     def elastic(self) -> bool:
-        """Whether all pairs are elastic by declaration, and no option changes weak or frequent collisions."""
+        """Whether all pairs are declared elastic and no option changes collisions.
+
+        The options concern weak or frequent collisions.
+        """
         return not any(map(self.options.get, ("merge_below", "tc", "elastic_below"))) and rules.elastic(self.rules)
 
 
 @kernel
 def rank(c: int, order: int, seed: int, contacts: int) -> int:
-    """Return the rank of pair `c`, which has collided `contacts` times: queues are ordered by ``(time, rank)``.
+    """Return the rank of pair `c` after `contacts` collisions of the pair.
 
-    The lower 24 bits of a rank are the number of its pair, so a rank says whose it is; the upper bits order pairs at
-    equal times, and only then: from the left, from the right, or at random by a hash of the seed, the pair and how
-    often it has collided (Han & Gilmore's sequential treatment, reproducible).
+    Queues are ordered by ``(time, rank)``. The lower 24 bits of a rank are the number of the pair. The upper bits order
+    pairs with equal times: from the left, from the right, or at random by a hash of the seed, the pair and its number
+    of collisions (the sequential treatment of Han & Gilmore, reproducible).
     """
     if order in (LEFT, GROUP):
         return c
@@ -79,17 +91,21 @@ def rank(c: int, order: int, seed: int, contacts: int) -> int:
 
 @kernel
 def mixed(x: int) -> int:
-    """Return 31 well-mixed bits of `x`; no product exceeds 63 bits, so that compiled and plain agree."""
+    """Return 31 well-mixed bits of `x`.
+
+    No product exceeds 63 bits, so compiled and interpreted code agree.
+    """
     x = ((x ^ (x >> 16)) * 0x45D9F3B) & 0x7FFFFFFF
     x = ((x ^ (x >> 15)) * 0x2C1B3C6D) & 0x7FFFFFFF
     return x ^ (x >> 16)
 
 
 def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None, **options: Any) -> Physics:
-    """Return the physics of a run, or raise what is wrong with the scene, a rule or an option."""
+    """Return the `Physics` of a run, or raise if scene, rule or an option is invalid."""
     check_scene(scene)
     given = rules.checked(rule, scene.gap)
     merging = check.choice("collapse", collapse, ("stop", "merge")) == "merge"
+    # Default of `merge_below`: 1/100 of the speed scale.
     below = 0.01 * scales(scene)[0] if merging else 0.0
     if merge_below is not None:
         if not merging:
@@ -100,6 +116,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
     for name in ("tc", "elastic_below"):
         options[name] = check.number(name, options[name], at_least=0.0)
     physics = Physics(scene, given, options | {"merge_below": below})
+    # Balls that stick merge at any speed.
     if physics.eps.max() == 0.0:
         physics.options["merge_below"] = math.inf
     _check_together(physics.eps, physics.options)
@@ -108,7 +125,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
 
 @remembered
 def check_scene(scene: Scene) -> None:
-    """Raise what is wrong with a scene for hard spheres."""
+    """Raise `ValueError` if the scene is not valid for hard spheres."""
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     size, fix = np.abs(scene.velocity), "use other units"
@@ -135,7 +152,10 @@ def check_scene(scene: Scene) -> None:
 
 
 def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
-    """Raise what is wrong with options, and rules of restitution `eps`, that are good each for itself."""
+    """Raise `ValueError` for options and rules that are invalid in combination.
+
+    `eps` are the restitutions of the pairs. Each option is valid on its own.
+    """
     ties = options["ties"]
     merges, lasts, spares = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
     if ties in ("newton", "reflect") and eps.min() != eps.max():
@@ -155,15 +175,19 @@ def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
 
 
 def felt_gravity(scene: Scene) -> float:
-    """Return gravity (m/s²) in the frame of a run: without a wall that frame falls too, and velocities keep digits."""
+    """Return gravity (m/s²) in the frame of a run.
+
+    Without a wall the frame falls with the balls, and the result is 0. Velocities then keep their digits.
+    """
     return scene.gravity if scene.is_wall[0] or scene.is_wall[-1] else 0.0
 
 
 def frame_velocity(scene: Scene) -> float:
-    """Velocity in m/s of the frame of a run: of the mass centre of a ring, else of an undriven wall.
+    """Return the velocity in m/s of the frame of a run.
 
-    In this frame a wall is at rest, and velocities of balls near it keep their digits. It is 0 without walls, for
-    pendula, and beside driven or thermal walls, which do work in the frame of the scene.
+    The frame moves with the centre of mass of a ring, else with an undriven wall. The wall is at rest in this frame,
+    and velocities of balls near the wall keep their digits. The result is 0 without walls, for pendula, and with driven
+    or thermal walls, which do work in the frame of the scene.
     """
     if scene.ring:
         return float(scene.anchor_velocity(0.0))
@@ -174,14 +198,18 @@ def frame_velocity(scene: Scene) -> float:
 
 @remembered
 def scales(scene: Scene) -> tuple[float, float, float, float]:
-    """Return the speed scale (m/s), the speed of falling through the mean gap, the mean gap (m) of a scene, and the
-    largest acceleration (m/s²) of a ball in the frame of a run."""
+    """Return speed scale, fall speed, mean gap and largest acceleration of a scene.
+
+    The units are m/s, m/s, m and m/s². The fall speed is the speed of falling through the mean gap. The largest
+    acceleration is that of a ball in the frame of a run.
+    """
     speed = float(np.abs(scene.across(scene.velocity)).max())
     if scene.pendulum > 0.0:
         rest: Any = scene.rest_gap
         fall = scene.pendulum * float(np.abs(scene.gap - rest).max())
-        room = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else their clock goes by Ω alone
+        room = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else it depends on Ω only
         return max(speed, fall), fall, SHARE * room, scene.pendulum / TURN * max(speed, fall)
+    # Touching balls have no mean gap; their radius sets the length then.
     length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), felt_gravity(scene)
     if scene.external_force is not None:
         strength = float(np.abs(scene.lift - np.where(scene.is_wall, 0.0, strength)).max())
@@ -194,9 +222,10 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
 
 
 def shares(scene: Scene) -> tuple[check.Array, check.Array]:
-    """Return m_eff/m_lower and m_eff/m_upper of each pair: shares of its bodies in a change of its relative velocity.
+    """Return m_eff/m_lower and m_eff/m_upper of each pair.
 
-    The smaller is computed, the other is 1 minus it.
+    They are the shares of both bodies in a change of the relative velocity. The smaller share is computed, and the
+    other share is 1 minus the smaller.
     """
     a, b = scene.sides(scene.mass)
     ratio = np.minimum(a, b) / np.maximum(a, b)

@@ -1,16 +1,22 @@
-"""A proof that a few pairs collide forever: the word of their collisions repeats, and nothing can break it.
+"""Proof that a few pairs collide forever in a repeating collision sequence.
 
-A collision of pair c maps the rates w of the pairs linearly, and a wait maps their gaps g linearly once the rates are
-known, ``g → g - w g_c / w_c``: pair c closes first. Over one word of collisions the rates become ``R w`` and the gaps
-``G(w) g``. Let R have a leading eigenvalue 0 < λ < 1, real and simple, whose vector v closes each pair at its turn, and
-G(v) one, 0 < μ < λ, whose vector h leaves every gap open but the one that closes. Then (h, v) repeats itself, smaller
-by μ and λ, so all its collisions take a finite time. And what starts near it stays near it: with ``w = v + δ`` and
-``g = h + ζ`` bounds on ``(R/λ)ⁿ δ``, on ``G(v + δ) - G(v)`` and on ``(G/μ)ⁿ ζ`` for all n show that no rate and no gap
-ever changes its sign. These (ζ, δ) are a cone about (h, v) that every word maps into itself.
+The proof shows that no perturbation within given bounds can break the repetition.
 
-The state, as its numbers are, is followed in `DIGITS` digits until it lies in the cone. Bounds are computed in double
-precision with a margin, not in interval arithmetic. Assumed: constant restitution, no accelerations among these pairs,
-and that nobody from outside hits them in the time that is left, which is returned for the caller to look at.
+A collision of pair c maps the rates w of the pairs linearly. For known rates, a wait maps the gaps g linearly,
+``g → g - w g_c / w_c``, if pair c closes first. Over one period of the sequence the rates become ``R w`` and the gaps
+``G(w) g``. Two assumptions are tested:
+
+* R has a leading eigenvalue 0 < λ < 1, real and simple, whose vector v closes each pair at its turn.
+* G(v) has a leading eigenvalue 0 < μ < λ, whose vector h keeps every gap open except the closing gap.
+
+Then (h, v) repeats itself, scaled by μ and λ, so all its collisions take a finite time. Nearby states stay near (h, v).
+With ``w = v + δ`` and ``g = h + ζ``, bounds on ``(R/λ)ⁿ δ``, on ``G(v + δ) - G(v)`` and on ``(G/μ)ⁿ ζ`` for all n show
+that no rate and no gap ever changes its sign. These (ζ, δ) form a cone about (h, v) that every period maps into itself.
+
+The state is followed in `DIGITS` digits, starting from its exact binary values, until it lies in the cone. Bounds are
+computed in double precision with a margin, not in interval arithmetic. The proof assumes constant restitution, no
+accelerations between these pairs, and no hit from outside during the remaining time. This time is returned, and the
+caller has to check it.
 """
 
 from __future__ import annotations
@@ -26,15 +32,22 @@ from granular._engine.check import Array
 from granular._engine.records import Records, column
 
 DIGITS = 60
-"""Digits in which collisions are followed."""
+"""Decimal digits in which collisions are followed."""
 MOST, LONGEST = 2**13, 2**9
-"""Collisions followed at most; those of the longest word."""
+"""Largest number of collisions followed, and of collisions per period."""
 MARGIN, ROUNDING = 1e-6, 1e-12
-"""Parts by which the leading eigenvalue must exceed the others, and a gap, in units of the largest, its bound."""
+"""Relative margins of the leading eigenvalue and of the gaps.
+
+The leading eigenvalue must exceed the others by `MARGIN`. A gap must exceed its bound by `ROUNDING` times the largest
+gap.
+"""
 
 
 class Forever(NamedTuple):
-    """Pairs `first` … `last`, numbered in the group, collide forever, all within `left` seconds."""
+    """Pairs `first` to `last`, numbered within the group, that collide forever.
+
+    All collisions happen within `left` seconds.
+    """
 
     first: int
     last: int
@@ -42,15 +55,21 @@ class Forever(NamedTuple):
 
 
 def forever(pairs: Records, gap: Array, rate: Array) -> Forever | None:
-    """Return which of a few neighbours collide forever, if that can be proved: see the head of this file."""
+    """Return which of a few neighbouring pairs provably collide forever, or None.
+
+    The module docstring gives the proof.
+    """
     with localcontext() as context:
+        # The exponent range holds rates far below the smallest double.
         context.prec, context.Emin, context.Emax = DIGITS, -(10**9), 10**9
         shares = np.array([[Decimal(x) for x in column(pairs, name).tolist()] for name in ("low", "high", "eps")])
         group, more = Group(exact(gap), exact(rate), shares, []), 128
         while len(group.word) < MOST and group.go_on(more):
+            # Doubles the number of collisions, so that the tests cost little.
             more = min(len(group.word), LONGEST)
             word = repeated(group.word)
             first, end = min(word, default=0), max(word, default=-1) + 1
+            # A pair in between that never collides, or a single pair: no proof of this kind.
             if len(set(word)) < end - first or end - first < 2:
                 continue
             part = slice(first, end)
@@ -61,13 +80,16 @@ def forever(pairs: Records, gap: Array, rate: Array) -> Forever | None:
 
 
 def exact(numbers: Array) -> Any:
-    """Return numbers as they are, with more digits to come."""
+    """Convert floats to decimals with the same values."""
     return np.array([Decimal(x) for x in numbers.tolist()])
 
 
 @dataclass
 class Group:
-    """Gaps and rates of pairs that only meet each other, and the word they have spelt."""
+    """Gaps and rates of pairs that collide only with each other, and their sequence.
+
+    `word` lists the numbers of the pairs in the order of their collisions.
+    """
 
     gap: Any
     rate: Any
@@ -76,7 +98,10 @@ class Group:
     elapsed: Decimal = Decimal(0)
 
     def go_on(self, collisions: int) -> bool:
-        """Let so many collisions happen; return whether there were so many."""
+        """Let at most `collisions` collisions happen.
+
+        Returns whether all of them happened.
+        """
         for _ in range(collisions):
             closing = [(-g / w, c) for c, (g, w) in enumerate(zip(self.gap, self.rate, strict=True)) if w < 0]
             if not closing:
@@ -91,7 +116,7 @@ class Group:
 
 
 def collide(rates: Any, c: int, shares: Any) -> None:
-    """Let pair `c` collide: change rates, or the rows of the matrix that gives them."""
+    """Apply a collision of pair `c` to the rates, or to the rows of a matrix of rates."""
     low, high, eps = shares[:, c]
     jump = rates[c] * (1 + eps)
     rates[c] = rates[c] * -eps
@@ -102,7 +127,11 @@ def collide(rates: Any, c: int, shares: Any) -> None:
 
 
 def repeated(log: list[int]) -> list[int]:
-    """Return the shortest word that the last collisions are three times over; empty if there is none."""
+    """Return the shortest sequence that the last collisions repeat three times.
+
+    Without such a sequence the list is empty.
+    """
+    # Three repetitions, because two can occur by chance.
     for n in range(2, min(LONGEST, len(log) // 3) + 1):
         if log[-n:] == log[-2 * n : -n] == log[-3 * n : -2 * n]:
             return log[-n:]
@@ -110,8 +139,12 @@ def repeated(log: list[int]) -> list[int]:
 
 
 class Leading(NamedTuple):
-    """The leading eigenvalue of a matrix, real, positive and simple; its right and left vector, product 1; the norms
-    ``|(matrix / value)ⁿ|`` beside this vector: the largest, and their sum, over n = 0, 1, … to infinity."""
+    """Leading eigenvalue of a matrix, its eigenvectors and bounds.
+
+    The eigenvalue is real, positive and simple. The product of the right and the left eigenvector is 1. The norms
+    ``|(matrix / value)ⁿ|`` are taken on the complement of the eigenvector, over n = 0, 1, … to infinity: `most` is the
+    largest norm, `total` their sum.
+    """
 
     value: Any
     right: Any
@@ -120,17 +153,24 @@ class Leading(NamedTuple):
     total: float
 
     def off(self, vector: Any) -> tuple[Any, float]:
-        """Return how much of the right vector there is in a vector, and what is beside it, in units of that."""
+        """Split a vector into its part along the right eigenvector and the rest.
+
+        Returns the coefficient of the eigenvector, and the largest entry of the rest divided by this coefficient.
+        """
         part = self.left @ vector
         return part, float(abs(vector / part - self.right).max()) if part > 0 else math.inf
 
 
 def leading(matrix: Any, like: Any) -> Leading | None:
-    """Return what leads, its right vector on the side of `like`; None if it is not real, positive and simple."""
+    """Return the leading eigenvalue with its vectors, or None.
+
+    The right eigenvector points to the side of `like`. The result is None if the eigenvalue is not real, positive and
+    simple.
+    """
     sizes = -np.sort(-np.abs(np.linalg.eigvals(matrix.astype(float))))
     if not sizes[1] < (1.0 - MARGIN) * sizes[0]:
         return None
-    power = matrix / abs(matrix).max()  # its 2³⁰th power is right times left, all else has died out
+    power = matrix / abs(matrix).max()  # its 2³⁰th power is right times left: (1 - MARGIN)^(2³⁰) vanishes
     for _ in range(30):
         power = power @ power
         power = power / abs(power).max()
@@ -141,22 +181,26 @@ def leading(matrix: Any, like: Any) -> Leading | None:
     value = left @ (matrix @ right)
     beside = np.eye(len(right)) - np.outer(right, left).astype(float)
     once, power, norms = (matrix / value).astype(float), beside, [size(beside)]
+    # A norm of at most ½ bounds all further norms by a geometric series.
     while value > 0 and norms[-1] > 0.5 and len(norms) < MOST:
         power = once @ power
         norms.append(size(power))
     if not (value > 0 and norms[-1] <= 0.5):
         return None
-    # the last is at most ½: so many more add at most half of that sum, then a quarter, …
+    # The last norm is at most ½: as many further norms add at most half of the sum, then a quarter, …
     return Leading(value, right, left, max(norms), 2.0 * sum(norms))
 
 
 def size(matrix: Array) -> Any:
-    """Return the norm of a matrix, or of each of a stack, that belongs to the largest entry of a vector."""
+    """Return the matrix norm induced by the maximum norm, for each matrix of a stack."""
     return np.abs(matrix).sum(axis=-1).max(axis=-1)
 
 
 def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
-    """Return a time in s within which gaps and rates at the beginning of a word spell it forever; inf if no proof."""
+    """Return a time in s within which the sequence `word` repeats forever.
+
+    `gap` and `rate` are the state at the beginning of a period. The result is inf if the proof fails.
+    """
     turns, whole = turned(word, shares)
     of_rates = leading(whole, rate)
     if of_rates is None or not of_rates.value < 1:
@@ -171,28 +215,33 @@ def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
     (slow, delta), (near, zeta) = of_rates.off(rate), of_gaps.off(gap)
     if not max(delta, zeta) < math.inf:
         return math.inf
-    # bound of G(v+δ) - G(v)
+    # Bound of G(v+δ) - G(v).
     drift = drifted(word, turns.astype(float), rates.astype(float), gaps.astype(float), of_rates.most * delta)
-    bound = float(abs(of_gaps.left).sum()) + of_gaps.most  # on all powers of G(v) / μ
-    # Σ over words of the relative change: Π(1+a_n) ≤ exp Σ a_n, hence expm1 below
+    bound = float(abs(of_gaps.left).sum()) + of_gaps.most  # bound of all powers of G(v) / μ
+    # Sum of the relative changes over all periods. Π(1+a_n) ≤ exp Σ a_n, hence expm1 below.
     ever = bound * drift[-1] / float(of_gaps.value) * (of_rates.total / of_rates.most)
+    # Also rejects nan.
     if not ever < 1.0:
         return math.inf
     off = of_gaps.most * zeta + bound * math.expm1(ever) * (1.0 + zeta)
     after = (gaps @ of_gaps.right).astype(float)
-    # ζ carried through, δ, rounding
+    # Contributions of ζ, of δ and of rounding.
     doubt = size(gaps.astype(float)) * off + drift * (1.0 + off) + ROUNDING * np.abs(after).max(axis=1)
+    # The pair that has just collided has gap 0.
     after[np.arange(len(word)), word] = math.inf
     if not (after.min(axis=1) > doubt).all():
         return math.inf
     before = [of_gaps.right, *(gaps[:-1] @ of_gaps.right)]
     once = sum(-g[c] / w[c] for g, w, c in zip(before, rates, word, strict=True)) * near / slow
-    # geometric series in μ/λ, doubled for the cone
+    # Geometric series in μ/λ, doubled for the cone.
     return 2.0 * float(once / (1 - of_gaps.value / of_rates.value))
 
 
 def turned(word: list[int], shares: Any) -> tuple[Any, Any]:
-    """Return the matrices that make the rates before each collision of a word of those at its beginning, and R."""
+    """Return the matrices that map initial rates to the rates before each collision.
+
+    The second value is R, the matrix of the whole period.
+    """
     turn, turns = exact(np.eye(shares.shape[1]).ravel()).reshape(shares.shape[1], -1), []
     for c in word:
         turns.append(turn.copy())
@@ -201,7 +250,10 @@ def turned(word: list[int], shares: Any) -> tuple[Any, Any]:
 
 
 def waited(word: list[int], rates: Any) -> Any:
-    """Return the matrices that make the gaps after each wait of a word of those at its beginning; the last is G."""
+    """Return the matrices that map initial gaps to the gaps after each wait.
+
+    The last matrix is G.
+    """
     gap, gaps = exact(np.eye(rates.shape[1]).ravel()).reshape(rates.shape[1], -1), []
     for w, c in zip(rates, word, strict=True):
         gap = gap - np.outer(w / w[c], gap[c])
@@ -211,17 +263,19 @@ def waited(word: list[int], rates: Any) -> Any:
 
 
 def drifted(word: list[int], turns: Array, rates: Array, gaps: Array, delta: float) -> Array:
-    """Return by how much (norm) each matrix of the gaps may change if v is off by `delta`; inf if rates change sign.
+    """Bound the change of each gap matrix if v is perturbed by at most `delta`.
 
-    ``D_i = Σ_j F_i … F_(j+1) E_j (gaps_(j-1) + D_(j-1))`` with F_j what a wait does and E_j the change of it.
+    The result is a norm per matrix, or inf if a rate can change its sign.
+    ``D_i = Σ_j F_i … F_(j+1) E_j (gaps_(j-1) + D_(j-1))``, where F_j is the matrix of a wait and E_j its change.
     """
     count, k = rates.shape
     closing, off, largest = -rates[np.arange(count), word], size(turns) * delta, np.abs(rates).max(axis=1)
+    # Then the denominator closing - off is at least half of closing.
     if not (off < 0.5 * closing).all():
         return np.full(count, math.inf)
-    # w/w_c with w off by δ changes by (δ w_c - w δ_c)/(w_c (w_c + δ_c)): at most this
+    # A perturbation δ of w changes w/w_c by (δ w_c - w δ_c)/(w_c (w_c + δ_c)), at most by this value.
     of_wait = off * (closing + largest) / (closing * (closing - off))
-    # F_i … F_(j+1) for every j so far
+    # The products F_i … F_(j+1) for every j so far.
     sizes, products, drift = [1.0, *size(gaps)], np.zeros((0, k, k)), [0.0]
     for i, c in enumerate(word):
         products = products + (rates[i] / closing[i])[:, None] * products[:, c, None, :]

@@ -1,6 +1,6 @@
-"""What a run of hard spheres knows of pairs, bodies and itself: records with names; why a queue hands control back.
+"""Records of pairs, bodies and runs of hard spheres, and reasons of a pause.
 
-Whether a saved state can be that of a run of some physics is asked before kernels, which check nothing, go on with it.
+Also checks that a saved state is a valid state of a run, because kernels check nothing.
 """
 
 from __future__ import annotations
@@ -17,64 +17,64 @@ from granular.scene.walls.path import WALL
 
 PAIR = np.dtype(
     [
-        ("gap", float), ("at", float),  # m, at that time in s since the epoch
+        ("gap", float), ("at", float),  # m, at the time `at` in s since the epoch
         ("closing_acceleration", float),  # by gravity, m/s²
-        ("contacts", int), ("last", float),  # collisions so far, and the time of the last not looked at closely in s
-        ("streak", int),  # how often a collision in a row looked like a collapse
+        ("contacts", int), ("last", float),  # number of collisions; time (s) of the last one outside `zoom`
+        ("streak", int),  # consecutive collisions that looked like a collapse
         ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
-        ("eps", float),  # where rules are constant
+        ("eps", float),  # if all rules are constant
     ],
     align=True,
 )
 BODY = np.dtype(
     [
-        ("fall_velocity", float),  # free-fall velocity of the epoch, m/s
+        ("fall_velocity", float),  # free-fall velocity at the epoch, m/s
         ("is_free", float),  # 1 falls; 0 a wall, or a ball that rests on a wall
-        ("noise", float),  # (m/s)², square of what rounding may have left in its fall velocity
+        ("noise", float),  # (m/s)², square of the rounding error of its fall velocity
         ("mass", float),
     ],
     align=True,
 )
 NEAR = np.dtype([("gap", float), ("rate", float)])
-"""Gap and rate of a pair that is looked at closely, m and m/s."""
+"""Gap (m) and rate (m/s) of a pair that is followed in relative coordinates."""
 RUN = np.dtype(
     [
         ("pairs", int), ("gravity", float), ("tc", float), ("elastic_below", float), ("merge_below", float),
-        ("order", int), ("seed", int),  # of ties
-        ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
+        ("order", int), ("seed", int),  # of simultaneous collisions
+        ("now", float), ("events", int), ("zoomed", int),  # tau (s) of the last event; collisions, and those in `zoom`
         ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
-        ("settled", int),  # balls brought to rest because their relative velocity was rounding
-        ("gap_sum", float),  # m, the sum of the gaps where it never changes, else 0
-        ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
-        ("stop_pair", int), ("stop_contacts", int),  # pause before this pair, which has collided so often, does again
-        ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
-        ("suspect", int), ("rebound", float),  # the pair that collided last, in a closer look too; its rate after, m/s
-        # a closer look
-        ("first", int), ("began", float),  # the lowest pair; when it began, tau in s
-        ("elapsed", float), ("looked", int),  # s and collisions since then
-        ("ordinary", int),  # collisions in a row that did not look like a collapse
+        ("settled", int),  # balls brought to rest with a relative velocity below rounding
+        ("gap_sum", float),  # m, sum of the gaps if it is constant, else 0
+        ("edge", float), ("budget", int),  # limits of this call: tau in s, number of events
+        ("stop_pair", int), ("stop_contacts", int),  # pause before this pair collides after `stop_contacts` contacts
+        ("slow", float), ("short", float),  # m/s (negative: off) and s, limits of a suspected collapse
+        ("suspect", int), ("rebound", float),  # pair of the last collision, and its rate after, m/s
+        # relative coordinates (`zoom`)
+        ("first", int), ("began", float),  # the lowest pair; the beginning, tau in s
+        ("elapsed", float), ("looked", int),  # s and collisions since the beginning
+        ("ordinary", int),  # consecutive collisions that did not look like a collapse
         ("clamped", int),  # gaps set to 0
-        ("faint", int),  # how often in a row its speeds were found to count for nothing
-        ("room", float),  # s since it began: when something outside happens
-        ("allowance", int),  # collisions without a decision; doubled after each such look
+        ("faint", int),  # consecutive tests that found negligible speeds
+        ("room", float),  # s since the beginning: the next event outside
+        ("allowance", int),  # collisions without a decision; doubled each time
     ],
     align=True,
 )
-"""Numbers that kernels know."""
+"""Numbers of a run that kernels use."""
 CLOCK = np.dtype(
     [
-        ("frame", float),  # m/s, to which velocities are relative
-        ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
-        ("length", float),  # m, the mean gap at the start, the largest so far if driven
+        ("frame", float),  # m/s, velocity of the frame of the run
+        ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first sample; the zero of tau
+        ("length", float),  # m, mean gap at the start; beside driven walls its maximum
         ("window", float),  # s, 2^k, grows as balls slow down
-        ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
+        ("speed", float), ("fall", float),  # m/s, scale of relative velocities, at least that of falling by `length`
         ("strength", float),  # m/s², the largest acceleration of a ball
-        ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
-        ("last_event", int),  # events at which the run ends
-        ("goal", float), ("dated", int),  # s: until when kernels move the zero of tau themselves; rows they have dated
+        ("rebases", int), ("zooms", int), ("lost", int),  # uses of `zoom`, and rates lost to rounding in them
+        ("last_event", int),  # number of events at which the run ends
+        ("goal", float), ("dated", int),  # s, end time of kernels that move the zero of tau; rows with final times
     ]
 )
-"""Numbers that they do not."""
+"""Numbers of a run that kernels do not use, except beside driven walls."""
 ROW = np.dtype(
     [
         ("pair", int), ("t_begin", float),
@@ -83,90 +83,127 @@ ROW = np.dtype(
     ],
     align=True,
 )
-"""What is kept of a collision: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s.
+"""Log row of a collision.
 
-The impulse is no function of the others: in a closer look velocities cannot hold the change, and balls that stick
-together pass on more than their own."""
+Fields: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s. The impulse does not follow
+from the velocities: in relative coordinates velocities cannot represent the change, and balls that stick together
+transfer more than their own momentum.
+"""
 Log: TypeAlias = list[Any]
-"""The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
+"""The log: chunks of records `ROW`, as arrays or as lists of objects."""
 SIDE = np.dtype(
     [
         *((name, WALL[name]) for name in WALL.names or ()),
-        ("epoch", float), ("low", float),  # s, the zero of times of the run
-        ("work", float), ("work_low", float), ("lost", float), ("lost_low", float),  # J: done by it; of all, in side 0
+        ("epoch", float), ("low", float),  # s, the zero of time of the run
+        ("work", float), ("work_low", float), ("lost", float), ("lost_low", float),  # J; total loss in side 0
         ("temperature", float), ("seed", int),  # J, of a thermal wall; else 0
-        ("heat", float), ("heat_low", float), ("given", float), ("given_low", float),  # J and N s, given to balls
-        ("lands", int), ("forces", int),  # of the scene: touching pairs come to rest by rounding; forces act
+        ("heat", float), ("heat_low", float), ("given", float), ("given_low", float),  # J and N s, transferred to balls
+        ("lands", int), ("forces", int),  # of the scene: pairs rest below their noise; forces act
     ],
     align=True,
 )
-"""What kernels know of the floor and of the ceiling, one record each; no panels: it moves at constant speed."""
+"""Numbers of the floor and of the ceiling that kernels use, one record each.
+
+A wall without panels moves at constant speed.
+"""
 
 
 class Walls(NamedTuple):
-    """Where walls are driven or thermal, or forces act, what kernels know of them; else there is None."""
+    """Data of driven or thermal walls and of forces for kernels, else None."""
 
     sides: Any  # two records `SIDE`, of the floor and of the ceiling
     panels: Any  # of the paths of both
-    clock: Any  # the record of the run
+    clock: Any  # the record `CLOCK`
 
 
 FREE, FLOOR, CEILING = 0, 1, 2
 AT_FLOOR, AT_CEILING, BOTH = range(3)
-"""`wall` of a pair beside a driven floor, a driven ceiling, or between what rests on both; -1 of any other."""
+"""Field `wall` of a pair: beside a driven floor, a driven ceiling, or both.
+
+A pair is beside both walls if its bodies rest on them or are these walls. The value is -1 for any other pair.
+"""
 
 
 def more(of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]) -> tuple[np.dtype[Any], np.dtype[Any]]:
-    """Return the records of pairs and bodies with more fields."""
+    """Return the record types of pairs and bodies with additional fields."""
     return np.dtype(PAIR.descr + of_pair, align=True), np.dtype(BODY.descr + of_body, align=True)
 
 
 PLAIN = PAIR, BODY
 OF_FORCED = more(
-    # beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 free, 1 or 2 stuck for as long as its
-    # bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit; beside which thermal wall it is
+    # The driven wall beside the pair (0 floor, 1 ceiling, 2 both, -1 none); 0 free, 1 or 2 stuck while its bodies rest
+    # on the floor or the ceiling; time (s) from `at` to its next hit; the thermal wall beside it (-1 none).
     [("wall", int), ("stuck", int), ("wait", float), ("heat", int)],
-    # m/s², by forces, and by its own force if nothing holds it
+    # m/s², by all forces, and by its own force alone.
     [("force_acceleration", float), ("own_acceleration", float)],
 )
 OF_HUNG = more(
-    [("rate", float), ("rest", float), ("omega", float)],  # m/s, at the time `at`; m, its gap at rest; Ω in rad/s
-    # Ω times its displacement when it was time 0, had there been no collision since (m/s), and Ω
+    [("rate", float), ("rest", float), ("omega", float)],  # m/s, at `at`; m, gap at rest; Ω in rad/s
+    # Ω times the displacement at time 0, extrapolated without the later collisions (m/s), and Ω.
     [("sway", float), ("omega", float)],
 )
-"""Records of pairs and of bodies: of plain scenes, of those with forces, driven or thermal walls, and of pendula."""
+"""Record types of pairs and bodies.
+
+`PLAIN` serves plain scenes, `OF_FORCED` scenes with forces, driven or thermal walls, and `OF_HUNG` pendula.
+"""
 NEVER, APART, EACH = -1, -2, -3
-"""`stop_pair` of a run that does not stop at a contact; of one that stops when no pair approaches; of one that pauses
-after every event."""
+"""Special values of `stop_pair`.
+
+`NEVER`: the run does not stop at a contact. `APART`: the run stops when no pair approaches. `EACH`: the run pauses
+after every event.
+"""
 LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
-"""Why a queue or a closer look hands control back. The next event is later than asked for; it is the contact to stop
-at, or all pairs recede; as many events as asked for have acted. Of a queue: the last collisions look like a collapse;
-a touching group is to collide as a whole. Of a closer look, for good: something outside the slice comes next; no
-collapse; a ball has come to rest on a wall; rates below 2^-200 of the scale; no decision within the allowance."""
+"""Reasons why a queue, or the kernel `zoom`, returns control.
+
+* `LATER`: the next event is later than the requested time.
+* `UNTIL`: the next event is the contact to stop at, or all pairs recede.
+* `BUDGET`: the requested number of events has been processed.
+* `SUSPECT` (queue): the last collisions look like an inelastic collapse.
+* `TOUCHING` (queue): a touching group has to collide as a whole.
+* `OUTSIDE` (`zoom`): the next event is outside the slice.
+* `QUIET` (`zoom`): there is no collapse.
+* `RESTS` (`zoom`): a ball has come to rest on a wall.
+* `TINY` (`zoom`): rates are below 2^-200 of the scale.
+* `SPENT` (`zoom`): no decision within the allowance.
+
+The last five end the use of relative coordinates.
+"""
 NUMBERS = {"start": "f", "epoch": "f", "epoch_low": "f", "now": "f", "length": "f", "window": "f", "speed": "f",
            "fall": "f", "short": "f", "events": "i", "rebases": "i", "zooms": "i", "zoomed": "i", "allowance": "i",
            "tc": "f", "elastic_below": "f", "merge_below": "f", "seed": "i"}
-"""Numbers that are saved, and their kinds; of those from `length` on none is negative."""
+"""Saved numbers and their kinds ("f" float, "i" integer).
+
+The numbers from `length` on are not negative.
+"""
 ANY = ("start", "epoch", "epoch_low", "now")
 ENTRIES = {"gap": (0.0, math.inf), "contacts": (0, LARGEST), "streak": (0, LARGEST), "last": (-math.inf, math.inf),
            "wall": (-1, 2), "stuck": (0, 2), "is_free": (0.0, 1.0), "noise": (0.0, math.inf)}
-"""Least and largest entry of an array of pairs or bodies; others are any finite numbers."""
+"""Smallest and largest entry of an array of pairs or bodies.
+
+Arrays that are not listed can have any finite entries.
+"""
 WHOLE = ("contacts", "streak", "wall", "stuck")
 ADDED = ("noise",)
-"""What releases before it did not save."""
+"""Arrays that earlier releases did not save."""
 RENAMED = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
            "hits": "contacts", "shut": "stuck"}
-"""What releases before called what is saved."""
+"""New names of saved arrays by their names in earlier releases."""
 
 
 def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
-    """Raise `ValueError` unless `saved` has all numbers of a state and its options, each of its kind and its limits."""
+    """Raise `ValueError` unless `saved` has all numbers and options of a state.
+
+    Each number must have its kind and be within its limits.
+    """
     for name, kind in NUMBERS.items():
+        # Balls that stick at any speed have an infinite limit.
         infinite = name == "merge_below" and physics.eps.max() == 0.0
         held(saved, name, kind, (), least=-math.inf if name in ANY else 0, finite=not infinite)
+    # Earlier releases saved three counters.
     held(saved, "tally", "i", (4 if np.size(saved.get("tally", 0)) == 4 else 3,), least=0)
     if not isinstance(saved.get("ties"), str) or saved["ties"] not in ORDER:
         raise ValueError(f"state of trajectory has no rule for ties: one of {', '.join(ORDER)} is needed.")
+    # frexp has the mantissa 0.5 only for powers of two.
     if math.frexp(saved["window"])[0] != 0.5:
         raise ValueError(f"window in the state of trajectory is {saved['window']!r}: a power of two is needed.")
 
@@ -174,7 +211,11 @@ def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
 def check_entries(
     saved: Mapping[str, Any], physics: Physics, of_pairs: tuple[str, ...], of_bodies: tuple[str, ...]
 ) -> None:
-    """The same of the arrays of pairs and bodies, by these names, and of what is looked at closely or watched."""
+    """Raise `ValueError` unless the arrays of pairs and bodies are valid.
+
+    `of_pairs` and `of_bodies` are the names of the arrays. The fields of relative coordinates and of `watch` are
+    checked as well, if present.
+    """
     n = physics.scene.n_pairs
     for length, names in ((n, of_pairs), (n + 1, of_bodies)):
         for name in names:
@@ -186,7 +227,10 @@ def check_entries(
 
 
 def _check_look(saved: Mapping[str, Any], n: int, ring: bool) -> None:
-    """The same of a closer look, if there is one."""
+    """Raise `ValueError` unless the fields of relative coordinates are valid.
+
+    Fields are checked only if at least one is present.
+    """
     if not any(name.startswith("zoom_") for name in saved):
         return
     size = np.shape(saved.get("zoom_gap", 0))
@@ -201,7 +245,10 @@ def _check_look(saved: Mapping[str, Any], n: int, ring: bool) -> None:
 
 
 def _check_watch(saved: Mapping[str, Any], n: int) -> None:
-    """The same of what has been watched, if anything has."""
+    """Raise `ValueError` unless the fields of `watch` are valid.
+
+    Fields are checked only if at least one is present.
+    """
     if any(name.startswith("watch_") for name in saved):
         tables: list[tuple[str, str, tuple[int, ...], dict[str, Any]]] = [
             ("began", "f", (n,), {"finite": False}), ("lasting", "f", (n,), {"finite": False}),

@@ -1,4 +1,4 @@
-"""One run: advance the queue to the next thing that matters, and deal with it."""
+"""One run: advance the event queue to the next pause and handle the pause."""
 
 from __future__ import annotations
 
@@ -30,17 +30,20 @@ if TYPE_CHECKING:
     from granular.edmd.watch import Watch
 
 TAIL = 8
-"""The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
+"""Part of a run, as 1/`TAIL`, whose pace at `max_events` shows a slowing down."""
 LOOK = 4096
-"""Events after which rows are handed over and progress is told."""
+"""Number of events between two calls that hand over rows and report progress."""
 AT_FIRST = 8
-"""Events before it is known how long a collision takes."""
+"""Number of events before the duration of a collision has been measured."""
 LONG, VERY_LONG = 100_000, 500_000
-"""Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
+"""Work (in collisions) from which compiled code pays.
+
+`LONG` applies if the machine code is in the cache, `VERY_LONG` if it has to be compiled.
+"""
 LIKELY = 25
-"""Collisions of a pair that a run is taken to have before anything is known of it."""
+"""Assumed number of collisions per pair before the run."""
 TRIAL = 2048
-"""Work (in collisions) that tells how much more there will be until the end time."""
+"""Work (in collisions) from which the remaining work is extrapolated."""
 
 
 class Run:
@@ -49,15 +52,15 @@ class Run:
     Parameters
     ----------
     physics : Physics
-        How it moves.
+        Scene, rules and options.
     state : State
-        What moves; changed in place.
+        State of the run, changed in place.
     engine : str
-        How the queue is chosen.
+        Engine as returned by `checked_engine`.
     request : Request
-        What is asked of it.
+        End, samples and log that are requested.
     watch : Watch, optional
-        What looks at its collisions.
+        Counts the collisions whose soft contacts would overlap.
     """
 
     in_order = True
@@ -80,28 +83,28 @@ class Run:
         state.clock.last_event = self.events + request.max_events
         self.began = request.start, self._work()
         self.may_compile = engine == "auto"
-        n = len(self.scene.gap)  # to set up a ball takes as long as a collision, to show it a sixteenth of that
+        n = len(self.scene.gap)  # setting up a ball costs as much as a collision, a sample of it 1/16
         shown = 0 if request.samples is None else n * np.size(request.samples) // 16
         work = n + min(LIKELY * n, request.max_events) + shown
         fast = engine == "compiled" or (self.may_compile and pays(work, physics.has))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.most = 1 if request.singly else request.max_events
         self.tail = state.clock.last_event - request.max_events // TAIL
-        self.pace = [(self.events, request.start)]  # at the beginning and where the tail begins
+        self.pace = [(self.events, request.start)]  # at the start and where the last part begins
         self.verdict: collapse.Verdict | None = None
-        self.ended, self.at_rest = math.nan, False  # s, of a collapse; whether all balls are at rest after it
+        self.ended, self.at_rest = math.nan, False  # s, time of a collapse; whether all balls rest after it
         self.settled: list[Rows] = []
-        self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
+        self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², acceleration of the falling frame of the run
         self.drift = float(state.clock.frame)  # m/s
         enclosed = bool(self.scene.is_wall[0] and self.scene.is_wall[-1])
         self.closing = Closing(self.scene, self.start) if enclosed else None
-        self.horizon = math.inf if self.closing is None else self.closing.horizon  # s: no room for balls later
+        self.horizon = math.inf if self.closing is None else self.closing.horizon  # s, then no room is left
         self.halvings = 0  # number of times that closing walls have halved the room
         if self.horizon < math.inf and state.clock.length > 0.0:
             self.halvings = round(math.log2(scales(self.scene)[2] / state.clock.length))
         single = ORDER[physics.options["ties"]] != GROUP and not enclosed
         self.keeps_rows = request.rows or watch is not None
-        self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of times themselves
+        self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of time themselves
 
     def _compiled(self) -> type[SortedQueue]:
         from granular.edmd import compiled_queue
@@ -111,7 +114,10 @@ class Run:
         return compiled_queue.BlockQueue if in_blocks else compiled_queue.TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
-        """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
+        """Continue with another queue.
+
+        A slice in relative coordinates, whose gaps in the state are outdated, is kept.
+        """
         state = self.state
         if state.near is None:
             self.queue = queue(state, self.physics)
@@ -120,10 +126,13 @@ class Run:
             self.queue = queue(state.copied(), self.physics)
             self.queue.state = state
         if queue is SortedQueue:
-            self.queue.chunk = AT_FIRST  # a rule may take long
+            self.queue.chunk = AT_FIRST  # a user's rule can be slow
 
     def to(self, time: float, last: bool) -> Pause:
-        """Advance to `time`, some thousand events towards it, or to what ends the run; at the start nothing acts."""
+        """Advance towards `time`, by some thousand events at most.
+
+        Stops earlier at the end of the run. At the start of the run no event is processed.
+        """
         state, seen, late = self.state, self.events, -math.inf
         while last or time > self.request.start:
             if self.scene.driven and self.closing is not None:
@@ -135,7 +144,7 @@ class Run:
             if self.moves_on:
                 state.clock.goal = time
             due = self.queue.soonest()
-            acts = due <= limit and (self.moves_on or due < state.clock.window)  # perhaps nothing is due
+            acts = due <= limit and (self.moves_on or due < state.clock.window)  # saves a call if no event is due
             why = self._advance(limit) if acts or state.near is not None or (last and self.moves_on) else LATER
             if self.request.singly and self.events > seen and why == LATER:
                 return Pause.full
@@ -155,7 +164,7 @@ class Run:
                     continue
                 close, later = limit < due <= limit + 2.0 * math.ulp(time) < math.inf, due >= state.clock.window
                 if close and not later and state.time(due) <= time < self.horizon:
-                    late = due  # it shows as a collision of that time
+                    late = due  # rounds to `time`, so it is processed as an event at `time`
                     continue
                 if not (close and later) and (due > limit or due == math.inf):
                     if self.events == state.clock.last_event and not last and self._is_spent(due):
@@ -166,11 +175,11 @@ class Run:
                 if state.clock.epoch + due > LATEST:
                     return Pause.work
                 self.queue.shift_to(due)
-            elif why == SUSPECT and state.run["slow"] < 0.0:  # balls that merge, too close in time for the clock
+            elif why == SUSPECT and state.run["slow"] < 0.0:  # balls that merge faster than the resolution of the clock
                 self.queue.shift_to(float(state.run["now"]), whole=False)
             elif why == SUSPECT:
                 self._closer.begin(state, self.queue)
-            elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
+            elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group exceeds the budget
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
             if self.events - seen >= min(self.most, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
@@ -179,13 +188,16 @@ class Run:
 
     @property
     def _closer(self) -> Any:
-        """What looks closely at a possible collapse; loaded where one is suspected."""
+        """The module that detects an inelastic collapse; imported at the first suspicion."""
         from granular.edmd import collapse
 
         return collapse
 
     def rest(self, pair: Any, time: Any) -> None:
-        """Continue a run whose last ball came to rest on the wall of `pair` at `time` in s."""
+        """Continue a run whose last ball came to rest on the wall of `pair`.
+
+        `time` is the time in s at which it came to rest.
+        """
         self.verdict = self._closer.Verdict("exact", int(pair), int(pair), 0.0)
         self.ended, self.at_rest = float(time), True
         if not self._is_still():
@@ -193,14 +205,15 @@ class Run:
                              "it was saved.")
 
     def _is_still(self) -> bool:
-        """Whether all balls are at rest on a wall."""
+        """Return whether all balls are at rest on a wall."""
         return not (column(self.state.bodies, "is_free").any() or np.ptp(column(self.state.bodies, "fall_velocity")))
 
     def _halving(self) -> float:
-        """Time in s at which closing undriven walls have halved the room again; inf if the clock cannot be re-based.
+        """Return the time in s at which closing undriven walls have halved the room again.
 
-        The clock is re-based there, in a shorter window: a collision time with a rounding error of the first window
-        would be uncertain by more than the time between two collisions.
+        The result is inf if the clock cannot be re-based. The clock is re-based at this time, with a shorter window. A
+        collision time with a rounding error of the first window would be uncertain by more than the time between two
+        collisions.
         """
         assert self.closing is not None
         if self.scene.driven or not 0.0 < self.closing.after < math.inf or self.state.near is not None:
@@ -209,15 +222,18 @@ class Run:
         return self.start + after - math.ldexp(after, -self.halvings - 1)
 
     def _meet_before(self, time: float) -> bool:
-        """Return whether driven walls are now found to meet before `time`, as they were not yet."""
+        """Return whether driven walls are newly found to meet before `time`."""
         known = self.horizon
         if self.closing is not None:
             self.horizon = self.closing.look(min(time, self.request.end))
         return self.horizon < known
 
     def _is_spent(self, due: float) -> bool:
-        """Return whether `max_events` ends the run before what is `due` (tau): no row is shown later. Beside driven
-        walls, and of what is looked at closely, it is not known."""
+        """Return whether `max_events` ends the run before the event at `due` (tau).
+
+        Then no later sample is recorded. Beside driven walls and in relative coordinates the answer is not known, and
+        the result is False.
+        """
         end, stop = min(self.request.end, self.horizon), self.state.run.stop_pair
         if not due < math.inf or self.state.time(due) > end or self.scene.driven:
             return False
@@ -225,14 +241,20 @@ class Run:
         return not (stops and self.queue.soonest(stop, stop) > due)
 
     def _reached(self, time: float, limit: float) -> Pause:
-        """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""
+        """Set the time to `time` (tau = `limit`), or to the time at which no room is left.
+
+        No event happens before.
+        """
         if time == self.horizon == math.inf:
             return Pause.quiet
         self.state.run["now"] = max(limit, float(self.state.run["now"]))
         return Pause.reached if time <= self.horizon else Pause.collapse
 
     def _advance(self, limit: float) -> int:
-        """Go on towards tau = `limit` for a while, with the faster queue if that pays now; return why it pauses."""
+        """Process events towards tau = `limit`, and return the reason of the pause.
+
+        The run switches to the compiled queue as soon as that pays.
+        """
         state = self.state
         if self.may_compile and pays(self._expected(), self.physics.has):
             self._go_on_with(self._compiled())
@@ -244,7 +266,7 @@ class Run:
         else:
             why, self.verdict = self._closer.look(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
-        if self.events > before and self.queue.chunk < SortedQueue.chunk:  # a slow one tells of progress more often
+        if self.events > before and self.queue.chunk < SortedQueue.chunk:  # slow rules report more often
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
         if rows and self.events > before:
             self._settle(rows)
@@ -253,18 +275,27 @@ class Run:
         return why
 
     def _expected(self) -> float:
-        """Return the work in collisions that is likely to be left at the pace so far, or as much as was done."""
+        """Return the expected remaining work in collisions.
+
+        It is extrapolated from the pace so far, and is at least the work done so far.
+        """
         begin, worked = self.began
         done, took, left = self._work() - worked, self.time() - begin, self.request.end - self.time()
         ahead = done / took * left if done >= TRIAL and took > 0.0 and left < math.inf else 0.0
         return max(done, min(ahead, float(self.state.clock.last_event - self.events)))
 
     def _work(self) -> int:
-        """Return the work done so far in collisions; one looked at closely costs as much as eight."""
+        """Return the work so far in collisions.
+
+        A collision in relative coordinates costs as much as eight others.
+        """
         return int(self.state.run["events"] + 7 * self.state.run["zoomed"])
 
     def _settle(self, written: list[Any]) -> None:
-        """Take rows that were written since the last re-basing; the frame of the run may fall."""
+        """Convert rows written since the last re-basing to times in s.
+
+        Velocities are converted from the frame of the run, which can be falling.
+        """
         for chunk in filter(len, written):
             rows = packed(chunk, ROW)
             if self.moves_on:
@@ -283,20 +314,20 @@ class Run:
             self.settled.append(rows)
 
     def rows(self) -> list[Rows]:
-        """Hand over the contacts since the last call."""
+        """Return the contacts since the last call."""
         settled, self.settled = self.settled, []
         return settled
 
     def time(self) -> float:
-        """Return the time in s up to which the run has got."""
+        """Return the current time of the run in s."""
         return float(self.state.time(self.state.run["now"]))
 
     def progress(self) -> tuple[float, int]:
-        """Return time in s and number of collisions so far."""
+        """Return the current time in s and the number of collisions."""
         return self.time(), self.events
 
     def row(self, time: float) -> Row:
-        """Return the scene now."""
+        """Return the sample at the current time."""
         state = self.state
         if time == self.start and self.events == 0 and state.walls is None and not state.hung:
             return Row(time, 0.0, self.scene.gap, self.scene.velocity)
@@ -307,18 +338,18 @@ class Run:
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
         ledger = wall_state.ledger(state, now) if self.scene.driven or self.scene.heated else None
-        if state.hung:  # these are rates
+        if state.hung:  # rates of gaps, not velocities of balls
             velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
             return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
         fallen = self.fall * elapsed - self.drift
         return Row(time, elapsed, gap, velocity - fallen if fallen != 0.0 else velocity, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Return how the run ended, with all that is needed to go on."""
+        """Return the end of the run, with all data needed to continue."""
         now, status = self.time(), Status.collapse if self.at_rest else pause.value
         stop = self.request.end if pause is Pause.reached else now
         wanted = seen == -math.inf or (pause is not Pause.reached and (
-            stop > seen or (seen == self.request.start and self.events > 0)))  # a row at the start shows what was given
+            stop > seen or (seen == self.request.start and self.events > 0)))  # at the start: the initial state
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
         if self.scene.pendulum > 0.0 and not self.keeps_rows:
             hanging.settle(self.state, self.scene, self.row(now))
@@ -330,12 +361,14 @@ class Run:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             more = more | self.watch.checkpoint(self.state, self.queue)
         state = partial(self.state.checkpoint, numbers, more)
-        return End(row, status, message, stats, state if self.scene.n <= FEW else state())  # records need less room
+        return End(row, status, message, stats, state if self.scene.n <= FEW else state())  # arrays save memory
 
 
 def pays(work: float, has: tuple[str, ...]) -> bool:
-    """Return whether so much work, in collisions, is worth the machine code of scenes that have this; only then is
-    loaded what would make it."""
+    """Return whether this work, in collisions, justifies compiled code.
+
+    `has` are the kernel flags of the scene. The compiler is imported only if the work is sufficient.
+    """
     if work < LONG:
         return False
     from granular.edmd.compiled_queue import loop

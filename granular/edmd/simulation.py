@@ -1,4 +1,4 @@
-"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended."""
+"""Public functions of the hard-sphere engine."""
 
 from __future__ import annotations
 
@@ -55,107 +55,126 @@ def simulate(
     elastic_below: float = 0.0,
     watch: Any = None,
 ) -> Trajectory:
-    """Run `scene` as hard spheres: free flight and instantaneous collisions with a coefficient of restitution.
+    """Run a scene as hard spheres, with instantaneous collisions.
+
+    Between collisions the balls move freely, and each collision has a coefficient of restitution.
 
     Parameters
     ----------
     scene : Scene
-        Initial state; no gap may be negative.
+        Initial state. No gap may be negative.
     rule : callable or list of callables
-        Coefficient of restitution ``rule(speed, pair)`` in [0, 1], such as `granular.ConstantRestitution`; one for
-        all pairs, or one per pair from the bottom up. 0 for all pairs means balls that stick (0 for some of them is
-        refused): they move on as one, are hit, and rest on the floor.
+        Coefficient of restitution ``rule(speed, pair)`` in [0, 1], such as `granular.ConstantRestitution`. One rule for
+        all pairs, or one per pair from the bottom up. With 0 for all pairs, balls stick: they move on as one, are hit
+        as one, and rest on the floor. 0 for only some of the pairs raises `ValueError`.
     t_end : float, optional
-        End time in s; collisions at that time still act. Without `t_end` and `until` the run goes on until no
-        collision can follow, until an inelastic collapse, or until `max_events`. Scenes whose collisions provably
-        never end, such as an elastic ball above a floor, need one of the three.
+        End time in s. Collisions at that time are included. Without `t_end` and `until` the run ends when no collision
+        can follow, at an inelastic collapse, or at `max_events`. Scenes whose collisions provably never end, such as an
+        elastic ball above a floor, need one of the three parameters.
     until : condition, optional
-        From `granular.until`; whichever comes first, this or `t_end`.
+        Stop condition from `granular.until`. The run ends at `until` or `t_end`, whichever comes first.
     t_start : float
-        Time of the initial state in s.
-    samples : None, int, "contacts" or array
-        Rows to keep: None for the first and the last, an int for that many spread evenly from `t_start` to `t_end`,
-        an array for those times (s, increasing); "contacts" for a few about every contact, its onset and end among
-        them, here just before and at each collision. For these, and a number of rows without `t_end`, the run is
-        solved twice. Rows are right-continuous: a collision at that time has acted
-        (the row at `t_start` is the initial state). A run that ends otherwise than at `t_end` has one more row, at
-        its end.
+        Time of the initial state in s. Defaults to 0.
+    samples : None, int, "contacts" or array of float
+        States to record. None records the first and the last state, an int that number of evenly spaced times from
+        `t_start` to `t_end`, an array the given times (s, increasing). "contacts" records a few times around every
+        contact, including its onset and end, which are here the states just before and at each collision. For
+        "contacts", and for an int without `t_end`, the run is computed twice. Samples are right-continuous: a collision
+        at the time of a sample has already acted. The sample at `t_start` is the initial state. A run that does not end
+        at `t_end` has one more sample at its end.
     log : bool or path
-        Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
-        are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
-        blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
+        Whether to record one row per contact in ``contacts``. A path ``"run.npy"`` of a file that does not exist yet
+        writes the rows to this file in blocks during the run. The rows then need no memory, and written blocks are
+        readable even if the process is killed. ``contacts`` stays empty, and `Trajectory.contact_batches` reads the
+        file. Defaults to True.
     max_events : int, optional
-        Maximum number of collisions; a run that reaches it has the status `max_events`. Defaults to 1 000 000.
+        Maximum number of collisions. A run that reaches it has the status `max_events`. Defaults to 1 000 000.
     on_event : callable, optional
-        ``on_event(row)`` after each collision, with its row of the log.
+        ``on_event(row)``, called after each collision with its row of the contact log.
     on_progress : callable, optional
-        ``on_progress(t, events)`` now and then.
+        ``on_progress(t, events)``, called from time to time.
     progress : bool
-        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
+        Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     engine : str
-        "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
-        ties only), or "auto": begins with the reference and goes over to compiled as soon as the collisions made,
-        or those to expect until `t_end` or of a large scene, pay for it; a sample counts as a sixteenth of one a ball.
+        "sorted" (the reference), "compiled" (numba, bitwise identical results, only for constant restitution and
+        sequential ties) or "auto" (default). "auto" starts with the reference and switches to "compiled" as soon as
+        compilation pays off. The decision depends on the number of past collisions and of collisions expected until
+        `t_end` or for the size of the scene. A sample counts as 1/16 collision per ball.
     ties : str
-        What simultaneous collisions do. One after the other: "left" (the lowest pair first), "right", or "random"
-        (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution for
-        all pairs), "poisson" (any). No rule is right by nature: touching hard spheres have no unique answer.
+        Rule for simultaneous collisions. One after the other: "left" (default, the lowest pair first), "right", or
+        "random" (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution
+        for all pairs) or "poisson" (any restitution). No rule is physically distinguished, because touching hard
+        spheres have no unique solution.
     seed : int
-        For ``ties="random"``.
+        Seed for ``ties="random"``. Defaults to 0.
     collapse : str
-        What to do about an inelastic collapse: "stop", or "merge": pairs that collide at less than `merge_below` move
-        on as one, so that no collapse can happen.
+        Treatment of an inelastic collapse. "stop" (default) ends the run. With "merge", pairs that collide at less than
+        `merge_below` move on as one, so that no collapse can happen.
     merge_below : float, optional
-        Speed in m/s for ``collapse="merge"``; 1/100 of the scene's own speed scale if not given. The result depends
-        on it (it is in ``stats``).
+        Speed in m/s for ``collapse="merge"``. Defaults to 1/100 of the speed scale of the scene. The result depends on
+        this speed, which is reported in ``stats``.
     tc : float
         Contact duration in s of the TC model: a collision is elastic if one of its bodies has collided less than `tc`
-        before (Luding & McNamara, Granular Matter 1, 113 (1998)). 0: not used.
+        before (Luding & McNamara, Granular Matter 1, 113 (1998)). Defaults to 0, which disables the model.
     elastic_below : float
-        Collisions at less than this speed (m/s) are elastic. 0: not used.
+        Collisions at less than this speed (m/s) are elastic. Defaults to 0, which disables the rule.
     watch : law or list of laws, optional
-        Force law, one for all pairs or one per pair, for a warning: collisions that would overlap in time with one of a
-        neighbouring pair, were each a contact as long as an isolated one of this law at that speed, are counted in
-        ``stats["watched"]``, and ``first_disturbed`` says when and where the first two are. A warning, not a proof: it
-        looks at where hard balls collide, and soft ones collide elsewhere once two of their contacts share a time. On
-        a floor the duration is that without gravity.
+        Force law, or one per pair. For every collision, the duration of an isolated contact under this law at the same
+        approach speed is computed. Collisions whose contacts would overlap in time with a contact of a neighbouring
+        pair are counted in ``stats["watched"]``. ``first_disturbed`` gives time and pair of the first overlap. This is
+        a warning, not a proof: once two soft contacts overlap, later collisions happen elsewhere. On a floor the
+        duration without gravity is used.
 
     Returns
     -------
     Trajectory
-        With status `time`, `until`, `quiet`, `collapse`, `bounded` or `max_events`; `broken` if the last state is none
-        that there can be, for every run looks. Walls that close on the balls end the run as a `collapse` when no space
-        is left between them; the message says when.
+        Its status is `time`, `until`, `quiet`, `collapse`, `bounded` or `max_events`, or `broken` if the final state is
+        invalid, which every run checks. Walls that close on the balls end the run as a `collapse` when no space is left
+        between them, at the time given in the message.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments that do not fit, with a sentence: also a driven wall's path that ends before the run, or nothing
-        that says when a run beside it is over. What goes wrong in the physics is a status.
+        For invalid arguments. Examples are the path of a driven wall that ends before the run, and a run beside a
+        driven wall without any end condition. Physical outcomes are reported as a status.
 
     Notes
     -----
-    Beside a driven wall (``floor=``, ``ceiling=`` of the scene) the next hit is certified, and a ball whose rebound is
-    no more than rounding rides: with the wall, without events, until nothing presses it on any more or the wall's
-    velocity jumps. So one ball that comes to rest there is no end of the run, and neither is any other collapse: give
-    ``collapse="merge"`` for piles, of which a single ball still bounces on the wall to its end. Such a run is never
-    quiet: it needs `t_end`, `until` or `max_events`. Balls that forces press together in mid-air move as one once they
-    have merged. Where walls move, `Trajectory.account` says what work they did.
+    Beside a driven wall (``floor=``, ``ceiling=`` of the scene) the next hit is certified. A ball whose rebound is
+    below the rounding error comes to rest on the wall. It moves with the wall, without events, until no acceleration
+    presses it on the wall or the wall velocity jumps. A single ball at rest therefore does not end the run, and neither
+    does any other collapse. Use ``collapse="merge"`` for piles; a single ball on the wall still bounces until its
+    rebounds are below rounding. Such a run is never quiet: it needs `t_end`, `until` or `max_events`. Balls that forces
+    press together in mid-air move as one once they have merged. For moving walls, `Trajectory.account` returns the work
+    of the walls.
 
-    A thermal wall lets a ball that hits it leave with a speed drawn anew; the rule of that pair is not asked. It acts
-    alone, also where balls touch, and is no part of a collapse; its ball never rests. `Trajectory.account` has the heat
-    of each wall, and ``stats["given"]`` the momentum (N s) that both thermal walls gave the balls, away from them.
+    A thermal wall reflects a ball with a random speed, and the rule of this pair is ignored. The hit acts on its own,
+    even if balls touch, and is not part of a collapse. The ball of a thermal wall never rests. `Trajectory.account`
+    contains the heat of each wall, and ``stats["given"]`` the momentum (N s) that each thermal wall transferred to the
+    balls, directed away from the wall.
 
-    On a ring velocities are kept relative to the centre of mass, so they have their digits however much slower the
-    balls become; the sum of the gaps is kept to rounding. Forces are refused there.
+    On a ring, velocities are stored relative to the centre of mass, so they keep their digits however slow the balls
+    become. The sum of the gaps is conserved up to rounding. Forces on a ring raise `ValueError`.
 
-    Pendula are followed in gaps and rates, which between collisions turn with Ω. No collapse of theirs is judged: a
-    sequence that would be infinite goes on until its speeds are below 1e-154 m/s, then the balls that touch go on
-    without a rate. With ``collapse="merge"`` and balls that stick, those that touch without a rate share the momentum
-    of a hit; they stay together where pendula touch at rest, and part at once where they do not.
+    Pendula are described by gaps and rates, which rotate with Ω between collisions. Their collapse is not detected. An
+    infinite sequence of collisions is followed until its speeds are below 1e-154 m/s, and balls that touch then
+    continue with rate 0. With ``collapse="merge"``, and for balls that stick, touching balls with rate 0 share the
+    momentum of a hit. They stay together where pendula touch at rest, and separate immediately elsewhere.
 
-    One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
-    so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
+    One collision costs O(log n). The state consists of gaps, so balls never change their order. The clock is re-based,
+    so late times lose no digits. A collapse is reported only with a verdict, see `granular.edmd.collapse`.
+
+    Examples
+    --------
+    A small ball on a large ball falls on a floor (ε = 0.7). The run stops before the second contact with the floor:
+
+    >>> import granular as gr
+    >>> scene = gr.scenes.three_balls()
+    >>> run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), until=gr.until.contact(pair=0, nth=2))
+    >>> run.contacts["pair"].tolist(), run.contacts["t_begin"].round(4).tolist()
+    ([0, 1], [0.3193, 0.3193])
+    >>> run.status.name, run.velocity[-1].round(3).tolist()
+    ('until', [0.0, -2.183, 1.544])
     """
     start = check.number("t_start", t_start)
     made = partial(checked, rule=rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
@@ -177,7 +196,10 @@ def simulate(
 
 
 def _stopping(run: Run) -> Any:
-    """Return the run; if a level ends it, one that is watched: what watches is loaded then."""
+    """Return the run, wrapped in `Watched` if `until` is a level of an observable.
+
+    The modules for levels are imported only then.
+    """
     if not isinstance(run.request.until, stop.LEVELS):
         return run
     from granular.edmd import levels
@@ -190,11 +212,41 @@ def _stopping(run: Run) -> Any:
 def events(
     scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = check.LARGEST, **options: Any
 ) -> Iterator[Event]:
-    """Yield the collisions of a run one at a time, each with the scene right after it: for demos and debuggers.
+    """Yield the collisions of a run one at a time, with the scene after each.
 
-    ``for contact, time, scene in gr.edmd.events(scene, rule, t_end=1.0)``: the row of the log, the time in s, and a
-    `Scene` that stands so then. The bits are those of `simulate`, whose options are taken but for `samples` and
-    `on_event`; where nothing ends the run, it goes on for as long as it is asked.
+    Intended for demonstrations and debugging. The collisions are bitwise identical to those of `simulate`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Initial state.
+    rule : callable or list of callables
+        Coefficient of restitution, see `simulate`.
+    max_events : int
+        Maximum number of collisions. By default the number is practically unlimited, and without a stop condition the
+        iterator does not end.
+    **options
+        All options of `simulate` except `samples`, `on_event` and `log`.
+
+    Yields
+    ------
+    Event
+        A tuple ``(contact, time, scene)``: the row of the contact log, the time in s, and a `Scene` with the state
+        right after the collision.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For unknown options and invalid arguments.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> rule = gr.ConstantRestitution(0.7)
+    >>> for contact, time, scene in gr.edmd.events(gr.scenes.three_balls(), rule, max_events=2):
+    ...     print(contact["pair"], round(time, 4), scene.velocity.round(3).tolist())
+    0 0.3193 [0.0, 2.192, -3.132]
+    1 0.3193 [0.0, 2.183, 5.91]
     """
     check.known(options, check.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
                  "option of edmd.events", TypeError)
@@ -217,17 +269,42 @@ def resume(
     engine: str = "auto",
     watch: Any = None,
 ) -> Trajectory:
-    """Go on from the end of a run of `simulate`; both together equal the uninterrupted run bit for bit.
+    """Continue a run of `simulate` from its end.
 
-    Takes rules and options from `trajectory`, except for `watch`: give it again, and its counts go on (from 0 if
-    `trajectory` was not watched). The contact log begins anew; collisions of a pair are counted from the
-    beginning (``until.contact(0, 7)`` is still the seventh), `max_events` from here. See `simulate` for the parameters.
+    Both parts together are bitwise identical to the uninterrupted run. Rules and options are taken from `trajectory`,
+    except `watch`.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Result of `simulate` or `resume`.
+    t_end, until, samples, log, on_event, on_progress, progress, engine
+        See `simulate`. The contact log starts empty. Collisions of a pair are counted from the beginning of the first
+        run, so ``until.contact(0, 7)`` is still its seventh contact.
+    max_events : int, optional
+        Maximum number of collisions from here on. Defaults to 1 000 000.
+    watch : law or list of laws, optional
+        See `simulate`. It has to be given again, and then continues the counts of `trajectory`, or starts from 0 if
+        `trajectory` had none.
+
+    Returns
+    -------
+    Trajectory
+        The continued part only.
 
     Raises
     ------
     ValueError
-        If `trajectory` is no hard-sphere run, ended in a collapse or at a bound (but where `max_events` ended it), or
-        is broken; or if its state cannot be that of its last row.
+        If `trajectory` is not a hard-sphere run, ended in a collapse or at a bound (except by `max_events`), or is
+        broken. Also if its state contradicts its last sample.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> first = gr.edmd.simulate(gr.scenes.three_balls(), gr.ConstantRestitution(0.7), t_end=0.5)
+    >>> second = gr.edmd.resume(first, t_end=0.8)
+    >>> len(first.contacts), len(second.contacts)
+    (2, 1)
     """
     check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
     status, saved, scene = trajectory.status, trajectory.state, trajectory.scene
@@ -264,14 +341,14 @@ def resume(
 
 
 def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Watch:
-    """Return the observer of a run that counts contacts of `law` which would disturb each other, loaded on demand."""
+    """Return the `Watch` of a law; its module is imported only if needed."""
     from granular.edmd.watch import Watch
 
     return Watch(law, scene, CROSS_ROOM_LOADERS["contact_durations"](), saved)
 
 
 def checked_engine(engine: str, physics: Physics) -> str:
-    """Return how the queue is chosen, as asked for and as it can be: *auto* means that compiled is possible."""
+    """Return the engine that can be used; "auto" means that compilation is possible."""
     if isinstance(engine, str) and engine == "sorted":
         return engine
     name, why, missing = check.choice("engine", engine, ENGINES), "", no_compiler()

@@ -1,4 +1,4 @@
-"""The event loop, and the reference queue under it: pairs in a `SortedList` of (time, rank)."""
+"""Event loop and reference queue: pairs in a `SortedList` of (time, rank)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from granular.edmd.ties import collide_as_one, is_touched
 from granular.edmd.wall_state import advance_epoch, date_rows
 
 NOBODY = (math.inf, MASK)
-"""Last in every queue, so that none is empty."""
+"""Last entry of every queue, so that no queue is empty."""
 
 
 @kernel
@@ -31,21 +31,24 @@ def loop(
     run: Record, pairs: Records, bodies: Records, queue: Any, rule: Restitution | None, rows: Records | None,
     fastest: Records | None, walls: Walls,
 ) -> int:
-    """Let events act until `run.edge`, at most `run.budget` of them; return why it pauses.
+    """Process events until `run.edge`, at most `run.budget` of them.
 
-    `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
+    Returns the reason of the pause. `rows` receives the contact log. If `fastest` is an array, it receives the largest
+    speed after a collision.
     """
     edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
     done, closes = 0, 0
     while True:
         now, c = head(queue)
         if now > edge:
+            # Beside driven walls a flight can be longer than the window, so the loop moves the zero of time itself.
             if not FORCED or not advance_epoch(run, pairs, bodies, rows, done, now, walls):
                 return LATER
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
             edge = run.edge
             continue
         leaves = FORCED and pairs[c].stuck > FREE
+        # Before the budget test: a stop condition has priority over a limit.
         if c == stop and pairs[c].contacts >= run.stop_contacts and not leaves:
             run.now = now
             return UNTIL
@@ -56,6 +59,7 @@ def loop(
             first, last = leave(run, pairs, bodies, c, now, walls)
             refresh(run, pairs, bodies, queue, first, last, walls)
             continue
+        # Before `event`: a group is solved as a whole by `collide_as_one`.
         if together and is_touched(pairs, bodies, c, now, walls):
             run.suspect = c
             return TOUCHING
@@ -73,6 +77,7 @@ def loop(
             closes = approaching(pairs, bodies, closes, now, walls)
             if closes < 0:
                 return UNTIL
+        # Last, so that the queue is consistent when the loop returns.
         if pairs[c].streak >= SUSPICIOUS:
             run.suspect, run.rebound = c, rebound
             return SUSPECT
@@ -80,7 +85,7 @@ def loop(
 
 @kernel
 def head(queue: Any) -> tuple[float, int]:
-    """Return the next event: its time and its pair."""
+    """Return the time and the pair of the next event."""
     now, key = queue[0][0]
     return now, key & MASK
 
@@ -89,10 +94,13 @@ def head(queue: Any) -> tuple[float, int]:
 def refresh(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
-    """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
+    """Predict pairs `first` to `last` again.
+
+    Pairs that never collide are not in the queue.
+    """
     order, entry, add = queue
     due, c = order[0][1] & MASK, first
-    if first <= due <= last:  # no search is needed for it
+    if first <= due <= last:  # the first entry needs no search
         entry[due] = (math.inf, order.pop(0)[1])
     while c <= last:
         old, pair = entry[c], pairs[c]
@@ -105,7 +113,7 @@ def refresh(
             if time < math.inf:
                 add(new)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
-        if pressed and time == math.inf and (not FORCED or pair.gap == 0.0):  # asked here, as `rest` is a call
+        if pressed and time == math.inf and (not FORCED or pair.gap == 0.0):  # tested here: a call costs time
             low, high = rest(run, pairs, bodies, c, walls)
             last = max(last, high)
             c = low
@@ -117,7 +125,10 @@ def refresh(
 def refresh_across(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
-    """Predict the pairs at the seam of a ring anew, if one of them is among pairs `first` … `last`."""
+    """Predict the two pairs at the seam of a ring again.
+
+    Does nothing unless one of them is among pairs `first` to `last`.
+    """
     end = len(pairs) - 1
     if first == 0 or last == end:
         refresh(run, pairs, bodies, queue, 0, 0, walls)
@@ -128,7 +139,10 @@ def refresh_across(
 def made(
     how: Callable[[Any], Callable[..., Any]], has: tuple[str, ...], kernel: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Return a kernel as it fits a scene that has this, interpreted or compiled."""
+    """Return a kernel specialised for scenes with the flags `has`.
+
+    `how` makes it an interpreted or a compiled function.
+    """
     return how(fitted(kernel, **dict.fromkeys(has, True)))
 
 
@@ -138,14 +152,14 @@ class SortedQueue:
     Parameters
     ----------
     state : State
-        Changed in place.
+        State of the run, changed in place.
     physics : Physics
-        How it moves.
+        Scene, rules and options of the run.
     """
 
     name = "sorted"
     chunk = 256
-    """Events after which control comes back: so many rows of the log are made at a time."""
+    """Events per call of the event loop, and log rows allocated at a time."""
     kernel: Callable[[Any], Any] = staticmethod(interpreted)
     hold: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
@@ -161,39 +175,42 @@ class SortedQueue:
         self.rebuild()
 
     def rows(self, n: int) -> Records:
-        """Return room for `n` rows of the log, or for as many as are made at a time."""
+        """Return room for `n` rows of the log, at most `chunk` rows."""
         return list(map(object.__new__, repeat(twin(ROW), min(n, self.chunk))))
 
     def kept(self, rows: Records) -> Records:
-        """Return rows of the log as they are kept: without the room behind them."""
+        """Return rows of the log as they are stored, without the unused room behind them."""
         return rows
 
     def begin(self, n: int) -> None:
-        """Begin with a queue in which nothing is due."""
+        """Create an empty queue for `n` pairs."""
         run = self.state.run
         entry = [(math.inf, rank(c, run.order, run.seed, self.state.pairs[c].contacts)) for c in range(n)]
-        order: Any = [NOBODY] if n < FEW else SortedList([NOBODY])  # of few a list is sorted sooner
+        order: Any = [NOBODY] if n < FEW else SortedList([NOBODY])  # a list is faster for few pairs
         self.queue = order, entry, partial(insort, order) if n < FEW else order.add
 
     def rebuild(self) -> None:
-        """Predict all pairs anew."""
+        """Predict all pairs again."""
         s = self.state
         self.foresee(s.run, s.pairs, s.bodies, self.queue, 0, len(s.pairs) - 1, s.walls)
 
     def shift_to(self, tau: float, whole: bool = True, shrink: float = 1.0) -> None:
-        """Move the zero of times on, see `State.shift_to`, and predict all pairs again."""
+        """Move the zero of time (see `State.shift_to`) and predict all pairs again."""
         self.state.shift_to(tau, self.use, whole, shrink)
         self.rebuild()
 
     def refresh(self, first: int, last: int) -> None:
-        """Predict pairs `first` … `last` anew, counted round."""
+        """Predict pairs `first` to `last` again, counted modulo the number of pairs."""
         s, n = self.state, len(self.state.pairs)
         around = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
         for low, high in [(first, min(last, n - 1)), *around]:
             self.foresee(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event of any pair outside `first` … `last`, counted round."""
+        """Return the time of the next event outside pairs `first` to `last`.
+
+        Pairs are counted modulo the number of pairs. By default all pairs are included.
+        """
         order, n = self.queue[0], len(self.state.pairs)
         if last < first:
             return float(order[0][0])
@@ -205,9 +222,9 @@ class SortedQueue:
         return bool(self.use(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
-        """Let events up to and including time `edge` act, `budget` of them or one more group, appending them to `log`.
+        """Process events up to and including time `edge` and append them to `log`.
 
-        Returns why it pauses.
+        At most `budget` events are processed, plus the rest of a touching group. Returns the reason of the pause.
         """
         s, run = self.state, self.state.run
         enough = run["events"] + budget

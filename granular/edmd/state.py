@@ -1,4 +1,4 @@
-"""The state of a run: all that is needed to go on with it, bit for bit."""
+"""State of a run: all data needed to continue it bitwise identically."""
 
 from __future__ import annotations
 
@@ -33,32 +33,39 @@ from granular.scene.places import remembered
 
 OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
 OF_BODIES = ("fall_velocity", "is_free", "noise")
-"""What changes, by the names under which it is saved."""
+"""Names of the saved fields of pairs and bodies that change during a run."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
 NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
 NOUGHT = {kind: np.zeros((), kind).item() for kind in (RUN, CLOCK)}
 OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or ()))
-"""Names of all numbers of a run, and what takes them from plain records."""
+"""Names of all numbers of a run, and functions that read them from objects."""
 TALLY, LOOK = ("clamps", "merged", "lost", "settled"), ("elapsed", "looked", "ordinary", "clamped", "faint")
-"""Numbers that are saved as arrays; earlier releases saved fewer."""
+"""Numbers saved as arrays, of which earlier releases saved fewer."""
 SHORTER = -40
-"""Octaves by which the window may be shorter than at the start: closing walls shorten it, as may other releases."""
+"""Binary exponent by which the window may be shorter than at the start.
+
+Closing walls shorten the window, and other releases may have chosen a shorter one.
+"""
 
 FIRST_ALLOWANCE = 20_000
-"""Collisions of a closer look without a decision, before it is taken to be in vain for the first time."""
+"""Collisions in relative coordinates without a decision before the first abort."""
 SHORT_BITS, SLOW_BITS = -30, -16
-"""Octaves by which a time that looks like part of a collapse is shorter than the window at the start, and by which a
-speed that does is below the scale of speeds."""
+"""Binary exponents of the limits that mark a suspected collapse.
+
+`SHORT_BITS` is relative to the window at the start, `SLOW_BITS` to the scale of speeds.
+"""
 
 
 @dataclass
 class State:
-    """Records of a run in progress: its numbers, its pairs and bodies, and the pairs looked at closely, if any are.
+    """Records of a run in progress: its numbers, pairs and bodies.
 
-    The time is ``epoch + epoch_low + tau``: the epoch is kept in two parts and moved on in windows of a fixed length,
-    a power of two, so that late times cost no digits. While some pairs are looked at closely, what `pairs` and
-    `bodies` say of them is old.
+    `near` holds the pairs that are followed in relative coordinates, if there are any. Their data in `pairs` and
+    `bodies` are then outdated.
+
+    The time is ``epoch + epoch_low + tau``. The epoch is stored in two parts, so late times keep all their digits. It
+    is advanced in windows of a fixed length, a power of two.
     """
 
     run: Record
@@ -67,11 +74,14 @@ class State:
     bodies: Records
     near: Records | None = None
     ring: bool = False
-    """Whether the last body is the first once more."""
+    """Whether the last body repeats the first."""
     hung: bool = False
     """Whether the balls are pendula."""
     walls: Any = None
-    """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, their panels; the clock."""
+    """Records `SIDE` of both walls, their panels and the clock.
+
+    None without forces and without driven or thermal walls.
+    """
 
     @classmethod
     def of(cls, physics: Physics, t_start: float) -> State:
@@ -79,7 +89,7 @@ class State:
         scene, options, kind = physics.scene, physics.options, physics.has
         walls = wall_state.walls(scene, t_start) if "FORCED" in kind else None
         pairs, bodies = first(scene)
-        if len(scene.mass) <= FEW:  # remembered
+        if len(scene.mass) <= FEW:  # cached by `first`
             pairs, bodies = copied(pairs), copied(bodies)
         pairs["eps"], frame = physics.eps, frame_velocity(scene)
         bodies["fall_velocity"] -= frame
@@ -91,8 +101,8 @@ class State:
         run = _begun(
             RUN, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
             merge_below=merge_below, order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
-            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # no pair has collided
-            allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # nothing is slow
+            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # -1: no pair has collided
+            allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # -1: none is slow
         )
         clock = _begun(CLOCK, frame=frame, start=t_start, epoch=t_start, goal=-math.inf, strength=strength,
                        length=length, window=window, speed=speed, fall=fall)
@@ -107,10 +117,10 @@ class State:
 
     @classmethod
     def restored(cls, physics: Physics, saved: Mapping[str, Any]) -> State:
-        """Return the state that `checkpoint` saved, also in a release before velocities had noise.
+        """Return a state saved by `checkpoint`, also by an earlier release.
 
-        Velocities were taken to be exact then, and free-fall velocities were those of the epoch in scenes without walls
-        too, whose frame now falls from the start on.
+        States saved before velocities had noise have exact velocities. In these states, free-fall velocities are given
+        at the epoch in scenes without walls too. The frame of such scenes now falls from the start of the run.
         """
         saved = {RENAMED.get(name, name): value for name, value in saved.items()}
         check_numbers(saved, physics)
@@ -125,10 +135,12 @@ class State:
         for name in of_bodies:
             state.bodies[name] = saved.get(name, 0.0)
         state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
+        # Not strict: earlier releases saved fewer counters.
         state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=False)))
         state.scale(state.clock.speed)
         if len(saved["tally"]) < len(TALLY) and not state.ring:  # saved in the frame of the scene
             state.bodies["fall_velocity"] -= state.clock.frame
+        # Saved before velocities had noise.
         if "noise" not in saved:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
@@ -145,18 +157,21 @@ class State:
         return state
 
     def set(self, **numbers: Any) -> None:
-        """Set numbers of the run."""
+        """Set numbers of the run or of the clock."""
         for name, value in numbers.items():
             setattr(self.run if hasattr(self.run, name) else self.clock, name, value)
 
     def numbers(self) -> dict[str, Any]:
-        """Return the numbers of the run by name."""
+        """Return the numbers of the run and of the clock by name."""
         run: Any = self.run.item() if isinstance(self.run, np.void) else OF_RUN(self.run)
         clock: Any = self.clock.item() if isinstance(self.clock, np.void) else OF_CLOCK(self.clock)
         return dict(zip(NAMES, run + clock, strict=True))
 
     def checkpoint(self, run: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
-        """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
+        """Return all data for `Trajectory.state`, without copying arrays.
+
+        `run` are the `numbers` of this state.
+        """
         of_pairs, of_bodies = self._changing()
         pairs, bodies = packed(self.pairs), packed(self.bodies)
         raw: dict[str, Any] = dict(zip(of_bodies, map(bodies.__getitem__, of_bodies), strict=True))
@@ -172,23 +187,29 @@ class State:
         return raw | options
 
     def keep(self, how: Callable[..., Any]) -> None:
-        """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
+        """Convert the records to objects (`plain`) or to arrays (`packed`).
+
+        Interpreted code uses objects, compiled code arrays. The values are bitwise identical.
+        """
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.void):
             self.run = one(np.array([OF_RUN(self.run)], RUN))
-            if self.walls is not None:  # who moves the clock too
+            if self.walls is not None:  # kernels beside walls move the clock too
                 self.clock = one(np.array([OF_CLOCK(self.clock)], CLOCK))
         if self.walls is not None:
             self.walls = Walls(how(self.walls.sides), how(self.walls.panels), self.clock)
 
     def copied(self) -> State:
-        """Return a state whose bodies and pairs can be changed without changing these."""
+        """Return a state with copies of bodies, pairs and walls."""
         walls = self.walls if self.walls is None else self.walls._replace(sides=copied(self.walls.sides))
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:
-        """Return the records of the pairs that are looked at closely, and of their bodies; on a ring perhaps copies."""
+        """Return the records of the slice followed in relative coordinates.
+
+        The records of the pairs come first, then those of the bodies. On a ring they can be copies.
+        """
         assert self.near is not None
         first, n = int(self.run.first), len(self.pairs)
         end = first + len(self.near)
@@ -197,7 +218,10 @@ class State:
         return self.pairs[first:end], self.bodies[first : end + 1]
 
     def put(self, pairs: Records, bodies: Records) -> None:
-        """Put `slices` that have changed back: those of a ring may be copies, and the first ball is the last."""
+        """Write changed `slices` back.
+
+        On a ring the slices can be copies, and the first body is copied to the last.
+        """
         if not self.ring:
             return
         n, first = len(self.pairs), int(self.run.first)
@@ -208,7 +232,10 @@ class State:
         twin["fall_velocity"], twin["noise"] = ball["fall_velocity"], ball["noise"]
 
     def scale(self, speed: float) -> None:
-        """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
+        """Set the scale of speeds (m/s) and the speed limit of a suspected collapse.
+
+        The limit is unchanged if no collapse is possible.
+        """
         self.clock.speed = speed
         if self.run["slow"] >= 0.0:
             self.run["slow"] = math.ldexp(speed, SLOW_BITS)
@@ -218,20 +245,23 @@ class State:
         return self.clock.epoch + (self.clock.epoch_low + tau)
 
     def tau(self, time: float) -> float:
-        """Return how long after the epoch `time` is."""
+        """Return the time from the epoch to `time` in s."""
         return float((time - self.clock.epoch) - self.clock.epoch_low)
 
     def elapsed(self, tau: Any) -> Any:
-        """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
+        """Return the time in s from the start of the run to `tau`.
+
+        It keeps all its digits however late the start is.
+        """
         return ((self.clock.epoch - self.clock.start) + self.clock.epoch_low) + tau
 
     def shift_to(
         self, tau: float, compiler: Callable[[Any], Any], whole: bool = True, shrink: float = 1.0
     ) -> None:
-        """Move the epoch on by whole windows, so that `tau` comes to lie in the first one; or else to `tau` itself.
+        """Move the epoch by whole windows so that `tau` falls into the first window.
 
-        The window grows as balls slow down. It becomes shorter only if the mean gap does, by the factor `shrink`, a
-        power of two.
+        If `whole` is False, the epoch is moved to `tau` itself. The window grows as balls slow down. It becomes shorter
+        only if the mean gap does, by the factor `shrink`, a power of two.
         """
         clock = self.clock
         clock.length, clock.window = shrink * clock.length, shrink * clock.window
@@ -241,10 +271,11 @@ class State:
             return
         speed = compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
         total = clock.epoch + by
+        # Compensated sum: `epoch_low` collects the rounding error of the epoch.
         back = total - clock.epoch
         clock.epoch_low += (clock.epoch - (total - back)) + (by - back)
         clock.epoch = total
-        if not whole and self.time(0.0) < before:  # rounded to the other side: the clock never goes back
+        if not whole and self.time(0.0) < before:  # rounding must not move the clock back
             clock.epoch_low = before - total
         clock.rebases += 1
         self.run["now"] -= by
@@ -253,7 +284,10 @@ class State:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
-        """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
+        """Return velocities in m/s and gaps in m (never negative) at `tau`.
+
+        Pendula have rates instead of velocities. The state is not changed.
+        """
         if self.hung:
             return hanging.row(self.pairs, tau)
         g, (u, is_free) = float(self.run["gravity"]), columns(self.bodies, "fall_velocity", "is_free")
@@ -266,7 +300,7 @@ class State:
         return velocity, gap
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the names of what changes, of pairs and of bodies."""
+        """Return the names of the fields of pairs and of bodies that change."""
         if self.hung:
             return (*OF_PAIRS, "rate"), (*OF_BODIES, "sway")
         if self.walls is not None:
@@ -274,7 +308,7 @@ class State:
         return OF_PAIRS, OF_BODIES
 
     def sound(self) -> bool:
-        """Return whether the records can be those of a run."""
+        """Return whether the records are consistent with each other and with a run."""
         run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
         wall, hit, last = np.isinf(bodies["mass"]), pairs["contacts"] > 0, pairs["last"]
         return bool(all([
@@ -286,16 +320,17 @@ class State:
             hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["contacts"].sum() == run.events,
             not bodies["is_free"][wall].any() and (bodies["noise"] >= 0.0).all(),
             self.walls is not None or not bodies["noise"][wall].any(),
-            not self.ring or self.near is not None  # whose gaps are elsewhere while a cascade is looked at closely
+            not self.ring or self.near is not None  # the gaps of a slice are in `near`
             or abs(float(self.row(max(run.now, 0.0))[1].sum()) - run.gap_sum) <= 1e-12 * run.gap_sum,
             not self.ring or bodies["fall_velocity"][0] == bodies["fall_velocity"][-1],
+            # The window is a power of two.
             math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
         ]))
 
 
 @remembered
 def first(scene: Scene) -> tuple[Records, Records]:
-    """Return the records of pairs and bodies at the start of a run, but for ε."""
+    """Return the records of pairs and bodies at the start of a run, without ε."""
     kind, n, g = scene._flags, scene.n, felt_gravity(scene)
     of_pair, of_body = OF_FORCED if "FORCED" in kind else OF_HUNG if "HUNG" in kind else PLAIN
     pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
@@ -310,10 +345,13 @@ def first(scene: Scene) -> tuple[Records, Records]:
 
 
 def gaps(pairs: Records, u: Array, tau: float, pulled: bool) -> Array:
-    """Return the gaps in m, never negative, at `tau` between bodies of fall velocities `u`; `pulled` if any of them has
-    an acceleration."""
+    """Return the gaps in m (never negative) at `tau`.
+
+    `u` are the fall velocities of the bodies. `pulled` states whether any gap has an acceleration.
+    """
     begun, at, pull = columns(pairs, "gap", "at", "closing_acceleration")
     rate, dt = u[1:] - u[:-1], tau - at
+    # Without accelerations these terms are 0 and only cost time.
     if pulled:
         rate -= pull * at
         rate -= 0.5 * pull * dt
@@ -322,14 +360,17 @@ def gaps(pairs: Records, u: Array, tau: float, pulled: bool) -> Array:
 
 
 def columns(records: Records, *names: str) -> Any:
-    """Return several fields of all records, numbers that are no whole ones: of an array views, else copies."""
+    """Return several float fields of all records.
+
+    The results are views of an array of records, and copies otherwise.
+    """
     if isinstance(records, np.ndarray):
         return list(map(records.__getitem__, names))
     return np.array(list(map(attrgetter(*names), records))).T
 
 
 def _begun(kind: np.dtype[Any], **numbers: Any) -> Record:
-    """Return a plain object with the fields of `kind`: these numbers, all others 0."""
+    """Return an object with the fields of `kind`; fields that are not given are 0."""
     record = twin(kind)(*NOUGHT[kind])
     for name, number in numbers.items():
         setattr(record, name, number)

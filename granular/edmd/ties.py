@@ -1,12 +1,13 @@
 """Simultaneous collisions of a touching group, solved as a whole.
 
-Which of them acts first, where one acts after the other, says `rank` of `physics`. Newton, Poisson and generalised
-reflections are pure functions on the inverse masses (1/kg) of m + 1 bodies and the rates (m/s, negative: approaching)
-of their m touching pairs; they return the impulses p ≥ 0 (kg m/s) of the pairs. The Delassus matrix W is tridiagonal,
-W_cc = 1/m_c + 1/m_{c+1}, W_{c,c+1} = -1/m_{c+1}, and an M-matrix: the set of active pairs of its complementarity
-problem only grows, so the solution is exact after at most m rounds.
+`physics.rank` orders simultaneous collisions that act one after the other. Newton's and Poisson's rule and generalised
+reflections are pure functions. Their arguments are the inverse masses (1/kg) of m + 1 bodies and the rates (m/s,
+negative: approaching) of their m touching pairs. They return the impulses p ≥ 0 (kg m/s) of the pairs.
 
-Sources: Moreau (1988) for Newton's rule; Glocker & Pfeiffer, Nonlinear Dyn. 7, 471 (1995) for Poisson's; Smith,
+The Delassus matrix W is tridiagonal, W_cc = 1/m_c + 1/m_{c+1}, W_{c,c+1} = -1/m_{c+1}, and an M-matrix. The set of
+active pairs of its complementarity problem only grows, so the solution is exact after at most m rounds.
+
+Sources: Moreau (1988) for Newton's rule; Glocker & Pfeiffer, Nonlinear Dyn. 7, 471 (1995) for Poisson's rule; Smith,
 Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 106 (2012) for reflections; Chandrasekaran (1970) for the
 algorithm.
 """
@@ -34,15 +35,18 @@ Row = list[float]
 Floats = Sequence[float]
 Solver = Callable[[Floats, Floats, Floats], Row]
 PASSES = 10_000
-"""Repetitions of a rule before it is given up."""
+"""Largest number of repetitions of a rule."""
 Fit = Callable[[Any], Any]
-"""Makes kernels fit the scene."""
+"""Function that specialises a kernel for the scene."""
 
 
 @rare
 @kernel
 def is_touched(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> bool:
-    """Return whether a neighbour of pair `c` touches at time `now`. A hit on a thermal wall has none."""
+    """Return whether a neighbour of pair `c` touches at time `now`.
+
+    A hit on a thermal wall has no touching neighbours.
+    """
     n = len(pairs)
     if FORCED and pairs[c].heat >= 0:
         return False
@@ -56,7 +60,10 @@ def is_touched(pairs: Records, bodies: Records, c: int, now: float, walls: Walls
 @rare
 @kernel
 def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Return the first and the last pair of the group around pair `c` that touches at time `now`, without tolerance."""
+    """Return the first and the last pair of the touching group around pair `c`.
+
+    Pairs touch at time `now`, without tolerance.
+    """
     first = last = c
     while first > 0 and touches(pairs[first - 1], bodies[first - 1], bodies[first], now, walls):
         first -= 1
@@ -66,20 +73,22 @@ def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> 
 
 
 def collide_as_one(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
-    """Let the group that touches the suspect now collide by the tie rule; return why to pause, else `TOUCHING`.
+    """Let the group that touches the suspect collide by the tie rule.
 
-    Before it: the contact to stop at is among its own, or they are more than the run may still have. Returns, too, the
-    first and the last pair to predict anew.
+    Returns the reason of a pause, or `TOUCHING` if the group has collided, and the first and the last pair to predict
+    again. Returns before the collision if the group contains the contact to stop at, or if the budget of events would
+    be exceeded.
     """
     return (_collide_around if s.ring else _collide)(s, physics, fit, log)
 
 
 def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, int, int]:
-    """Do so on a line."""
+    """Collide the group on a line, see `collide_as_one`."""
     run, c, now = s.run, s.run.suspect, s.run.now
     first, last = fit(group)(s.pairs, s.bodies, c, now, s.walls)
     p = _impulses(first, last, s, physics, fit)
     hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
+    # Checked before any velocity changes.
     if run.stop_pair in hit and s.pairs[run.stop_pair].contacts >= run.stop_contacts:
         return UNTIL, c, c
     if run.events + len(hit) > s.clock.last_event:
@@ -101,15 +110,17 @@ def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, in
         log.append([twin(ROW)(first + i, now, *before[i : i + 2], *parted[i : i + 2], x)
                     for i, x in enumerate(p) if x > 0.0])
     run.events += len(hit)
+    # Without an impulse the same event would repeat forever.
     if not hit and fit(predicted)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
         raise gave_up(physics.options["ties"])
     return TOUCHING, max(first - 1, 0), min(last + 1, len(s.pairs) - 1)
 
 
 def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
-    """Number pairs anew from behind the largest gap, collide on that line, and number back.
+    """Collide the group on a ring, see `collide_as_one`.
 
-    The run's record is shared: its pair numbers are changed meanwhile.
+    Pairs are renumbered from the largest gap on, and collide as on a line. The record of the run is shared, so its pair
+    numbers are changed during the collision.
     """
     run, n, rows = s.run, len(s.pairs), None if log is None else list[Any]()
     widest = int(s.row(run.now)[1].argmax())
@@ -128,16 +139,18 @@ def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tu
             row.pair = (row.pair + k) % n
     if log is not None and rows:
         log += rows
-    if first == 0 or last >= n - 2:  # the largest gap is beside them
+    # Then the pairs to predict again include the largest gap.
+    if first == 0 or last >= n - 2:
         return why, 0, n - 1
     return why, (first + k) % n, (first + k) % n + last - first
 
 
 def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Row:
-    """Return the impulses (kg m/s) of pairs `first` … `last`, which touch now, by the tie rule."""
+    """Return the impulses (kg m/s) of the touching pairs `first` to `last`."""
     ties, rule, bodies = physics.options["ties"], physics.rule, s.bodies[first : last + 2]
     for k in range(max(first - 1, 0), min(last + 2, len(s.pairs))):
         s.run.clamps += fit(carry)(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now, s.walls)
+    # The suspect collides now; its gap can differ from 0 by rounding.
     s.pairs[s.run.suspect].gap = 0.0
     fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
     rate = [_closing_rate(k, s) for k in range(first, last + 1)]
@@ -150,12 +163,15 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
 
 
 def _velocities(first: int, last: int, s: State, fit: Fit) -> Row:
-    """Return the velocities (m/s) of the bodies of the group now."""
+    """Return the velocities (m/s) of the bodies of the group at the current time."""
     return [fit(velocities)(body, body, s.run.gravity, s.run.now)[0] for body in s.bodies[first : last + 2]]
 
 
 def _apply(first: int, last: int, p: Row, s: State) -> None:
-    """Change the velocities by impulses `p`, and make rates that are only rounding exactly 0, or they collide again."""
+    """Change the velocities by impulses `p`.
+
+    Rates that consist of rounding errors become exactly 0. Otherwise the pairs would collide again.
+    """
     for c in range(first, last + 1):
         lower, upper = s.bodies[c], s.bodies[c + 1]
         s.pairs[c].gap = 0.0
@@ -163,6 +179,7 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
         upper.fall_velocity += p[c - first] / upper.mass
     bodies = s.bodies[first : last + 2]
     fastest = max(abs(body.fall_velocity) for body in bodies)
+    # One bound for the group, because every impulse depends on all rates.
     doubt = max(body.noise for body in bodies) + NOISE * (fastest * fastest)
     for body in bodies:
         body.noise = doubt if body.mass < math.inf else body.noise
@@ -178,16 +195,16 @@ def _rate(c: int, s: State) -> float:
 
 
 def _closing_rate(c: int, s: State) -> float:
-    """Rate in m/s of pair `c` now; 0 if the pair closes by no more than its rounding error."""
+    """Return the rate (m/s) of pair `c`, or 0 if it closes slower than its noise."""
     rate, below, above = _rate(c, s), s.bodies[c], s.bodies[c + 1]
     return 0.0 if rate < 0.0 and rate * rate < below.noise + above.noise else rate
 
 
 def _go_together(first: int, last: int, s: State) -> None:
-    """Give bodies `first` … `last` the velocity of the heaviest of them.
+    """Give bodies `first` to `last` the velocity of the heaviest of them.
 
-    All of them that one: were it done pair by pair, a light ball between two heavy ones would leave the first it was
-    given to.
+    A treatment pair by pair would change a light ball between two heavy balls twice, and it would then separate from
+    the first heavy ball.
     """
     heaviest = max(range(first, last + 1), key=lambda i: s.bodies[i].mass)
     for i in range(heaviest, last):
@@ -197,18 +214,20 @@ def _go_together(first: int, last: int, s: State) -> None:
 
 
 def newton(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
-    """Return the impulses of Newton's rule: post-rates ≥ -ε times the rates before, as long as pairs approach.
+    """Return the impulses of Newton's rule: new rates ≥ -ε times the old rates.
 
-    Only for one common ε: with different ones it can multiply the energy.
+    The rule is repeated while pairs approach. It requires one common ε, because different values can multiply the
+    energy.
     """
     return _repeated("newton", inverse_mass, rate, lambda now, _: complementary(
         inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)]))
 
 
 def poisson(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
-    """Return the impulses of Poisson's rule: a compression that stops all approach, then ε times its impulses back.
+    """Return the impulses of Poisson's rule: compression, then expansion.
 
-    For any ε per pair; never gains energy.
+    The compression stops all approach. The expansion returns ε times its impulses. The rule accepts any ε per pair and
+    never increases the energy.
     """
     compression = complementary(inverse_mass, rate)
     left = zip(compression, after(inverse_mass, rate, compression), strict=True)
@@ -218,10 +237,11 @@ def poisson(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
 
 
 def reflect(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
-    """Return the impulses of generalised reflections: all approaching pairs turn round at once, repeatedly.
+    """Return the impulses of generalised reflections.
 
-    Only for one common ε: ε times the elastic impulses plus 1 - ε times those that stop all approach. Never ends if
-    the group is held by walls at both ends.
+    All approaching pairs reverse their rates simultaneously, repeatedly. The rule requires one common ε. The result is
+    ε times the elastic impulses plus 1 - ε times the impulses that stop all approach. The repetition does not end if
+    walls confine the group at both ends.
     """
     e = eps[0]
     elastic = _repeated("reflect", inverse_mass, rate, lambda now, approaching: solve(
@@ -232,7 +252,10 @@ def reflect(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
 
 
 def _repeated(name: str, inverse_mass: Floats, rate: Floats, impulses: Callable[[Row, list[bool]], Row]) -> Row:
-    """Return the sum of `impulses` of the rates and of which of them approach, applied until none does."""
+    """Return the sum of `impulses`, repeated until no pair approaches.
+
+    The arguments of `impulses` are the rates and a flag per pair that approaches.
+    """
     total, now, tiny = [0.0] * len(rate), list(rate), noise(rate)
     for _ in range(PASSES):
         approaching = [r < -tiny for r in now]
@@ -248,18 +271,19 @@ RULES: dict[str, Solver] = {"newton": newton, "poisson": poisson, "reflect": ref
 
 
 def complementary(inverse_mass: Floats, q: Floats) -> Row:
-    """Solve 0 ≤ p ⟂ W p + q ≥ 0 by a growing set of active pairs."""
+    """Solve 0 ≤ p ⟂ W p + q ≥ 0 with a growing set of active pairs."""
     active, tiny, pinned = [x < 0.0 for x in q], noise(q), inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
     while True:
         p = solve(inverse_mass, [-x for x in q], active)
         grown = [a or r < -tiny for a, r in zip(active, after(inverse_mass, q, p), strict=True)]
-        if grown == active or (pinned and all(grown)):  # held at both ends the rates sum to 0: the last is rounding
+        # Between two walls the rates sum to 0. If all pairs are active, the last one is rounding.
+        if grown == active or (pinned and all(grown)):
             return p
         active = grown
 
 
 def solve(inverse_mass: Floats, right: Floats, active: Sequence[bool]) -> Row:
-    """Solve W p = right on the active pairs (p = 0 elsewhere) by elimination along each run of them."""
+    """Solve W p = right on the active pairs by elimination; p = 0 elsewhere."""
     m = len(right)
     p, pivot, load = [0.0] * (m + 1), [0.0] * m, [0.0] * m
     for c in range(m):
@@ -267,7 +291,8 @@ def solve(inverse_mass: Floats, right: Floats, active: Sequence[bool]) -> Row:
             diagonal = inverse_mass[c] + inverse_mass[c + 1]
             factor = inverse_mass[c] / pivot[c - 1] if c > 0 and pivot[c - 1] > 0.0 else 0.0
             left = diagonal - factor * inverse_mass[c]
-            pivot[c] = left if left >= 1e-14 * diagonal else 0.0  # held at both ends: one impulse is free, and is none
+            # Between two walls W is singular: the last pivot is a rounding error, and its impulse is set to 0.
+            pivot[c] = left if left >= 1e-14 * diagonal else 0.0
             load[c] = right[c] + factor * load[c - 1]
     for c in range(m - 1, -1, -1):
         if pivot[c] > 0.0:
@@ -287,11 +312,11 @@ def velocity_changes(inverse_mass: Floats, p: Floats) -> Row:
 
 
 def noise(rate: Floats) -> float:
-    """Return what rounding may leave of rates of this size."""
+    """Return a bound of the rounding error of rates of this size."""
     return max(abs(r) for r in rate) * 2.0**-46
 
 
 def gave_up(rule: str) -> ValueError:
-    """Return the error of a rule that found no end."""
+    """Return the error of a rule that did not converge."""
     other = "left" if rule == "poisson" else "poisson"
     return ValueError(f"ties is {rule!r}: no end after {PASSES} passes on a touching group; use ties={other!r}.")

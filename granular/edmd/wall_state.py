@@ -1,12 +1,11 @@
-"""What a state holds of driven walls, and of forces: how it begins, its rows, its epoch, and the account of its energy.
+"""State of driven walls and forces: start, samples, epoch and energy balance.
 
-One ball on a shaken plate flies for longer than a window lasts: each bounce begins a new one. So the event loop moves
-the zero of times itself, at the very times at which `State.shift_to` would.
+A ball on a shaken plate can fly for longer than a window, and each bounce begins a new window. The event loop therefore
+moves the zero of time itself, at the same times as `State.shift_to` would.
 
-Work and heat of each wall, and what is dissipated, are added up each by itself, with the rounding of its sum carried
-along. A wall does the work J·ẋ_w in a collision with the impulse J. While a ball of mass m under a force f rests on it,
-it does that of ½mẋ_w² + (mg - f) x_w: what this has grown by since it came to rest, so that a ball that rides needs no
-events.
+Work and heat of each wall, and the dissipated energy, are compensated sums. A wall does the work J·ẋ_w in a collision
+with the impulse J. While a ball of mass m under a force f rests on a wall, the wall does the work by which ½mẋ_w² + (mg
+- f) x_w has grown since the ball came to rest. A ball that moves with its wall therefore needs no events.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ from granular.scene.places import driven_walls
 from granular.scene.walls.path import PANEL
 
 SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
-"""What is saved of an account."""
+"""Saved fields of the energy balance."""
 BELOW = 1.0 - 2.0**-53
-"""Times this number of a power of two is the number below it."""
+"""Factor that turns a power of two into the next smaller float."""
 
 
 def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
-    """Return records of both walls, `SIDE`, and of the panels of both."""
+    """Return the records `SIDE` of both walls, and the panels of both."""
     sides = np.zeros(2, SIDE)
     sides["velocity"] = np.where(scene.is_wall, scene.velocity - frame_velocity(scene), 0.0)[[0, -1]]
     driven = driven_walls(scene, t_start)
@@ -45,12 +44,12 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
         if heat is not None:
             side["temperature"], side["seed"] = heat.temperature, heat.seed
     sides["begin"] = t_start
-    # kernels want a panel to know their kind
+    # An empty panel gives kernels the type of the array.
     return sides, np.concatenate([rows for _, _, rows in driven] or [np.zeros(1, PANEL)])
 
 
 def begin(state: Any, scene: Scene) -> None:
-    """Set what forces and walls add to a new state."""
+    """Initialise the fields of a new state that forces and walls need."""
     sides, forces, (pairs, bodies) = state.walls.sides, scene.external_force, (state.pairs, state.bodies)
     bodies["own_acceleration"] = 0.0 if forces is None else scene.lift
     bodies["force_acceleration"] = bodies["own_acceleration"]
@@ -68,23 +67,28 @@ def begin(state: Any, scene: Scene) -> None:
             pairs["wall"][-which] = which
             bodies["fall_velocity"][-which] = place(seen, which, 0.0)[1]
             speed = float(sides["speed"][which])
+            # The velocity of a driven wall is computed, and so has a rounding error.
             bodies["noise"][-which] = NOISE * speed * speed
 
 
 def set_epoch(state: Any) -> None:
-    """Tell the walls the zero of times."""
+    """Copy the epoch of the clock into the wall records."""
     for side in state.walls.sides:
         side["epoch"], side["low"] = state.clock.epoch, state.clock.epoch_low
 
 
 def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
-    """Put into a row what forces and walls do to velocities and gaps, at `tau`."""
+    """Add the effects of forces and walls to `velocity` and `gap` at `tau`.
+
+    Both arrays are changed in place.
+    """
     velocity += column(state.bodies, "force_acceleration") * tau
     seen = _seen(state)
     stuck, wall = column(state.pairs, "stuck"), column(state.pairs, "wall")
     gap[stuck > 0] = 0.0
     for c in np.flatnonzero((wall >= 0) & (stuck == 0)).tolist():
         (pair,), (lower, upper) = plain(state.pairs[c : c + 1]), plain(state.bodies[c : c + 2])
+        # Rounding can make a closing gap negative.
         gap[c] = max(0.0, beside(pair, lower, upper, tau, seen)[0])
     for i, which in at_walls(state):
         if seen.sides[which].panels:
@@ -92,7 +96,10 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
 
 
 def ledger(state: Any, tau: float) -> Array:
-    """Return work, heat and what was dissipated since the start, at `tau`, in J: see `granular.run.trajectory.Row`."""
+    """Return work, heat and dissipated energy in J from the start to `tau`.
+
+    See `granular.run.trajectory.Row`.
+    """
     seen = _seen(state)
     done = [side.work + side.work_low for side in seen.sides]
     for i, which in at_walls(state):
@@ -105,7 +112,10 @@ def ledger(state: Any, tau: float) -> Array:
 
 
 def at_walls(state: Any) -> list[tuple[int, int]]:
-    """Return the bodies that are walls or rest on one, each with the wall: 0 the floor, 1 the ceiling."""
+    """Return the bodies that are walls or rest on a wall, each with its wall.
+
+    The wall is 0 for the floor and 1 for the ceiling.
+    """
     mass, stuck = column(state.bodies, "mass"), column(state.pairs, "stuck")
     n, below, above = len(mass), int((stuck == FLOOR).sum()), int((stuck == CEILING).sum())
     floor = [(i, 0) for i in range(below + 1)] if math.isinf(mass[0]) else []
@@ -113,7 +123,10 @@ def at_walls(state: Any) -> list[tuple[int, int]]:
 
 
 def sound(state: Any, pairs: Any, bodies: Any) -> bool:
-    """Whether what rests hangs together and falls by nothing, and pairs are beside walls that are there."""
+    """Whether resting balls form connected piles without acceleration.
+
+    Also checks that pairs are marked only beside existing driven walls.
+    """
     rests, stuck = bodies["is_free"] == 0.0, pairs["stuck"]
     there = [i for i, _ in at_walls(state)]
     free = (stuck == FREE) & (pairs["wall"] < 0)
@@ -128,6 +141,7 @@ def sound(state: Any, pairs: Any, bodies: Any) -> bool:
 
 
 def _seen(state: Any) -> Walls:
+    """Return the records of the walls as objects for interpreted code."""
     return Walls(plain(state.walls.sides), plain(state.walls.panels), state.clock)
 
 
@@ -136,12 +150,16 @@ def _seen(state: Any) -> Walls:
 def advance_epoch(
     run: Record, pairs: Records, bodies: Records, rows: Records | None, done: int, now: float, walls: Walls
 ) -> bool:
-    """Move the zero of times on for the event at `now`, beyond the window, if it is due before the goal of the clock;
-    date the `done` rows of the log first. Return whether it was moved."""
+    """Move the zero of time forward for an event at `now` beyond the window.
+
+    Does nothing if the event is later than the goal of the clock. The first `done` log rows get their final times
+    before. Returns whether the zero of time was moved.
+    """
     clock = walls.clock
     if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:
         return False
     date_rows(clock, rows, done)
+    # By whole windows, as `State.shift_to` does.
     shift(run, pairs, bodies, now - now % clock.window, walls)
     run.edge = min((clock.goal - clock.epoch) - clock.epoch_low, clock.window * BELOW)
     return True
@@ -149,7 +167,7 @@ def advance_epoch(
 
 @kernel
 def date_rows(clock: Record, rows: Records | None, done: int) -> None:
-    """Let rows of the log, up to `done`, say their time and not that since the zero of times."""
+    """Replace times since the epoch by times in s, in log rows up to `done`."""
     if rows is not None:
         for k in range(clock.dated, done):
             rows[k].t_begin = clock.epoch + (clock.epoch_low + rows[k].t_begin)
@@ -158,9 +176,13 @@ def date_rows(clock: Record, rows: Records | None, done: int) -> None:
 
 @kernel
 def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls) -> None:
-    """Move the epoch forward by `by` s, no earlier than the last change of any pair, and adapt the window."""
+    """Move the epoch forward by `by` s and adapt the window.
+
+    The new epoch is not earlier than the last change of any pair.
+    """
     clock, n, total, speed = walls.clock, len(pairs), 0.0, walls.clock.fall
     rebase(run, pairs, bodies, by, walls)
+    # Compensated sum: `epoch_low` collects the rounding error of the epoch.
     epoch = clock.epoch + by
     back = epoch - clock.epoch
     clock.epoch_low += (clock.epoch - (epoch - back)) + (by - back)
@@ -173,8 +195,9 @@ def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls)
     for c in range(n):
         total += pairs[c].gap
         speed = max(speed, abs(bodies[c + 1].fall_velocity - bodies[c].fall_velocity))
-    clock.length, clock.speed = max(clock.length, total / n), speed  # what is shaken expands
+    clock.length, clock.speed = max(clock.length, total / n), speed  # a shaken gas expands
     if run.slow >= 0.0:
+        # The same factor as `state.SLOW_BITS`.
         run.slow = speed * 2.0**-16
     if speed > 0.0:
         clock.window = max(clock.window, span(clock.length, speed, clock.strength))
@@ -182,7 +205,10 @@ def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls)
 
 @kernel
 def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> float:
-    """Enter a collision at rate `w` with restitution `e`, at which walls have their velocities; return its impulse."""
+    """Add a collision at rate `w` with restitution `e` to the energy balance.
+
+    Walls must have their velocities at the time of the collision. Returns the impulse.
+    """
     exchanged = impulse(lower, upper, (1.0 + e) * w)
     enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
     return exchanged
@@ -191,7 +217,10 @@ def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> floa
 @rare
 @kernel
 def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
-    """Enter the work of an impulse (N s) from below, if one of the bodies is a wall or rests on it, and a loss (J)."""
+    """Add an impulse (N s, from below) and a loss (J) to the energy balance.
+
+    The impulse does work if one of the bodies is a wall or rests on a wall.
+    """
     if lower.is_free == 0.0:
         work(walls.sides[0], exchanged * lower.fall_velocity)
     if upper.is_free == 0.0:
@@ -202,13 +231,16 @@ def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Wa
 
 @kernel
 def work(side: Record, done: float) -> None:
-    """Add work (J) to that of a wall."""
+    """Add work (J) to the work of a wall."""
     side.work, side.work_low = add(side.work, side.work_low, done)
 
 
 @rare
 @kernel
 def borne(run: Record, body: Record, which: int, now: float, v: float, sign: float, walls: Walls) -> None:
-    """Enter that a ball comes to rest (sign -1) on a wall, which moves at `v` (m/s), or leaves it (sign 1)."""
+    """Account for a ball that comes to rest on a wall or leaves it.
+
+    `sign` is -1 for coming to rest and 1 for leaving. The wall moves at `v` (m/s).
+    """
     x, _ = place(walls, which, now)
     work(walls.sides[which], sign * (body.mass * (0.5 * v * v + (run.gravity - body.own_acceleration) * x)))

@@ -1,12 +1,13 @@
-"""Where soft contacts would disturb each other: a hard run is watched with a force law, for a warning, not a proof.
+"""Count the collisions of a hard-sphere run whose soft contacts would overlap.
 
-Each collision is taken as a contact that lasts, from then on, as long as an isolated one of the law at that speed, and
-at most until its pair collides again. It is disturbed if it shares a time with a contact of a neighbouring pair.
-Disturbed contacts end otherwise than isolated ones, and so the soft balls are elsewhere from then on: how many more of
-their contacts are disturbed, only they themselves can tell.
+Each collision is replaced by a contact that lasts as long as an isolated contact of a given force law at the same
+approach speed, but at most until the next collision of its pair. The contact is disturbed if it overlaps in time with a
+contact of a neighbouring pair. The count is a warning, not a proof: disturbed contacts end differently from isolated
+contacts, so soft balls move differently afterwards. The number of disturbed contacts in a soft-sphere run can therefore
+differ.
 
-Collisions are looked at as they leave the queue, in order, so that no engine knows of it. Times are those of the state,
-since the epoch: late ones have their digits.
+Collisions are evaluated in order as they leave the queue, independently of the engine. Times are measured from the
+epoch of the state, so late times keep their digits.
 """
 
 from __future__ import annotations
@@ -29,29 +30,31 @@ from granular.scene import Scene
 
 Durations = Callable[[Any, check.Array], check.Array]
 LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
-"""The last contact of a pair: when it began, s since the epoch, how long it lasts, s, and whether it is disturbed (1).
+"""Last contact of a pair.
+
+Fields: begin (s since the epoch), duration (s), and whether it is disturbed (1) or not (0).
 """
 
 
 class Watch:
-    """What is seen of the contacts of a run.
+    """Contacts of a run under a force law.
 
     Parameters
     ----------
     law : law or sequence of laws
-        One for all pairs, or one per pair.
+        One law for all pairs, or one per pair.
     scene : Scene
-        Its pairs.
+        Scene of the run.
     durations : callable
-        Takes laws and scene; returns a function of arrays of pairs and of approach speeds in m/s, whose values are the
-        durations of isolated contacts in s. `granular.md.isolation.Durations`.
+        ``durations(laws, scene)`` returns a function of arrays of pairs and of approach speeds in m/s. Its values are
+        the durations of isolated contacts in s. See `granular.md.isolation.Durations`.
     saved : mapping, optional
-        The state of a run to go on with.
+        State of a run to continue.
 
     Raises
     ------
     TypeError, ValueError
-        For laws that do not fit.
+        For invalid laws.
     """
 
     def __init__(
@@ -75,10 +78,10 @@ class Watch:
             self.first = float(saved["watch_time"]), pair
 
     def take(self, rows: Any, tau: check.Array, state: State, queue: SortedQueue) -> None:
-        """Look at collisions, the next ones in order; `tau` are their times since the epoch."""
+        """Process the next collisions, in order; `tau` are their times since the epoch."""
         self._to_epoch(state, queue)
         pair, lasting = rows["pair"], self.duration(rows["pair"], rows["lower_in"] - rows["upper_in"])
-        lasting[np.isin(pair, self.instants)] = 0.0  # thermal walls act at once
+        lasting[np.isin(pair, self.instants)] = 0.0  # thermal walls act instantaneously
         columns: list[Any] = [pair, tau, lasting]
         if isinstance(self.last, list):
             columns = [x.tolist() for x in columns]
@@ -89,7 +92,7 @@ class Watch:
             self.first = float(rows["t_begin"][row]), lower
 
     def _to_epoch(self, state: State, queue: SortedQueue) -> None:
-        """Count times from the epoch of the state on, and keep them as the queue keeps records."""
+        """Convert times to the epoch of the state, and records to the form of the queue."""
         self.last = queue.hold(self.last)
         epoch, low = state.clock.epoch, state.clock.epoch_low
         shift = (epoch - self.epoch[0]) + (low - self.epoch[1])
@@ -102,7 +105,7 @@ class Watch:
         return {"watched": self.disturbed, "first_disturbed": self.first}
 
     def message(self) -> str:
-        """Return the sentence to print."""
+        """Return the sentence for the message of the run."""
         time, pair = self.first
         both = f"pairs {pair} and {(pair + 1) % len(self.last)}"
         first = f", the first of {both} at t = {time:.12g} s" if self.disturbed else ""
@@ -110,7 +113,7 @@ class Watch:
                 f"time with one of a neighbouring pair{first} (a warning, not a proof)")
 
     def checkpoint(self, state: State, queue: SortedQueue) -> dict[str, Any]:
-        """Return all that is needed to go on."""
+        """Return all data needed to continue."""
         self._to_epoch(state, queue)
         raw: dict[str, Any] = {f"watch_{name}": column(self.last, name) for name in LAST.names or ()}
         return raw | {"watch_counts": np.array([self.seen, self.disturbed, self.first[1]]), "watch_time": self.first[0]}
@@ -118,8 +121,10 @@ class Watch:
 
 @kernel
 def disturb(last: Records, pair: Any, began: Any, lasting: Any) -> tuple[int, int, int]:
-    """Let contacts begin, in this order; return how many more are disturbed, and of the first two of them the row of
-    the later one and the lower pair, -1 if there are none.
+    """Begin contacts in the given order, and count the newly disturbed contacts.
+
+    Returns their number, and for the first two of them the row of the later contact and the lower pair. Both are -1
+    without such contacts.
     """
     more, row, lower = 0, -1, -1
     n = len(last)
@@ -130,6 +135,7 @@ def disturb(last: Records, pair: Any, began: Any, lasting: Any) -> tuple[int, in
         for side in range(c - 1 if RING else max(c - 1, 0), c + 2 if RING else min(c + 2, n)):
             k = (side + n) % n
             other = last[k]
+            # Both contacts count as disturbed, but each only once.
             if k != c and t - other.began <= other.lasting:
                 more += 2 - mine.disturbed - other.disturbed
                 mine.disturbed = 1
@@ -141,6 +147,6 @@ def disturb(last: Records, pair: Any, began: Any, lasting: Any) -> tuple[int, in
 
 @kernel
 def earlier(last: Records, shift: float) -> None:
-    """Count times from an epoch that is `shift` later."""
+    """Convert times to an epoch that is `shift` s later."""
     for c in range(len(last)):
         last[c].began -= shift

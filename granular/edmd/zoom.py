@@ -1,9 +1,9 @@
-"""A closer look at a few neighbours: the same physics in relative gaps and rates, exact down to 1e-200.
+"""Motion of a few neighbouring pairs in relative coordinates, down to 1e-200.
 
-Velocities of bodies lose a relative velocity of 1e-16 of theirs; rates of gaps do not. So what looks like an inelastic
-collapse in velocities is decided in rates: `zoom` goes on with a slice of pairs alone until something outside is about
-to happen, and nothing in it is approximated. Pair j of the slice, and the bodies j and j + 1, have their records in
-`pairs` and `bodies`, which are slices too, and their gap and rate in `near`.
+Velocities lose relative velocities below 1e-16 of their size; rates of gaps do not. A suspected inelastic collapse is
+therefore decided in gaps and rates. `zoom` advances a slice of pairs alone until an event outside the slice is due,
+without any approximation. Pair j of the slice and the bodies j and j + 1 have their records in `pairs` and `bodies`,
+which are slices too. The gap and the rate of the pair are in `near`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def zoom(
     run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None,
     walls: Walls,
 ) -> int:
-    """Advance the slice; return how it ended."""
+    """Advance the slice and return the reason of its end."""
     done = 0
     while True:
         j, dt = soonest(run, near, pairs)
@@ -38,7 +38,7 @@ def zoom(
         w = rate_at_contact(own.gap, own.rate, pair.closing_acceleration)
         e = pair.eps if rule is None else rule(number(run, j), -w)
         if e == 0.0:
-            return QUIET  # the bodies stick, which moves all that is stuck to them
+            return QUIET  # the bodies stick, which also moves all bodies stuck to them
         advance(run, near, pairs, dt)
         run.suspect = number(run, j)
         tau = run.began + run.elapsed
@@ -57,18 +57,20 @@ def zoom(
         run.zoomed += 1
         run.looked += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
-        if run.began + (run.elapsed + wait) == tau:  # now but for rounding: so it hangs on no edge
+        if run.began + (run.elapsed + wait) == tau:  # the wait is below the resolution of the clock
             if FORCED:
-                # of all bounces, its weight among them
+                # Impulse of all remaining bounces, including the weight of the ball.
                 left = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
                 enter(lower, upper, left, 0.5 * min(lower.mass, upper.mass) * own.rate * own.rate, walls)
             settle(near, pairs, bodies, j)
             return RESTS
         if (own.rate == 0.0 and pair.closing_acceleration > 0.0) or (run.stop_pair == APART and recede(near)):
-            return QUIET  # it lies, or all recede: a run that stops then is to look
+            return QUIET  # the ball rests, or all pairs recede and the run may stop
+        # run.slow is 2^-16 of the speed scale, so the limit is 2^-200 of the scale.
         if e < 1.0 and -w < math.ldexp(run.slow, -184):
             return TINY
         run.ordinary = run.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
+        # Four ordinary collisions per pair in a row: not a collapse.
         if run.ordinary >= 4 * len(near):
             return QUIET
 
@@ -84,9 +86,10 @@ def recede(near: Records) -> bool:
 
 @kernel
 def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int, dt: float, walls: Walls) -> int:
-    """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`.
+    """Return why the slice cannot be advanced to the collision of pair `j` after `dt`.
 
-    A thermal wall is outside: what it does is no collision. So are balls that move as one with others.
+    Returns `GOES_ON` if it can. A thermal wall is outside the slice, because its hits are not collisions. Balls that
+    move as one with others are outside too.
     """
     if dt == math.inf:
         return QUIET
@@ -102,13 +105,16 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
     if run.began + (run.elapsed + dt) > run.edge:
         return LATER
     if c == run.stop_pair and pairs[j].contacts >= run.stop_contacts:
-        return UNTIL  # after `dt`: the slice stands where it does
+        return UNTIL  # the slice stays before the wait `dt`
     return GOES_ON
 
 
 @kernel
 def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
-    """Return the pair (numbered in the slice) that collides first, and when; of several at a time, by rank."""
+    """Return the pair of the slice that collides first, and its waiting time.
+
+    The rank decides between simultaneous collisions.
+    """
     best, when = 0, math.inf
     for j in range(len(near)):
         own, pair = near[j], pairs[j]
@@ -122,14 +128,14 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
 
 @kernel
 def number(run: Record, j: int) -> int:
-    """Return the number of pair `j` of the slice, on a ring counted round."""
+    """Return the number of pair `j` of the slice, on a ring modulo `run.pairs`."""
     c: int = run.first + j
     return c - run.pairs if RING and c >= run.pairs else c
 
 
 @kernel
 def guards(run: Record, n: int, j: int) -> bool:
-    """Return whether pair `j` of a slice of `n` has a neighbour outside."""
+    """Return whether pair `j` of a slice of `n` pairs has a neighbour outside."""
     c = run.first + j
     if RING:
         return n < run.pairs and (j == 0 or j == n - 1)
@@ -156,11 +162,12 @@ def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
 
 @kernel
 def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
-    """Move all gaps and rates on by `dt`; count the gaps clamped at 0."""
+    """Advance all gaps and rates by `dt`, and count the gaps clamped at 0."""
     for j in range(len(near)):
         own, a = near[j], pairs[j].closing_acceleration
         gap = gap_after(own.gap, own.rate, a, dt)
         run.clamped += gap < 0.0
+        # Rounding can make a closing gap negative.
         own.gap = gap if gap > 0.0 else 0.0
         own.rate -= a * dt
     run.elapsed += dt
@@ -168,9 +175,9 @@ def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
 
 @kernel
 def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: float) -> None:
-    """Let pair `j` of the slice collide at rate `w`: its rate becomes exactly -ε w.
+    """Let pair `j` of the slice collide at rate `w`; its rate becomes exactly -ε w.
 
-    The first and the last are neighbours if it is the whole ring.
+    If the slice is the whole ring, its first and last pair are neighbours.
     """
     pair, jump = pairs[j], (1.0 + e) * w
     near[j].gap = 0.0
@@ -193,11 +200,12 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
 
 @kernel
 def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
-    """Time in s until the ball that just bounced on a wall (pair `j`) is at rest on it; inf if that is not certain.
+    """Return the time in s until the ball of pair `j` rests on its wall, or inf.
 
-    Alone it bounces infinitely often within 2u/(a(1 - ε)). It stays alone if no other pair of the slice collides
-    before, and its neighbour stays beyond the top of the first arc. The neighbour stays there if it does so at both
-    ends of the time, because it moves on a straight line or is accelerated towards the wall.
+    The ball has just bounced on the wall. Alone, it bounces infinitely often within 2u/(a(1 - ε)). It stays alone if no
+    other pair of the slice collides before, and if its neighbour stays beyond the top of the first arc. The neighbour
+    does so if it does so at both ends of the time, because it moves uniformly or is accelerated towards the wall. The
+    result is inf if this is not certain.
     """
     a, r, k = pairs[j].closing_acceleration, near[j].rate, beyond(pairs, j)
     if not (a > 0.0 and pairs[j].low * pairs[j].high == 0.0 and e < 1.0):
@@ -209,6 +217,7 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
     if 0 <= k < len(near):
         other, arc = near[k], r * r / (2.0 * a)
         path = gap_after(other.gap, other.rate + r, pairs[k].closing_acceleration + a, end)
+        # The neighbour must stay above the height of the first arc.
         if other.gap <= arc or path <= arc:
             return math.inf
     return end
@@ -216,13 +225,16 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
 
 @kernel
 def beyond(pairs: Records, j: int) -> int:
-    """Number of the pair on the other side of the ball of pair `j`, which is beside a wall."""
+    """Return the number of the pair on the other side of the ball of pair `j`.
+
+    Pair `j` is beside a wall.
+    """
     return j + 1 if pairs[j].low == 0.0 else j - 1
 
 
 @kernel
 def settle(near: Records, pairs: Records, bodies: Records, j: int) -> None:
-    """Bring the ball of pair `j`, which has just bounced on its wall, to rest there.
+    """Bring the ball of pair `j`, which has just bounced on its wall, to rest.
 
     The path of its neighbour, measured from the wall, does not depend on the bounces.
     """
@@ -240,10 +252,11 @@ def settle(near: Records, pairs: Records, bodies: Records, j: int) -> None:
 
 @kernel
 def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> None:
-    """Put the slice back: gaps as they are, velocities as sums of rates from a body that is known.
+    """Write the slice back: its gaps, and velocities as sums of rates.
 
-    That is an end body of the slice which is a wall or belongs to pairs outside too (it has not collided), else the
-    centre of mass. The rates are exact, so velocities have no noise but what they cannot hold of them.
+    The sums start at an end body of the slice with a known velocity: a wall, or a body that also belongs to pairs
+    outside, which has not collided. Without such a body they start from the velocity of the centre of mass. The rates
+    are exact, so velocities have only their own rounding error as noise.
     """
     n, tau = len(near), run.began + run.elapsed
     for j in range(n):
@@ -265,6 +278,7 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
             bodies[j].fall_velocity = bodies[j + 1].fall_velocity - (near[j].rate + pairs[j].closing_acceleration * tau)
             bodies[j].noise = 0.0
     if free:
+        # Conserves the momentum of the slice.
         shift = (before - momentum(bodies, top)) / total(bodies, 0, top)
         for i in range(top + 1):
             bodies[i].fall_velocity += shift
@@ -274,7 +288,7 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
 
 @kernel
 def momentum(bodies: Records, top: int) -> float:
-    """Return Σ m u over the bodies of the slice, up to `top`."""
+    """Return Σ m u (kg m/s) of the bodies of the slice up to `top`."""
     p = 0.0
     for i in range(top + 1):
         p += bodies[i].mass * bodies[i].fall_velocity
