@@ -148,9 +148,9 @@ def finish(state: State, queue: SortedQueue) -> None:
     assert near is not None
     if run.looked > 0:
         (pairs, bodies), rate = state.slices(), column(near, "rate")
-        held = np.diff(column(bodies, "fall_velocity")) - column(pairs, "closing_acceleration") * column(pairs, "at")
+        stored = np.diff(column(bodies, "fall_velocity")) - column(pairs, "closing_acceleration") * column(pairs, "at")
         # A rate is lost if velocities reproduce it with an error above 50 %.
-        state.clock.lost += int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
+        state.clock.lost += int((np.abs(stored - rate) > 0.5 * np.abs(rate)).sum())
         queue.refresh(run.first, run.first + len(near) - 1)
     run.clamps += run.clamped
     state.near = None
@@ -187,18 +187,18 @@ def left(state: State, physics: Physics) -> Verdict | None:
 
 def slowing(run: Any, events: int) -> str:
     """Return message text on a run that slowed down before its limit, or ""."""
-    said = ""
+    text = ""
     if len(run.pace) == 2:
         (begin, start), (tail, t) = run.pace
         last, took = events - tail, run.time() - t
         # The events of the last part came ten times as fast as those before.
         if last > 0 and took * (tail - begin) < 0.1 * last * (t - start):
-            said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
+            text = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
                     "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
         found = bound(run.state, run.physics)
         if found is not None:
-            said += f"; unless hit from outside, no body of {found} will exceed {found.bound:.2g} m/s"
-    return said
+            text += f"; unless hit from outside, no body of {found} will exceed {found.bound:.2g} m/s"
+    return text
 
 
 def _faint(state: State, physics: Physics) -> Verdict | None:

@@ -211,8 +211,8 @@ class BlockQueue(TreeQueue):
         """
         if at + len(rows) > len(self.spare):
             # A quarter more than estimated, so that few blocks cause another copy.
-            held, self.spare = self.spare[:at], np.empty(max(at + len(rows), blocks * len(rows)) * 5 // 4, ROW)
-            raw(self.spare)[:at] = raw(held)
+            old, self.spare = self.spare[:at], np.empty(max(at + len(rows), blocks * len(rows)) * 5 // 4, ROW)
+            raw(self.spare)[:at] = raw(old)
         raw(self.spare)[at : at + len(rows)] = rows
 
     def _run(
@@ -247,16 +247,16 @@ class BlockQueue(TreeQueue):
         """
         s = self.state
         start, n, g = max(s.run.now, 0.0), len(s.pairs), s.run.gravity
-        rest = edge - start
+        left = edge - start
         velocity, gap = s.row(start)
-        speed = MARGIN * (float(np.abs(velocity).max()) + 2.0 * g * rest)
+        speed = MARGIN * (float(np.abs(velocity).max()) + 2.0 * g * left)
         place = np.concatenate([[0.0], np.cumsum(gap)])
         first = np.arange(0, n, BLOCK)
         last = np.minimum(first + BLOCK, n)
-        slack = 2.0 * speed * rest * (1.0 + 1e-9) + 1e-9 * float(place[-1]) / n  # cumulative sums round
+        slack = 2.0 * speed * left * (1.0 + 1e-9) + 1e-9 * float(place[-1]) / n  # cumulative sums round
         low = np.maximum(np.searchsorted(place, place[first] - slack, side="right") - 2, 0)
         high = np.minimum(np.searchsorted(place, place[last] + slack, side="left") + 2, n)
         # Beyond this length, more than two thirds of the work would be discarded with the halos.
         longer = float(np.median(high - low)) > 3 * BLOCK
         ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
-        return speed - g * rest, ends
+        return speed - g * left, ends

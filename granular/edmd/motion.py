@@ -338,14 +338,14 @@ def span(length: float, speed: float, g: float) -> float:
 
 
 @kernel
-def add(total: float, low: float, more: float) -> tuple[float, float]:
+def add(value: float, low: float, more: float) -> tuple[float, float]:
     """Add `more` to a compensated sum.
 
     Returns the new sum and its accumulated rounding error (Neumaier, 1974).
     """
     # The smaller summand is the one that loses digits.
-    new = total + more
-    return new, low + ((total - new) + more if abs(total) >= abs(more) else (more - new) + total)
+    new = value + more
+    return new, low + ((value - new) + more if abs(value) >= abs(more) else (more - new) + value)
 
 
 @kernel
@@ -354,18 +354,18 @@ def reimpose(run: Record, pairs: Records) -> None:
 
     For pendula, the rate of this pair is corrected so that the sum of all rates is 0.
     """
-    widest, total, low = 0, 0.0, 0.0
+    widest, sum_high, low = 0, 0.0, 0.0
     for c in range(len(pairs)):
-        total, low = add(total, low, pairs[c].gap)
+        sum_high, low = add(sum_high, low, pairs[c].gap)
         if pairs[c].gap > pairs[widest].gap:
             widest = c
     # The relative change is smallest in the largest gap, which also cannot become negative.
-    pairs[widest].gap += (run.gap_sum - total) - low
+    pairs[widest].gap += (run.gap_sum - sum_high) - low
     if HUNG:
-        total, low = 0.0, 0.0
+        sum_high, low = 0.0, 0.0
         for c in range(len(pairs)):
-            total, low = add(total, low, pairs[c].rate)
-        pairs[widest].rate -= total + low
+            sum_high, low = add(sum_high, low, pairs[c].rate)
+        pairs[widest].rate -= sum_high + low
 
 
 @kernel

@@ -228,8 +228,8 @@ class State:
         if isinstance(self.pairs, np.ndarray):
             self.pairs[np.arange(first, first + len(pairs)) % n] = pairs
             self.bodies[np.arange(first, first + len(bodies)) % n] = bodies
-        (ball,), (twin,) = self.bodies[:1], self.bodies[n:]
-        twin["fall_velocity"], twin["noise"] = ball["fall_velocity"], ball["noise"]
+        (ball,), (seam,) = self.bodies[:1], self.bodies[n:]
+        seam["fall_velocity"], seam["noise"] = ball["fall_velocity"], ball["noise"]
 
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s) and the speed limit of a suspected collapse.

@@ -128,8 +128,8 @@ def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tu
     run.clamps += fit(carry)(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
     numbers_here = run.suspect, run.stop_pair
     run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in numbers_here)
-    ask: Any = physics.rule
-    rule = None if ask is None else lambda c, speed: ask((c + k) % n, speed)
+    of_pair: Any = physics.rule
+    rule = None if of_pair is None else lambda c, speed: of_pair((c + k) % n, speed)
     line = replace(s, pairs=s.pairs[k:] + s.pairs[:k], bodies=s.bodies[k:n] + s.bodies[: k + 1])
     why, first, last = _collide(line, SimpleNamespace(rule=rule, options=physics.options), fit, rows)
     run.suspect, run.stop_pair = numbers_here
@@ -155,8 +155,8 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
     fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
     rate = [_closing_rate(k, s) for k in range(first, last + 1)]
     eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
-    meet = bodies[-1].fall_velocity < bodies[0].fall_velocity
-    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or meet):
+    closing = bodies[-1].fall_velocity < bodies[0].fall_velocity
+    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or closing):
         why = "walls that close on them leave no way out" if ties != "reflect" else "use ties='poisson'"
         raise ValueError(f"ties is {ties!r}: balls wedged between two walls have no such collision; {why}.")
     return RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
