@@ -1,6 +1,6 @@
-"""Force laws of soft contacts, collision rules of hard spheres, and closed forms.
+"""Force laws of soft contacts, restitution rules of hard spheres, closed forms.
 
-A law returns the force F; F ≥ 0 repels. The engine clips F at zero and applies it only for overlaps ξ > 0.
+A law returns the force F, where F ≥ 0 is repulsive. The engine clips F at zero and applies it only for overlaps ξ > 0.
 
 Main line: `contact_law`, `dashpot`.
 A first reader may skip: `hertz`, `kinds`, `rules`, `springs`, `theory`, `viscoelastic_restitution`.

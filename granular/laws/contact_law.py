@@ -1,13 +1,15 @@
-"""What an engine may know of a force law beyond its `force`: traits, never the class.
+"""Properties of a force law that engines use: its `force` and optional traits.
 
-A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Optional traits unlock more:
+A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Optional traits enable faster paths:
 
-* ``linear(pair) -> (k, gamma)``: F = k ξ + γ ξ̇;
-* ``power(pair) -> (k, p, gamma, d)``: F = k ξ^p + γ ξ^d ξ̇;
-* ``exponent``: the power of ξ with which F begins; ``rate_dependent``: whether ξ̇ enters (true if not said);
-* ``potential(xi, pair)``: the elastic energy; ``memory = True``: `force` also takes ``xi_max``.
+* ``linear(pair) -> (k, gamma)``: F = k ξ + γ ξ̇
+* ``power(pair) -> (k, p, gamma, d)``: F = k ξ^p + γ ξ^d ξ̇
+* ``exponent``: power of ξ with which F begins
+* ``rate_dependent``: whether F depends on ξ̇ (true by default)
+* ``potential(xi, pair)``: elastic energy
+* ``memory = True``: `force` also takes ``xi_max``
 
-`resolve` alone asks a law what it is; everyone else reads the `PairLaw` that it returns.
+Only `resolve` reads these traits. All other code reads the `PairLaw` that it returns, never the class of a law.
 """
 
 from __future__ import annotations
@@ -27,27 +29,27 @@ if TYPE_CHECKING:
     from granular.scene import Pair
 
 Form = tuple[float, float, float, float]
-"""(k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇."""
+"""Coefficients (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairLaw:
-    """A force law in one pair, and what it is.
+    """A force law in one pair, with its traits.
 
     Attributes
     ----------
     law, pair : law, Pair
-        The law as it was given, and the pair.
+        The law as given, and the pair.
     form : (k, p, γ, d) or None
-        Coefficients of F = k ξ^p + γ ξ^d ξ̇, if the law says so by `power` or `linear`, or is seen to be linear.
+        Coefficients of F = k ξ^p + γ ξ^d ξ̇, if the law has the trait `power` or `linear`, or is proved to be linear.
     memory : bool
-        Whether the force depends on the largest overlap since the bodies last parted.
+        Whether the force depends on the largest overlap since the bodies last separated.
     rate_dependent : bool
-        Whether ξ̇ enters the force; true unless the law denies it.
+        Whether the force depends on ξ̇, true by default.
     exponent : float or None
-        The power of ξ with which F begins, if the law says so.
+        Power of ξ with which F begins, if the law has this trait.
     potential : callable or None
-        Elastic energy in J as a function of overlap and pair, if the law knows it.
+        Elastic energy in J as a function of overlap and pair, if the law has this trait.
     """
 
     law: Any
@@ -59,11 +61,17 @@ class PairLaw:
     potential: Callable[[float, Pair], float] | None
 
     def force(self, xi: float, xi_dot: float, xi_max: float) -> float:
-        """Force in N, not clipped, at overlap in m, its rate in m/s, and the largest overlap so far."""
+        """Return the unclipped force in N.
+
+        Parameters
+        ----------
+        xi, xi_dot, xi_max : float
+            Overlap in m, its rate in m/s, and the largest overlap so far in m.
+        """
         return float(self.given(xi, xi_dot, xi_max))
 
     def given(self, xi: float, xi_dot: float, xi_max: float) -> Any:
-        """What the law itself returns as its force, perhaps no number."""
+        """Return the force as the law returns it, which may not be a number."""
         return self.law.force(xi, xi_dot, self.pair, xi_max) if self.memory else self.law.force(xi, xi_dot, self.pair)
 
     @property
@@ -73,49 +81,68 @@ class PairLaw:
 
     @property
     def is_elastic(self) -> bool:
-        """Whether the law declares neither damping nor memory."""
+        """Whether the law has neither damping nor memory according to its traits."""
         return not (self.memory or (self.rate_dependent if self.form is None else self.form[2] != 0.0))
 
     def tangent(self, xi: float) -> tuple[float, float]:
-        """Stiffness ∂F/∂ξ in N/m and damping ∂F/∂ξ̇ in kg/s at overlap `xi` and rest, by differences."""
+        """Return the derivatives of the force at overlap `xi` and rest.
+
+        They are the stiffness ∂F/∂ξ in N/m and the damping ∂F/∂ξ̇ in kg/s. Both are finite differences, unless the law
+        is linear.
+        """
         if self.form is not None and self.is_linear:
             return self.form[0], self.form[2]
+        # 1e-6 balances truncation and rounding errors of a one-sided difference
         step, here = 1e-6 * xi, self.force(xi, 0.0, xi)
-        # backwards: the unloading branch of a law with memory is the stiffer one
+        # backward difference: the unloading branch of a law with memory is stiffer
         k = (here - self.force(xi - step, 0.0, xi)) / step
         rate = xi * math.sqrt(abs(k) / self.pair.m_eff) if self.rate_dependent else 0.0
         return abs(k), abs(self.force(xi, rate, xi) - here) / rate if rate else 0.0
 
     def impact_stiffness(self, speed: float) -> float:
-        """∂F/∂ξ in N/m at the overlap that an impact at `speed` in m/s reaches; nan without one."""
+        """Return ∂F/∂ξ in N/m at the largest overlap of an impact at `speed` in m/s.
+
+        It is nan if that overlap is 0.
+        """
         xi = self.overlap_at(speed)
         return self.tangent(xi)[0] if xi > 0.0 else math.nan
 
     def energy(self, xi: float) -> float:
-        """Elastic energy U(ξ) in J; nan of a law with memory, for the overlap alone does not determine it."""
+        """Return the elastic energy U(ξ) in J.
+
+        It is nan for a law with memory, because the overlap alone does not determine it.
+        """
         return 0.0 if xi <= 0.0 else math.nan if self.memory else self.work(xi)
 
     def work(self, xi: float) -> float:
-        """∫₀^ξ F(s, 0) ds in J at first loading, by the law's own `potential` or by Gauss quadrature."""
+        """Return ∫₀^ξ F(s, 0) ds in J at first loading.
+
+        It is the `potential` of the law, or else a Gauss quadrature.
+        """
         if self.potential is not None and not self.memory:
             return float(self.potential(xi, self.pair))
         total = 0.0
         for w, u in zip(*_quadrature(), strict=True):
-            s = xi * u * u  # smooths forces that start like a root of ξ
+            s = xi * u * u  # substitution that smooths forces which start like a root of ξ
             total += w * u * xi * self.given(s, 0.0, s)
         return float(total)
 
     def overlap_at(self, speed: float) -> float:
-        """Overlap in m at which `work` is the kinetic energy ½ m_eff v² of an isolated contact at `speed` in m/s."""
+        """Return the overlap in m at which `work` equals the kinetic energy ½ m_eff v².
+
+        v is the approach `speed` of an isolated contact in m/s.
+        """
         energy = 0.5 * self.pair.m_eff * speed * speed
         if not energy > 0.0:
             return 0.0
         xi = 1.0
+        # bracket the overlap by factors of 2; the limits end the search if the force vanishes or overflows
         while self.work(xi) < energy and xi < 1e100:
             xi *= 2.0
         while self.work(xi) > energy and xi > 1e-100:
             xi *= 0.5
         low, high = xi, 2.0 * xi
+        # 20 bisections in ln ξ give 7 digits, enough for a scale
         for _ in range(20):
             xi = math.sqrt(low * high)
             low, high = (xi, high) if self.work(xi) < energy else (low, xi)
@@ -123,12 +150,15 @@ class PairLaw:
 
 
 def dissipative_traits(law: Any) -> tuple[bool, bool]:
-    """Return whether a law declares memory, and whether its force may depend on the rate, in any pair."""
+    """Return whether a law has memory, and whether its force can depend on the rate.
+
+    Both are read from its traits and hold in any pair.
+    """
     return bool(getattr(law, "memory", False)), bool(getattr(law, "rate_dependent", True))
 
 
 def resolve(law: Any, pair: Pair) -> PairLaw:
-    """Ask a law what it is in a pair."""
+    """Return a law in a pair together with its traits."""
     memory, rate_dependent = dissipative_traits(law)
     form = None if memory else _form(law, pair)
     return PairLaw(law, pair, form, memory, rate_dependent, getattr(law, "exponent", None),
@@ -137,7 +167,7 @@ def resolve(law: Any, pair: Pair) -> PairLaw:
 
 @cache
 def _quadrature() -> tuple[Array, Array]:
-    """Weights and nodes of Gauss on [0, 1]."""
+    """Weights and nodes of the Gauss quadrature on [0, 1]."""
     node, weight = np.polynomial.legendre.leggauss(40)
     return weight, 0.5 * (node + 1.0)
 
@@ -155,11 +185,11 @@ def _form(law: Any, pair: Pair) -> Form | None:
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """The expression xi·ξ + rate·ξ̇; it knows sums, and products with numbers.
+    """The expression xi·ξ + rate·ξ̇, with sums and products by numbers.
 
-    A law of one's own needs no trait for the exact path of linear laws: if its `force`, run on the symbols ξ and ξ̇,
-    only adds them and multiplies them by numbers, then it *is* k ξ + γ ξ̇ for every overlap and rate. Any comparison,
-    root or power of a symbol ends the attempt: nothing is guessed from samples.
+    It detects linear laws without a trait. The `force` of a law is evaluated with the symbols ξ and ξ̇. If it only
+    adds them and multiplies them by numbers, it is exactly k ξ + γ ξ̇ for every overlap and rate. Any comparison, root
+    or power of a symbol ends the attempt. No conclusion is drawn from samples.
     """
 
     xi: float
@@ -186,14 +216,17 @@ class _Linear:
         return -self + other
 
     __radd__, __rmul__ = __add__, __mul__
-    __bool__ = __eq__ = __hash__ = None  # type: ignore[assignment] # a symbol is neither true nor false, nor compared
+    __bool__ = __eq__ = __hash__ = None  # type: ignore[assignment] # a symbol has no truth value and cannot be compared
 
 
 def _traced(law: Any, pair: Pair) -> tuple[float, float] | None:
-    """Return (k, γ) if the law's `force` is proved to be k ξ + γ ξ̇ with k > 0 and γ ≥ 0, else None."""
+    """Return (k, γ) if `force` is proved to be k ξ + γ ξ̇, else None.
+
+    The proof also requires k > 0 and γ ≥ 0.
+    """
     try:
         force = law.force(_Linear(1.0, 0.0), _Linear(0.0, 1.0), pair)
-    except Exception:  # not linear; if it is the user's mistake, the run itself will show it
+    except Exception:  # not linear; a mistake of the user is reported by the run
         return None
     if not isinstance(force, _Linear) or not (force.xi > 0.0 and force.rate >= 0.0):
         return None
@@ -201,11 +234,11 @@ def _traced(law: Any, pair: Pair) -> tuple[float, float] | None:
 
 
 TRAITS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", "pair")}
-"""What the traits of a law that are methods are called with."""
+"""Argument names of the traits that are methods."""
 
 
 def instance(name: str, law: Any, fix: str = "for hard spheres use granular.edmd") -> Any:
-    """Return `law`, or raise if it is a class, or has no `force`."""
+    """Return `law` if it is an instance with a `force`, else raise `TypeError`."""
     if isinstance(law, type):
         values = ", ".join(f"{field}=..." for field in getattr(law, "__dataclass_fields__", {}))
         raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
@@ -224,23 +257,42 @@ def instance(name: str, law: Any, fix: str = "for hard spheres use granular.edmd
 
 
 class ForceLaw(Protocol):
-    """A force law of one's own, as an editor or mypy checks it; see `docs/your-own-law.md`."""
+    """Protocol of a user-defined force law, for editors and mypy.
+
+    See `docs/your-own-law.md`.
+    """
 
     def force(self, xi: float, xi_dot: float, pair: Any, /) -> float:
-        """Force in N at an overlap `xi` in m that grows by `xi_dot` in m/s, ≥ 0 for repulsion."""
+        """Return the force in N, ≥ 0 for repulsion.
+
+        Parameters
+        ----------
+        xi : float
+            Overlap in m.
+        xi_dot : float
+            Rate of the overlap in m/s, positive while it grows.
+        pair : Pair
+            Pair of bodies in contact.
+        """
 
 
 class LawWithMemory(Protocol):
-    """A force law that also knows the largest overlap so far; its `memory` is True."""
+    """Protocol of a user-defined force law that depends on the largest overlap so far.
+
+    Its attribute `memory` is True.
+    """
 
     memory: bool
 
     def force(self, xi: float, xi_dot: float, pair: Any, xi_max: float, /) -> float:
-        """Force in N, with the largest overlap `xi_max` in m of this contact so far."""
+        """Return the force in N, given the largest overlap `xi_max` in m of this contact."""
 
 
 def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
-    """Return the force at an overlap that is the largest so far, or raise the sentence that says what is wrong."""
+    """Return the force at an overlap that is the largest so far.
+
+    Raises `ValueError` with a sentence if the force is not a finite number.
+    """
     value, force = law.given(xi, xi_dot, xi), math.nan
     with suppress(TypeError, ValueError):
         force = math.nan if isinstance(value, (str, bytes)) else float(value)
@@ -250,11 +302,11 @@ def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
 
 
 def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
-    """Return the error of a force that is no finite number."""
+    """Return the error for a force that is not a finite number."""
     return refused(law, f"its force at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s is {value!r}; a "
                         "finite number in N is needed.")
 
 
 def refused(law: PairLaw, what: str) -> ValueError:
-    """Return the error of a law that is not one, in words."""
+    """Return the error for an invalid law, with the reason."""
     return ValueError(f"law of pair {law.pair.index} is {law.law!r}: {what}")

@@ -1,13 +1,13 @@
-"""Linear spring and dashpot, clipped at zero force, and its exact restitution for every damping.
+"""Linear spring and dashpot, clipped at zero force, and its exact restitution.
 
 With damping ratio ζ = γ / (2 √(k m_eff)), natural frequency ω₀ = √(k / m_eff) and
 
     f(ζ) = acos ζ / √(1-ζ²)  (ζ < 1),   1  (ζ = 1),   acosh ζ / √(ζ²-1)  (ζ > 1),
 
-an isolated contact lasts t_c = 2 f / ω₀ and returns ε = exp(-2 ζ f) of the approach speed: it ends where the
-force reaches zero, before the overlap does (Schwager & Pöschel 2007; Müller & Pöschel 2011, whose three branches
-these are, with the over-damped duration they leave out). The often quoted exp(-πζ/√(1-ζ²)) belongs to *another* law,
-one that pulls at the end of the contact.
+an isolated contact lasts t_c = 2 f / ω₀ and has the restitution ε = exp(-2 ζ f), for every damping. The contact ends
+when the force reaches zero, before the overlap does (Schwager & Pöschel 2007). The three branches are from Müller &
+Pöschel 2011, without the over-damped duration. The common formula exp(-πζ/√(1-ζ²)) belongs to *another* law, whose
+force is attractive at the end of the contact.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from granular.scene import Pair, checked_pair
 
 
 class _StiffAndDamped:
-    """A dataclass whose first number is a stiffness k, positive, and whose second, if any, a damping, not negative."""
+    """Base of laws whose first field is a positive stiffness k.
+
+    All further fields are damping coefficients and must not be negative.
+    """
 
     k: float
 
@@ -32,22 +35,22 @@ class _StiffAndDamped:
 
     @property
     def rate_dependent(self) -> bool:
-        """Whether ξ̇ enters the force."""
+        """Whether the force depends on ξ̇."""
         return any(getattr(self, damping.name) != 0.0 for damping in fields(self)[1:])  # type: ignore[arg-type]
 
 
 @check.face
 @dataclass(frozen=True)
 class LinearDashpot(_StiffAndDamped):
-    """F = k ξ + γ ξ̇.
+    """Linear spring and dashpot, F = k ξ + γ ξ̇.
 
     Parameters
     ----------
     k : float
         Stiffness in N/m, positive.
     gamma : float
-        Damping coefficient γ in kg/s, not negative. (The paper's k and γ of its *viscoelastic* law are divided by
-        m_eff; here all coefficients are raw.)
+        Damping coefficient γ in kg/s, not negative. Defaults to 0. It is not divided by m_eff. (The paper divides k
+        and γ of its *viscoelastic* law by m_eff.)
     """
 
     k: float
@@ -57,52 +60,83 @@ class LinearDashpot(_StiffAndDamped):
 
     @classmethod
     def from_restitution(cls, restitution: float, k: float, pair: Pair) -> LinearDashpot:
-        """Return the law of stiffness `k` whose isolated contact in `pair` has the given restitution in (0, 1]."""
+        """Return the law with a given restitution of an isolated contact in `pair`.
+
+        Parameters
+        ----------
+        restitution : float
+            ε in (0, 1].
+        k : float
+            Stiffness in N/m, positive.
+        pair : Pair
+            Pair with the effective mass.
+
+        Returns
+        -------
+        LinearDashpot
+        """
         zeta, stiffness = damping_ratio(restitution), check.number("k", k, above=0.0)
         return cls(k, 2.0 * zeta * math.sqrt(stiffness * checked_pair(pair).m_eff))
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
+        """Return the force in N before it is clipped at 0 by the engine.
+
+        Parameters
+        ----------
+        xi : float
+            Overlap in m.
+        xi_dot : float
+            Rate of the overlap in m/s.
+        pair : Pair
+            Not used.
+        """
         return self.k * xi + self.gamma * xi_dot
 
     def linear(self, pair: Pair) -> tuple[float, float]:
-        """Stiffness in N/m and damping in kg/s: this law is linear."""
+        """Return stiffness in N/m and damping in kg/s of this linear law."""
         return self.k, self.gamma
 
     def potential(self, xi: float, pair: Pair) -> float:
-        """Elastic energy ½ k ξ² in J."""
+        """Return the elastic energy ½ k ξ² in J."""
         return 0.5 * self.k * xi * xi
 
 
 @check.face
 def restitution(zeta: float) -> float:
-    """ε = exp(-2 ζ f(ζ)) of the clipped dashpot for a damping ratio ζ ≥ 0."""
+    """Return ε = exp(-2 ζ f(ζ)) of the clipped dashpot for a damping ratio ζ ≥ 0."""
     damping = check.number("zeta", zeta, at_least=0.0)
     return math.exp(-2.0 * damping * _half_duration(damping))
 
 
 @check.face
 def restitution_pulling(zeta: float) -> float:
-    """exp(-πζ/√(1-ζ²)) of a dashpot that is *not* clipped and pulls until the overlap is gone; 0 from ζ = 1 on."""
+    """Return ε of a dashpot that is *not* clipped at zero force.
+
+    It is exp(-πζ/√(1-ζ²)), and 0 for ζ ≥ 1. The force is attractive at the end of the contact, which lasts until the
+    overlap is 0.
+    """
     damping = check.number("zeta", zeta, at_least=0.0)
     return math.exp(-math.pi * damping / math.sqrt(1.0 - damping * damping)) if damping < 1.0 else 0.0
 
 
 @check.face
 def duration(zeta: float) -> float:
-    """ω₀ t_c = 2 f(ζ) of the clipped dashpot for a damping ratio ζ ≥ 0."""
+    """Return ω₀ t_c = 2 f(ζ) of the clipped dashpot for a damping ratio ζ ≥ 0."""
     return 2.0 * _half_duration(check.number("zeta", zeta, at_least=0.0))
 
 
 @check.face
 def damping_ratio(restitution: float) -> float:
-    """ζ of the clipped dashpot with the given restitution in (0, 1]: the exact inverse of `restitution`.
+    """Return ζ of the clipped dashpot with a given restitution in (0, 1].
 
-    With L = -ln(ε)/2 it solves y cot y = L, ζ = cos y (L < 1), or y coth y = L, ζ = cosh y (L > 1).
+    This is the exact inverse of `restitution`. With L = -ln(ε)/2 it solves y cot y = L, ζ = cos y (L < 1), or
+    y coth y = L, ζ = cosh y (L > 1).
     """
     length = 0.5 * abs(math.log(check.number("restitution", restitution, above=0.0, at_most=1.0)))
+    # critical damping, where both branches below are 0/0
     if length == 1.0:
         return 1.0
+    # near ε = 1 the complement z = π/2 - y keeps the digits of small ζ
     if length <= 0.5:
         return math.sin(_newton(_cot_complement, 2.0 * length / math.pi, length))
     tan, sin, cos, start = (math.tanh, math.sinh, math.cosh, length) if length > 1.0 else (
@@ -111,12 +145,17 @@ def damping_ratio(restitution: float) -> float:
 
 
 def _half_duration(zeta: float) -> float:
+    # √|1 - ζ²| in factors, without cancellation near ζ = 1
     root = math.sqrt(abs(1.0 - zeta)) * math.sqrt(1.0 + zeta)
     return 1.0 if root == 0.0 else math.atan2(root, zeta) / root if zeta < 1.0 else math.asinh(root) / root
 
 
 def _newton(curve: Callable[[float], tuple[float, float]], y: float, target: float) -> float:
-    """Solve value(y) = target by Newton's method for a `curve` that returns (value, slope)."""
+    """Solve value(y) = target by Newton's method.
+
+    `curve` returns (value, slope).
+    """
+    # converges quadratically; the limit only guards against steps that alternate by rounding
     for _ in range(100):
         value, slope = curve(y)
         step = (value - target) / slope if value != target else 0.0
@@ -127,6 +166,9 @@ def _newton(curve: Callable[[float], tuple[float, float]], y: float, target: flo
 
 
 def _cot_complement(z: float) -> tuple[float, float]:
-    """y cot y with y = π/2 - z, which keeps the digits of ζ = sin z towards ε = 1."""
+    """Return y cot y and its slope in z, with y = π/2 - z.
+
+    This keeps the digits of ζ = sin z near ε = 1.
+    """
     y, t = 0.5 * math.pi - z, math.tan(z)
     return y * t, y * (1.0 + t * t) - t

@@ -1,9 +1,12 @@
-"""Spheres: Hertz contact without damping, with viscoelastic damping, and with Tsuji's.
+"""Hertz contact of spheres: elastic, viscoelastic, or with Tsuji damping.
 
-Three rivals often confused: **viscoelastic** damping γ √ξ ξ̇ follows from the bulk viscosity of the spheres
-(Kuwabara & Kono 1987; Brilliantov, Spahn, Hertzsch & Pöschel 1996) and makes ε fall with speed; **Tsuji** damping
-α √(m_eff k) ξ^¼ ξ̇ (Tsuji, Tanaka & Ishida 1992) was chosen so that ε does *not* depend on speed; a **linear
-dashpot** (`LinearDashpot`) is neither.
+Three kinds of damping are often confused:
+
+* **Viscoelastic** damping γ √ξ ξ̇ follows from the bulk viscosity of the spheres (Kuwabara & Kono 1987; Brilliantov,
+  Spahn, Hertzsch & Pöschel 1996). Its ε decreases with speed.
+* **Tsuji** damping α √(m_eff k) ξ^¼ ξ̇ (Tsuji, Tanaka & Ishida 1992) was constructed so that ε does *not* depend on
+  speed.
+* A **linear dashpot** (`LinearDashpot`) is different from both.
 """
 
 from __future__ import annotations
@@ -17,23 +20,23 @@ from granular.laws.dashpot import _StiffAndDamped, damping_ratio
 from granular.scene import Pair, checked_pair
 
 Each = float | Sequence[float]
-"""A number for both bodies of a pair, or (lower, upper)."""
+"""One number for both bodies of a pair, or (lower, upper)."""
 
 
 class _Spheres(_StiffAndDamped):
-    """What the contacts of spheres share: they begin with k ξ^(3/2)."""
+    """Base of laws for spheres, whose force begins with k ξ^(3/2)."""
 
     exponent = 1.5
 
     def potential(self, xi: float, pair: Pair) -> float:
-        """Elastic energy (2/5) k ξ^(5/2) in J."""
+        """Return the elastic energy (2/5) k ξ^(5/2) in J."""
         return 0.4 * self.k * xi * xi * math.sqrt(xi)
 
 
 @check.face
 @dataclass(frozen=True)
 class Hertz(_Spheres):
-    """F = k ξ^(3/2), elastic.
+    """Elastic Hertz contact, F = k ξ^(3/2).
 
     Parameters
     ----------
@@ -45,28 +48,34 @@ class Hertz(_Spheres):
 
     @classmethod
     def from_material(cls, young: Each, poisson: Each, pair: Pair) -> Hertz:
-        """Return the contact of two bodies of known material, see `hertz_stiffness`.
+        """Return the contact of two bodies of given materials, see `hertz_stiffness`.
 
         Parameters
         ----------
         young, poisson : float or (lower, upper)
-            Young's modulus in Pa, Poisson's ratio; two numbers for bodies of two materials.
+            Young's modulus in Pa and Poisson's ratio. Two numbers stand for two materials.
+        pair : Pair
+            Pair with the effective radius.
+
+        Returns
+        -------
+        Hertz
         """
         return cls(hertz_stiffness(young, poisson, pair))
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        """Force in N at overlap `xi` in m."""
+        """Return the force in N at overlap `xi` in m."""
         return self.k * xi * math.sqrt(xi)
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Stiffness and exponent, damping and exponent: F = k ξ^(3/2)."""
+        """Return stiffness and exponent, damping and exponent: F = k ξ^(3/2)."""
         return self.k, 1.5, 0.0, 0.0
 
 
 @check.face
 @dataclass(frozen=True)
 class ViscoelasticHertz(_Spheres):
-    """F = k ξ^(3/2) + γ √ξ ξ̇, the paper's law for spheres.
+    """Viscoelastic spheres, the law of the paper: F = k ξ^(3/2) + γ √ξ ξ̇.
 
     Parameters
     ----------
@@ -85,23 +94,29 @@ class ViscoelasticHertz(_Spheres):
         cls, young: Each, poisson: Each, dissipation: float | None = None, pair: Pair | None = None, *,
         restitution: float | None = None, speed: float | None = None,
     ) -> ViscoelasticHertz:
-        """Return the contact of two bodies of known material, damped in one of two ways.
+        """Return the damped contact of two bodies of given materials.
+
+        The damping follows either from `dissipation`, or from `restitution` and `speed`.
 
         Parameters
         ----------
         young, poisson : float or (lower, upper)
-            Young's modulus in Pa, Poisson's ratio; two numbers for bodies of two materials, see `hertz_stiffness`.
+            Young's modulus in Pa and Poisson's ratio. Two numbers stand for two materials, see `hertz_stiffness`.
         dissipation : float
             Dissipative constant A in s: F = k (ξ^(3/2) + (3/2) A √ξ ξ̇).
         pair : Pair
-            Supplies m_eff and r_eff.
+            Pair with m_eff and r_eff.
         restitution, speed : float
-            In place of `dissipation`: ε in (0, 1] at an impact speed in m/s. It is larger for slower impacts.
+            Alternative to `dissipation`: ε in (0, 1] at an impact speed in m/s. Slower impacts have a larger ε.
+
+        Returns
+        -------
+        ViscoelasticHertz
 
         Raises
         ------
         ValueError
-            Unless there is either `dissipation`, or `restitution` and `speed`.
+            Unless either `dissipation`, or `restitution` and `speed`, are given.
         """
         k = hertz_stiffness(young, poisson, pair)
         ways = dissipation is not None, restitution is not None, speed is not None
@@ -114,27 +129,57 @@ class ViscoelasticHertz(_Spheres):
 
     @classmethod
     def from_restitution(cls, restitution: float, speed: float, k: float, pair: Pair) -> ViscoelasticHertz:
-        """Return the law of stiffness `k` with the given restitution in (0, 1] *at impact speed* `speed` in m/s."""
+        """Return the law with a given restitution *at one impact speed*.
+
+        Parameters
+        ----------
+        restitution : float
+            ε in (0, 1].
+        speed : float
+            Impact speed in m/s.
+        k : float
+            Stiffness in N/m^(3/2), positive.
+        pair : Pair
+            Pair with the effective mass.
+
+        Returns
+        -------
+        ViscoelasticHertz
+        """
         from granular.laws.viscoelastic_restitution import damping
 
         v, stiffness = check.number("speed", speed, above=0.0), check.number("k", k, above=0.0)
         return cls(k, damping(restitution) * stiffness**0.6 * checked_pair(pair).m_eff**0.4 / v**0.2)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
+        """Return the force in N before it is clipped at 0 by the engine.
+
+        Parameters
+        ----------
+        xi : float
+            Overlap in m.
+        xi_dot : float
+            Rate of the overlap in m/s.
+        pair : Pair
+            Not used.
+        """
         return math.sqrt(xi) * (self.k * xi + self.gamma * xi_dot)
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Stiffness and exponent, damping and exponent: F = k ξ^(3/2) + γ ξ^(1/2) ξ̇."""
+        """Return the coefficients of F = k ξ^(3/2) + γ ξ^(1/2) ξ̇.
+
+        They are stiffness and exponent, damping and exponent.
+        """
         return self.k, 1.5, self.gamma, 0.5
 
 
 @check.face
 @dataclass(frozen=True)
 class TsujiHertz(_Spheres):
-    """F = k ξ^(3/2) + α √(m_eff k) ξ^(1/4) ξ̇, whose restitution does not depend on speed.
+    """Hertz contact with Tsuji damping, whose restitution does not depend on speed.
 
-    An isolated contact maps exactly onto the clipped linear dashpot with damping ratio ζ = α / √5.
+    F = k ξ^(3/2) + α √(m_eff k) ξ^(1/4) ξ̇. An isolated contact maps exactly onto the clipped linear dashpot with
+    damping ratio ζ = α / √5.
 
     Parameters
     ----------
@@ -149,44 +194,77 @@ class TsujiHertz(_Spheres):
 
     @classmethod
     def from_restitution(cls, restitution: float, k: float) -> TsujiHertz:
-        """Return the law of stiffness `k` with the given restitution in (0, 1], at any speed: α = √5 ζ(ε)."""
+        """Return the law with a given restitution at any speed: α = √5 ζ(ε).
+
+        Parameters
+        ----------
+        restitution : float
+            ε in (0, 1].
+        k : float
+            Stiffness in N/m^(3/2), positive.
+
+        Returns
+        -------
+        TsujiHertz
+        """
         return cls(k, math.sqrt(5.0) * damping_ratio(restitution))
 
     @classmethod
     def from_material(cls, young: Each, poisson: Each, restitution: float, pair: Pair) -> TsujiHertz:
-        """Return the contact of two bodies of known material with the given restitution in (0, 1], at any speed.
+        """Return the contact of two materials with a given restitution at any speed.
 
         Parameters
         ----------
         young, poisson : float or (lower, upper)
-            Young's modulus in Pa, Poisson's ratio; two numbers for bodies of two materials, see `hertz_stiffness`.
+            Young's modulus in Pa and Poisson's ratio. Two numbers stand for two materials, see `hertz_stiffness`.
         restitution : float
             ε in (0, 1].
+        pair : Pair
+            Pair with the effective radius.
+
+        Returns
+        -------
+        TsujiHertz
         """
         return cls.from_restitution(restitution, hertz_stiffness(young, poisson, pair))
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
+        """Return the force in N before it is clipped at 0 by the engine.
+
+        Parameters
+        ----------
+        xi : float
+            Overlap in m.
+        xi_dot : float
+            Rate of the overlap in m/s.
+        pair : Pair
+            Pair with the effective mass.
+        """
         root = math.sqrt(xi)
         return self.k * xi * root + self.alpha * math.sqrt(pair.m_eff * self.k) * math.sqrt(root) * xi_dot
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Stiffness and exponent, damping and exponent: F = k ξ^(3/2) + γ ξ^(1/4) ξ̇, γ = α √(m_eff k)."""
+        """Return the coefficients of F = k ξ^(3/2) + γ ξ^(1/4) ξ̇.
+
+        They are stiffness and exponent, damping γ = α √(m_eff k) and exponent.
+        """
         return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
 
 
 @check.face
 def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
-    """(4/3) E* √r_eff in N/m^(3/2) with 1/E* = Σ (1 - ν²)/Y: the contact of two bodies.
+    """Return the Hertz stiffness (4/3) E* √r_eff of a pair in N/m^(3/2).
+
+    The effective modulus of the two bodies is 1/E* = Σ (1 - ν²)/Y.
 
     Parameters
     ----------
     young : float or (lower, upper)
-        Young's modulus Y in Pa, positive; two numbers for bodies of two materials.
+        Young's modulus Y in Pa, positive. Two numbers stand for two materials.
     poisson : float or (lower, upper)
         Poisson's ratio ν in [0, 0.5].
     pair : Pair
-        Supplies r_eff in m, which must be finite and positive.
+        Pair whose r_eff in m must be finite and positive.
     """
     modulus, nu = _of_both("young", young, above=0.0), _of_both("poisson", poisson, at_least=0.0, at_most=0.5)
     at = checked_pair(pair)
@@ -199,7 +277,7 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
 
 
 def _of_both(name: str, value: Each, **limits: float) -> list[float]:
-    """What is said of both bodies of a pair, or of each."""
+    """Return a checked property of both bodies, from one number or two."""
     if check.is_one(value):
         return [check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
     both = check.array(name, value, (2,), fix="one for both bodies, or (lower, upper)")

@@ -1,9 +1,15 @@
-"""The laws of a scene, asked once for every kind of pair (a gas of a million equal balls has one), and tried before a
-run: a mistake in a law is a sentence, not a wrong answer.
+"""Force laws of a scene: grouped into kinds of pairs, and tested before a run.
 
-A force that is no number, that changes from call to call, or that hangs on the rate alone, a trait that contradicts the
-force, or negative damping (a harder push while bodies part than while they approach, at the same overlap) is refused.
-What pulls is legal, and so is a force that sets in late (F = k (ξ - ξ₀)): the engine takes both for no force.
+Each law is resolved once per kind of pair. A gas of a million equal balls has one kind. A mistake in a law raises an
+error with one sentence instead of giving a wrong answer.
+
+The following laws are rejected:
+
+* the force is not a number, changes from call to call, or depends on the rate alone
+* a trait contradicts the force
+* the damping is negative: at the same overlap, the force is larger while bodies separate than while they approach
+
+An attractive force is allowed, and so is a force that begins late (F = k (ξ - ξ₀)). The engine replaces both by zero.
 """
 
 from __future__ import annotations
@@ -35,21 +41,21 @@ Kinds = np.ndarray[tuple[int], np.dtype[np.int32]]
 
 
 class SceneLaws:
-    """One `PairLaw` per pair, made when it is asked for.
+    """Sequence of one `PairLaw` per pair, created on access.
 
     Attributes
     ----------
     given : tuple
-        The laws as they were given, one per pair.
+        Laws as given, one per pair.
     kind : (n-1,) array of int
-        Which of `each` a pair is of.
+        Index in `each` for every pair.
     each : list of PairLaw
-        The laws that say different things of themselves, each in the first pair of its kind: a form, memory, traits.
-        What follows from them may differ with the sizes of a pair, see `in_pairs`.
+        Laws with different traits, each in the first pair of its kind: form, memory and other traits. Quantities
+        computed from them can depend on the sizes of a pair, see `in_pairs`.
     sound : bool
-        Whether what they say of themselves is known to be true, whatever the speed; see `checked`.
+        Whether the traits are known to be true at every speed, see `checked`.
     notes : dict
-        What engines know of them, by names of their own: what hangs on laws and sizes alone.
+        Results cached by engines, which depend on laws and sizes alone. Each engine uses keys of its own.
     """
 
     def __init__(self, given: tuple[Any, ...], pairs: Pairs, kind: Kinds, each: list[PairLaw]) -> None:
@@ -67,7 +73,7 @@ class SceneLaws:
 
     @property
     def in_pairs(self) -> tuple[Kinds, list[PairLaw]]:
-        """Which of some laws a pair has, and these laws: one for every law in pairs of equal sizes."""
+        """Index for every pair, and the laws: one for every law in pairs of equal sizes."""
         if "in_pairs" not in self.notes:
             kind, first = alike(self.kind, self._pairs.m_eff, self._pairs.r_eff)
             self.notes["in_pairs"] = kind, [self[c] for c in first.tolist()]
@@ -76,24 +82,24 @@ class SceneLaws:
 
     @property
     def elastic(self) -> bool:
-        """Whether every law is elastic by declaration."""
+        """Whether every law is elastic according to its traits."""
         return all(law.is_elastic for law in self.each)
 
     def column(self, value: Callable[[PairLaw], Any]) -> Any:
-        """An array with the value of its law for every pair."""
+        """Return an array with a value computed from the law of every pair."""
         kind, each = self.in_pairs
         return np.array([value(law) for law in each])[kind]
 
 
 FEW, REMEMBERED = 64, 64
-"""Pairs of scenes whose laws are remembered, and how many scenes' are."""
+"""Largest number of pairs of a cached scene, and number of cached scenes."""
 
 
 def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
-    """Ask the laws of a scene, one per pair, what they are; once where they do not ask for their pair.
+    """Resolve the laws of a scene, given as one law per pair.
 
-    What laws of this package are in small scenes is remembered: the next scene of the same laws, to the bit, and sizes
-    asks none.
+    Each law is resolved once if its traits do not depend on the pair. For laws of this package in small scenes the
+    result is cached. A later scene with the same laws and sizes, bit by bit, reuses it.
     """
     if isinstance(laws, SceneLaws):
         return laws
@@ -110,7 +116,10 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
 
 
 def _floats_of(law: Any) -> tuple[type, tuple[str, ...], bytes] | None:
-    """Return the class of a law of this package, and all that it holds, to the bit, if that is nothing but floats."""
+    """Return the class of a law, its field names and its values as bytes, or None.
+
+    None is returned unless the law belongs to this package and all its values are floats.
+    """
     holds = getattr(law, "__dict__", {"": None})
     if is_own(law) or not {float}.issuperset(map(type, holds.values())):
         return None
@@ -124,12 +133,13 @@ def _remembered(floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: 
     laws.sound = all(one.form is not None for one in laws.each)
     if laws.sound:
         _check_said(laws)
-        laws.notes["records"] = None  # of the engine that solves a scene of these laws; None while there are none
+        laws.notes["records"] = None  # key of the engine that solves a scene of these laws
     return laws
 
 
 def _asked(given: tuple[Any, ...], pairs: Pairs) -> SceneLaws:
     kind, first = alike(_kinds_of(given))
+    # refine the kinds in two stages: laws that need the sizes, then laws that need the number of the pair
     sized = np.array([not _says(given[c], UNKNOWN, formless=False) for c in first.tolist()])[kind]
     kind, first = alike(kind, np.where(sized, pairs.m_eff, 0.0), np.where(sized, pairs.r_eff, 0.0))
     numbered = np.array([
@@ -140,7 +150,13 @@ def _asked(given: tuple[Any, ...], pairs: Pairs) -> SceneLaws:
 
 
 def alike(*columns: Array | Ints | Kinds) -> tuple[Kinds, Ints]:
-    """Number the different rows of some columns, in the order in which they come; return also where each is first."""
+    """Number the different rows of some columns, in order of occurrence.
+
+    Returns
+    -------
+    kind, first : arrays
+        Number of every row, and index of the first row with each number.
+    """
     varying = [column.tolist() for column in columns if (column != column[0]).any()]
     if not varying:
         return np.zeros(len(columns[0]), np.int32), np.zeros(1, np.int64)
@@ -154,22 +170,27 @@ def _numbered(keys: Iterable[Any]) -> tuple[Kinds, Ints]:
 
 
 def _kinds_of(laws: tuple[Any, ...]) -> Kinds:
-    """Number the different laws: those that are frozen are the same if all that they hold is."""
+    """Number the different laws.
+
+    Frozen laws with equal contents have the same number.
+    """
     kind, first = alike(np.fromiter(map(id, laws), np.int64, len(laws)))
     each = [instance(f"law of pair {c}", laws[c]) for c in first.tolist()]
     return _numbered(held(law) or id(law) for law in each)[0][kind]
 
 
 VALUES = (type(None), bool, int, float, str, bytes, np.generic, Enum, type, types.BuiltinFunctionType, np.ufunc)
-"""What cannot change."""
+"""Types whose objects cannot change."""
 
 
 def held(law: Any) -> tuple[Any, ...] | None:
-    """All that a frozen law holds, as one value: what is equal in it computes the same. None of a law that may change.
+    """Return the contents of a frozen law as one hashable value, or None.
+
+    Laws with equal contents compute the same force. None is returned for a law that can change.
     """
     cls = type(law)
     frozen = getattr(getattr(cls, "__dataclass_params__", None), "frozen", False)
-    if not frozen or any("__slots__" in vars(one) for one in cls.__mro__):  # not all that it holds is in its dict
+    if not frozen or any("__slots__" in vars(one) for one in cls.__mro__):  # vars() would not contain all fields
         return None
     key = (cls, *vars(law).items())
     try:
@@ -180,7 +201,10 @@ def held(law: Any) -> tuple[Any, ...] | None:
 
 
 def _is_value(held_by: Any) -> bool:
-    """Whether something cannot change: what is hashed by its identity may be another tomorrow."""
+    """Return whether an object cannot change.
+
+    An object that is hashed by its identity can change.
+    """
     if isinstance(held_by, (tuple, frozenset)):
         return all(map(_is_value, held_by))
     if isinstance(held_by, types.FunctionType):
@@ -189,7 +213,7 @@ def _is_value(held_by: Any) -> bool:
 
 
 class _Unknown:
-    """What nothing can be asked of, nor compared with."""
+    """Placeholder without any attribute, which cannot be compared."""
 
     __eq__ = __hash__ = __bool__ = None  # type: ignore[assignment]
 
@@ -198,25 +222,31 @@ UNKNOWN: Any = _Unknown()
 
 
 def _says(law: Any, pair: Any, formless: bool = True) -> bool:
-    """Whether a law says what it is in a pair of which not all is known; one without a form hangs on the sizes."""
+    """Return whether the traits of a law do not need the unknown properties of a pair.
+
+    If `formless` is false, the law must also have a form, because a law without a form depends on the sizes.
+    """
     try:
         found = resolve(law, pair)
         found.force(1e-9, 0.0, 1e-9)
-    except Exception:  # what is wrong with it is said where it is asked in earnest
+    except Exception:  # any error is raised again when the law is resolved in a real pair
         return False
     return formless or found.form is not None
 
 
 RUNG = 4.0
-"""Ratio of the overlaps at which a law is tried before a run."""
+"""Ratio of successive overlaps at which a law is tested before a run."""
 TRIED = 256
-"""How many different pairs are tried."""
+"""Maximum number of different pairs that are tested."""
 SLOW = 1e-6
-"""Rate in m/s at which a law is tried in a scene at rest."""
+"""Rate in m/s at which a law is tested in a scene at rest."""
 
 
 def checked(law: Any, scene: Scene) -> SceneLaws:
-    """Return the laws of all pairs, or raise: each must give finite numbers, and traits that agree with its force."""
+    """Return the laws of all pairs after a test of each law.
+
+    Raises `ValueError` if a force is not a finite number, or if a trait does not agree with the force.
+    """
     laws = resolved(per_pair("law", law, scene.n_pairs), scene)
     if laws.sound:
         return laws
@@ -234,7 +264,7 @@ def checked(law: Any, scene: Scene) -> SceneLaws:
 
 
 def _check_said(laws: SceneLaws) -> None:
-    """Raise if what laws with a form say does not agree with their forces."""
+    """Raise `ValueError` if the form or the potential of a law contradicts its force."""
     for number, one in enumerate(laws.each):
         if one.form is not None:
             _check_form(one, *one.form)
@@ -243,19 +273,26 @@ def _check_said(laws: SceneLaws) -> None:
 
 
 def check_deepest(laws: SceneLaws, contacts: Any) -> None:
-    """Raise if a force is no number at the largest overlap in a contact log: fixed steps take that for no force."""
+    """Raise `ValueError` if a force is not finite at the largest overlap of a contact.
+
+    Fixed-step integrators would otherwise treat that value as zero force.
+    """
     deepest, (kind, each) = np.zeros(len(laws)), laws.in_pairs
     np.maximum.at(deepest, contacts["pair"], contacts["xi_max"])
     for c in np.flatnonzero(deepest > 0.0).tolist():
         try:
             finite(each[kind[c]], float(deepest[c]), 0.0)
         except ValueError:
-            finite(laws[c], float(deepest[c]), 0.0)  # the same, said of this very pair
+            finite(laws[c], float(deepest[c]), 0.0)  # the same error with the number of this pair
 
 
 def _probed(law: PairLaw, speed: float) -> float:
-    """Evaluate the force up to overlaps (m) that an impact at `speed` is sure to reach, and return the last of them."""
+    """Test the force up to the overlap of an impact at `speed`.
+
+    Returns the largest overlap (m) of the test.
+    """
     deepest = _size(law)
+    # from far below typical overlaps up to the radius
     xi, energy, dampings = 1e-10 * deepest, 0.5 * law.pair.m_eff * speed * speed, set()
     speed = speed or SLOW
     while True:
@@ -264,27 +301,30 @@ def _probed(law: PairLaw, speed: float) -> float:
         for rate, moving in ((speed, closing), (-speed, parting)):
             if not law.rate_dependent and abs(moving - force) > 1e-9 * abs(force):
                 raise _denied(law, xi, rate)
+        # 1e-9 allows for rounding in the expression of the law
         if parting > max(0.0, closing) + 1e-9 * abs(closing):
             raise _gains(law, xi, speed)
+        # the impact certainly stops before the next overlap
         if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > deepest:
             break
         xi *= RUNG
+    # the same push at every overlap, and no push at rest
     if len(dampings) == 1 and (damping := dampings.pop()) > 0.0:
         raise _without_spring(law, damping, speed)
     return xi
 
 
 def _size(law: PairLaw) -> float:
-    """Return r_eff of a pair in m, 1 m of points."""
+    """Return r_eff of a pair in m, or 1 m for point particles."""
     return law.pair.r_eff if 0.0 < law.pair.r_eff < math.inf else 1.0
 
 
 def _check_pure(law: PairLaw, speed: float) -> None:
-    """Raise if a law, asked the same again a little later, gives another force."""
+    """Raise `ValueError` if a law returns different forces for the same arguments."""
     asked = [(share * _size(law), rate) for share in (1e-8, 1e-4) for rate in (speed, 0.0, -speed)]
     before: dict[tuple[float, float], float] = {}
     for at in asked:
-        with suppress(ArithmeticError):  # beyond what a law is made for, as its own exponentials may be
+        with suppress(ArithmeticError):  # outside the range of the law, such as an overflow of its exponentials
             before[at] = finite(law, *at)
     for at, first in before.items():
         if (again := finite(law, *at)) != first:
@@ -293,7 +333,10 @@ def _check_pure(law: PairLaw, speed: float) -> None:
 
 
 def _check_potential(law: PairLaw, said: float, xi: float) -> None:
-    """Raise if the potential of a law is not the integral of its force from 0 to `xi`."""
+    """Raise `ValueError` if the potential is not the integral of the force.
+
+    The integral is taken from 0 to `xi`.
+    """
     if law.form is not None:
         k, p = law.form[:2]
         got, doubt = k * math.pow(xi, p + 1.0) / (p + 1.0), 0.0
@@ -307,7 +350,11 @@ def _check_potential(law: PairLaw, said: float, xi: float) -> None:
 
 
 def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> None:
-    """Raise if the force of a law is not the form that it says, or the form gains energy, or has a rate denied."""
+    """Raise `ValueError` if the form of a law contradicts its force or its traits.
+
+    The form must also not gain energy.
+    """
+    # dyadic arguments, so that products with them are exact
     for xi, rate in ((0.25, 0.5), (0.5, -0.25)):
         said, got = k * math.pow(xi, p) + gamma * math.pow(xi, d) * rate, law.force(xi, rate, xi)
         if not abs(got - said) <= 1e-9 * (abs(k) + abs(gamma)):
@@ -322,20 +369,23 @@ def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> Non
 
 
 def _without_spring(law: PairLaw, damping: float, speed: float) -> ValueError:
-    """Return the error of a law whose force hangs on the rate alone: bodies would creep into each other for good."""
-    return refused(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and no "
-                         "push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")
+    """Return the error for a law whose force depends on the rate alone.
+
+    Under such a law bodies would overlap more and more.
+    """
+    return refused(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and "
+                         "no push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")
 
 
 def _denied(law: PairLaw, xi: float, rate: float) -> ValueError:
-    """Return the error of a law whose force depends on the rate although it says that it does not."""
+    """Return the error for a law whose force depends on the rate, against its trait."""
     still, moving = law.force(xi, 0.0, xi), law.force(xi, rate, xi)
     return refused(law, f"force({xi:.6g}, 0) gives {still!r} but force({xi:.6g}, {rate:.6g}) gives {moving!r}, "
                          "although rate_dependent is False; mend the trait or leave it out.")
 
 
 def _gains(law: PairLaw, xi: float, speed: float) -> ValueError:
-    """Return the error of a law that pushes harder while bodies part than while they approach."""
+    """Return the error for a law whose force is larger in separation than in approach."""
     closing, parting = (max(0.0, law.force(xi, rate, xi)) for rate in (speed, -speed))
     return refused(law, f"at overlap ξ = {xi:.6g} m it pushes with {parting:.6g} N while the bodies part and with "
                          f"{closing:.6g} N while they approach at {speed:.6g} m/s, and so gains energy; damping that "

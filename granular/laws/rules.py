@@ -1,7 +1,7 @@
-"""Collision rules for hard spheres: the coefficient of restitution as a number, a table, a formula or any callable.
+"""Restitution rules for hard spheres: constants, tables, formulas and callables.
 
-A rule is called as ``rule(speed, pair)`` with the impact speed in m/s (positive) and the `Pair`, and returns the
-coefficient of restitution ε in [0, 1], minus the ratio of the relative velocities after and before the impact.
+A rule is called as ``rule(speed, pair)`` with the impact speed in m/s (positive) and the `Pair`. It returns the
+coefficient of restitution ε in [0, 1], which is minus the ratio of the relative velocities after and before the impact.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ Rule = Callable[[float, Pair], float]
 @check.face
 @dataclass(frozen=True)
 class ConstantRestitution:
-    """The same coefficient of restitution at every speed.
+    """Coefficient of restitution that is the same at every speed.
 
     Parameters
     ----------
     restitution : float or sequence of float
-        ε in [0, 1]: one for all pairs, or one per pair from the bottom up. 1 is elastic; 0 for all pairs means
-        balls that stick.
+        ε in [0, 1]: one for all pairs, or one per pair from the bottom up. 1 is elastic. With 0 for all pairs, balls
+        stick together.
 
     Raises
     ------
     TypeError, ValueError
-        For a value that is no number in [0, 1].
+        If a value is not a number in [0, 1].
     """
 
     restitution: float | tuple[float, ...]
@@ -54,17 +54,17 @@ class ConstantRestitution:
         object.__setattr__(self, name, value)
 
     def __call__(self, speed: float, pair: Pair) -> float:
-        """Return ε of `pair`; the speed does not matter."""
+        """Return ε of `pair` at any speed."""
         return self.restitution if isinstance(self.restitution, float) else self.restitution[pair.index]
 
 
 @check.face
 @dataclass(frozen=True, eq=False)
 class TabulatedRestitution:
-    """A table of restitution over impact speed, from experiment or from a force law.
+    """Table of the restitution against impact speed, from experiments or a force law.
 
-    Linear in speed between the entries; below the first and above the last entry the end value is held (a table
-    says nothing there, so give it the range you need).
+    The restitution is interpolated linearly in speed. Outside the table it is constant and equal to the first or the
+    last entry, so the table should cover the required range.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class TabulatedRestitution:
     Raises
     ------
     TypeError, ValueError
-        With the entry that is wrong.
+        If an entry is invalid. The message names it.
     """
 
     speed: check.Array
@@ -88,7 +88,7 @@ class TabulatedRestitution:
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
     def __call__(self, speed: float, pair: Pair) -> float:
-        """Return ε at impact `speed` (m/s); the same for every pair."""
+        """Return ε at impact `speed` (m/s), the same for every pair."""
         v, e = self.__dict__["_rows"]
         k = bisect_right(v, speed)
         if k == 0 or speed >= v[-1]:
@@ -99,20 +99,21 @@ class TabulatedRestitution:
 @check.face
 @dataclass(frozen=True)
 class ThorntonRestitution:
-    """Spheres that are elastic up to a limiting contact pressure and yield beyond it, without rate effects.
+    """Elastic-plastic spheres with a limiting contact pressure, without rate effects.
 
-    Hertz contact up to the yield speed; above it the pressure stays at its limit p_y while the contact grows, so the
-    force rises linearly, and the flattened contact unloads as a Hertz contact of larger radius. With r = v_y/v:
+    Up to the yield speed the contact is a Hertz contact. Above it the pressure stays at its limit p_y while the contact
+    area grows, so the force increases linearly. The flattened contact unloads as a Hertz contact of larger radius.
+    With r = v_y/v:
 
         ε² = (6/5) (1 - r²/6) / √s,      s = 1/3 + (2/3) √(6/5 - r²/5) / r      for v > v_y, else ε = 1,
 
-    where s is the largest overlap in units of that at first yield. The same as Thornton's (1997)
-    ε = (6√3/5)^½ (1 - r²/6)^½ [r / (r + 2 √(6/5 - r²/5))]^¼; for fast impacts ε → 1.1850 (v_y/v)^¼.
+    where s is the ratio of the largest overlap to the overlap at first yield. This equals the formula of Thornton
+    (1997), ε = (6√3/5)^½ (1 - r²/6)^½ [r / (r + 2 √(6/5 - r²/5))]^¼. For fast impacts ε → 1.1850 (v_y/v)^¼.
 
     Parameters
     ----------
     yield_speed : float
-        v_y in m/s, positive: the impact speed from which on the material yields.
+        v_y in m/s, positive: the lowest impact speed at which the material yields.
 
     References
     ----------
@@ -128,17 +129,21 @@ class ThorntonRestitution:
     def from_material(cls, young: float, poisson: float, yield_pressure: float, pair: Pair) -> ThorntonRestitution:
         """Return the rule of `pair` for two bodies of one material.
 
-        v_y = (π / (2 E*))² √(8 π r_eff³ / (15 m_eff)) p_y^(5/2), E* = Y / (2 (1 - ν²)): the speed at which the largest
-        pressure of a Hertz contact, 2 E* √(ξ/r_eff) / π, just reaches p_y.
+        The yield speed is v_y = (π / (2 E*))² √(8 π r_eff³ / (15 m_eff)) p_y^(5/2) with E* = Y / (2 (1 - ν²)). At this
+        speed the largest pressure of a Hertz contact, 2 E* √(ξ/r_eff) / π, reaches p_y.
 
         Parameters
         ----------
         young, poisson : float
-            Young's modulus Y in Pa, Poisson's ratio ν in [0, 0.5].
+            Young's modulus Y in Pa, and Poisson's ratio ν in [0, 0.5].
         yield_pressure : float
-            Limiting contact pressure p_y in Pa; ductile metals first yield at 1.6 times their yield stress.
+            Limiting contact pressure p_y in Pa. Ductile metals first yield at 1.6 times their yield stress.
         pair : Pair
-            Supplies m_eff and r_eff.
+            Pair with m_eff and r_eff.
+
+        Returns
+        -------
+        ThorntonRestitution
         """
         nu = check.number("poisson", poisson, at_least=0.0, at_most=0.5)
         modulus = check.number("young", young, above=0.0) / (2.0 * (1.0 - nu * nu))
@@ -149,22 +154,29 @@ class ThorntonRestitution:
         return cls((0.5 * math.pi * pressure / modulus) ** 2 * shape)
 
     def __call__(self, speed: float, pair: Pair) -> float:
-        """Return ε at impact `speed` (m/s); the same for every pair."""
+        """Return ε at impact `speed` (m/s), the same for every pair."""
         if speed <= self.yield_speed:
             return 1.0
         r = self.yield_speed / speed
+        # r can underflow to 0 for very fast impacts
         depth = (r + 2.0 * math.sqrt(1.2 - 0.2 * r * r)) / (3.0 * r) if r > 0.0 else math.inf
         return math.sqrt(1.2 * (1.0 - r * r / 6.0) / math.sqrt(depth))
 
 
 def _unit(values: check.Array, fix: str = "") -> check.Array:
-    """Return coefficients of restitution if all of them are such, else raise."""
+    """Return coefficients of restitution if all are in [0, 1].
+
+    Else raise `ValueError`.
+    """
     check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
     return values
 
 
 def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
-    """Return ``rule(speed, pair)`` as a float, or raise the sentence that says what is wrong with it."""
+    """Return ``rule(speed, pair)`` as a float.
+
+    Raises `ValueError` with a sentence if it is not a number in [0, 1].
+    """
     value, e = rule(speed, pair), math.nan
     with suppress(TypeError, ValueError):
         e = math.nan if isinstance(value, (str, bytes)) else float(value)
@@ -177,7 +189,11 @@ def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
 
 
 def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
-    """Spread one rule over all `pairs`, or check a list with one per pair; raise if it does not fit."""
+    """Return one rule per pair.
+
+    `rule` is one rule for all pairs, or a list with one per pair. Raises `TypeError` or `ValueError` if a rule is not
+    callable or does not fit the pairs.
+    """
     rules = check.per_pair("rule", rule, len(pairs))
     for one in different(rules):
         if not callable(one):
@@ -194,11 +210,14 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
 
 
 def elastic(rules: Sequence[Rule]) -> bool:
-    """Return whether all rules declare ε = 1 at every speed. A callable of the caller declares nothing."""
+    """Return whether all rules are known to give ε = 1 at every speed.
+
+    This is never known for a callable of the user.
+    """
     for rule in different(rules):
         if check.is_own(rule):
             return False
-        if hasattr(rule, "laws"):  # a `granular.binary.LawRestitution`, which loads far more than this
+        if hasattr(rule, "laws"):  # a `granular.binary.LawRestitution`, whose module is expensive to import
             from granular.laws.contact_law import dissipative_traits
 
             if any(any(dissipative_traits(law)) for law in rule.laws):
@@ -209,7 +228,7 @@ def elastic(rules: Sequence[Rule]) -> bool:
 
 
 def different(rules: Sequence[Rule]) -> list[Rule]:
-    """Return the different ones of some rules."""
+    """Return the distinct rules, without repetitions."""
     if all(map(is_, rules, repeat(rules[0]))):
         return [rules[0]]
     return list(dict(zip(map(id, rules), rules, strict=True)).values())

@@ -1,4 +1,4 @@
-"""Laws without a rate, contacts under a static force, and the end of a chain that absorbs waves."""
+"""Rate-independent laws, contacts under a static force, absorbing chain ends."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from granular.scene import Pair
 
 __all__ = ["MatchedEnd", "PowerLaw", "WaltonBraun"]
 SHARE = 0.1
-"""Overlap, in effective radii, of a contact whose law gives the force asked for at every overlap."""
+"""Overlap, in effective radii, of a contact whose force does not depend on it."""
 
 SAME = 1e-12
-"""Forces that differ by no more of themselves are the same."""
+"""Relative difference below which forces count as equal."""
 
 
 @check.face
 @dataclass(frozen=True)
 class PowerLaw:
-    """F = k ξ^n, elastic (overlap potential; *not* an inverse power of the distance).
+    """Elastic power law of the overlap, F = k ξ^n.
+
+    It is *not* an inverse power of the distance.
 
     Parameters
     ----------
@@ -40,26 +42,27 @@ class PowerLaw:
         check.number("exponent", self.exponent, at_least=1.0)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        """Force in N at overlap `xi` in m."""
+        """Return the force in N at overlap `xi` in m."""
         return self.k * math.pow(xi, self.exponent)
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Stiffness and exponent, damping and exponent: F = k ξ^n."""
+        """Return stiffness and exponent, damping and exponent: F = k ξ^n."""
         return self.k, self.exponent, 0.0, 0.0
 
     def potential(self, xi: float, pair: Pair) -> float:
-        """Elastic energy k ξ^(n+1) / (n+1) in J."""
+        """Return the elastic energy k ξ^(n+1) / (n+1) in J."""
         return self.k * math.pow(xi, self.exponent + 1.0) / (self.exponent + 1.0)
 
 
 @check.face
 @dataclass(frozen=True)
 class WaltonBraun:
-    """F = min(k_load ξ, k_load ξ_max - k_unload (ξ_max - ξ)): plastic loss without a rate (Walton & Braun 1986).
+    """Plastic contact without rate dependence (Walton & Braun 1986).
 
-    Loading follows k_load ξ; unloading and reloading follow the steeper line through the largest overlap ξ_max so
-    far, until ξ exceeds it. An isolated contact ends at ξ = (1 - k_load/k_unload) ξ_max with restitution
-    ε = √(k_load/k_unload) after t_c = (π/2) (√(m_eff/k_load) + √(m_eff/k_unload)).
+    F = min(k_load ξ, k_load ξ_max - k_unload (ξ_max - ξ)). Loading follows k_load ξ. Unloading and reloading follow the
+    steeper line through the largest overlap ξ_max so far, until ξ exceeds it. An isolated contact ends at
+    ξ = (1 - k_load/k_unload) ξ_max with restitution ε = √(k_load/k_unload) after
+    t_c = (π/2) (√(m_eff/k_load) + √(m_eff/k_unload)).
 
     Parameters
     ----------
@@ -81,20 +84,49 @@ class WaltonBraun:
 
     @classmethod
     def from_restitution(cls, restitution: float, k_load: float) -> WaltonBraun:
-        """Return the law with loading stiffness `k_load` and the given restitution in (0, 1]: k_load / ε²."""
+        """Return the law with a given restitution.
+
+        The unloading stiffness is k_load / ε².
+
+        Parameters
+        ----------
+        restitution : float
+            ε in (0, 1].
+        k_load : float
+            Loading stiffness in N/m, positive.
+
+        Returns
+        -------
+        WaltonBraun
+        """
         eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
         return cls(k_load, check.number("k_load", k_load, above=0.0) / (eps * eps))
 
     def force(self, xi: float, xi_dot: float, pair: Pair, xi_max: float) -> float:
-        """Force in N at overlap `xi` in m, given the largest overlap `xi_max` ≥ `xi` since the bodies last parted."""
+        """Return the force in N before it is clipped at 0 by the engine.
+
+        Parameters
+        ----------
+        xi : float
+            Overlap in m.
+        xi_dot : float
+            Not used.
+        pair : Pair
+            Not used.
+        xi_max : float
+            Largest overlap in m since the bodies last separated, `xi_max` ≥ `xi`.
+        """
         return min(self.k_load * xi, self.k_load * xi_max - self.k_unload * (xi_max - xi))
 
     def restitution(self) -> float:
-        """√(k_load / k_unload)."""
+        """Return the restitution √(k_load / k_unload)."""
         return math.sqrt(self.k_load / self.k_unload)
 
     def isolated(self, pair: Pair, speed: float) -> tuple[float, float, float, float, float]:
-        """ε, t_c in s, largest overlap in m and force in N, and the overlap in m at the end of an isolated contact."""
+        """Return five properties of an isolated contact at an approach `speed` in m/s.
+
+        They are ε, t_c in s, largest overlap in m, largest force in N, and the overlap in m at the end.
+        """
         eps, omega = self.restitution(), math.sqrt(self.k_load / pair.m_eff)
         deepest = speed / omega
         return eps, 0.5 * math.pi * (1.0 + eps) / omega, deepest, self.k_load * deepest, (1.0 - eps * eps) * deepest
@@ -103,22 +135,24 @@ class WaltonBraun:
 @check.face
 @dataclass(frozen=True)
 class MatchedEnd:
-    """F = F₀ + √(K m) ξ̇ between the last ball of a chain, of mass m, and a wall, for waves that are not to come back.
+    """Absorbing end of a chain: F = F₀ + √(K m) ξ̇ between its last ball and a wall.
 
-    √(K m) is the resistance of an endless chain to slow waves. It is clipped only where √(K m) |ξ̇| > F₀; a dashpot
-    alone would be half of the time. A wave of frequency ω comes back with tan(θ/4) of its amplitude, where θ is its
-    phase from ball to ball, ω = ω_c sin(θ/2) with the cut-off ω_c.
+    m is the mass of the last ball. √(K m) is the resistance of an infinite chain to slow waves. The force is clipped
+    only where √(K m) |ξ̇| > F₀, while a dashpot alone would be clipped half of the time. A wave of frequency ω is
+    reflected with tan(θ/4) of its amplitude. θ is its phase difference from ball to ball, ω = ω_c sin(θ/2) with the
+    cut-off frequency ω_c.
 
     Parameters
     ----------
     load : float
-        F₀ in N, positive: the static force in the chain.
+        F₀ in N, positive: static force in the chain.
     stiffness : float
-        Stiffness K of its contacts under that force, in N/m, see `granular.waves.stiffness`.
+        Stiffness K in N/m of the contacts of the chain under that force, see `granular.waves.stiffness`.
 
     Notes
     -----
-    It bears F₀ at every overlap: nothing brings the last ball back to where it was.
+    The static force F₀ is the same at every overlap. The last ball therefore does not return to its
+    initial position.
     """
 
     load: float
@@ -129,19 +163,29 @@ class MatchedEnd:
         check.number("stiffness", self.stiffness, above=0.0)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
+        """Return the force in N before it is clipped at 0 by the engine.
+
+        Parameters
+        ----------
+        xi : float
+            Not used.
+        xi_dot : float
+            Rate of the overlap in m/s.
+        pair : Pair
+            Pair with the effective mass.
+        """
         return self.load + math.sqrt(self.stiffness * pair.m_eff) * xi_dot
 
     def potential(self, xi: float, pair: Pair) -> float:
-        """Elastic energy F₀ ξ in J."""
+        """Return the elastic energy F₀ ξ in J."""
         return self.load * xi
 
 
 def overlap_under(law: PairLaw, force: float) -> float:
-    """Return the overlap in m at which a contact at rest pushes with `force` in N.
+    """Return the overlap in m at which the force of a contact at rest is `force` in N.
 
-    (F/k)^(1/p) of a power law, by bisection to the last digit of any other; a tenth of r_eff where the overlap does not
-    matter, as at a `MatchedEnd`.
+    It is (F/k)^(1/p) for a power law, and the result of a bisection to the last digit for other laws. If the force
+    does not depend on the overlap, as for a `MatchedEnd`, it is a tenth of r_eff.
 
     Raises
     ------
@@ -153,7 +197,9 @@ def overlap_under(law: PairLaw, force: float) -> float:
     if law.form is not None:
         return math.pow(force / law.form[0], 1.0 / law.form[1]) if law.form[0] > 0.0 else _none(law, force)
     size = law.pair.r_eff if 0.0 < law.pair.r_eff < math.inf else 1.0
-    if all(abs(at_rest(law, share * size) - force) <= SAME * force for share in (1e-9, SHARE)):
+    # a force that is constant over 8 decades of overlap does not determine it
+    if all(abs(at_rest(law, share * size) - force) <= SAME * force
+           for share in (1e-9, SHARE)):
         return SHARE * size
     high = size
     while not at_rest(law, high) >= force:
@@ -161,15 +207,17 @@ def overlap_under(law: PairLaw, force: float) -> float:
     low = high
     while at_rest(law, low) >= force:
         low = 0.5 * low if low > 1e-100 * size else _none(law, force)
+    # until no float lies between the bounds
     while (middle := low + 0.5 * (high - low)) not in (low, high):
         low, high = (low, middle) if at_rest(law, middle) >= force else (middle, high)
     return high
 
 
 def stiffness_at(law: PairLaw, xi: float) -> float:
-    """Return the stiffness dF/dξ in N/m of a contact at overlap `xi` in m and rest; 0 without an overlap.
+    """Return the stiffness dF/dξ in N/m of a contact at overlap `xi` in m and rest.
 
-    Of a law with memory, that of the unloading which begins there: it is what small swings meet.
+    It is 0 without an overlap. For a law with memory it is the stiffness of the unloading that begins there, which
+    applies to small oscillations.
     """
     if not xi > 0.0:
         return 0.0
@@ -178,13 +226,16 @@ def stiffness_at(law: PairLaw, xi: float) -> float:
         return k * p * math.pow(xi, p - 1.0)
     if law.memory:
         return law.tangent(xi)[0]
-    h = 1e-3 * xi  # central differences of order 4: wrong by 4e-12 of the stiffness, for forces like powers of ξ
+    h = 1e-3 * xi  # central differences of order 4: relative error 4e-12 for powers of ξ
     near, far = (at_rest(law, xi + j * h) - at_rest(law, xi - j * h) for j in (1, 2))
     return (8.0 * near - far) / (12.0 * h)
 
 
 def at_rest(law: PairLaw, xi: float) -> float:
-    """Return the force in N at overlap `xi` in m and rest, at first loading, or raise if it is no number."""
+    """Return the force in N at overlap `xi` in m and rest, at first loading.
+
+    Raises `ValueError` if it is not a finite number.
+    """
     return finite(law, xi, 0.0)
 
 

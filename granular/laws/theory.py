@@ -1,11 +1,11 @@
-"""Closed forms: what independent, instantaneous collisions predict.
+"""Closed forms for independent, instantaneous collisions.
 
-The *independent-collision model* (ICM) of Müller & Pöschel (PRE 83, 041304, 2011): two balls fall on a floor; the lower
-one bounces first and then meets the upper one, and no two collisions overlap in time. Then stacks, tapered chains and
-the bouncing ball in the same spirit. Velocities are positive upwards. Every form is free of cancellation except
-where its value itself goes through zero.
+The *independent-collision model* (ICM) of Müller & Pöschel (PRE 83, 041304, 2011) describes two balls that fall on a
+floor. The lower ball bounces first and then meets the upper ball, and no two collisions overlap in time. Further
+functions describe stacks, tapered chains and the bouncing ball under the same assumption. Velocities are positive
+upwards. No formula suffers from cancellation, except where its value passes through zero.
 
-`obtained` is about soft spheres: the ε that DEM codes give when they are asked for one.
+`obtained` applies to soft spheres: it returns the ε that results from the ε given to a DEM code.
 """
 
 from __future__ import annotations
@@ -39,22 +39,25 @@ __dir__ = __all__.copy
 @check.face
 @dataclass(frozen=True, slots=True)
 class TwoBallDrop:
-    """Two balls dropped on a floor as the independent-collision model sees them; made by `two_ball_drop`.
+    """Prediction of the independent-collision model for two balls dropped on a floor.
+
+    It is returned by `two_ball_drop`.
 
     Attributes
     ----------
     t10, v10 : float
-        Time in s and velocity in m/s (negative) with which the lower ball meets the floor; the upper ball is as fast.
+        Time in s and velocity in m/s (negative) of the impact of the lower ball on the floor. The upper ball has the
+        same velocity.
     v10_after : float
-        Velocity of the lower ball after it, ε01 |v10|.
+        Velocity of the lower ball in m/s after this impact, ε01 |v10|.
     t12, delay : float
-        Time of the collision of the two balls in s, and ``t12 - t10`` with all its digits.
+        Time in s of the collision of the two balls, and ``t12 - t10`` with all its digits.
     v1, v2 : float
-        Velocities of the lower and the upper ball just before it in m/s.
+        Velocities in m/s of the lower and the upper ball just before that collision.
     v1_after, v2_after : float
-        Velocities v1′, v2′ just after it in m/s.
+        Velocities v1′, v2′ in m/s just after that collision.
     v_rel_after : float
-        v_r′ = v2′ - v1′ = ε12 (1 + ε01) |v10|, whatever the gap, g and the masses.
+        v_r′ = v2′ - v1′ = ε12 (1 + ε01) |v10| in m/s. It does not depend on the gap, g and the masses.
     """
 
     t10: float
@@ -85,7 +88,7 @@ def two_ball_drop(
     mass_ratio : float
         μ = m2/m1, upper over lower mass; 0 is the limit of a light upper ball.
     restitution : float or two floats
-        ε in [0, 1] of both contacts, or (ε01, ε12): floor first.
+        ε in [0, 1] of both contacts, or (ε01, ε12) with the floor first.
     drop : float
         Height of the lowest point of the lower ball above the floor in m.
     gap : float
@@ -93,7 +96,11 @@ def two_ball_drop(
     gravity : float
         g ≥ 0 in m/s².
     speed : float
-        Speed in m/s with which both are thrown down.
+        Speed in m/s with which both balls are thrown down. Defaults to 0.
+
+    Returns
+    -------
+    TwoBallDrop
 
     Notes
     -----
@@ -111,6 +118,7 @@ def two_ball_drop(
     if impact == 0.0:
         raise ValueError(f"drop is {drop!r} and speed is {speed!r} with gravity {gravity!r}: the balls never meet the "
                          "floor; one of drop (with gravity) and speed must be positive.")
+    # form without cancellation for small drops at high speed
     t10 = 2.0 * h / (v0 + impact)
     delay = check.number("gap", gap, at_least=0.0) / ((1.0 + e01) * impact)
     fall = g * delay
@@ -130,10 +138,10 @@ def two_ball_drop(
 
 @check.face
 def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
-    """Return ε_eff, the common ε with which the independent-collision model gives the relative velocity v_r′.
+    """Return ε_eff, the common ε that gives the relative velocity v_r′ in the model.
 
-    ε_eff = (√(1 + 4x) - 1)/2 = 2x / (1 + √(1 + 4x)) with x = v_r′/|v10|, the inverse of v_r′ = ε (1 + ε) |v10|: exact
-    whatever the gap, g and the masses.
+    ε_eff = (√(1 + 4x) - 1)/2 = 2x / (1 + √(1 + 4x)) with x = v_r′/|v10|. It is the inverse of v_r′ = ε (1 + ε) |v10|
+    in the independent-collision model, which holds exactly for any gap, g and masses.
 
     Parameters
     ----------
@@ -149,14 +157,14 @@ def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
 
 @check.face
 def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> check.Array:
-    """Return the velocity of each ball of a stack right after the ball below (the floor) has hit it.
+    """Return the velocity of each ball of a stack right after the hit from below.
 
-    In units of the speed at which the stack meets the floor; the last entry is the top ball's launch:
+    The unit is the speed at which the stack meets the floor. The last entry is the launch velocity of the top ball:
 
         v_N = (1 + ε)^N / Π (1 + m[k+1]/m[k]) - 1        (ε → 1, light upper balls: 2^N - 1).
 
-    Holds for tiny gaps, without gravity, as long as no ball is hit a second time from below before it has hit the ball
-    above: for m[k+1]/m[k] = μ everywhere that is μ ≤ ε (Harter 1971, Kerwin 1972; re-derived).
+    The formula holds for small gaps without gravity, as long as no ball is hit twice from below before it has hit the
+    ball above. If m[k+1]/m[k] = μ for all balls, the condition is μ ≤ ε (Harter 1971, Kerwin 1972; re-derived).
 
     Parameters
     ----------
@@ -175,16 +183,20 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
 
 @check.face
 def stack_limit(n: int, restitution: float = 1.0) -> float:
-    """Return v_N/v of a stack of `n` balls, each far lighter than the one below: (1 + ε)^N - 1, at most 2^N - 1."""
+    """Return v_N/v of a stack of `n` balls, each much lighter than the ball below.
+
+    The limit is (1 + ε)^N - 1, at most 2^N - 1.
+    """
     count = check.whole("n", n, at_least=1)
     return float((1.0 + check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
 
 
 @check.face
 def rise(velocity_ratio: float) -> float:
-    """Return how high a ball rises in units of the drop height h: (v′/v)², 0 if it does not rise.
+    """Return the rise of a ball in units of the drop height h: (v′/v)², or 0.
 
-    A ball that leaves at 3 v rises to 9 h, one at 7 v to 49 h: the limits of stacks of two and three balls.
+    The value is 0 if the ball does not rise. A ball that leaves at 3 v rises to 9 h, and at 7 v to 49 h: these are the
+    limits of stacks of two and three balls.
     """
     ratio = max(0.0, check.number("velocity_ratio", velocity_ratio))
     return ratio * ratio
@@ -192,9 +204,9 @@ def rise(velocity_ratio: float) -> float:
 
 @check.face
 def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
-    """Return the velocity of the last ball of a chain at rest, per striker velocity, by one collision after another.
+    """Return the velocity of the last ball of a chain at rest, per striker velocity.
 
-    Π (1 + ε)/(1 + m[k+1]/m[k]), for a geometric taper ((1 + ε)/(1 + μ))^(N-1).
+    The collisions are successive: Π (1 + ε)/(1 + m[k+1]/m[k]), for a geometric taper ((1 + ε)/(1 + μ))^(N-1).
 
     Parameters
     ----------
@@ -210,9 +222,10 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
 
 @check.face
 def best_masses(first: float, last: float, n: int) -> check.Array:
-    """Return the `n` masses from `first` to `last` in kg that make the last ball fastest: a geometric progression.
+    """Return the `n` masses between two given ones that make the last ball fastest.
 
-    True of stacks and of chains at rest, for every ε: each factor 1/(1 + m[k+1]/m[k]) is log-concave in ln m.
+    The masses from `first` to `last` in kg are a geometric progression. This holds for stacks and for chains at rest,
+    for every ε, because each factor 1/(1 + m[k+1]/m[k]) is log-concave in ln m.
     """
     a = check.number("first", first, above=0.0)
     b = check.number("last", last, above=0.0)
@@ -224,10 +237,11 @@ def best_masses(first: float, last: float, n: int) -> check.Array:
 
 @check.face
 def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
-    """Return (number of collisions, v_N/v) of the geometric chain that makes the last ball fastest.
+    """Return the length and the velocity of the best geometric chain.
 
-    More balls between the two ends transfer better until their losses outweigh it; for ε = 1 there is no best number
-    and the velocity tends to √R, the bound set by energy.
+    The two values are the number of collisions and v_N/v of the chain with the fastest last ball. More balls between
+    the two ends improve the transfer until their losses dominate. For ε = 1 an optimal number does not exist, and the
+    velocity tends to √R, the bound by energy conservation.
 
     Parameters
     ----------
@@ -235,33 +249,46 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
         R = (striker's mass)/(last mass) > 1.
     restitution : float
         ε in (0, 1) of all contacts.
+
+    Returns
+    -------
+    n, ratio : int, float
+        Number of collisions and v_N/v.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, such as `restitution` = 1.
     """
     half = 0.5 * math.log(check.number("total_ratio", total_ratio, above=1.0))
     eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
     if eps == 1.0:
         raise ValueError("restitution is 1.0: a value below 1 is needed; the velocity grows with every ball, to √R.")
-    lost = -math.log1p(-0.5 * (1.0 - eps))  # ln 2 - ln(1 + ε) of each collision, beside ln cosh x of unequal masses
+    lost = -math.log1p(-0.5 * (1.0 - eps))  # loss by restitution per collision, ln 2 - ln(1 + ε)
 
     def gain(n: int) -> float:
         return half - n * (_log_cosh(half / n) + lost)
 
     low, high = 0.0, half
-    while (x := 0.5 * (low + high)) not in (low, high):  # of the best real number half/x: x tanh x - ln cosh x = lost
+    while (x := 0.5 * (low + high)) not in (low, high):  # root of x tanh x - ln cosh x = lost
         low, high = (x, high) if x * math.tanh(x) - _log_cosh(x) < lost else (low, x)
     n = max(1, int(half / high))
+    # for large n the gains differ by less than rounding: compare with √(n (n + 1)) instead
     n += gain(n + 1) > gain(n) if n < 1000 else (half / high) ** 2 > n * (n + 1)
     return n, math.exp(gain(n))
 
 
 def _log_cosh(x: float) -> float:
+    # ln cosh x without cancellation near 0
     return math.log1p(2.0 * math.sinh(0.5 * x) ** 2)
 
 
 @check.face
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
-    """Return (time in s, path in m) until a ball dropped from `height` in m has come to rest on hard ground.
+    """Return (time in s, path in m) until a ball dropped on hard ground is at rest.
 
-    T = √(2h/g) (1 + ε)/(1 - ε), path = h (1 + ε²)/(1 - ε²): infinitely many bounces in finite time, for ε in [0, 1).
+    T = √(2h/g) (1 + ε)/(1 - ε), path = h (1 + ε²)/(1 - ε²), for a drop `height` h in m and ε in [0, 1). The number of
+    bounces is infinite, but the time is finite.
     """
     h = check.number("height", height, at_least=0.0)
     g = check.number("gravity", gravity, above=0.0)
@@ -273,48 +300,58 @@ def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> t
 
 @check.face
 def most_collisions(masses: Sequence[float]) -> int:
-    """Return the largest number of collisions of three elastic balls on a line, masses in kg left to right.
+    """Return the largest number of collisions of three elastic balls on a line.
 
-    ⌈π/θ⌉ with tan θ = √(m2 (m1 + m2 + m3) / (m1 m3)): a billiard in a wedge of angle θ (Galperin 1981).
+    It is ⌈π/θ⌉ with tan θ = √(m2 (m1 + m2 + m3) / (m1 m3)), from a billiard in a wedge of angle θ (Galperin 1981).
+
+    Parameters
+    ----------
+    masses : (3,) array
+        Masses in kg, left to right.
     """
     m1, m2, m3 = check.positive("masses", masses, "mass", shape=(3,)).tolist()
     turns = math.pi / math.atan(math.sqrt(m2 / m1 * ((m1 + m2 + m3) / m3)))
+    # an integer π/θ must not be rounded up because of its last digit
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
 
 
 @check.face
 def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
-    """Return the ε that a contact has when a DEM code is asked for one: what codes do with the number differs.
+    """Return the ε of a contact that results from the ε given to a DEM code.
+
+    DEM codes differ in the damping that they compute from this number.
 
     Parameters
     ----------
     convention : str
-        One of those below: how the code makes damping of the number, as its document or source says.
+        Formula of a code for the damping, according to its documentation or source, see Notes.
     restitution : float
-        The ε asked for, in (0, 1].
+        The ε given to the code, in (0, 1].
     clipped : bool
-        Whether forces are cut off where they would pull (``limit_damping`` of LAMMPS, ``limitForce`` of LIGGGHTS), or
-        contacts pull until the overlap is gone.
+        True if attractive forces are cut off (``limit_damping`` of LAMMPS, ``limitForce`` of LIGGGHTS). False if the
+        force can be attractive until the overlap is 0.
 
     Returns
     -------
     float
-        Of an isolated contact, at any speed: ε = exp(-2 ζ f(ζ)) if clipped (`granular.laws.dashpot`), else
-        exp(-πζ/√(1-ζ²)), 0 from ζ = 1 on. Damping α √(m_eff k) ξ^¼ ξ̇ beside k ξ^(3/2) has ζ = α/√5.
+        ε of an isolated contact at any speed: exp(-2 ζ f(ζ)) if clipped (`granular.laws.dashpot`), else
+        exp(-πζ/√(1-ζ²)), or 0 for ζ ≥ 1. Damping α √(m_eff k) ξ^¼ ξ̇ with a force k ξ^(3/2) has ζ = α/√5.
 
     Notes
     -----
-    With ℓ(e) = |ln e|/√(π² + ln² e), p Marshall's polynomial and h Thornton's (the manual and the source of each):
+    With ℓ(e) = |ln e|/√(π² + ln² e), Marshall's polynomial p and Thornton's fit h (the manual and the source of each):
 
     * lammps/tsuji, released until July 2026: α = p(e) = 1.2728 - 4.2783 e + 11.087 e² - 22.348 e³ + 27.467 e⁴
-      - 18.022 e⁵ + 4.8218 e⁶; lammps/tsuji-2026: α = √2 p(e);
+      - 18.022 e⁵ + 4.8218 e⁶
+    * lammps/tsuji-2026: α = √2 p(e)
     * lammps/coeff_restitution, for hooke and hertz: ζ = ℓ(e), from η = -2 √(5/6) ln e/√(π² + ln² e) √((3/2) k m) and
-      √(4 m k/(1 + (π/ln e)²)); lethe and liggghts/hertz the same, from 2 √(5/6) ℓ √(S m), S = 2 E* √(R ξ);
-    * mfix/hertz: η = 2 √(m k) ℓ(e) ξ^¼, so that ζ = 2 ℓ/√5;
+      √(4 m k/(1 + (π/ln e)²))
+    * lethe and liggghts/hertz: also ζ = ℓ(e), from 2 √(5/6) ℓ √(S m), S = 2 E* √(R ξ)
+    * mfix/hertz: η = 2 √(m k) ℓ(e) ξ^¼, so that ζ = 2 ℓ/√5
     * yade/hertz-mindlin, since merge request 919: c = 2 β √(m S), β² = 1/(1 - (1 + e)² exp h(e)) - 1, so that
-      ζ = √(6/5) β (Thornton, Cummins & Cleary, Powder Technol. 233, 30 (2013), eqs. B6 and B7).
+      ζ = √(6/5) β (Thornton, Cummins & Cleary, Powder Technol. 233, 30 (2013), eqs. B6 and B7)
 
-    The α that gives exactly ε under clipped forces is √5 ζ(ε): `TsujiHertz.from_restitution`.
+    The α that gives exactly ε under clipped forces is √5 ζ(ε), see `TsujiHertz.from_restitution`.
     """
     zeta = CONVENTIONS[check.choice("convention", convention, list(CONVENTIONS))](
         check.number("restitution", restitution, above=0.0, at_most=1.0))
@@ -322,24 +359,27 @@ def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
 
 
 def _of_logarithm(eps: float) -> float:
-    """ζ that gives ε if contacts may pull."""
+    """Return ζ that gives ε if the force can be attractive."""
     return abs(math.log(eps)) / math.hypot(math.pi, math.log(eps))
 
 
 def _marshall(eps: float) -> float:
-    """ζ = α/√5 of Marshall's polynomial."""
+    """Return ζ = α/√5 of Marshall's polynomial."""
     return _polynomial(eps, 1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218) / math.sqrt(5.0)
 
 
 def _thornton(eps: float) -> float:
-    """ζ = √(6/5) β of Thornton's fit; β = 0 at ε = 1, where the fit has .0045."""
+    """Return ζ = √(6/5) β of Thornton's fit.
+
+    β is set to 0 at ε = 1, where the fit gives .0045.
+    """
     h = _polynomial(eps, 0.0, -6.918798, -16.41105, 146.8049, -796.4559, 2928.711, -7206.864, 11494.29, -11342.18,
                     6276.757, -1489.915)
     return math.sqrt(1.2) / math.sqrt(math.expm1(-h - 2.0 * math.log1p(eps))) if eps < 1.0 else 0.0
 
 
 def _polynomial(x: float, *coefficients: float) -> float:
-    """Σ c_i x^i, the constant first."""
+    """Return Σ c_i x^i, the constant first."""
     return float(np.polynomial.polynomial.polyval(x, coefficients))
 
 
@@ -348,7 +388,7 @@ CONVENTIONS: dict[str, Callable[[float], float]] = {
     "lammps/coeff_restitution": _of_logarithm, "lethe": _of_logarithm, "liggghts/hertz": _of_logarithm,
     "mfix/hertz": lambda eps: 2.0 / math.sqrt(5.0) * _of_logarithm(eps), "yade/hertz-mindlin": _thornton,
 }
-"""Damping ratio ζ by the ε asked for, see `obtained`."""
+"""Damping ratio ζ as a function of the ε given to a code, see `obtained`."""
 
 
 def _restitutions(restitution: float | Sequence[float], n: int) -> check.Array:

@@ -1,10 +1,11 @@
-"""The log of contacts: its columns, in public and as engines keep them; what it says of the momentum that walls gave;
-its file, written as the run goes on.
+"""Log of contacts: public columns, internal columns of the engines, and its file.
 
-The file is a plain ``.npy``, whole after every block: its head says how many rows there are, in digits with room to
-grow (format 1.0 of numpy), and is written again after each block. So whatever ends the process, what the head counts is
-there, and `numpy.load` reads it, mapped into memory if one likes. (HDF5 would do that too in its mode for one writer,
-but cannot be opened to go on after a kill without a repair.)
+The module also computes the momentum that walls transfer to the balls.
+
+The file is a plain ``.npy`` that is complete after every block. Its header (format 1.0 of numpy) contains the number of
+rows with space for more digits, and is rewritten after each block. If the process is killed, all counted rows are
+therefore in the file, and `numpy.load` can read or memory-map it. (HDF5 offers the same in its single-writer mode, but
+after a kill a file must be repaired before it can be extended.)
 """
 
 from __future__ import annotations
@@ -35,30 +36,45 @@ CONTACT = np.dtype(
         ("impulse", np.float64),
     ]
 )
-"""One row per contact, sorted by `t_begin`. SI units: pair number; onset and end in s (equal in EDMD); duration in s,
-accumulated from the onset so that late times cost no digits; velocities of the lower and the upper body in m/s before
-and after; largest overlap in m; largest force in N (nan in EDMD, where it is infinite); impulse in N s. A contact still
-open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
+"""Record of the public contact log: one row per contact, sorted by `t_begin`.
+
+All values are in SI units. `t_begin` and `t_end` are onset and end in s, equal in EDMD. `duration` in s is accumulated
+from the onset, so late times cost no digits. `v_in` and `v_out` are the velocities of the lower and the upper body in
+m/s before and after the contact. `xi_max` is the largest overlap in m, and `impulse` is in N s. `force_max` is the
+largest force in N, or nan in EDMD, where it is infinite. For a contact that is still open at the end of the run,
+`t_end` and `v_out` are nan, and duration, maxima and impulse are the values so far.
+"""
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
-"""Records with names: contacts as an engine keeps them, or as the public log shows them."""
+"""Contacts as a structured array, with the columns of an engine or of the log."""
 SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
-"""Columns of an engine that are one of two in the public log."""
+"""Columns of an engine that are one side of a public column with two."""
 COLUMNS = [(name, float) for name in (*SIDES, "xi_max", "force_max", "impulse")]
-"""Of soft spheres: velocities of the lower and the upper body at onset and end in m/s, peaks in m and N, impulse in
-N s."""
-CONTACT_ROW = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *COLUMNS], align=True)
-"""A contact as soft spheres keep it; times in s, nan for what is still to come."""
+"""Columns of soft spheres after the times.
+
+They are velocities of the lower and the upper body at onset and end in m/s, largest overlap in m, largest force in N
+and impulse in N s.
+"""
+CONTACT_ROW = np.dtype(
+    [("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *COLUMNS], align=True)
+"""Record of a contact of soft spheres.
+
+Times are in s. Values that are not yet known are nan.
+"""
 ROUNDING = 1e-9
-"""Part of the largest momentum or velocity by which rounding may be off."""
+"""Largest rounding error relative to the largest momentum or velocity."""
 PART = 2048
-"""Contacts written at a time, column by column: so many stay near the processor."""
+"""Number of contacts that are copied at a time, column by column.
+
+That number of rows fits into the cache of the processor.
+"""
 
 
 def contacts(settled: list[Rows]) -> Rows:
-    """Return contacts, with the columns that an engine keeps, as the public log.
+    """Convert contacts with the columns of an engine to the public log.
 
-    What has no end of its own is an instant, of infinite force. `settled` is used up: what is written needs no memory.
+    A contact without an end of its own is instantaneous and has an infinite force. The list `settled` is emptied, so
+    converted blocks release their memory.
     """
     log = np.zeros(sum(map(len, settled)), CONTACT)
     stop = 0
@@ -80,8 +96,11 @@ def contacts(settled: list[Rows]) -> Rows:
 
 
 class PublicWhenRead:
-    """What has an attribute `contacts`, the public log; made of rows that an engine has `settled` once it is read. So
-    is its `state`, if it has what makes it, as `kept`."""
+    """Base of classes whose attribute `contacts` is created on first access.
+
+    The public log is created from the rows that an engine has `settled`. The attribute `state` is likewise created by
+    the function `kept`, if there is one.
+    """
 
     if not TYPE_CHECKING:
 
@@ -93,7 +112,7 @@ class PublicWhenRead:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
             log = contacts(list(held["settled"]))
             log.flags.writeable = False
-            log = held.setdefault("contacts", log)  # another thread may have been first
+            log = held.setdefault("contacts", log)  # another thread can have created it
             held["settled"] = ()
             return log
 
@@ -102,24 +121,28 @@ class PublicWhenRead:
 
 
 def in_order(log: Rows) -> Rows:
-    """Return contacts in the order of their onset, of several in one instant in that of their pairs."""
+    """Return contacts in order of onset.
+
+    Simultaneous contacts are in order of their pairs.
+    """
     if len(log) < 2:
         return log
     onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
     if len(log) <= FEW:
         return log.take(np.lexsort((pair, onset)))
     if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
-        order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
+        order = np.argsort(onset, kind="stable")  # a stable sort is fast for nearly sorted onsets
         tied = (np.diff(onset[order]) == 0.0).any()
         log = raw(log)[np.lexsort((pair, onset)) if tied else order].view(CONTACT)
     return log
 
 
 def given_by_walls(run: Any) -> Array:
-    """Return the momentum (T, 2) in N s that both walls have given the balls of a `Trajectory`; see its `account`.
+    """Return the momentum (T, 2) in N s that both walls have given to the balls.
 
-    What bodies up to a pair have gained, less the momentum of gravity and forces, is what the floor gave and what has
-    passed that pair. Pendula have it by the log alone.
+    `run` is a `Trajectory`, see its `account`. The momentum gained by the bodies up to a pair, without gravity and
+    forces, is the sum of the momentum from the floor and the impulses through that pair. For pendula only the contact
+    log is used.
     """
     scene, given = run.scene, np.zeros((len(run.time), 2))
     floor, ceiling = scene.is_wall[[0, -1]].tolist()
@@ -133,7 +156,7 @@ def given_by_walls(run: Any) -> Array:
     if not (floor and ceiling):
         given[:, int(ceiling)] = below[:, -1] * (floor or ceiling)
         return given
-    hard = run.law is None  # the log lacks what passes hard balls that stick: with gravity none does to a ceiling
+    hard = run.law is None  # impulses through stuck balls are not logged; none stick to a ceiling under gravity
     at = np.full(len(below), scene.n_pairs - 1) if hard else run.gap.argmax(axis=1)
     for c in np.unique(at).tolist():
         given[at == c, 0] = (below[:, c] + _passed(run, c))[at == c]
@@ -147,25 +170,34 @@ def given_by_walls(run: Any) -> Array:
 
 
 def is_logged(run: Any) -> bool:
-    """Return whether a run has kept its contacts in memory: of others `stats` has the path of the file, or False."""
+    """Return whether a run has its contacts in memory.
+
+    Otherwise `stats` contains the path of the log file, or False.
+    """
     return "log" not in run.stats
 
 
 def _passed(run: Any, pair: int) -> Array:
-    """Return the impulses (T,) in N s of the contacts of a pair since the first row; nan within one of them."""
+    """Return the impulses (T,) in N s through a pair since the first row.
+
+    The value is nan at rows within one of its contacts.
+    """
     rows, time = run.contacts[run.contacts["pair"] == pair], run.time
-    end = np.nan_to_num(rows["t_end"], nan=time[-1])  # of those still going on the impulse so far
+    end = np.nan_to_num(rows["t_end"], nan=time[-1])  # open contacts count with their impulse so far
     sums = np.concatenate([[0.0], np.cumsum(rows["impulse"][np.argsort(end, kind="stable")])])
     over, begun = np.searchsorted(np.sort(end), time, "right"), np.searchsorted(np.sort(rows["t_begin"]), time)
     passed: Array = np.where((over >= begun) & is_logged(run), sums[over], np.nan)
     sped = np.abs((run.velocity[0] - run.scene.velocity)[~run.scene.is_wall]).max()
-    if sped > ROUNDING * np.abs(run.velocity).max():  # else the first row shows what was before any contact
+    if sped > ROUNDING * np.abs(run.velocity).max():  # otherwise the first row precedes all contacts
         passed -= passed[0]
     return passed
 
 
 class Event(NamedTuple):
-    """A contact that is over, its row of the log, and right after it the time in s and the scene."""
+    """A finished contact with the state of the run right after it.
+
+    It consists of a row of the log, the time in s and the scene.
+    """
 
     contact: Any
     time: float
@@ -173,7 +205,10 @@ class Event(NamedTuple):
 
 
 def one_by_one(run: Any) -> Iterator[Event]:
-    """Yield every contact of a run once it is over, with the scene then; in place of `on_event`, `drive` returns it."""
+    """Yield every contact of a run when it ends, with the scene at that time.
+
+    If it is passed as `on_event`, `drive` returns this generator.
+    """
     more, still = True, run.scene
     while more:
         more = run.to(run.request.end, True).name == "full"
@@ -188,19 +223,21 @@ def one_by_one(run: Any) -> Iterator[Event]:
 
 
 class LogFile:
-    """Rows of one kind, appended block by block.
+    """File of contact rows that is appended to block by block.
 
     Parameters
     ----------
     path : path
-        A name that ends in .npy, of a file that is not there yet.
+        Name of a new file that ends in .npy.
     kind : dtype
-        Of a row where none comes; else the first block says it.
+        Type of the rows of an empty file. Otherwise the type of the first block is used.
 
     Raises
     ------
-    ValueError, FileExistsError
-        If the name is none, or the file is there: nothing is written over.
+    ValueError
+        If the name is invalid.
+    FileExistsError
+        If the file exists. No file is overwritten.
     """
 
     def __init__(self, path: str | os.PathLike[str], kind: np.dtype[Any]) -> None:
@@ -225,21 +262,23 @@ class LogFile:
         self.file.close()
 
     def extend(self, blocks: Iterable[Rows]) -> None:
-        """Append blocks of rows, as to a list.
+        """Append blocks of rows.
 
         Raises
         ------
         OSError
-            If there is no more room: what the file had before stays in it.
+            If the device is full. Rows written before remain in the file.
         """
         for rows in blocks:
             if self.count == 0:
                 self.kind = rows.dtype
+                # the type of the rows can change the length of the header of the empty file
                 self.file.truncate(self._head())
                 self.file.seek(0, os.SEEK_END)
             data = memoryview(rows.astype(self.kind, copy=False).tobytes())
             try:
                 while data.nbytes:
+                    # an unbuffered write can be partial
                     data = data[self.file.write(data):]
                 self.count += len(rows)
                 self._head()
@@ -248,7 +287,7 @@ class LogFile:
                                   f"first {self.count} contacts are in the file.") from None
 
     def _head(self) -> int:
-        """Write the head anew; return its length."""
+        """Write the header again and return its length."""
         self.file.seek(0)
         head = {"descr": npy.dtype_to_descr(self.kind), "fortran_order": False, "shape": (self.count,)}
         npy.write_array_header_1_0(self.file, head)
@@ -258,7 +297,7 @@ class LogFile:
 
 
 def mapped(path: str) -> Rows:
-    """Return the rows of a file, which are read where they are looked at."""
+    """Return the rows of a log file as a memory map."""
     try:
         rows: Rows = np.load(path, mmap_mode="r")
     except ValueError as error:
@@ -269,12 +308,15 @@ def mapped(path: str) -> Rows:
 
 
 def grouped(key: Any, n: int) -> tuple[Any, Any]:
-    """Positions in the array `key` of whole numbers, ordered by key, and where in that each key 0 … n-1 begins."""
+    """Return the order of an array of keys, and the start of each key in that order.
+
+    `key` contains integers 0 … n-1. The order is an array of positions in `key`.
+    """
     order = np.argsort(key, kind="stable")
     return order, np.searchsorted(key[order], np.arange(n + 1))
 
 
 def batches(rows: Rows, size: int) -> Iterator[Rows]:
-    """Return rows as in the public log, so many at a time."""
+    """Yield rows of the public log in batches of `size`."""
     for k in range(0, len(rows), size):
         yield contacts([np.array(rows[k : k + size])])

@@ -1,7 +1,7 @@
-"""The driver of all runs: it goes from sample to sample, keeps rows and contacts, and tells who wants to know.
+"""Driver of all runs: samples, contact log, callbacks and progress.
 
-An engine is a `Run`: it moves a scene on in time and says why it pauses. Everything else is done here, once: options
-that all engines share are checked too (`Request`).
+An engine implements the protocol `Run`: it advances a scene in time and returns the reason for each pause. All other
+tasks are done here once for all engines, including the check of their common options (`Request`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EVENTS = 1_000_000
 
 
 class Request(NamedTuple):
-    """What is asked of a run by the options that all engines share; see `granular.md.simulate`."""
+    """Options of a run that all engines share, see `granular.md.simulate`."""
 
     start: float
     end: float
@@ -41,11 +41,11 @@ class Request(NamedTuple):
     told: AbstractContextManager[Told | None]
     max_steps: int
     singly: bool = False
-    """Whether a run pauses after every event."""
+    """Whether the run pauses after every event."""
 
     @property
     def rows(self) -> bool:
-        """Whether anybody wants the rows of contacts."""
+        """Whether the rows of contacts are needed."""
         return self.log or self.on_event is not None
 
 
@@ -53,8 +53,9 @@ def requested(
     scene: Scene, start: float, t_end: float | None, *, max_steps: int = check.LARGEST, progress: bool = False,
     **given: Any,
 ) -> Request:
-    """Check the options that all engines share."""
+    """Return the checked options that all engines share."""
     end = math.inf if t_end is None else check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
+    # both times are finite, but their difference overflows
     if end < end - start == math.inf:
         raise ValueError(f"t_end is {t_end!r}: a time is needed to which numbers reach from t_start = {start!r}.")
     log = given["log"]
@@ -66,7 +67,8 @@ def requested(
         samples=_sample_times(given["samples"], start, end),
         log=stream is not None or check.truth("log", log),
         stream=stream,
-        max_events=EVENTS if given["max_events"] is None else check.whole("max_events", given["max_events"]),
+        max_events=EVENTS if given["max_events"] is None else check.whole(
+            "max_events", given["max_events"]),
         on_event=check.callback("on_event", given["on_event"], "row"),
         told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=check.whole("max_steps", max_steps, at_least=1),
@@ -75,13 +77,15 @@ def requested(
 
 
 def _sample_times(samples: Any, start: float, end: float) -> check.Array | int | str | None:
-    """Return the times of the rows in s, or None for the first and the last; what only the run itself can tell, rows
-    about its contacts or a number of them without an end, as it is.
+    """Return the times of the rows in s, or None for the first and the last row.
+
+    "contacts", and a number of rows without an end time, are returned unchanged, because only the run determines the
+    times.
 
     Raises
     ------
     TypeError, ValueError
-        If there is no time, or one outside [start, end], or one before its predecessor.
+        If no time is given, or if a time is outside [start, end] or less than the time before it.
     """
     if samples is None:
         return None
@@ -101,26 +105,32 @@ def _sample_times(samples: Any, start: float, end: float) -> check.Array | int |
 
 
 AROUND = np.arange(-2, 11) / 8
-"""Where rows about a contact are, in units of its duration from its onset."""
+"""Times of rows about a contact, in units of its duration from its onset."""
 
 
 def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
-    """Solve what is requested; where only the run can tell the times of its rows, it is solved twice.
+    """Solve a request, twice if the times of its rows depend on the run.
 
-    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same. Its last row is that
-    of its end: a sample at that instant would show what is still to act there, or the same once more.
+    The first run has no callbacks. Rows do not change any bit of a run, so the second run is identical. If the run
+    ends early, the time of its end is not a sample, because the row of the end is added anyway. A sample there would
+    show the state before the last collisions, or repeat that row.
     """
     asked = request.samples
     if asked is None or isinstance(asked, np.ndarray):
         return solve(request)
+    # the log of the first run determines the times
     first = solve(request._replace(samples=None, log=True, stream=None, on_event=None, told=nullcontext()))
     start, end = first.time[[0, -1]].tolist()
-    times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
+    times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(
+        first.contacts, start, end)
     return solve(request._replace(samples=times if end in (request.end, start) else times[:-1]))
 
 
 def _about(log: Rows, start: float, end: float) -> check.Array:
-    """Times in s about each contact, its onset and end among them; before an instant the last number before it."""
+    """Return times in s about each contact, including its onset and its end.
+
+    For an instantaneous contact they include the last float before it.
+    """
     if len(log) * len(AROUND) > check.MOST:
         raise ValueError(f"samples is 'contacts': {len(log)} contacts would give more than {check.MOST} rows; give a "
                          "number of rows, or a t_end or until that stops earlier.")
@@ -131,13 +141,16 @@ def _about(log: Rows, start: float, end: float) -> check.Array:
 
 
 SAME = 1e-9
-"""Part of the largest gap or velocity by which a state may show another last row than was saved with it."""
+"""Largest deviation of a state from the last row saved with it.
+
+It is relative to the largest gap or velocity.
+"""
 AWHILE = 0.25
-"""Seconds of processor time between two looks at a run, about."""
+"""Approximate processor time in s between two checks of a run."""
 
 
 class Pause(Enum):
-    """Why a run pauses; the value is the status if it ends there."""
+    """Reason for a pause of a run, with the status as value if the run ends there."""
 
     reached = Status.time
     until = Status.until
@@ -149,13 +162,24 @@ class Pause(Enum):
     unstable = Status.unstable
     work = Status.max_events
     full = None
-    """A buffer is full, or a look at the run is due; it goes on."""
+    """A buffer is full, or a check of the run is due. The run continues."""
 
 
 class Row(NamedTuple):
-    """The scene at a time in s, `elapsed` seconds after the start: gaps in m; velocities of bodies or rates of gaps in
-    m/s, whatever the engine goes by; forces in N if there are any; in J since the start, where walls are driven or
-    thermal: work of the floor and of the ceiling, heat of both, what was dissipated."""
+    """State of the scene at a time in s, `elapsed` s after the start.
+
+    Attributes
+    ----------
+    gap : array
+        Gaps in m.
+    velocity, rate : array or None
+        Velocities of bodies or rates of gaps in m/s, depending on the engine.
+    force : array or None
+        Contact forces in N.
+    ledger : array or None
+        Five energies in J since the start, for driven or thermal walls: work of the floor and of the ceiling, heat of
+        both, and dissipated energy.
+    """
 
     time: float
     elapsed: float
@@ -167,16 +191,16 @@ class Row(NamedTuple):
 
 
 class End(NamedTuple):
-    """How a run ended.
+    """End of a run.
 
     Attributes
     ----------
     row : Row or None
-        The scene at the end; None where a sample shows it.
+        State at the end, or None if a sample shows it.
     status, message, stats, state
-        As in `granular.Trajectory`; what makes the state once it is read will do.
+        As in `granular.Trajectory`. The state can also be a function that creates it on access.
     running : records or None
-        Contacts still open.
+        Contacts that are still open.
     """
 
     row: Row | None
@@ -188,20 +212,20 @@ class End(NamedTuple):
 
 
 class Run(Protocol):
-    """One run under way.
+    """Protocol of a run in progress, which each engine implements.
 
     Attributes
     ----------
     request : Request
-        What is asked of it.
+        Options of the run.
     start : float
-        Time in s at which the scene stood as it says.
+        Time in s of the initial scene.
     law, rule : tuple or None
         As in `granular.Trajectory`.
     adds_up : bool
-        Gaps in a box add up to it: not where contacts that begin early are set back to gap 0.
+        Whether the gaps in a box add up to its length. This is false if contacts that begin early are reset to gap 0.
     in_order : bool
-        Contacts settle in the order of the log, else in the order in which they end.
+        Whether contacts settle in the order of the log. Otherwise they settle in the order of their ends.
     """
 
     request: Request
@@ -213,28 +237,38 @@ class Run(Protocol):
     in_order: bool
 
     def to(self, time: float, last: bool) -> Pause:
-        """Go on towards `time` in s (`last`: no row is asked for later) and say why to pause."""
+        """Advance towards `time` in s, and return the reason for the pause.
+
+        If `last` is true, no row is requested after `time`.
+        """
 
     def row(self, time: float) -> Row:
-        """Return the scene at the start, or at the time just reached."""
+        """Return the state at the start, or at the time just reached."""
 
     def rows(self) -> list[Rows]:
-        """Hand over the contacts settled since the last call: nothing can change them any more."""
+        """Return the contacts that have settled since the last call and cannot change."""
 
     def progress(self) -> tuple[float, int]:
-        """Return how far the run has come: time in s, and number of contacts."""
+        """Return the time reached in s and the number of contacts."""
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Bring the run to its end; `seen` is the time of the last sample, -inf if a row is wanted in any case."""
+        """Finish the run.
+
+        `seen` is the time of the last sample, or -inf if a row of the end is always needed.
+        """
 
 
 def portion(done: int, spent: float) -> int:
-    """Return how much to do until the next look at a run, as so much took so many seconds of processor time."""
+    """Return the amount of work until the next check of a run.
+
+    It is extrapolated from the amount `done` in `spent` seconds of processor time.
+    """
+    # at most doubled, because one fast part does not predict the next; 1e-9 s guards against division by 0
     return max(1, int(done * min(2.0, AWHILE / max(spent, 1e-9))))
 
 
 def drive(run: Run) -> Trajectory:
-    """Take a run to its end."""
+    """Run an engine to its end and return the trajectory."""
     if run.request.on_event is one_by_one:
         return one_by_one(run)  # type: ignore[return-value]
     if run.request.stream is None:
@@ -245,7 +279,7 @@ def drive(run: Run) -> Trajectory:
 
 
 def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
-    """Take a run to its end, with its contacts in a list or in a file."""
+    """Run an engine to its end, with its contacts in a list or in a file."""
     request = run.request
     samples = request.samples.tolist() if isinstance(request.samples, np.ndarray) else []
     kept = [run.row(request.start)] if request.samples is None else []
@@ -266,14 +300,14 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     if not (request.log and isinstance(log, list)):
         later["log"] = False if isinstance(log, list) else log.path
     rows = log if isinstance(log, list) else []
-    table: Any = tuple(rows) if run.in_order else in_order(  # what an engine keeps is the least that tells all
+    table: Any = tuple(rows) if run.in_order else in_order(  # a single block of the engine is sorted without conversion
         rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows))
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
-    kept.clear()  # rows of a million balls are large
+    kept.clear()  # release memory: rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns
     columns.clear()
     status, message = end.status, end.message
-    beyond = end.status is Status.unstable  # beyond all numbers, perhaps
+    beyond = end.status is Status.unstable  # values can overflow
     with np.errstate(invalid="ignore", over="ignore") if beyond else nullcontext():
         if velocity is None:
             velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
@@ -290,18 +324,18 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
 
 
 def go_on(run: Run, before: Trajectory) -> Trajectory:
-    """Take a run to its end that goes on from that of another one.
+    """Run an engine to its end, starting from the end of the run `before`.
 
     Raises
     ------
     ValueError
-        If its state does not show what the last row of `before` does.
+        If the state does not agree with the last row of `before`.
     """
     row = run.row(run.request.start)
     speed: Any = row.velocity if row.rate is None else velocities(
         run.scene, row.rate[None], np.array([row.elapsed]), run.start)[0]
     gap, velocity = before.gap[-1], before.velocity[-1]
-    # its last row shows its state, but for one before its end, or at the start: the scene before anything acts
+    # the last row shows the state, unless it precedes the end or is the scene before the first event
     acted = "end" not in before.stats and before.time[-1] != before.time[0]
     if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
             _alike(row.gap, gap) and _alike(speed, velocity, float(np.abs(gap).max()) / row.elapsed))):
@@ -310,12 +344,18 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
 
 
 def _alike(one: check.Array, other: check.Array, scale: float = 0.0) -> bool:
-    """Whether numbers are equal apart from the rounding of another release, relative to the largest or to `scale`."""
+    """Return whether numbers are equal up to the rounding of another release.
+
+    The tolerance is relative to the largest number or to `scale`.
+    """
     return bool(np.abs(one - other).max() <= SAME * max(float(np.abs(other).max()), scale))
 
 
 def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile, tell: Told | None) -> Pause:
-    """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
+    """Advance to `time` and return the reason for the last pause.
+
+    Settled contacts are logged and passed to callbacks, and progress is reported.
+    """
     request = run.request
     while True:
         pause = run.to(time, last)

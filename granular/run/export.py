@@ -1,6 +1,7 @@
-"""A scene and its force laws as an input deck of LAMMPS.
+"""Export of a scene and its force laws as an input deck of LAMMPS.
 
-Written after the manual of LAMMPS (pair_style granular, fix wall/gran) and tried with its release of 22 July 2025.
+The deck follows the manual of LAMMPS (pair_style granular, fix wall/gran). It was tested with the release of 22 July
+2025.
 """
 
 from __future__ import annotations
@@ -37,35 +38,40 @@ HEAD = """\
 def lammps(
     scene: Scene, law: Any, path: str | PathLike[str] | None = None, *, t_end: float = 1.0, dt: float = 1e-7
 ) -> str:
-    """Return an input deck with which LAMMPS runs the scene, with the same forces, clipped as ours.
+    """Return an input deck with which LAMMPS runs the scene.
 
-    Number, x and v_x of every ball at some hundred times go into ``balls.txt`` of the folder in which it is run, at the
-    end into ``last.txt``.
+    The forces are the same as here, clipped in the same way. LAMMPS writes number, x and v_x of every ball at about a
+    hundred times into ``balls.txt`` of its working directory, and at the end into ``last.txt``.
 
     Parameters
     ----------
     scene : Scene
-        Balls of positive radius; walls that stand still; gravity.
+        Balls of positive radius, walls at rest, and gravity.
     law : force law, or one per pair
-        F = k ξ + γ ξ̇, or k ξ^(3/2) with no damping, γ √ξ ξ̇, or α √(m_eff k) ξ^¼ ξ̇ with α < √5: of whatever class.
+        F = k ξ + γ ξ̇, or k ξ^(3/2) with no damping, γ √ξ ξ̇, or α √(m_eff k) ξ^¼ ξ̇ with α < √5, of any class.
     path : path, optional
-        A file to write the deck to, whole or not at all.
+        File to which the deck is written, atomically. By default no file is written.
     t_end : float
-        End time in s, to half a step.
+        End time in s, rounded to a multiple of `dt`. Defaults to 1.
     dt : float
-        Time step in s; a hundredth of the shortest contact gives about two digits.
+        Time step in s. Defaults to 1e-7. A hundredth of the shortest contact duration gives about two digits.
+
+    Returns
+    -------
+    str
+        The input deck.
 
     Raises
     ------
     ValueError
-        For what such a deck cannot hold: a ring, pendula, external forces, walls that move or heat, point particles,
-        other laws.
+        If a deck cannot represent the scene or law: a ring, pendula, external forces, moving or thermal walls, point
+        particles, or another law.
     OSError
         If the file cannot be written.
 
     Notes
     -----
-    Every ball is a type of its own, so that each pair can have its own law.
+    Every ball has an atom type of its own, so each pair can have its own law.
     """
     _check_scene(checked(scene))
     laws = [resolve(instance("law", one), pair)
@@ -81,7 +87,7 @@ def lammps(
 
 
 def _check_scene(scene: Scene) -> None:
-    """Raise for what a deck cannot hold."""
+    """Raise `ValueError` for a scene that a deck cannot represent."""
     walls = scene.is_wall
     there = {
         "a ring": scene.ring, "pendula": scene.pendulum > 0.0, "external_force": scene.external_force is not None,
@@ -94,7 +100,7 @@ def _check_scene(scene: Scene) -> None:
 
 
 def _bodies(scene: Scene) -> list[str]:
-    """The box, and the balls."""
+    """Return the lines for the box and the balls."""
     x, radius, largest = scene.position.tolist(), scene.radius.tolist(), float(scene.radius.max())
     low, high = x[0] - radius[0], x[-1] + radius[-1]
     balls = (~scene.is_wall).nonzero()[0].tolist()
@@ -110,7 +116,10 @@ def _bodies(scene: Scene) -> list[str]:
 
 
 def _contacts(scene: Scene, laws: list[PairLaw]) -> list[str]:
-    """The forces of all pairs; what is said of balls that are no neighbours never acts."""
+    """Return the lines for the forces of all pairs.
+
+    Coefficients between balls that are not neighbours never act.
+    """
     x, floor = scene.position.tolist(), int(scene.is_wall[0])
     words = [f"{_words(one)} tangential linear_nohistory 0.0 0.0 limit_damping" for one in laws]
     lines = ["pair_style granular", f"pair_coeff * * {words[0]}"]
@@ -124,7 +133,7 @@ def _contacts(scene: Scene, laws: list[PairLaw]) -> list[str]:
 
 
 def _words(law: PairLaw) -> str:
-    """A force law in the words of LAMMPS."""
+    """Return a force law in the syntax of LAMMPS."""
     k, p, gamma, d = law.form or (0.0, 0.0, 0.0, 0.0)
     root, m_eff = math.sqrt(law.pair.r_eff), law.pair.m_eff
     if p == 1.0 and d == 0.0:
@@ -140,7 +149,7 @@ def _words(law: PairLaw) -> str:
 
 
 def _run(scene: Scene) -> list[str]:
-    """Gravity, integration, what is written."""
+    """Return the lines for gravity, integration and output."""
     columns, digits = "id x vx", "sort id format float %.17g"
     return [*([f"fix pull all gravity {scene.gravity!r} vector -1 0 0"] if scene.gravity else []),
             "fix move all nve/sphere", "timestep ${dt}", "variable every equal ceil(v_steps/100)",

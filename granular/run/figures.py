@@ -1,4 +1,6 @@
-"""What figures of runs share: a span of time, its clock, paths between the rows of a run, words; the figure of one run.
+"""Figure of one run, and parts shared by all figures of runs.
+
+The shared parts are the time span with its clock, paths between the rows of a run, and titles.
 """
 
 from __future__ import annotations
@@ -19,24 +21,36 @@ from granular.scene import Scene
 from granular.scene.places import points
 
 FAR = 3.0
-"""A span that begins so many times its own length after t = 0 has a clock that starts with its first contact."""
+"""Lengths of a span from t = 0 to its start above which its clock is shifted.
+
+The clock then starts with the first contact of the span.
+"""
 PAD, MARGIN = 0.015, 0.06
-"""Shares of the time axis: left free at its ends, lest a mark there be cut, and shown before and after the contacts."""
+"""Shares of the time axis.
+
+PAD is left free at its ends so that marks are not cut. MARGIN is shown before and after the contacts.
+"""
 SHORT = 0.2
-"""Contacts that take no more than this share of a run are drawn once more by themselves."""
+"""Share of a run below which its contacts are drawn again in a panel of their own."""
 ROWS, BRIEF = 100, 0.01
-"""Rows that tell the paths in a span, and the share of it that contacts may last where there are fewer."""
+"""Number of rows in a span that define the paths.
+
+With fewer rows, contacts may last at most the share BRIEF of the span.
+"""
 NAMED = 12
-"""Up to this many pairs or balls have their names in the picture."""
+"""Largest number of pairs or balls that are labelled."""
 MANY, MOST = 500, 2000
-"""More contacts than these have small marks; of more some only are marked, evenly chosen."""
+"""Numbers of contacts above which marks are small, and only some are drawn.
+
+The drawn contacts are evenly spaced in the log.
+"""
 INK, COLOURS = "#1d1c1a", {"hard": HARD, "soft": SOFT}
 SMALL: dict[str, Any] = {"fontsize": 8}
 
 
 @dataclass(frozen=True)
 class Span:
-    """From `begin` to `end` in s, on a clock that is 0 at `zero` and goes in a unit of its own."""
+    """Time interval from `begin` to `end` in s, with a clock that is 0 at `zero`."""
 
     begin: float
     end: float
@@ -44,39 +58,42 @@ class Span:
 
     @cached_property
     def unit(self) -> tuple[float, str]:
-        """The clock's unit in s, and its name."""
+        """Unit of the clock in s, and its name."""
         return unit_of(self.end - self.begin, "s")
 
     @property
     def shown(self) -> tuple[float, float]:
-        """What the clock shows at the begin and at the end."""
+        """Values of the clock at `begin` and `end`."""
         return float(self.clock(self.begin)), float(self.clock(self.end))
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Limits of the time axis, some room left at its ends."""
+        """Limits of the time axis, with free space at both ends."""
         left, right = self.shown
         return left - PAD * (right - left), right + PAD * (right - left)
 
     def clock(self, time: Any) -> Any:
-        """What the clock shows at times in s."""
+        """Return the values of the clock at times in s."""
         return (time - self.zero) / self.unit[0]
 
     @property
     def named(self) -> str:
-        """The clock in words, for the axis."""
+        """Label of the time axis."""
         since = f"time since the first contact at t = {self.zero:.6g} s" if self.zero else "time"
         return f"{since}, {self.unit[1]}"
 
     def times(self, touches: Array, evenly: int) -> Array:
-        """So many times in s evenly spread, and some within each contact, of given onset and end."""
+        """Return `evenly` equidistant times in s, and 17 times within each contact.
+
+        `touches` contains onset and end of each contact.
+        """
         within = np.linspace(touches[:, 0], touches[:, 1], 17).ravel()
         within = within[(within >= self.begin) & (within <= self.end)]
         return np.asarray(np.union1d(np.linspace(self.begin, self.end, evenly), within))
 
 
 def plot(run: Any, path: str | PathLike[str] | None = None) -> Any:
-    """See `Trajectory.plot`."""
+    """Draw the paths of a run, see `Trajectory.plot`."""
     spans = spans_of(run)
     figure, panels = canvas(7.0, 0.9 + 2.6 * len(spans), len(spans))
     head(figure, *words(run))
@@ -87,17 +104,17 @@ def plot(run: Any, path: str | PathLike[str] | None = None) -> Any:
 
 
 def words(run: Any) -> tuple[str, str]:
-    """What a run is, and how it ended."""
+    """Return two titles: the number of contacts with the message, and the scene."""
     return f"{engine(run)} spheres, {len(run.contacts)} contacts: {run.message}", str(run.scene)
 
 
 def engine(run: Any) -> str:
-    """Which spheres a run has."""
+    """Return "hard" or "soft", the kind of spheres of a run."""
     return "hard" if run.law is None else "soft"
 
 
 def spans_of(run: Any) -> list[Span]:
-    """All of a run, and the span of its contacts if that is a small part of it."""
+    """Return the span of the run, and the span of its contacts if it is a small part."""
     begin, end, touches = float(run.time[0]), float(run.time[-1]), _touches(run)
     first, last = float(touches.min(initial=end)), float(touches.max(initial=begin))
     late = len(touches) > 0 and first > FAR * (end - begin)
@@ -113,7 +130,10 @@ def spans_of(run: Any) -> list[Span]:
 
 
 def _known(run: Any, span: Span, touches: Array) -> bool:
-    """Whether rows tell the paths, or else a log of short contacts, with constant accelerations between them."""
+    """Return whether the paths in a span are determined by rows or by the contact log.
+
+    The log suffices for short contacts with constant accelerations between them.
+    """
     even = not run.scene.driven and run.scene.pendulum == 0.0
     logged = len(touches) > 0 or run.stats.get("contacts", run.stats.get("events", 0)) == 0
     lasts = float((touches[:, 1] - touches[:, 0]).max(initial=0.0))
@@ -122,16 +142,19 @@ def _known(run: Any, span: Span, touches: Array) -> bool:
 
 
 def _touches(run: Any) -> Array:
-    """Onsets and ends of contacts in s (count, 2); those that still last end with the run."""
+    """Return onsets and ends of contacts in s, shape (count, 2).
+
+    Open contacts end with the run.
+    """
     log = run.contacts
     return np.column_stack([log["t_begin"], np.nan_to_num(log["t_end"], nan=float(run.time[-1]))])
 
 
 def paths(run: Any, times: Array) -> Array:
-    """Positions (len(times), n) in m with the radii taken out at times in s within a run.
+    """Return positions (len(times), n) in m without radii, at times in s within a run.
 
-    Accelerations are taken as constant between one row or end of a contact and the next, which hard spheres in uniform
-    gravity have.
+    Accelerations are assumed constant between successive rows and ends of contacts. This is exact for hard spheres in
+    uniform gravity.
     """
     scene, log, rows = run.scene, run.contacts, points(run.scene, run.gap, run.position)
     n, count = scene.n, len(run.time)
@@ -150,7 +173,11 @@ def paths(run: Any, times: Array) -> Array:
 
 
 def _path(knots: Array, velocity: Array, is_row: Any, rows: Array, times: Array) -> Array:
-    """Positions in m of one body at `times`, from its velocities in m/s at `knots` in s, those of rows in m."""
+    """Return positions in m of one body at `times` in s.
+
+    They follow from velocities in m/s at `knots` in s. `rows` contains the positions in m at the knots that are rows.
+    """
+    # integrate piecewise linear velocities, then correct the drift at the rows
     step, change = np.diff(knots, append=knots[-1]), np.diff(velocity, append=velocity[-1])
     place = np.append(0.0, np.cumsum((velocity + 0.5 * change) * step)[:-1])
     place += np.interp(knots, knots[is_row], rows - place[is_row])
@@ -160,7 +187,7 @@ def _path(knots: Array, velocity: Array, is_row: Any, rows: Array, times: Array)
 
 
 def draw_paths(axis: Any, run: Any, span: Span) -> None:
-    """Paths of one run, and a mark where a contact begins."""
+    """Draw the paths of one run, and a mark at the onset of each contact."""
     touches, name = _touches(run), engine(run)
     every = 1 + len(touches) // MOST
     seen = np.flatnonzero((touches[:, 1] >= span.begin) & (touches[:, 0] <= span.end))[::every]
@@ -173,17 +200,21 @@ def draw_paths(axis: Any, run: Any, span: Span) -> None:
 
 
 def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Array, Array]]) -> float:
-    """Times in s and positions in m with the radii taken out, of soft and hard spheres, so that lines meet where balls
-    touch and cross where they overlap; return the unit of the axis in m."""
+    """Draw positions against time without radii, and return the unit of the axis in m.
+
+    `of` contains times in s and positions in m of soft and hard spheres. Lines meet where balls touch, and cross where
+    they overlap.
+    """
     shown = {label: y[(t >= span.begin) & (t <= span.end)] for label, (t, y) in of.items()}
     first = next(iter(shown.values()))
     low, high = first.min(), first.max()
+    # guard for balls that do not move
     unit, name = unit_of(max(float(high - low), 1e-300), "m")
     for label, (t, y) in of.items():
         dash = {"soft": "-", "hard": "--"}[label] if len(of) > 1 else "-"
         lines = axis.plot(span.clock(t), y / unit, color=COLOURS[label], ls=dash, lw=min(1.0, 0.3 + 20.0 / scene.n))
         lines[0].set_label(f"{label} spheres")
-    room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
+    room = 0.5 * (high - low)  # for hard balls; faster balls can leave the picture
     bottom = max(min(float(y.min()) for y in shown.values()), low - room)
     top = min(max(float(y.max()) for y in shown.values()), high + room)
     pad = 0.04 * (top - bottom) or 1.0
@@ -195,11 +226,12 @@ def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Arra
 
 
 def name_balls(axis: Any, span: Span, scene: Scene, places: Array, height: float, colour: str = SOFT) -> None:
-    """Number the balls where their paths end, those together that are close to each other."""
+    """Number the balls at the ends of their paths, with one label for close balls."""
     balls = [body for body in np.argsort(places, kind="stable").tolist() if not scene.is_wall[body]]
     starts = [i for i in range(len(balls)) if i == 0 or places[balls[i]] - places[balls[i - 1]] > 0.05 * height]
     for begin, end in zip(starts, [*starts[1:], len(balls)], strict=True):
         some = sorted(balls[begin:end])
+        # consecutive numbers are shown as a range
         together = len(some) > 2 and some[-1] - some[0] == len(some) - 1
         said = f"{some[0]}–{some[-1]}" if together else ", ".join(map(str, some))
         axis.annotate(said, (span.shown[1], places[some].mean()), (10, 0),
@@ -207,7 +239,7 @@ def name_balls(axis: Any, span: Span, scene: Scene, places: Array, height: float
 
 
 def head(figure: Any, said: str, more: str, size: float = 9.0) -> None:
-    """A sentence as title, and below it smaller lines."""
+    """Write a bold title, and smaller lines below it."""
     width, height = 72.0 * figure.get_size_inches()
     titles = wrap(said, int(1.64 * width / size))
     small = [line for part in more.split("\n") for line in wrap(part, int(2.1 * width / size))]

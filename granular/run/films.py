@@ -1,4 +1,4 @@
-"""What films share: pages on which a few artists move, a stage for balls, files; and the film of one run."""
+"""Film of one run, and parts shared by all films: pages, stages for balls, files."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from granular.run.figures import COLOURS, INK, Span, draw_paths, engine, head, p
 from granular.scene import Scene
 
 ENDINGS = (".gif", ".mp4")
-MOST_BALLS = 60  # beyond that many nothing could be told apart
+MOST_BALLS = 60  # more balls cannot be distinguished
 STYLE = {
     "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
     "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.labelsize": 8.5, "axes.titlesize": 10.5,
 }
-SIZE, BARE = (9.6, 5.4), (6.4, 4.8)  # of a page in inches, and of one without charts
-THICK, LEAST = 0.14, 0.16  # radius of the largest ball in lengths of the stage, and of the smallest beside it
+SIZE, BARE = (9.6, 5.4), (6.4, 4.8)  # inches, with and without charts
+THICK, LEAST = 0.14, 0.16  # largest radius per length of the stage; smallest radius relative to it
 
 
 def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> None:
-    """See `Trajectory.animate`."""
+    """Write a film of a run, see `Trajectory.animate`."""
     check(path, run.scene, seconds, fps)
     span, name = spans_of(run)[-1], engine(run)
     time = np.linspace(span.begin, span.end, max(2, round(seconds * fps)))
@@ -51,14 +51,17 @@ def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> 
 
 
 def check_film(path: str | PathLike[str]) -> str:
-    """Return the ending of a film; raise `ValueError` unless it is one that can be written."""
+    """Return the ending of a film, or raise `ValueError` if it is not supported."""
     return choice(f"ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
 
 
 @dataclass(eq=False)
 class Page:
-    """A figure, its axes over time, what moves on it, each with its path in the coordinates it is drawn in, and its
-    title's words."""
+    """A figure with axes over time and moving artists.
+
+    Each artist is stored with its path in the coordinates in which it is drawn. The title changes from picture to
+    picture.
+    """
 
     figure: Any
     axes: dict[str, Any]
@@ -66,13 +69,19 @@ class Page:
     moving: list[tuple[Any, Array]] = field(default_factory=list)
 
     def tell(self, axes: list[Any], clock: Array, words: list[str]) -> None:
-        """Draw lines where the time is, and a title that changes above the first: there is room for the longest."""
+        """Add a line at the current time to the axes, and a title to the first axis.
+
+        The title changes from picture to picture. Space is reserved for the longest title.
+        """
         self.words, path = words, np.stack([clock, 0.0 * clock], 1)
         self.moving += [(axis.axvline(0.0, color=INK, lw=1.0, gid="clock"), path) for axis in axes]
         self.moving.append((axes[0].set_title(max(words, key=len), loc="left", color=INK), 0.0 * path))
 
     def show(self, k: int) -> Any:
-        """Draw the picture of number `k`, what does not move with the first of them; return its pixels."""
+        """Draw picture number `k` and return its pixels.
+
+        Artists that do not move are drawn once, with the first picture.
+        """
         from matplotlib import artist as artists, transforms
 
         if k == 0:
@@ -82,7 +91,7 @@ class Page:
             self.canvas.draw()
             self.figure.set_layout_engine("none")
             self.background = self.canvas.copy_from_bbox(self.figure.bbox)
-            self.places = [artists.Artist.get_transform(one) for one, _ in self.moving]  # of a circle, size left out
+            self.places = [artists.Artist.get_transform(one) for one, _ in self.moving]  # circle: no size
         self.canvas.restore_region(self.background)
         self.moving[-1][0].set_text(self.words[k])
         for (artist, path), place in zip(self.moving, self.places, strict=True):
@@ -94,10 +103,11 @@ class Page:
 def blank(
     said: str, more: str, scene: Scene, engines: Iterable[str], panels: Mapping[str, float], beside: float, tall: float,
 ) -> Page:
-    """Return a page with nothing but its words and empty axes: a stage for each engine, and panels of these heights.
+    """Return a page with titles and empty axes: one stage per engine, and panels.
 
-    Balls that fall have the panels, so wide, `beside` their stages; others stand above them on stages as `tall`.
-    Without panels there is a strip of time above the stages, and no words.
+    `panels` gives the height of each panel. If balls fall, the panels are next to the stages and `beside` is their
+    width. Otherwise the stages are above the panels and `tall` is their height. Without panels, a time line is drawn
+    above the stages, and there are no titles.
     """
     names, upright = [*engines], scene.gravity > 0.0
     stages = [names] if upright else [[name] for name in names]
@@ -110,7 +120,8 @@ def blank(
         rows = [*stages, *([panel] for panel in panels)]
         ratios = {"height_ratios": [*[tall] * len(stages), *panels.values()]}
     with optional("matplotlib", "animate").rc_context(STYLE):
-        figure = optional("matplotlib.figure", "animate").Figure(SIZE if panels else BARE, 100, layout="constrained")
+        figure = optional("matplotlib.figure", "animate").Figure(
+            SIZE if panels else BARE, 100, layout="constrained")
         head(figure, said, more, 10.0)
         axes = figure.subplot_mosaic(rows, **ratios)
     for name in names:
@@ -121,7 +132,10 @@ def blank(
 
 
 def slowed(page: Page, scene: Scene, of: dict[str, Array], span: Span, time: Array, fps: int) -> None:
-    """Let a page show a span at these times (s): balls of each engine, in places (len(time), n) in m, and the clock."""
+    """Prepare a page to show balls and the clock at given times (s) of a span.
+
+    `of` contains positions (len(time), n) in m for each engine.
+    """
     stage(page, scene, of)
     last = page.panels[-1]
     for axis in page.panels:
@@ -132,32 +146,38 @@ def slowed(page: Page, scene: Scene, of: dict[str, Array], span: Span, time: Arr
 
 
 def paces(span: Span, time: Array, fps: int) -> list[str]:
-    """Return how fast a film goes that shows these times (s) of a span, and which one each picture shows."""
+    """Return the title of each picture: speed of the film, time of the picture."""
     said, since = pace(len(time) / fps / (span.end - span.begin)), "t₁ + " if span.zero else ""
     return [f"{said},  t = {since}{duration(t - span.zero)}" for t in time]
 
 
 def pace(slower: float) -> str:
-    """Return how fast a film goes that takes so many times as long as what it shows."""
+    """Return the speed of a film in words.
+
+    `slower` is the ratio of the duration of the film to the time that it shows.
+    """
     factor, way = max((slower, "slower"), (1.0 / slower, "faster"))
     return f"{float(f'{factor:.2g}'):,g} × {way}".replace(",", " ") if factor > 1.05 else "as fast as life"
 
 
 def stage(page: Page, scene: Scene, of: dict[str, Array]) -> None:
-    """Draw the balls of each engine, whose places (count, n) in m are given with the radii taken out.
+    """Draw the balls of each engine at positions (count, n) in m without radii.
 
-    What the first one does fits on the stage; others may leave it.
+    The motion of the first engine fits on the stage. Balls of other engines can leave it.
     """
     from matplotlib.patches import Circle
 
     upright, first, radius = scene.gravity > 0.0, next(iter(of.values())), radii(scene)
+    # horizontal stages are longer; `turn` swaps x and y
     length, turn = (1.0, 1) if upright else (3.6, -1)
     radius *= min(THICK, 0.28 * length / max(float(radius.sum()), 1e-9))
     low, high = float(first.min()), float(first.max())
     top = min(max(float(places.max()) for places in of.values()), high + 0.35 * (high - low))
     room = length - 0.06 - 2.0 * float(radius.sum())
     sinks = np.maximum(0.0, -scene.across(first).min(axis=0))
+    # the largest overlap is drawn with at most 0.6 of the smaller radius
     sinks /= 0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf)))
+    # fill the stage, but do not draw overlaps deeper than the radii allow
     scale = min(room / max(top - low, 1e-300), 1.0 / max(float(sinks.max()), 1e-300))
     free = 0.0 if upright else 0.5 * (room - (high - low) * scale)
     for name, places in of.items():
@@ -175,19 +195,25 @@ def stage(page: Page, scene: Scene, of: dict[str, Array]) -> None:
 
 
 def radii(scene: Scene) -> Array:
-    """Radii by which balls are drawn, of the largest one: square roots, none very small; those of points are alike."""
+    """Return the radii in the drawing, relative to the largest radius.
+
+    They are square roots with a lower limit. All point particles have the same radius.
+    """
     drawn = np.maximum(LEAST, np.sqrt(scene.radius / (float(scene.radius.max()) or 1.0)))
     return np.where(scene.is_wall, 0.0, drawn)
 
 
 def save(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps: int) -> None:
-    """Write a film, whole or not at all."""
+    """Write a film atomically."""
     write = _save_gif if check_film(path) == ".gif" else _save_mp4
     files.write(path, lambda draft: write(pictures, draft, fps))
 
 
 def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
-    """Write these pictures of pages with the same 64 colours in all: a quarter of the size, in half the time."""
+    """Write pictures of pages with a common palette of 64 colours.
+
+    This takes half the time and a quarter of the size.
+    """
     image = optional("PIL.Image", "animate")
     drawn = [image.fromarray(np.asarray(page.show(k))).convert("RGB") for page, k in pictures]
     colours = drawn[len(drawn) // 2].quantize(64)
@@ -196,9 +222,9 @@ def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
 
 
 def _save_mp4(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
-    """Write these pictures of pages, one after the other."""
+    """Write pictures of pages one after the other."""
     figure, drawn = pictures[0][0].figure, (page.show(k) for page, k in pictures)
-    figure.savefig = lambda file, **_: file.write(next(drawn))  # what a writer asks for each picture
+    figure.savefig = lambda file, **_: file.write(next(drawn))  # called by the writer for each picture
     writer = optional("matplotlib.animation", "animate").FFMpegWriter(fps)
     try:
         with writer.saving(figure, draft, figure.dpi):

@@ -1,9 +1,10 @@
-"""When a speed, a place or a force first passes a level: `granular.until.speed` and its like, for runs that go from
-event to event.
+"""First time at which a speed, a position or a force exceeds a level.
 
-Between two events all motion is smooth, so what is watched is a few Chebyshev polynomials. Where their bound is below
-the level nothing is met; where they only rise, the two ends decide, and halving finds the moment to the last bit. Any
-other stretch is cut in two. So no crossing is missed that is higher than rounding.
+This implements `granular.until.speed`, `position` and `force` for event-driven runs.
+
+Between two events all motion is smooth, so the observable is represented by Chebyshev polynomials. Where their bound is
+below the level, the level is not reached. Where they increase monotonically, the two ends decide, and a bisection finds
+the time to the last bit. Any other interval is cut in two. Every crossing that exceeds rounding is found.
 """
 
 from __future__ import annotations
@@ -22,19 +23,25 @@ from granular.scene.places import positions, velocities
 
 DEGREE = 8
 PLACES = 0.5 * (1.0 + np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE))
-"""Where a stretch is looked at, as a part of it; the first is its end, the last its begin."""
+"""Nodes of an interval as shares of its length, from its end to its begin."""
 FIT = np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * PLACES - 1.0, DEGREE))
-"""Chebyshev coefficients from values there."""
+"""Matrix from values at the nodes to Chebyshev coefficients."""
 SLOPES = np.arange(2, DEGREE + 1) ** 2
-"""The steepest that polynomials from the second on are."""
+"""Largest slopes of the Chebyshev polynomials of degree 2 and higher."""
 ROUNDING = 2.0**-48
-"""Part of the values below which they say nothing."""
+"""Relative rounding error of the values."""
 FARTHEST, WINDOW = 2.0**300, 1.0
-"""Time in s up to which free flight that never ends is followed; and how far the path of a wall, at a time."""
+"""Largest time in s up to which endless free flight is followed.
+
+WINDOW is the time in s that is searched first, and the step in which the path of a wall is followed.
+"""
 
 
 def first_above(watched: Callable[[float], float], sign: float, level: float, begin: float, end: float) -> float:
-    """Return the first time from `begin` to `end` at which sign·watched - level is positive; inf if it never is."""
+    """Return the first time at which sign·watched - level is positive.
+
+    The search is from `begin` to `end`. The result is inf if the value is never positive.
+    """
     def above(t: float) -> bool:
         return sign * watched(t) > level
 
@@ -46,20 +53,26 @@ def first_above(watched: Callable[[float], float], sign: float, level: float, be
         values = sign * np.array([watched(min(b, a + part * (b - a))) for part in PLACES.tolist()]) - level
         c = FIT @ values
         noise = ROUNDING * (float(np.abs(values).max()) + abs(level))
+        # Σ |c| bounds the polynomial; twice the last two coefficients estimate the truncation error
         if not c[0] + np.abs(c[1:]).sum() + 2.0 * np.abs(c[-2:]).sum() > noise:
             continue
+        # the linear term exceeds the largest slope of all other terms
         rises = c[1] > np.abs(c[2:]) @ SLOPES + SLOPES[-1] * np.abs(c[-2:]).sum()
         middle = 0.5 * (a + b)
         if not a < middle < b or rises:
             if above(b):
                 return halved(above, a, b)
         else:
+            # a stack: the earlier half is searched first
             stretches += [(middle, b), (a, middle)]
     return math.inf
 
 
 def halved(above: Callable[[float], bool], low: float, high: float) -> float:
-    """Return the first number at which `above` holds, from `low`, where it does not, to `high`, where it does."""
+    """Return the first float at which `above` holds, by bisection.
+
+    It does not hold at `low`, and holds at `high`.
+    """
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (low, middle) if above(middle) else (middle, high)
     return high
@@ -68,11 +81,15 @@ def halved(above: Callable[[float], bool], low: float, high: float) -> float:
 def first_met(
     watched: Callable[[float], float], level: stop.Level, scene: Scene, begin: float, end: float
 ) -> float:
-    """Return when what is watched passes the level, from `begin` to `end` in s; inf if it does not."""
-    if scene.pendulum > 0.0:  # which after a period swings as before
+    """Return the time in s at which an observable first passes the level.
+
+    The search is from `begin` to `end`. The result is inf if the level is not passed.
+    """
+    if scene.pendulum > 0.0:  # free pendula are periodic
         end = min(end, begin + 2.0 * math.pi / scene.pendulum)
     below = level.below if isinstance(level, stop.Position) else None
     sides = [(-1.0, -below)] if below is not None else [(1.0, level.above or 0.0)]
+    # a speed exceeds the level with either sign of the velocity
     sides += [(-1.0, level.above)] if isinstance(level, stop.Speed) else []
     seen, span = cache(watched), WINDOW
     while True:
@@ -84,7 +101,10 @@ def first_met(
 
 
 def shown(run: Any, level: stop.Level, time: float) -> float:
-    """Return what is watched as a row shows it, at a time up to the next event."""
+    """Evaluate the observable at `time` from a row of the run.
+
+    The time must not be after the next event.
+    """
     row = run.row(time)
     if isinstance(level, stop.Force):
         return float(row.force[level.pair])
@@ -96,9 +116,10 @@ def shown(run: Any, level: stop.Level, time: float) -> float:
 
 
 class Watched:
-    """A `granular.run.drive.Run` that ends where a level is passed: the run itself, one event at a time.
+    """Wrapper of a `granular.run.drive.Run` that ends it when a level is passed.
 
-    The module `between` says up to when nothing happens to it (`calm`), and what is watched until then (`watched`).
+    The run advances one event at a time. The module `between` provides the time up to which no event occurs (`calm`),
+    and the observable until then (`watched`).
     """
 
     def __init__(self, run: Any, between: Any) -> None:
@@ -108,15 +129,17 @@ class Watched:
         return getattr(self.run, name)
 
     def to(self, time: float, last: bool) -> Pause:
-        """Go on towards `time`, to the next event or to where the level is passed."""
+        """Advance towards `time`, up to the next event or to the crossing of the level."""
         run, level, (begin, due) = self.run, self.run.request.until, self.between.calm(self.run)
         if run.scene.driven and due == math.inf:
+            # the path of a driven wall is followed in windows, because it can be endless
             due = begin + WINDOW
+        # one float beyond the event, so that it takes place
         goal = min(math.nextafter(due, math.inf), time)
         met = first_met(self.between.watched(run, level), level, run.scene, begin, min(due, time))
         if met == math.inf:
             pause: Pause = run.to(goal, last or goal < time)
             return Pause.full if pause is Pause.reached and goal < time else pause
         pause = Pause.reached if met == begin else run.to(met, True)
-        run.row(met)  # the last that is read
+        run.row(met)  # the last row that is read
         return Pause.until if pause is Pause.reached else pause

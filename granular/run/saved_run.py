@@ -1,4 +1,4 @@
-"""Runs in files: all of a `Trajectory` as arrays and words, and back."""
+"""Conversion of a `Trajectory` to arrays and metadata in a file, and back."""
 
 from __future__ import annotations
 
@@ -19,34 +19,55 @@ from granular.scene import Scene
 from granular.scene.places import fitted
 
 PLAIN = (bool, int, float, str)
-"""What is saved of `stats`: these, and tuples of them."""
-ARRAYS = {"time": "t", "position": "tn", "velocity": "tn", "gap": "tp", "force": "tp", "contacts": "c", "ledger": "tl"}
-SCENE = {"mass": "n", "radius": "n", "gap": "p", "velocity": "n", "gravity": "", "origin": "", "external_force": "n",
-         "ring": "", "pendulum": "", "rest_gap": "p"}
-"""Arrays and their dimensions: rows t, bodies n, pairs p, contacts c, five sums of the ledger l."""
+"""Types of entries of `stats` that are saved, also within tuples."""
+ARRAYS = {
+    "time": "t", "position": "tn", "velocity": "tn", "gap": "tp", "force": "tp", "contacts": "c", "ledger": "tl",
+}
+SCENE = {
+    "mass": "n", "radius": "n", "gap": "p", "velocity": "n", "gravity": "", "origin": "", "external_force": "n",
+    "ring": "", "pendulum": "", "rest_gap": "p",
+}
+"""Arrays and their dimensions.
+
+The letters are t for rows, n for bodies, p for pairs, c for contacts and l for the five sums of the ledger.
+"""
 SHAPES = ARRAYS | {f"scene.{name}": dimensions for name, dimensions in SCENE.items()}
 MAYBE = {"force", "ledger", "scene.external_force", "scene.ring", "scene.pendulum", "scene.rest_gap"}
-"""Those that a run may lack."""
-OF_HARD = {"contacts.pair": np.int32, "contacts.t_begin": float, "contacts.v_in": float, "contacts.v_out": float,
-           "contacts.impulse": float}
-"""What a hard log says by itself, column by column; the rest follows: a collision is an instant, of infinite force."""
+"""Arrays that a run can lack."""
+OF_HARD = {
+    "contacts.pair": np.int32, "contacts.t_begin": float, "contacts.v_in": float, "contacts.v_out": float,
+    "contacts.impulse": float,
+}
+"""Columns of a hard log that are saved.
+
+The other columns follow from them, because a collision is instantaneous with an infinite force.
+"""
 TABLES = {"time", "position", "velocity", "gap", "force", "ledger", "contacts", *OF_HARD}
-"""Those that a netCDF file has as variables of its own."""
+"""Arrays that are separate variables of a netCDF file."""
 NEEDED = SHAPES.keys() - MAYBE | {"words"}
-"""What a saved run holds at least; besides that forces, walls and the state."""
+"""Entries that every saved run contains. Forces, walls and the state are optional."""
 PHYSICS = (dict, list, type(None))
 WORDS = {"status": str, "message": str, "stats": dict, "law": PHYSICS, "rule": PHYSICS}
 OTHERS = {"format": int, "walls": list, "digest": str}
-"""Words and what they are; files of earlier formats lack the others."""
+"""Metadata entries and their types.
+
+Files of earlier formats lack the entries in OTHERS.
+"""
 MOST_WORDS, OF_PAIR = 100_000_000, 2_000
-"""Characters of the words of a run, and more of them per pair: a wall's path of 2¹⁸ panels is the longest text."""
+"""Maximum number of characters of the metadata, and additional number per pair.
+
+The path of a wall with 2¹⁸ panels is the longest text.
+"""
 MOST_RECORDS, LARGEST = 10_000, 1 << 16
-"""Records of an array of the state beyond eight per pair, and bytes of one."""
+"""Limits for an array of the state.
+
+They are the number of records beyond eight per pair, and the bytes per record.
+"""
 CHANGED = "it was changed after it was saved"
 
 
 def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
-    """Write a run to one ``.npz`` file, whole or not at all."""
+    """Write a run to one ``.npz`` file atomically."""
     files.check_ending(path, ".npz")
     words, arrays = packed(run)
 
@@ -58,12 +79,13 @@ def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> N
 
 
 def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The words of a run, and its arrays by name."""
+    """Return metadata and arrays of a run, by name."""
     if run.law is None and run.rule is None:
         raise ValueError("run has neither laws nor rules: numbers of another program are saved as .csv, .extxyz, or by "
                          "to_xarray().")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
-    held = {name: getattr(run, name) for name in ARRAYS} | {f"scene.{name}": getattr(scene, name) for name in SCENE}
+    held = {name: getattr(run, name) for name in ARRAYS} | {
+        f"scene.{name}": getattr(scene, name) for name in SCENE}
     has = {"scene.ring": scene.ring, "scene.pendulum": scene.pendulum > 0.0}
     held = {name: value for name, value in held.items() if value is not None and has.get(name, True)}
     arrays = {name: np.asarray(value) for name, value in held.items()} | {
@@ -86,7 +108,11 @@ def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _described(physics: tuple[Any, ...] | None) -> Any:
-    """One law or rule if all pairs have it, or one per pair; None if the run had none."""
+    """Return the description of the laws or rules.
+
+    It is a single description if all pairs have the same law, else one per pair. The result is None without laws or
+    rules.
+    """
     if physics is None:
         return None
     same = all(one is physics[0] for one in physics)
@@ -94,20 +120,23 @@ def _described(physics: tuple[Any, ...] | None) -> Any:
 
 
 def said(words: Mapping[str, Any]) -> str:
-    """Return words as text; numbers of other types, such as numpy's, are floats."""
+    """Return metadata as JSON text.
+
+    Numbers of other types, such as numpy's, become floats.
+    """
     return json.dumps(words, sort_keys=True, default=float)
 
 
 def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
-    """What changes if anything in a file does."""
+    """Return a checksum of all metadata and arrays of a file."""
     rest = {name: value for name, value in words.items() if name != "digest"}
     digest = blake2b(said(rest).encode(), digest_size=16)
     for name in sorted(arrays):
         array = arrays[name]
-        if name in OF_HARD:  # long: as zip does, six times as fast
+        if name in OF_HARD:  # long columns: crc32 is six times as fast
             digest.update(f"{name} {array.shape} {array.dtype.str} {crc32(np.ascontiguousarray(array).data)}".encode())
             continue
-        columns = [array[column] for column in array.dtype.names or ()] or [array]  # what is between them is nothing
+        columns = [array[column] for column in array.dtype.names or ()] or [array]  # padding is undefined
         digest.update(f"{name} {array.dtype.names} {array.shape}".encode())
         for column in columns:
             digest.update(f"{column.dtype.str} ".encode())
@@ -118,8 +147,10 @@ def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
 def read(
     path: str | os.PathLike[str], law: Any, rule: Any, statuses: Collection[str], log: np.dtype[Any]
 ) -> dict[str, Any]:
-    """Return what `write` has written by the names of `Trajectory`, the status by its name, one of `statuses`; contacts
-    are records `log`. Raise as `Trajectory.load`.
+    """Read a file of `write` and return the fields of `Trajectory` by name.
+
+    The status is given by its name, which must be one of `statuses`. Contacts are records of type `log`. Exceptions
+    are the same as in `Trajectory.load`.
     """
     name = files.checked_source("path", path)
     try:
@@ -130,7 +161,8 @@ def read(
                 _check_heads(files.heads(file), log)
                 stored = files.arrays(file)
         words = _words(str(stored.pop("words")))
-        files.check_format(name, words.get("format", 1), words.keys() - WORDS.keys() - OTHERS.keys())
+        files.check_format(name, words.get("format", 1),
+                           words.keys() - WORDS.keys() - OTHERS.keys())
         _check_words(words, stored, statuses)
         if "contacts.pair" in stored:
             stored["contacts"] = _hard_log(stored, log)
@@ -149,7 +181,7 @@ def read(
 
 
 def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
-    """The arrays that the tables of a netCDF file and its checkpoint hold, as an ``.npz`` file would have them."""
+    """Return the arrays of a netCDF file and its checkpoint, as in an ``.npz`` file."""
     xarray = check.optional("xarray", "a file that ends in .nc")
     check.optional("netCDF4", "a file that ends in .nc")
     try:
@@ -163,11 +195,11 @@ def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
         table = {key: data[key].values for key in data.variables if key not in ("side", "mass", "radius")}
     try:
         file = BytesIO(table.pop("checkpoint").tobytes())
-        files.heads(file)  # looks at what is there before any of it is read
+        files.heads(file)  # check the headers before any data is read
         stored = files.arrays(file)
         columns = {key: table.pop("contact_pair" if key == "pair" else key) for key in log.names or ()}
         stored = table | stored
-        if "contacts" in stored:  # of hard spheres, without rows
+        if "contacts" in stored:  # hard spheres: an empty array
             stored |= {key: columns[key[9:]].astype(kind) for key, kind in OF_HARD.items()}
         else:
             stored["contacts"] = np.zeros(len(columns["pair"]), log)
@@ -180,20 +212,23 @@ def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
 
 
 def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
-    """Raise unless a file holds the arrays of a run, each of its kind and of the size that the others ask for."""
+    """Raise unless a file contains the arrays of a run with valid types and shapes."""
     if not heads.keys() >= NEEDED or any(len(heads[name][1]) != 1 for name in ("scene.mass", "time")):
         raise files.Foreign
     n, t = heads["scene.mass"][1][0], heads["time"][1][0]
     size = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
-    kinds = {"contacts": log, "scene.ring": np.dtype(bool)} | {name: np.dtype(OF_HARD[name]) for name in OF_HARD}
+    kinds = {"contacts": log, "scene.ring": np.dtype(bool)} | {
+        name: np.dtype(OF_HARD[name]) for name in OF_HARD}
     if heads.keys() & OF_HARD.keys() and not heads.keys() >= OF_HARD.keys():
         raise ValueError(f"its log lacks columns; {CHANGED}.")
     for name, (dtype, shape) in heads.items():
         shown = files.plain_text(name, 60)
         if name == "words":
-            good = dtype.kind == "U" and shape == () and dtype.itemsize <= 4 * (MOST_WORDS + OF_PAIR * size["p"])
-        elif name.startswith("state."):  # looked at closely where the run goes on
-            good = len(shape) <= 1 and math.prod(shape) <= MOST_RECORDS + 8 * size["p"] and dtype.itemsize <= LARGEST
+            good = dtype.kind == "U" and shape == () and dtype.itemsize <= 4 * (
+                MOST_WORDS + OF_PAIR * size["p"])
+        elif name.startswith("state."):  # checked in detail when the run is resumed
+            good = (len(shape) <= 1 and math.prod(shape) <= MOST_RECORDS + 8 * size["p"]
+                    and dtype.itemsize <= LARGEST)
         elif name in SHAPES:
             wanted = tuple(size.get(one, shape[0] if shape else 0) for one in SHAPES[name])
             good = dtype == kinds.get(name, np.dtype(float)) and shape == wanted
@@ -207,7 +242,7 @@ def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
 
 
 def _hard_log(stored: Mapping[str, Any], log: np.dtype[Any]) -> Any:
-    """The log of a hard run of its own columns."""
+    """Return the log of a hard run from its saved columns."""
     rows = np.zeros(len(stored["contacts.pair"]), log)
     for name in OF_HARD:
         rows[name[9:]] = stored[name]
@@ -216,7 +251,7 @@ def _hard_log(stored: Mapping[str, Any], log: np.dtype[Any]) -> Any:
 
 
 def _words(text: str) -> dict[str, Any]:
-    """The words of a run, each of its kind."""
+    """Return the metadata of a run after a check of their types."""
     try:
         words = json.loads(text)
     except ValueError:
@@ -231,11 +266,12 @@ def _words(text: str) -> dict[str, Any]:
 
 
 def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: Collection[str]) -> None:
-    """Raise what is wrong with words beside those for laws, rules and walls."""
+    """Raise `ValueError` for invalid metadata, except laws, rules and walls."""
     check.refuse({
         f"its status is {files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} is needed.":
             words["status"] not in statuses,
-        f"it has both laws and rules, or neither; {CHANGED}.": (words["law"] is None) is (words["rule"] is None),
+        f"it has both laws and rules, or neither; {CHANGED}.":
+            (words["law"] is None) is (words["rule"] is None),
     })
     for name, value in words["stats"].items():
         several = value if isinstance(value, list) else [value]
@@ -246,12 +282,16 @@ def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: 
     walls, signed = len(words.get("walls", (None, None))), words.get("format", 1) > 2 or "digest" in words
     check.refuse({
         f"it has {walls} walls: a floor and a ceiling, or None, are needed.": walls != 2,
-        f"its numbers do not belong together; {CHANGED}.": signed and words.get("digest") != _digest(words, stored),
+        f"its numbers do not belong together; {CHANGED}.":
+            signed and words.get("digest") != _digest(words, stored),
     })
 
 
 def _check_rows(stored: Mapping[str, Any], status: str) -> None:
-    """Raise unless times rise and rows are numbers; those of unstable runs mean nothing."""
+    """Raise `ValueError` unless times increase and all rows are finite.
+
+    Rows of unstable runs can contain any values.
+    """
     time, log = stored["time"], stored["contacts"]
     if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
         raise ValueError(f"its times do not rise, or are no numbers; {CHANGED}.")
@@ -265,7 +305,7 @@ def _check_rows(stored: Mapping[str, Any], status: str) -> None:
 
 
 def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: Any) -> dict[str, Any]:
-    """The parts of a run."""
+    """Return the fields of a run."""
     numbers = {name: _plain(stored[f"scene.{name}"]) for name in SCENE if f"scene.{name}" in stored}
     floor, ceiling = (wall and from_json("wall", wall) for wall in words.get("walls", (None, None)))
     scene = Scene(**numbers, floor=floor, ceiling=ceiling)
@@ -280,20 +320,23 @@ def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: A
         "status": words["status"],
         "message": files.plain_text(words["message"]),
         "stats": {files.plain_text(name): tuple(value) if isinstance(value, list) else value for name, value in stats},
-        "state": state if words["rule"] is not None or "origin" in state else {},  # md was not to be gone on from
+        "state": state if words["rule"] is not None or "origin" in state else {},  # older md runs cannot be resumed
     }
 
 
 def _unlogged(words: Mapping[str, Any], stored: Mapping[str, Any], scene: Scene) -> dict[str, bool]:
-    """The mark of a run without its log, which files of earlier versions lack: contacts are counted, and there is no
-    row of any, though the run goes back to its start."""
+    """Return {"log": False} for a run without its log, else an empty dict.
+
+    Files of earlier versions lack this mark. Such a run starts at the initial scene and has a positive number of
+    contacts in `stats`, but no rows of contacts.
+    """
     begun = all(np.array_equal(stored[name][0], getattr(scene, name)) for name in ("gap", "velocity"))
     counted = words["stats"].get("contacts" if words["rule"] is None else "events", 0)
     return {"log": False} if begun and counted and not len(stored["contacts"]) else {}
 
 
 def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...] | None:
-    """The given or the stored laws (rules), one per pair; None if the run had none."""
+    """Return the given or the stored laws (rules), one per pair, or None without any."""
     if stored is None:
         return None
     if given is not None:
@@ -307,5 +350,5 @@ def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...
 
 
 def _plain(value: Any) -> Any:
-    """A number or word instead of an array of no dimension."""
+    """Return a number or string in place of an array without dimensions."""
     return value.item() if value.ndim == 0 else value

@@ -1,5 +1,6 @@
-"""A run as labelled arrays (xarray), as a table (pandas), as a file that others read: netCDF, CSV, extended XYZ, which
-OVITO and ASE open; and a run made of arrays that another program has computed.
+"""Conversion of a run to xarray, pandas, netCDF, CSV and extended XYZ.
+
+OVITO and ASE read extended XYZ. The module also creates a run from arrays that another program has computed.
 """
 
 from __future__ import annotations
@@ -21,18 +22,18 @@ from granular.scene import Scene, positions
 
 ROWS = {"position": ("body", "m"), "velocity": ("body", "m/s"), "gap": ("pair", "m"), "force": ("pair", "N"),
         "ledger": ("share", "J")}
-"""Second dimension and unit of what a run has at its times."""
+"""Second dimension and unit of the arrays of a run."""
 LOG = {"pair": "1", "t_begin": "s", "t_end": "s", "duration": "s", "v_in": "m/s", "v_out": "m/s", "xi_max": "m",
        "force_max": "N", "impulse": "N s"}
-"""Units of the contact log."""
+"""Units of the columns of the contact log."""
 NAMES = {name: "contact_pair" if name == "pair" else name for name in LOG}
-"""Names of its columns beside those of rows."""
+"""Names of these columns in a dataset that also contains the arrays."""
 NEEDS = {".npz": (), ".nc": ("xarray", "netCDF4"), ".csv": ("pandas",), ".extxyz": ()}
-"""Endings, and the packages that write them."""
+"""File endings and the packages that they require."""
 
 
 def about(run: Any) -> dict[str, str]:
-    """What a run is of, and where it comes from: for the head of a file."""
+    """Return a description of a run and its origin for the header of a file."""
     laws = run.law or run.rule or ("none: numbers from elsewhere",)
     shown = [repr(one) for one in (laws[:1] if len(set(map(repr, laws))) == 1 else laws)]
     command = " ".join([os.path.basename(sys.argv[0]), *sys.argv[1:]])
@@ -43,7 +44,7 @@ def about(run: Any) -> dict[str, str]:
 
 
 def dataset(run: Any) -> Any:
-    """See `granular.Trajectory.to_xarray`."""
+    """Convert a run to a dataset, see `granular.Trajectory.to_xarray`."""
     xarray = check.optional("xarray", "to_xarray")
     rows = {name: (("time", dim), getattr(run, name), {"units": unit}) for name, (dim, unit) in ROWS.items()
             if getattr(run, name) is not None}
@@ -56,7 +57,7 @@ def dataset(run: Any) -> Any:
 
 
 def frame(run: Any, what: str = "contacts") -> Any:
-    """See `granular.Trajectory.to_frame`."""
+    """Convert a run to a data frame, see `granular.Trajectory.to_frame`."""
     pandas = check.optional("pandas", "to_frame")
     if check.choice("what", what, ("contacts", "samples")) == "contacts":
         flat = [_flat(name, run.contacts[name], ("lower", "upper")) for name in LOG]
@@ -67,14 +68,17 @@ def frame(run: Any, what: str = "contacts") -> Any:
 
 
 def _flat(name: str, values: Any, labels: Any) -> list[tuple[str, Any]]:
-    """A column, or several, each with its label behind the name."""
+    """Return one column, or several columns with labels appended to the name."""
     if values.ndim == 1:
         return [(name, values)]
     return [(f"{name}_{label}", values[:, k]) for k, label in enumerate(labels)]
 
 
 def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -> dict[str, Any]:
-    """The parts of a run that another program has computed; see `granular.Trajectory.from_arrays`."""
+    """Return the fields of a run that another program has computed.
+
+    See `granular.Trajectory.from_arrays`.
+    """
     check.of_kind("scene", scene, Scene, "a granular.Scene", "that from which the other program started")
     if (position is None) is (gap is None):
         raise ValueError(f"position and gap are {'both' if gap is not None else 'not'} given: one of them is needed.")
@@ -98,7 +102,7 @@ def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -
 
 
 def _rows(name: str, values: Any, shape: tuple[int, int]) -> Any:
-    """A table of numbers of that shape, copied."""
+    """Return a copy of a table of finite numbers with the given shape."""
     try:
         if np.iscomplexobj(np.asarray(values)):
             raise TypeError
@@ -115,7 +119,10 @@ def _rows(name: str, values: Any, shape: tuple[int, int]) -> Any:
 
 
 def ending_of(path: str | os.PathLike[str]) -> str:
-    """Return the ending of a path, in small letters, if it is one that is written, and what writes it is installed."""
+    """Return the ending of a path in lower case.
+
+    Raises an exception if the ending is not supported, or if a package that it requires is not installed.
+    """
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     ending = os.path.splitext(str(name))[1].lower()
     if isinstance(name, str) and files.is_stream(name):
@@ -128,7 +135,7 @@ def ending_of(path: str | os.PathLike[str]) -> str:
 
 
 def save(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
-    """Write a run in the format of the path's ending, whole or not at all."""
+    """Write a run atomically, in the format of the ending of `path`."""
     ending = ending_of(path)
     if ending == ".npz":
         saved_run.write(path, run, compressed)
@@ -142,10 +149,13 @@ def save(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> No
 
 
 def _netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> None:
-    """Tables for everybody, and in the variable `checkpoint` what a run needs besides to go on: scene, law, state."""
+    """Write the tables of a run, and a variable `checkpoint` that allows to resume it.
+
+    The checkpoint contains scene, law and state.
+    """
     words, arrays = saved_run.packed(run)
     stream, data = io.BytesIO(), dataset(run)
-    own = saved_run.TABLES - ({"contacts"} if run.rule is not None else set())  # empty: tells hard spheres
+    own = saved_run.TABLES - ({"contacts"} if run.rule is not None else set())  # empty: hard spheres
     np.savez(stream, words=np.array(saved_run.said(words)),
              **{name: array for name, array in arrays.items() if name not in own})
     data["checkpoint"] = "byte", np.frombuffer(stream.getvalue(), np.uint8), {"long_name": "read by granular.load"}
@@ -160,12 +170,15 @@ def _netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> None:
 
 
 def _extxyz(run: Any) -> Iterator[str]:
-    """A frame for each row: balls on the x axis, walls as numbers of the frame; a ring is a periodic cell."""
+    """Yield a frame for each row, with balls on the x axis.
+
+    Walls are numbers in the header of the frame. A ring is a periodic cell.
+    """
     scene, balls = run.scene, np.flatnonzero(~run.scene.is_wall).tolist()
     size = float(scene.gap.sum() + 2.0 * scene.radius.sum())
     width = 4.0 * float(scene.radius.max()) or 1.0
     cell = f'Lattice="{size!r} 0 0 0 {width!r} 0 0 0 {width!r}" pbc="T F F"' if scene.ring else 'pbc="F F F"'
-    marks = str.maketrans({'"': "'", "\\": "/"})  # between quotation marks
+    marks = str.maketrans({'"': "'", "\\": "/"})  # the text is inside quotation marks
     said = " ".join(f'{name}="{text.translate(marks)}"' for name, text in about(run).items())
     for k, (time, x, v) in enumerate(zip(run.time.tolist(), run.position.tolist(), run.velocity.tolist(), strict=True)):
         walls = "".join(f" {name}={x[i]!r}" for name, i in (("floor", 0), ("ceiling", -1)) if math.isinf(scene.mass[i]))

@@ -1,4 +1,4 @@
-"""What a run returns: one frozen `Trajectory` for both engines, with its status and its log of contacts."""
+"""Result of a run: the frozen class `Trajectory`, with status and contact log."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from granular.scene.places import points as scene_points
 
 
 class Status(Enum):
-    """Why a run ended; the value is the sentence to print."""
+    """Reason for the end of a run, whose value is a sentence for output."""
 
     time = "the end time was reached"
     until = "the stop condition was met"
@@ -37,34 +37,35 @@ class Status(Enum):
 @face
 @dataclass(frozen=True, eq=False)
 class Trajectory(PublicWhenRead):
-    """What happened: samples, contact log, and how it ended.
+    """Result of a run: samples, contact log and status.
 
     Attributes
     ----------
     scene : Scene
-        The initial state, untouched.
+        The initial state, unchanged.
     law, rule : tuple or None
-        One force law per pair (md) or one collision rule per pair (edmd); the other is None.
+        One force law per pair (md) or one restitution rule per pair (edmd). The other attribute is None.
     time : (T,) array
-        Sample times in s; first and last instant if ``samples=None``.
+        Sample times in s. With ``samples=None`` they are the first and the last instant.
     position, velocity : (T, n) arrays
-        In m and m/s, upwards positive; right-continuous at collisions.
+        In m and m/s, upwards positive. Velocities are right-continuous at collisions.
     gap : (T, n-1) array, (T, n) on a ring
         Distances between surfaces in m, negative while balls overlap.
     force : (T, n-1) array or None
         Contact forces in N, ≥ 0 for repulsion (md only).
     contacts : structured array
-        The contact log, see `CONTACT`; empty if ``log=False`` or a file. Of hard spheres it is made when first read.
+        Contact log, see `CONTACT`. It is empty with ``log=False``, or if the log is a file. For hard spheres
+        it is created on first access.
     status, message : Status, str
-        Why the run ended, and the sentence with its numbers.
+        Reason for the end of the run, and a sentence with numbers.
     stats : dict
         Amount of work and notes of the engine.
     state : dict
-        The raw state at the end of a run, from which `granular.edmd.resume` or `granular.md.resume` goes on; empty for
-        fixed steps, whose runs cannot be resumed.
+        Internal state at the end of the run, from which `granular.edmd.resume` or `granular.md.resume` continues. It is
+        empty for fixed-step integrators, whose runs cannot be resumed.
     ledger : (T, 5) array or None
-        In J since the start, accumulated by the engine where walls are driven or thermal: work of floor and ceiling,
-        heat of both, and what was dissipated; see `account`.
+        Energies in J since the start, accumulated by the engine if walls are driven or thermal: work of floor and
+        ceiling, heat of both, and dissipated energy, see `account`.
     """
 
     scene: Scene
@@ -94,33 +95,46 @@ class Trajectory(PublicWhenRead):
 
     @cached_property
     def by_pair(self) -> tuple[Any, Any]:
-        """Numbers of the rows of the contact log, pair by pair in order of time, and where those of each pair begin."""
+        """Row numbers of the contact log grouped by pair, and the start of each group.
+
+        Within a pair the rows are in order of time.
+        """
         return grouped(self.contacts["pair"], self.scene.n_pairs)
 
     def rows(self, pair: int) -> Any:
-        """Numbers of the rows of the contact log that belong to `pair`."""
+        """Return the row numbers of the contact log that belong to `pair`."""
         order, edge = self.by_pair
         c = pair if type(pair) is int else whole("pair", pair)
         return order[edge[c] : edge[c + 1]] if 0 <= c < len(edge) - 1 else order[:0]
 
     def of(self, pair: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
-        """Rows of the contact log that belong to `pair`."""
+        """Return the rows of the contact log that belong to `pair`."""
         rows: np.ndarray[tuple[int], np.dtype[np.void]] = self.contacts[self.rows(pair)]
         return rows
 
     def count(self, pair: int) -> int:
-        """Number of contacts of `pair` that began."""
+        """Return the number of contacts of `pair` that have begun."""
         return len(self.rows(pair))
 
     def contact_batches(self, size: int = 100_000) -> Iterator[np.ndarray[tuple[int], np.dtype[np.void]]]:
-        """Go through the contact log, as in `contacts`, so many rows at a time; also where it is a file.
+        """Iterate over the contact log in batches, also if it is stored in a file.
 
-        Rows of a file (``log="run.npy"``) come in the order in which contacts end, each read when its turn comes.
+        Rows of a file (``log="run.npy"``) are in the order in which contacts end, and are read batch by batch.
+
+        Parameters
+        ----------
+        size : int
+            Number of rows per batch. Defaults to 100 000.
+
+        Yields
+        ------
+        structured array
+            Rows as in `contacts`.
 
         Raises
         ------
         OSError, ValueError
-            If the file is not there any more, or is no log.
+            If the file does not exist any more, or is not a contact log.
         """
         count = whole("size", size, at_least=1)
         path = self.stats.get("log")
@@ -128,22 +142,27 @@ class Trajectory(PublicWhenRead):
 
     @property
     def first_disturbed(self) -> tuple[float, int]:
-        """Time in s at which two neighbouring pairs first overlap at once, and the lower one; up to then every contact
-        is isolated. (nan, -1) if there are none, or nobody looked (hard runs do with `watch`, a warning).
+        """Time in s of the first disturbed contact, and the lower of its two pairs.
+
+        At this time two neighbouring pairs overlap simultaneously for the first time. All contacts before it are
+        isolated. The value is (nan, -1) if there is no disturbed contact, or if the run did not check. Hard runs check
+        only with `watch`, as an estimate.
         """
         time, pair = self.stats.get("first_disturbed", (math.nan, -1))
         return time, pair
 
     def momentum(self) -> Array:
-        """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
+        """Return the total momentum of the balls (without walls) in kg m/s, shape (T,)."""
         balls = ~self.scene.is_wall
         return np.asarray(self.velocity[:, balls] @ self.scene.mass[balls])
 
     def energy(self) -> Array:
-        """Energy in J, shape (T,): Σ ½ m v² + Σ m g x - Σ f x + Σ ½ m Ω² y² + Σ U(ξ) over balls and overlaps.
+        """Return the energy in J at every row, shape (T,).
 
-        The elastic energy U(ξ) counts wherever ξ > 0, also while the force is clipped at zero. It is nan at samples
-        with a closed contact of a law with memory, whose recoverable energy the overlap alone does not determine.
+        The energy is Σ ½ m v² + Σ m g x - Σ f x + Σ ½ m Ω² y² + Σ U(ξ), summed over balls and overlaps. The elastic
+        energy U(ξ) is included wherever ξ > 0, also while the force is clipped at zero. The energy is nan at samples
+        with a closed contact of a law with memory, because the overlap alone does not determine the recoverable
+        energy.
         """
         balls = ~self.scene.is_wall
         m, v, x = self.scene.mass[balls], self.velocity[:, balls], self.position[:, balls]
@@ -160,23 +179,37 @@ class Trajectory(PublicWhenRead):
         return energy
 
     def account(self) -> dict[str, Array]:
-        """Where energy and momentum come from, at every row: energy - work - heat + dissipated is constant, and so is
-        `momentum` - Σ momentum + Σ (m g - f) t, but for pendula.
+        """Return the balance of energy and momentum at every row.
+
+        The sum energy - work - heat + dissipated is constant. For scenes without pendula, `momentum` - Σ momentum +
+        Σ (m g - f) t is constant, too.
 
         Returns
         -------
         dict
-            In J: *energy* (T,), see `energy`; *work* (T, 2) that the first and the last body, if they are walls, have
-            done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
-            contacts. Where walls are driven or thermal each is accumulated by itself, with the rounding of its sum
-            carried along; else what is dissipated is what is lost, and work is momentum times the constant speed.
-            Under a fixed time step the sum is constant to the order of the method only.
+            Energies in J, and momenta in N s:
 
-            In N s: *momentum* (T, 2) that these walls have given the balls since the first row, ∫ F dt, upwards
-            positive. It is what the balls beyond the wall, up to the widest gap, have gained, without gravity and
-            forces, and what the log says has passed that gap: nothing beyond the last ball. So nan only between two
-            walls, at rows at which every pair is in contact, without a log, and of hard balls that may have stuck to a
-            ceiling; of pendula at rows within a contact at that wall.
+            *energy* (T,)
+                See `energy`.
+            *work* (T, 2)
+                Work ∫ F ẋ_w dt on the balls since the start, by the first and the last body if they are walls.
+            *heat* (T, 2)
+                Heat given to the balls by these walls since the start.
+            *dissipated* (T,)
+                Energy dissipated in contacts since the start.
+            *momentum* (T, 2)
+                Momentum ∫ F dt given to the balls by these walls since the first row, upwards positive.
+
+        Notes
+        -----
+        If walls are driven or thermal, each energy is accumulated separately with a compensated sum. Otherwise the
+        dissipated energy is the energy loss, and work is momentum times the constant wall speed. With a fixed time
+        step the sum is constant only to the order of the method.
+
+        The momentum is computed from the momentum gained by the balls between the wall and the widest gap, without
+        gravity and forces, and from the logged impulses through that gap. Beyond the last ball no impulse passes. The
+        momentum is nan only between two walls: at rows at which every pair is in contact, without a log, and for hard
+        balls that may have stuck to a ceiling. For pendula it is nan at rows within a contact with that wall.
         """
         energy, momentum = self.energy(), given_by_walls(self)
         if self.ledger is None:
@@ -189,83 +222,122 @@ class Trajectory(PublicWhenRead):
                 "dissipated": self.ledger[:, 4]}
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw the paths of the balls over time, radii taken out, with all contacts marked; return the figure, or save
-        it to `path`. Contacts that fill a small part of the run only are drawn once more by themselves.
+        """Draw the paths of the balls over time without their radii, with all contacts.
+
+        If the contacts take only a small part of the run, they are drawn again in a second panel.
 
         Parameters
         ----------
         path : str or path, optional
-            A file whose ending matplotlib knows, such as ``.png``.
+            File with an ending that matplotlib supports, such as ``.png``. By default no file is written.
+
+        Returns
+        -------
+        matplotlib.figure.Figure or None
+            The figure, unless it was written to `path`.
 
         Raises
         ------
-        ModuleNotFoundError, OSError, ValueError
-            If matplotlib is not installed; if the file cannot be written, or has no ending that matplotlib knows;
-            if the run has too few rows for its paths.
+        ModuleNotFoundError
+            If matplotlib is not installed.
+        OSError
+            If the file cannot be written.
+        ValueError
+            If matplotlib does not support the ending, or if the run has too few rows for its paths.
 
         Notes
         -----
-        Paths of hard spheres are exact under constant forces: they follow from the contact log. Long contacts, pendula,
-        shaken walls and runs without a log need rows, ``samples=np.linspace(0.0, end, 1000)`` or the like.
+        Paths of hard spheres are exact under constant forces, because they follow from the contact log. Long contacts,
+        pendula, driven walls and runs without a log need rows, for example ``samples=np.linspace(0.0, end, 1000)``.
         """
         from granular.run import figures
 
         return figures.plot(self, path)
 
     def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25) -> None:
-        """Write a film of the run, of its contacts if they are a small part of it; of at most 60 balls.
+        """Write a film of the run, for scenes of at most 60 bodies.
+
+        If the contacts take only a small part of the run, the film shows that part.
 
         Parameters
         ----------
         path : str or path
-            A file that ends in ``.gif``, or in ``.mp4``, which needs ffmpeg.
+            File that ends in ``.gif``, or in ``.mp4``, which requires ffmpeg.
         seconds : float, optional
-            How long the film is in s, positive.
+            Duration of the film in s, positive. Defaults to 7.
         fps : int, optional
-            Pictures per second.
+            Pictures per second. Defaults to 25.
 
         Raises
         ------
-        ModuleNotFoundError, OSError, ValueError
-            If matplotlib is not installed, or the file cannot be written; for too many balls, another ending, or
-            a run with too few rows, see `plot`.
+        ModuleNotFoundError
+            If matplotlib is not installed.
+        OSError
+            If the file cannot be written.
+        ValueError
+            If there are too many balls, if the ending is not supported, or if the run has too few rows, see `plot`.
         """
         from granular.run import films
 
         films.animate(self, path, seconds, fps)
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> None:
-        """Write the run to one file in the format of its ending, whole or not at all.
+        """Write the run to one file atomically, in the format of its ending.
 
-        ``.npz`` and ``.nc`` (netCDF, extra ``sweep``) hold everything: `load` reads them back, bit for bit. ``.csv``
-        is the contact log as `to_frame` has it, ``.extxyz`` the rows, for OVITO and ASE: balls on the x axis, walls as
-        numbers ``floor`` and ``ceiling`` of each frame. All digits are written, in SI units.
+        * ``.npz`` and ``.nc`` (netCDF, extra ``sweep``) contain the whole run. `load` restores all bits.
+        * ``.csv`` contains the contact log in the columns of `to_frame`.
+        * ``.extxyz`` contains the rows, for OVITO and ASE. Balls are on the x axis, and walls are the numbers
+          ``floor`` and
+          ``ceiling`` of each frame.
 
-        Of the log of a hard run only its own columns are written to ``.npz``, 52 bytes a collision; `load` derives the
-        others. A file that is `compressed` is smaller, by a third or more, and takes some twenty times as long.
+        All digits are written, in SI units.
 
-        Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
-        that a function of yours moves is stored as far as the run goes.
+        Parameters
+        ----------
+        path : str or path
+            Name of the file.
+        compressed : bool
+            Whether to compress ``.npz`` and ``.nc``. The file is smaller by a third or more, and writing takes about
+            twenty times as long. Defaults to False.
+
+        Notes
+        -----
+        For a hard run only the independent columns of the log are written to ``.npz``, 52 bytes per collision. `load`
+        computes the other columns.
+
+        Force laws and rules of this package are stored with their numbers. User-defined laws and rules are stored by
+        name only. If a function moves a wall, its path is stored for the time of the run.
         """
         from granular.run import tables
 
         tables.save(path, self, compressed)
 
     def to_xarray(self) -> Any:
-        """Rows and contacts as an `xarray.Dataset` (extra ``sweep``), with units, scene, law and versions in its attrs.
+        """Return rows and contacts as an `xarray.Dataset` (extra ``sweep``).
 
-        Dimensions are *time*, *body*, *pair*, *contact*, and *side* (lower, upper); the pair of a contact is
-        ``contact_pair``. By xarray's own writers it becomes netCDF or zarr.
+        Units are attributes of the variables. Scene, law and versions are attributes of the dataset. Dimensions are
+        *time*, *body*, *pair*, *contact*, and *side* (lower, upper). The variable ``contact_pair`` is the pair of a
+        contact. The dataset can be written as netCDF or zarr by xarray.
         """
         from granular.run import tables
 
         return tables.dataset(self)
 
     def to_frame(self, what: str = "contacts") -> Any:
-        """The contacts, or the samples, as a `pandas.DataFrame` (extra ``sweep``) of flat columns, in SI units.
+        """Return contacts or samples as a `pandas.DataFrame` (extra ``sweep``).
 
-        Of contacts *pair*, *t_begin*, *t_end*, *duration*, *v_in_lower*, *v_in_upper*, …; of samples *time*,
-        *position_0*, …, *velocity_0*, …, *gap_0*, … and, of soft spheres, *force_0*, ….
+        All values are in SI units.
+
+        Parameters
+        ----------
+        what : str
+            "contacts" gives the columns *pair*, *t_begin*, *t_end*, *duration*, *v_in_lower*, *v_in_upper*, …
+            "samples" gives *time*, *position_0*, …, *velocity_0*, …, *gap_0*, … and, for soft spheres, *force_0*, …
+            Defaults to "contacts".
+
+        Returns
+        -------
+        pandas.DataFrame
         """
         from granular.run import tables
 
@@ -275,28 +347,36 @@ class Trajectory(PublicWhenRead):
     def from_arrays(
         cls, scene: Scene, time: Any, *, position: Any = None, gap: Any = None, velocity: Any
     ) -> Trajectory:
-        """Make a run of what another program has computed, to be drawn, written, or held against both engines.
+        """Create a run from arrays that another program has computed.
+
+        The run can be plotted, written, and compared with both engines.
 
         Parameters
         ----------
         scene : Scene
-            What it started from.
+            Initial state of the other program.
         time : (T,) array
-            In s, not decreasing.
-        position, velocity : (T, n) arrays
-            Of all bodies, walls too, from the bottom up, in m and m/s; instead of positions the
+            Times in s, not decreasing.
+        position : (T, n) array
+            Positions in m of all bodies including walls, from the bottom up. Either `position` or `gap` is required.
         gap : (T, n-1) array, (T, n) on a ring
-            between surfaces in m.
+            Distances between surfaces in m, as an alternative to `position`.
+        velocity : (T, n) array
+            Velocities in m/s of all bodies including walls.
+
+        Returns
+        -------
+        Trajectory
 
         Raises
         ------
         TypeError, ValueError
-            With a sentence, if shapes do not fit, times decrease, or a number is not finite.
+            If shapes do not match, times decrease, or a number is not finite.
 
         Notes
         -----
-        It has rows only: no law, no rule, no forces, no state, and an empty log, for when contacts began and ended is
-        not known from rows; its energy is without that of overlaps.
+        The result has rows only, without law, rule, forces and state. Its contact log is empty, because rows do not
+        determine the onsets and ends of contacts. Its energy does not include overlaps.
         """
         from granular.run import tables
 
@@ -306,25 +386,31 @@ class Trajectory(PublicWhenRead):
 
     @classmethod
     def load(cls, path: str | PathLike[str], law: Any = None, rule: Any = None) -> Trajectory:
-        """Read a trajectory that `save` wrote.
+        """Read a trajectory that was written by `save`.
 
         Parameters
         ----------
         path : str or path
             The ``.npz`` or ``.nc`` file.
         law, rule : optional
-            In place of the stored ones; needed where they were your own.
+            Replacement for the stored laws or rules. It is required if they are user-defined.
+
+        Returns
+        -------
+        Trajectory
 
         Raises
         ------
-        OSError, TypeError, ValueError
-            If the file cannot be read, is not a trajectory, one of a later version, or one that was changed after it
-            was saved; if it holds a law or rule of your own and none is given.
+        OSError
+            If the file cannot be read.
+        TypeError, ValueError
+            If the file is not a trajectory, belongs to a later version, or was changed after it was saved. A
+            user-defined law or rule without a replacement also raises an error.
 
         Notes
         -----
-        Nothing in a file is run: laws, rules and walls are made of a closed list, from their numbers. The message is
-        read without control characters, up to 500 characters of it.
+        No code in a file is executed: laws, rules and walls are created from a closed list and their numbers. The
+        message is read without control characters and truncated to 500 characters.
         """
         from granular.run import saved_run
 
@@ -344,11 +430,17 @@ class Trajectory(PublicWhenRead):
 
 
 EARLY = (Status.collapse, Status.bounded, Status.max_events, Status.unstable, Status.broken)
-"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
+"""Statuses of runs that ended early.
+
+No conclusion is drawn from the end of such a run.
+"""
 
 
 def points(run: Trajectory) -> Array:
-    """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
+    """Return positions in m of a run with radii subtracted, shape (T, n).
+
+    Touching balls coincide. Body 0 is at 0 at the start.
+    """
     return scene_points(run.scene, run.gap, run.position)
 
 

@@ -1,6 +1,7 @@
-"""Stop conditions, understood by both engines: ``simulate(..., until=until.contact(pair=0, nth=2))``.
+"""Stop conditions for both engines.
 
-Also which scenes need one, and which option raises the limit that ended a run.
+For example, ``simulate(..., until=until.contact(pair=0, nth=2))`` stops before the second contact with the floor. The
+module also determines which scenes need a stop condition, and which option raises the limit that ended a run.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ __dir__ = __all__.copy
 
 
 class _Checked:
-    """A condition whose numbers are checked, and plain."""
+    """Base of conditions whose numbers are checked and converted to Python numbers."""
 
     __slots__ = ()
 
@@ -34,7 +35,7 @@ class _Checked:
 @_check.face
 @dataclass(frozen=True, slots=True)
 class Contact(_Checked):
-    """Stop just before the `nth` contact of `pair` begins; see `contact`."""
+    """Condition to stop just before the `nth` contact of `pair` begins, see `contact`."""
 
     pair: int
     nth: int
@@ -43,13 +44,13 @@ class Contact(_Checked):
 @_check.face
 @dataclass(frozen=True, slots=True)
 class Separated:
-    """Stop when everything has parted; see `separated`."""
+    """Condition to stop when all pairs have separated, see `separated`."""
 
 
 @_check.face
 @dataclass(frozen=True, slots=True)
 class Force(_Checked):
-    """Stop when the contact force of `pair` exceeds `above` in N; see `force`."""
+    """Condition to stop when the force of `pair` exceeds `above` in N, see `force`."""
 
     pair: int
     above: float
@@ -58,7 +59,7 @@ class Force(_Checked):
 @_check.face
 @dataclass(frozen=True, slots=True)
 class Speed(_Checked):
-    """Stop when the speed of `ball` exceeds `above` in m/s; see `speed`."""
+    """Condition to stop when the speed of `ball` exceeds `above` in m/s, see `speed`."""
 
     ball: int
     above: float
@@ -67,7 +68,7 @@ class Speed(_Checked):
 @_check.face
 @dataclass(frozen=True, slots=True)
 class Position(_Checked):
-    """Stop when the position of `ball` is above or below a place in m; see `position`."""
+    """Condition to stop when `ball` is above or below a position in m, see `position`."""
 
     ball: int
     above: float | None = None
@@ -77,7 +78,7 @@ class Position(_Checked):
         if (self.above is None) is (self.below is None):
             raise TypeError(f"above is {self.above!r} and below is {self.below!r}: one of them is needed, a place "
                             "in m.")
-        _Checked.__post_init__(self)  # super() is not known where a class has slots
+        _Checked.__post_init__(self)  # super() fails in dataclasses with slots
 
 
 Level = Force | Speed | Position
@@ -90,83 +91,109 @@ CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "Position": {"ball": NUMBER} | dict.fromkeys(
         ("above", "below"), lambda name, place: place if place is None else _check.number(name, place)),
 }
-"""What checks the numbers of each condition."""
+"""Checks of the numbers of each condition."""
 
 
 @_check.face
 def contact(pair: int, nth: int = 1) -> Contact:
-    """Stop just before the `nth` onset (F ≠ 0) of a contact of `pair` acts.
+    """Stop just before the `nth` contact of a pair begins.
 
-    That contact is neither logged nor counted. A soft contact begins when the overlap crosses 0 upwards, and
-    again when a clipped force becomes positive while the overlap is still there.
+    A contact begins when its force becomes nonzero (F ≠ 0). The `nth` contact is neither logged nor counted. A soft
+    contact begins when the overlap crosses 0 upwards, and again when a clipped force becomes positive while the
+    overlap is still positive.
 
     Parameters
     ----------
     pair : int
-        Number of the pair from the bottom; 0 is the floor's if there is one.
+        Number of the pair from the bottom. If there is a floor, its pair is 0.
     nth : int
-        Which onset, counted from 1.
+        Number of the onset, counted from 1. Defaults to 1.
+
+    Returns
+    -------
+    Contact
     """
     return Contact(pair, nth)
 
 
 @_check.face
 def separated() -> Separated:
-    """Stop when, after at least one contact, every pair is open and none approaches.
+    """Stop when, after at least one contact, all pairs are open and none approaches.
 
-    That is said of the moment: gravity, a force or a driven wall may bring them together again.
+    This holds for the moment only: gravity, a force or a driven wall can bring the balls together again.
+
+    Returns
+    -------
+    Separated
     """
     return Separated()
 
 
 @_check.face
 def force(pair: int, above: float) -> Force:
-    """Stop at the moment when the contact force F of `pair` first exceeds `above`, with the contact still open.
+    """Stop when the contact force F of a pair first exceeds a level.
 
-    This says when a push has arrived, also in a row of balls that touch, where every contact begins at once. Soft
-    spheres only: the force of hard ones lasts for no time.
+    The contact is still open at that time. The condition detects the arrival of a wave, also in a chain of touching
+    balls, where all contacts begin simultaneously. It applies to soft spheres only, because hard collisions are
+    instantaneous.
 
     Parameters
     ----------
     pair : int
-        Number of the pair from the bottom; 0 is the floor's if there is one.
+        Number of the pair from the bottom. If there is a floor, its pair is 0.
     above : float
-        Level in N, not negative. It is met at once by a force that is larger at the start.
+        Level in N, not negative. If the force is larger at the start, the run stops immediately.
+
+    Returns
+    -------
+    Force
     """
     return Force(pair, above)
 
 
 @_check.face
 def speed(ball: int, above: float) -> Speed:
-    """Stop at the moment when the speed abs(v) of `ball` first exceeds `above`, at a collision right after it.
+    """Stop when the speed abs(v) of a ball first exceeds a level.
+
+    At a collision, the run stops right after it.
 
     Parameters
     ----------
     ball : int
-        Number of the body from the bottom, as in `Scene`: a floor is body 0, and the lowest ball then 1.
+        Number of the body from the bottom, as in `Scene`. A floor is body 0, and then the lowest ball is 1.
     above : float
-        Level in m/s, not negative. It is met at once by a speed that is larger at the start.
+        Level in m/s, not negative. If the speed is larger at the start, the run stops immediately.
+
+    Returns
+    -------
+    Speed
     """
     return Speed(ball, above)
 
 
 @_check.face
 def position(ball: int, above: float | None = None, *, below: float | None = None) -> Position:
-    """Stop at the moment when the centre of `ball` is first above a place, or below one.
+    """Stop when the centre of a ball is first above or below a position.
+
+    Either `above` or `below` is required.
 
     Parameters
     ----------
     ball : int
-        Number of the body from the bottom, as in `Scene`: a floor is body 0, and the lowest ball then 1.
+        Number of the body from the bottom, as in `Scene`. A floor is body 0, and then the lowest ball is 1.
     above, below : float
-        Place x in m, one of the two; as in ``Trajectory.position``, on a ring not taken modulo its length. It is met
-        at once by a ball that is beyond it at the start.
+        Position x in m as in ``Trajectory.position``, on a ring not taken modulo its length. If the ball is beyond it
+        at the start, the run stops immediately.
+
+    Returns
+    -------
+    Position
     """
     return Position(ball, above, below)
 
 
 def checked(until: Until | None, scene: Scene) -> Until | None:
-    """Return `until` if it fits a scene, else raise."""
+    """Return `until` if it fits the scene, else raise `TypeError` or `ValueError`."""
     if until is None or isinstance(until, Separated):
         return until
     if not isinstance(until, (Contact, *LEVELS)):
@@ -181,7 +208,10 @@ def checked(until: Until | None, scene: Scene) -> Until | None:
 
 
 def without_levels(until: Until | None, who: str) -> None:
-    """Raise where `who` knows contacts and parting only."""
+    """Raise `ValueError` for a condition on a level.
+
+    `who` names the function that supports `contact` and `separated` only.
+    """
     if isinstance(until, LEVELS):
         raise ValueError(f"until is {until!r}: {who} knows until.contact and until.separated only; give t_end in s.")
 
@@ -190,19 +220,20 @@ def check_end(
     scene: Scene, t_end: float | None, until: Until | None, max_events: int | None, *,
     dented: Callable[[], bool] = bool, elastic: Callable[[], bool] = bool,
 ) -> None:
-    """Raise if no stop condition is given for a scene whose contacts never end.
+    """Raise `ValueError` if a scene whose contacts never end has no stop condition.
 
     Parameters
     ----------
     scene : Scene
         The initial state.
     t_end, until, max_events : optional
-        The stop conditions of the run; None if not given.
+        The stop conditions of the run, or None if not given.
     dented : callable
-        Returns whether balls fall on a floor and dissipate energy only where an overlap exceeds all overlaps before it.
-        False by default. It is called only if no stop condition is given.
+        Function that returns whether balls fall on a floor and dissipate energy only where an overlap exceeds all
+        previous overlaps. It is called only without a stop condition. By default the result is False.
     elastic : callable
-        Likewise, whether all pairs are elastic by declaration, and no option treats an inelastic collapse.
+        Function that returns whether all pairs are elastic by declaration and no option treats an inelastic collapse.
+        It is called and defaults like `dented`.
     """
     if t_end is not None or until is not None or max_events is not None:
         return
@@ -216,5 +247,5 @@ def check_end(
 
 
 def raised(option: str, end: float) -> str:
-    """Return what to change after a run until `end` in s that its limit `option` ended."""
+    """Return the advice for a run until `end` in s that its limit `option` ended."""
     return f"raise {option}=" + ", or give t_end= or until=" * (end == math.inf)

@@ -1,4 +1,6 @@
-"""The initial state of a simulation: balls, gaps, velocities, walls and gravity. Both engines read the same `Scene`.
+"""Initial state of a simulation: balls, gaps, velocities, walls and gravity.
+
+Both engines read the same `Scene`.
 
 Main line: `state`.
 A first reader may skip: `given`, `pair`, `places`, `walls/`.

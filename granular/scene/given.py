@@ -1,4 +1,4 @@
-"""What a scene may be given, and what cannot go together."""
+"""Checks of the arguments of `Scene`, each by itself and in combination."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from granular._engine import check
 
 
 def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, ring: bool) -> dict[str, Any]:
-    """Return what says how bodies stand and move, checked."""
+    """Return masses, radii, gaps, velocities and `ring` as checked fields of a scene."""
     m = check.array("mass", mass)
     n = len(m)
     if n < 2:
@@ -33,8 +33,13 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
     return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": closed}
 
 
-def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None) -> tuple[check.Array, ...]:
-    """Return masses, radii, positions, checked, and the gaps between them, on a ring of a `length` the last one too."""
+def placed(
+    mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None
+) -> tuple[check.Array, ...]:
+    """Return checked masses, radii and positions, and the gaps between the bodies.
+
+    On a ring of circumference `length` (m), the last gap is the one between the last ball and ball 0.
+    """
     m = check.array("mass", mass)
     r = check.array("radius", radius, m.shape)
     x = check.array("position", position, m.shape, finite="a position must be finite")
@@ -48,7 +53,7 @@ def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: floa
 
 
 def external_forces(value: ArrayLike | None, walls: Any) -> check.Array | None:
-    """Return forces on balls, checked; None if all are 0."""
+    """Return the checked external forces on the balls, or None if all are 0."""
     if value is None:
         return None
     f = check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls",
@@ -58,7 +63,7 @@ def external_forces(value: ArrayLike | None, walls: Any) -> check.Array | None:
 
 
 def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array | None:
-    """Return distances of pendula at rest, checked; None without pendula."""
+    """Return the checked distances of pendula at rest, or None without pendula."""
     if pendulum == 0.0:
         if value is None:
             return None
@@ -69,7 +74,7 @@ def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array |
 
 
 def refuse_together(scene: Any, walls: Any) -> None:
-    """Raise for what cannot go together."""
+    """Raise `ValueError` for arguments that cannot be combined."""
     if not (scene.ring or scene.pendulum > 0.0 or scene.heated):
         return
     hung, boxed = scene.pendulum > 0.0, walls[0] and walls[-1]

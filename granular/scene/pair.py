@@ -1,4 +1,4 @@
-"""Two neighbours for good: what a force law or a collision rule may know of them."""
+"""Properties of two neighbours that force laws and rules of restitution depend on."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ from granular._engine.check import Array, face, number
 @face
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two neighbours for good: pair ``index`` joins bodies ``index`` and ``index + 1``.
+    """Two neighbouring bodies, which a force law acts on.
+
+    Pair ``index`` joins bodies ``index`` and ``index + 1``. The two bodies remain neighbours during the whole run.
 
     Attributes
     ----------
     m_eff : float
-        Effective mass m_a m_b / (m_a + m_b) in kg; the ball's own mass against a wall.
+        Effective mass m_a m_b / (m_a + m_b) in kg. Against a wall it is the mass of the ball.
     r_eff : float
-        Effective radius 1 / (κ_a + κ_b) in m, with curvature κ = 1/R of a ball and 0 of a flat wall,
-        so that a ball of radius R against a wall has r_eff = R.
+        Effective radius 1 / (κ_a + κ_b) in m. The curvature κ is 1/R for a ball and 0 for a flat wall.
+        A ball of radius R against a wall therefore has r_eff = R.
     index : int
-        Number of the pair from the bottom (left).
+        Number of the pair, counted from the bottom (left).
     """
 
     m_eff: float
@@ -39,12 +41,14 @@ class Pair:
 
 
 class Pairs(Sequence[Pair]):
-    """The pairs of a scene as two columns; a `Pair` is made when it is asked for.
+    """Pairs of a scene as two columns.
+
+    A `Pair` is created on access.
 
     Parameters
     ----------
     m_eff, r_eff : (p,) arrays
-        Effective masses in kg and radii in m.
+        Effective masses in kg and effective radii in m.
     start : int
         Number of the first pair.
     """
@@ -59,7 +63,13 @@ class Pairs(Sequence[Pair]):
 
     @classmethod
     def between(cls, mass: tuple[Array, Array], radius: tuple[Array, Array]) -> Pairs:
-        """Return the pairs of bodies of these masses in kg and radii in m, each (lower, upper); a wall has both inf."""
+        """Return the pairs of bodies with given masses and radii.
+
+        Parameters
+        ----------
+        mass, radius : (array, array)
+            Values of the lower and of the upper body of each pair, in kg and in m. Both are inf for a wall.
+        """
         light, heavy = np.minimum(*mass), np.maximum(*mass)
         with np.errstate(divide="ignore"):
             return cls(light / (1.0 + light / heavy), 1.0 / (1.0 / radius[0] + 1.0 / radius[1]))
@@ -93,7 +103,7 @@ class Pairs(Sequence[Pair]):
 
 
 def checked_pair(pair: Any) -> Pair:
-    """Return `pair` if it is one, else raise."""
+    """Return `pair` if it is a `Pair`, else raise `TypeError`."""
     if not isinstance(pair, Pair):
         raise TypeError(f"pair is {pair!r}: a Pair is needed, such as scene.pairs[0].")
     return pair

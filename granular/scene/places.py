@@ -1,5 +1,7 @@
-"""From gaps and their rates, the state, to positions and velocities of all bodies; the scale of speeds; whether a state
-can be one; driven walls as a run keeps them, and until when walls that move towards each other leave room.
+"""Positions and velocities from gaps and rates, and checks of states and walls.
+
+The state consists of gaps and their rates. This module computes positions, velocities and the speed scale of a scene,
+checks states, prepares driven walls for a run, and predicts when approaching walls meet.
 """
 
 from __future__ import annotations
@@ -21,9 +23,24 @@ from granular.scene.walls.path import moved
 
 
 def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:
-    """Positions (T, n) in m from gaps (T, n-1), or (T, n) on a ring, `elapsed` (T,) in s after the instant `start`.
+    """Compute positions of all bodies from gaps.
 
-    A cumulative sum from the anchor. With no negative gap the order of positions holds by construction.
+    The positions are a cumulative sum from the anchor (see `Scene.anchor`). Without negative gaps they are in
+    increasing order by construction.
+
+    Parameters
+    ----------
+    gap : (T, n-1) array, (T, n) on a ring
+        Gaps in m, one row per time.
+    elapsed : (T,) array
+        Times in s after `start`.
+    start : float
+        Time of the scene in s.
+
+    Returns
+    -------
+    (T, n) array
+        Positions in m.
     """
     offset = scene.offsets(gap)
     offset += (scene.anchor(elapsed, start) - _at_anchor(scene, offset))[:, None]
@@ -31,8 +48,20 @@ def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> A
 
 
 def points(scene: Scene, gap: Array, position: Array) -> Array:
-    """Positions (T, n) in m with the radii taken out and from 0 on, where balls that touch coincide, from gaps (T, n-1)
-    and `position` (T, n), in m."""
+    """Compute positions with all radii subtracted, so that touching balls coincide.
+
+    Parameters
+    ----------
+    gap : (T, n-1) array
+        Gaps in m.
+    position : (T, n) array
+        Positions in m, which give the motion of the anchor.
+
+    Returns
+    -------
+    (T, n) array
+        Positions in m. Body 0 is at 0 at the time of the scene.
+    """
     flat = scene.replace(radius=np.zeros(scene.n), origin=0.0)
     offset, moved = flat.offsets(gap), _at_anchor(scene, position) - _at_anchor(scene, scene.position)
     offset += (_at_anchor(flat, flat.position) + moved - _at_anchor(flat, offset))[:, None]
@@ -40,30 +69,51 @@ def points(scene: Scene, gap: Array, position: Array) -> Array:
 
 
 def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:
-    """Velocities (T, n) in m/s from the rates (T, n-1) of the gaps a time `elapsed` (T,) in s after the start.
+    """Compute velocities of all bodies from the rates of the gaps.
 
-    A cumulative sum from the anchor: differences are the rates to the last digit. The second look at the centre of
-    mass matters in long chains, where the rounding of the first moves every ball.
+    The velocities are a cumulative sum from the anchor, so their differences equal the rates to the last digit. The
+    correction of the centre of mass is applied twice: in long chains the rounding error of the first one shifts every
+    ball.
+
+    Parameters
+    ----------
+    rate : (T, n-1) array
+        Rates of the gaps in m/s, one row per time.
+    elapsed : (T,) array
+        Times in s after `start`.
+
+    Returns
+    -------
+    (T, n) array
+        Velocities in m/s.
     """
     offset, anchor = summed(rate[..., : scene.n - 1]), scene.anchor_velocity(elapsed, start)
     if scene._wall is not None:
         offset += (anchor - offset[:, scene._wall])[:, None]
         return offset
+    # the second pass removes the rounding error of the first one
     for _ in range(2):
         offset += (anchor - (offset * scene._share).sum(axis=-1))[:, None]
     return offset
 
 
 def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
-    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass, of each row by itself: a
-    product of matrices would give a row other digits beside other rows."""
+    """Evaluate an array (…, n) of values per body at the anchor.
+
+    The anchor is the first wall, or else the centre of mass. Each row is summed by itself. The rounding of a matrix
+    product would depend on the other rows.
+    """
     return (of_bodies * scene._share).sum(axis=-1) if scene._wall is None else of_bodies[..., scene._wall]
 
 
 def speed_scale(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair may first close: current differences, the fall through the gaps, and the
-    largest speeds of driven walls."""
+    """Return an upper bound in m/s of the speed at which a pair can first close.
+
+    It adds the current velocity differences, the fall through all gaps, and the largest speeds of driven and thermal
+    walls.
+    """
     v = scene.velocity if isinstance(scene, Scene) else checked(scene).velocity
+    # overlaps add no height of fall
     reach = float(scene.gap.clip(min=0.0).sum())
     fall = scene.gravity if scene.external_force is None else max(scene.gravity, float(np.abs(scene.pull).max()))
     speed = float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach)
@@ -75,7 +125,10 @@ def speed_scale(scene: Scene) -> float:
 
 
 def in_order(scene: Scene) -> Scene:
-    """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
+    """Return `scene` if no overlap is so deep that two centres change places.
+
+    Point particles are exempt. Else raise `ValueError`.
+    """
     reach = sum(checked(scene).sides(scene.radius))
     check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
                  "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
@@ -83,11 +136,15 @@ def in_order(scene: Scene) -> Scene:
 
 
 def remembered(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
-    """Have a function of a scene alone asked once of a scene of few balls, which never changes."""
+    """Cache the result of a function of a scene, for scenes of few balls.
+
+    The result is stored in the scene, which is immutable.
+    """
     name = f"_{function.__name__}"
 
     @wraps(function)
     def asked(scene: Scene) -> Any:
+        # the dictionary of a frozen dataclass can still be written
         known = vars(scene) if scene.n <= FEW else {}
         if name not in known:
             known[name] = function(scene)
@@ -97,41 +154,62 @@ def remembered(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
 
 
 def checked(scene: Any) -> Scene:
-    """Return `scene` if it is one, else raise."""
+    """Return `scene` if it is a `Scene`, else raise `TypeError`."""
     if not isinstance(scene, Scene):
         raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
     return scene
 
 
 HALF = 2.0**-26
-"""Share of the length of a box by which the sum of its gaps may be off: half of its digits, much more than rounding
-takes, and much less than what a wrong state makes of it."""
+"""Largest accepted relative error of the sum of gaps of a box.
+
+It is half of the digits of a float, much more than rounding causes, and much less than the error of a wrong state.
+"""
 
 
 def flaw(
     scene: Scene, start: float, elapsed: Array, gap: Array, position: Array, velocity: Array, hard: bool, adds_up: bool
 ) -> str:
-    """Return what is wrong with a state (of gaps (n-1,) or, on a ring, (n,), positions (n,) and velocities (n,)) a time
-    `elapsed` (1,) in s after the instant `start` of the scene; "" if nothing is.
+    """Return the reason why a state is invalid, or "" if it is valid.
 
-    Numbers are finite; gaps of `hard` spheres are not negative; between two walls and on a ring Σ gap is what it was
-    at the start and what the walls have come farther apart, to rounding.
+    Numbers must be finite. Gaps of `hard` spheres must not be negative. Between two walls and on a ring, Σ gap must
+    equal its initial value plus the increase of the distance between the walls, to rounding.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene at the time `start`.
+    start : float
+        Time of the scene in s.
+    elapsed : (1,) array
+        Time of the state in s after `start`.
+    gap : (n-1,) array, (n,) on a ring
+        Gaps in m.
+    position, velocity : (n,) arrays
+        Positions in m and velocities in m/s.
+    hard : bool
+        Whether negative gaps are invalid.
+    adds_up : bool
+        Whether to check Σ gap.
     """
+    # the sums are finite only if all entries are
     if not math.isfinite(float(position.sum()) + float(velocity.sum())):
         return "a position or a velocity is not a finite number"
     if hard and gap.min() < 0.0:
         return f"gap {gap.argmin()} is {gap.min():.6g} m"
     if not adds_up or (not scene.ring and not (scene.is_wall[0] and scene.is_wall[-1])):
         return ""
+    # a ring has no walls, so its length is constant
     below, above = (0.0, 0.0) if scene.ring else (
         float((scene.velocity[wall] * elapsed + scene._moved(wall, elapsed, start)[0])[0]) for wall in (0, scene.n - 1))
     room, due = float(gap.sum()), float(scene.gap.sum()) + (above - below)
+    # the rounding error of the sum is proportional to the lengths in it
     size = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(below) + abs(above)
     return "" if abs(room - due) <= HALF * size else f"gaps add up to {room:.12g} m instead of {due:.12g} m"
 
 
 def unending(scene: Scene) -> str:
-    """Return why the contacts of elastic balls in this scene never end, or "" if this is not proved.
+    """Return why the contacts of elastic balls never end, or "" if this is not proved.
 
     Two cases are proved, for walls at constant velocity. A ball that accelerates towards the wall next to it returns
     to the wall after every contact. Between two walls at the same velocity, kinetic energy relative to them persists.
@@ -150,8 +228,10 @@ def unending(scene: Scene) -> str:
 
 
 def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
-    """Return `scene` as a run from `t_start` to `t_end` (s) keeps it: motions given as functions are panels; raise
-    `ValueError` where a wall's path does not last."""
+    """Return `scene` with wall motions that are functions replaced by panels.
+
+    The panels cover a run from `t_start` to `t_end` (s). `ValueError` is raised if the path of a wall is shorter.
+    """
     if not scene.driven:
         return scene
     paths = [fitted_motion(motion, t_start, t_end) for motion in scene.motions]
@@ -160,8 +240,23 @@ def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
 
 
 def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tuple[int, Any, Any]]:
-    """Return of each driven wall its body, its record `WALL` (in an array) and its records `PANEL`, numbered on from
-    wall to wall, of a scene that is `fitted` and whose instant is `t_start` (s); of all, or of those that ever move."""
+    """Return the body and the kernel records of each driven wall.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene that was prepared by `fitted`.
+    t_start : float
+        Time of the scene in s.
+    still : bool
+        Whether to include driven walls that never move.
+
+    Returns
+    -------
+    list of (int, array, array)
+        Number of the body, its record `WALL` in an array, and its records `PANEL`. Panels are numbered consecutively
+        over all walls.
+    """
     found, first = list[tuple[int, Any, Any]](), 0
     for body, side, motion in zip((0, scene.n - 1), (1.0, -1.0), scene.motions, strict=True):
         if motion is not None and (still or fastest(motion) > 0.0):
@@ -173,31 +268,36 @@ def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tu
 
 
 MARGIN = 2.0**-30
-"""Closing walls meet when this part of the free length between them is left: hard balls that bounce between them at
-2/(1 - ε) times the speed of the walls make their sum of gaps uncertain by not much less."""
+"""Share of the free length between two closing walls at which they count as met.
+
+Hard balls that bounce between the walls at 2/(1 - ε) times the speed of the walls give their sum of gaps a rounding
+error of similar size.
+"""
 
 
 class Closing:
-    """When two walls leave no room; of driven ones, as far ahead as it is asked for.
+    """Time at which two approaching walls leave no room for the balls between them.
+
+    For driven walls the search proceeds only as far as requested.
 
     Parameters
     ----------
     scene : Scene
-        Its walls; `fitted` if they are driven.
+        Scene with the walls, prepared by `fitted` if they are driven.
     start : float
-        Time in s at which it stood as it says.
+        Time of the scene in s.
     flattened : bool
-        Whether balls give way: then the walls leave no room when they meet themselves. Points that overlap so much
-        that the walls stand beyond each other at the start are never asked.
+        Whether balls give way, so that no room is left only when the walls themselves meet. Walls that have changed
+        places at the start, because points overlap that much, are not checked.
 
     Attributes
     ----------
     after : float
-        s from the start until they meet; inf if they never do, or not as far as was looked.
+        Time in s from the start until the walls meet. It is inf if they never meet, or not within the time searched.
     horizon : float
-        Time in s at which hard balls have to end, for there is no room; inf like `after`.
+        Time in s at which a run of hard balls must end because there is no room left, inf like `after`.
     looked : float
-        s from the start up to which it is known that driven walls do not meet; inf if they never do.
+        Time in s from the start up to which driven walls are proved not to meet, inf if they never meet.
     """
 
     def __init__(self, scene: Scene, start: float, *, flattened: bool = False) -> None:
@@ -212,28 +312,35 @@ class Closing:
         self.horizon = start + (1.0 - MARGIN) * self.after
 
     def _read(self, driven: list[tuple[int, Any, Any]]) -> None:
-        """Keep what is to be known of driven walls: their paths, the bound of their acceleration, when their velocities
-        jump, and up to when they are too far apart to meet."""
+        """Store the paths of driven walls and the bounds that the search needs.
+
+        The bounds are the largest acceleration, the times of velocity jumps, and the time up to which the walls are
+        too far apart to meet.
+        """
         _, walls, panels = zip(*driven, strict=True)
         self.walls, self.panels = plain(np.concatenate(walls)), plain(np.concatenate(panels))
         self.most = float(sum(wall["stiff"][0] for wall in walls))
         jumps = np.unique(np.concatenate([rows["left"][rows["jump"] != 0.0] for rows in panels]))
-        # in s from the start, after them for sure
+        # in s from the start, rounded up so that the time is certainly not before the jump
         self.jumps = (jumps - self.start) + 2.0**-50 * (abs(self.start) + np.abs(jumps))
+        # m(t) - m(t_start) is at most twice the largest |m|
         apart = self.room - 2.0 * float(sum(wall["extent"][0] for wall in walls))
         self.looked = 0.0 if apart <= 0.0 else apart / self.speed if self.speed > 0.0 else math.inf
 
     def look(self, time: float) -> float:
-        """Return `horizon`, having looked as far as `time` in s: step by step, never over it."""
+        """Return `horizon` after a search up to `time` in s, in steps that never pass it."""
+        # without an end time only the start is checked
         until = time - self.start if time < math.inf else 0.0
         while self.looked <= until and self.horizon == math.inf:
             gap, rate = self._at(self.looked)
             if gap <= MARGIN * self.room and rate <= 0.0:
                 self.after, self.horizon = self.looked, self.start + self.looked
                 break
+            # safe because of the bound `most`; half of the margin keeps the step positive
             near = self.looked + time_to_contact(max(0.0, gap - 0.5 * MARGIN * self.room), rate, self.most)
             later = self.jumps[np.searchsorted(self.jumps, self.looked, side="right") :]  # where the rate changes
             step = min(near, float(later[:1].min(initial=math.inf)))
+            # at least one float forward, so that the loop ends
             self.looked = max(step, math.nextafter(self.looked, math.inf))
         return self.horizon
 
@@ -246,7 +353,9 @@ class Closing:
                              "far.")
 
     def _at(self, elapsed: float) -> tuple[float, float]:
-        """Room in m between driven walls a time `elapsed` in s after the start, and its rate in m/s."""
+        """Return the room between driven walls in m and its rate in m/s.
+
+        The time is `elapsed` s after the start."""
         gap, rate = self.room - self.speed * elapsed, -self.speed
         for wall in self.walls:
             m, v, _ = moved(wall, self.panels, self.start, elapsed)

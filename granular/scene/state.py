@@ -1,4 +1,4 @@
-"""`Scene`: the state at one instant is gaps and velocities, never positions."""
+"""Definition of `Scene`, whose state is gaps and velocities instead of positions."""
 
 from __future__ import annotations
 
@@ -21,49 +21,53 @@ from granular.scene.walls.thermal import Thermal
 @check.face
 @dataclass(frozen=True, eq=False)
 class Scene(ByNumbers):
-    """Balls on a line at one instant, numbered bottom to top (left to right); x grows upwards.
+    """Balls on a line at one instant, numbered bottom to top (left to right).
+
+    The coordinate x grows upwards.
 
     Parameters
     ----------
     mass : (n,) array
-        Masses in kg, all positive. ``inf`` makes a body a wall (floor, ceiling); only the first and the
-        last body can be walls. A wall does not fall and may move at constant speed.
+        Masses in kg, all positive. ``inf`` makes a body a wall (floor, ceiling). Only the first and the
+        last body can be walls. A wall does not fall and can move at constant speed.
     radius : (n,) array
-        Radii in m; 0 for a wall (flat, no offset) and allowed for a ball (point particle).
+        Radii in m. The radius of a wall is 0 (flat, no offset). A ball of radius 0 is a point particle.
     gap : (n-1,) array, (n,) on a ring
-        Distances between the surfaces of neighbours in m. Negative means initial overlap: fine for
-        `granular.md`, refused by `granular.edmd`.
+        Distances between the surfaces of neighbours in m. A negative gap is an initial overlap, which
+        `granular.md` accepts and `granular.edmd` rejects.
     velocity : (n,) array
         Velocities in m/s, upwards positive.
     gravity : float
-        g ≥ 0 in m/s², pulling down (towards smaller x).
+        Acceleration g ≥ 0 in m/s², directed downwards (towards smaller x). Defaults to 0.
     origin : float
-        Position of body 0 in m: its centre if it is a ball, its surface if it is a wall.
+        Position of body 0 in m: the centre of a ball or the surface of a wall. Defaults to 0.
     external_force : (n,) array, optional
-        Constant forces in N on the balls, upwards positive; 0 for a wall. Kept as None if all are 0.
+        Constant forces in N on the balls, upwards positive, 0 for a wall. Stored as None if all are 0.
     floor, ceiling : granular.walls.Sine, Piecewise, Motion or Thermal, optional
-        How the first and the last body behave if they are walls. A `Thermal` one gives every ball that hits it a speed
-        drawn anew. Others move, beside their constant velocity v: such a wall stands at
-        x_w(t) = start + v·(t - t_start) + m(t) - m(t_start), where start is what origin and gaps say.
+        Behaviour of the first and the last body, if they are walls. By default they move at their constant velocity v.
+        A `Sine`, `Piecewise` or `Motion` is added to it:
+        x_w(t) = start + v·(t - t_start) + m(t) - m(t_start), where start is given by `origin` and the gaps.
+        A `Thermal` wall gives every ball that hits it a random speed.
     ring : bool
-        Whether the line is closed: pair n-1 joins the last ball and ball 0, and there are no walls and no gravity.
-        Positions are those of the way gone, not taken modulo the length.
+        Whether the line is closed. Then pair n-1 joins the last ball and ball 0, and walls and gravity are not allowed.
+        Positions are unwrapped, not taken modulo the length. Defaults to False.
     pendulum : float
-        Ω ≥ 0 in rad/s, the same for all: balls hang and swing, ÿ = -Ω² y for small displacements y from where each
-        rests, Ω² = g/l. Then gravity is 0; x = 0 is where body 0 rests, and `origin` its displacement.
+        Angular frequency Ω ≥ 0 in rad/s of all balls, which hang as pendula: ÿ = -Ω² y for small displacements y from
+        their rest positions, Ω² = g/l. Then gravity must be 0. Body 0 rests at x = 0, and `origin` is its displacement.
+        Defaults to 0, without pendula.
     rest_gap : (n-1,) array, optional
-        Distances d between the surfaces of pendula at rest in m (of a wall: between it and the ball at rest), not
-        negative; 0 by default. Kept as zeros if there are pendula, else as None.
+        Distances d ≥ 0 in m between the surfaces of neighbouring pendula at rest, or of a wall and a pendulum at rest.
+        Defaults to 0. Stored as zeros if there are pendula, else as None.
 
     Raises
     ------
     TypeError, ValueError
-        With a sentence that names the argument, its value and what is needed.
+        If an argument is invalid. The message gives its name, its value and the requirement.
 
     Notes
     -----
-    The state is gaps, not positions: a gap of 1e-4 m at a height of 1 m would lose four digits as a
-    difference of positions. Scenes are equal, and have the same hash, if all their numbers are.
+    The state consists of gaps instead of positions: a gap of 1e-4 m at a height of 1 m would lose four digits as a
+    difference of positions. Two scenes are equal, and have the same hash, if all their numbers are equal.
     """
 
     mass: Array
@@ -102,10 +106,23 @@ class Scene(ByNumbers):
         external_force: ArrayLike | None = None, floor: Any = None, ceiling: Any = None, length: float | None = None,
         pendulum: float = 0.0, rest_gap: ArrayLike | None = None,
     ) -> Scene:
-        """Make a scene from positions of centres (of surfaces for walls) in m, bottom to top.
+        """Create a scene from positions instead of gaps.
 
-        The gaps are differences of positions and carry their rounding: about 1e-16 of the largest position. A `length`
-        in m closes the line to a ring of that circumference.
+        Each gap is the difference of two positions minus the radii. Its rounding error is about 1e-16 of the largest
+        position.
+
+        Parameters
+        ----------
+        position : (n,) array
+            Centres of balls and surfaces of walls in m, bottom to top.
+        length : float, optional
+            Circumference in m of a ring. By default the line is not closed.
+        mass, radius, velocity, gravity, external_force, floor, ceiling, pendulum, rest_gap
+            See `Scene`.
+
+        Returns
+        -------
+        Scene
         """
         m, r, x, gap = placed(mass, radius, position, length)
         return cls(m, r, gap, velocity, gravity, float(x[0]) if len(x) else 0.0,
@@ -113,17 +130,20 @@ class Scene(ByNumbers):
                    pendulum=pendulum, rest_gap=rest_gap)
 
     def replace(self, **changes: Any) -> Scene:
-        """Return a copy with some fields changed, checked anew."""
+        """Return a copy with some fields changed.
+
+        All fields are checked again."""
         return Scene(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
 
     @property
     def n(self) -> int:
-        """Number of bodies, walls included."""
+        """Number of bodies, including walls."""
         return len(self.mass)
 
     @cached_property
     def inverse_mass(self) -> Array:
-        """1/m in 1/kg, shape (n,); 0 for a wall."""
+        """Inverse masses 1/m in 1/kg, shape (n,), 0 for a wall."""
+        # a subnormal mass has no finite inverse
         with np.errstate(over="ignore"):
             return 1.0 / self.mass
 
@@ -138,22 +158,41 @@ class Scene(ByNumbers):
         return len(self.gap)
 
     def bodies(self, pair: Any) -> tuple[Any, Any]:
-        """Numbers of the lower and the upper body of a pair, or of an array of them; on a ring 0 is above the last."""
+        """Return the numbers of the lower and the upper body of a pair.
+
+        `pair` can be an array. On a ring the upper body of the last pair is ball 0.
+        """
         return pair, (pair + 1) % self.n
 
     def sides(self, of_bodies: Any) -> tuple[Any, Any]:
-        """What an array (…, n) says of bodies, for the lower and the upper body of every pair, shapes of the gaps."""
+        """Return the values of the lower and of the upper body of every pair.
+
+        Parameters
+        ----------
+        of_bodies : (…, n) array
+            One value per body.
+
+        Returns
+        -------
+        lower, upper : arrays
+            One value per pair, with the shape of the gaps.
+        """
         return (of_bodies, np.roll(of_bodies, -1, axis=-1)) if self.ring else (of_bodies[..., :-1], of_bodies[..., 1:])
 
     def across(self, of_bodies: Array) -> Array:
-        """Differences, upper minus lower body of every pair, of an array (…, n): rates from velocities."""
+        """Return the differences of an array (…, n), upper minus lower body of every pair.
+
+        Applied to velocities, this gives the rates of the gaps.
+        """
         lower, upper = self.sides(of_bodies)
         return np.asarray(upper - lower)
 
     @property
     def neighbours(self) -> tuple[Any, Any]:
-        """Numbers of the lower and of the upper one of every two pairs that share a ball, two arrays of int; two pairs
-        that share two balls, on a ring of two, come twice."""
+        """Numbers of the lower and the upper pair of every two pairs that share a ball.
+
+        Two int arrays. On a ring of two balls, both pairs share two balls and occur twice.
+        """
         number = np.arange(self.n_pairs)
         return (number, np.roll(number, -1)) if self.ring else (number[:-1], number[1:])
 
@@ -164,12 +203,12 @@ class Scene(ByNumbers):
 
     @property
     def motions(self) -> tuple[Any, Any]:
-        """How the first and the last body move beside their constant velocity; None if they do not."""
+        """Motions of the first and the last body besides their constant velocity, or None."""
         return self._ends(thermal=False)
 
     @property
     def heat(self) -> tuple[Any, Any]:
-        """The first and the last body as thermal walls; None if they are none."""
+        """Thermal walls at the first and at the last body; None for other bodies."""
         return self._ends(thermal=True)
 
     def _ends(self, thermal: bool) -> tuple[Any, Any]:
@@ -179,7 +218,7 @@ class Scene(ByNumbers):
 
     @cached_property
     def driven(self) -> bool:
-        """Whether a wall moves otherwise than at constant speed."""
+        """Whether a wall moves at a velocity that is not constant."""
         return self.motions != (None, None)
 
     @cached_property
@@ -189,7 +228,7 @@ class Scene(ByNumbers):
 
     @cached_property
     def _flags(self) -> dict[str, bool]:
-        """The flags of kernels that hold for the scene, each `True`; see `granular._engine.kernels`."""
+        """Kernel flags of the scene, each `True`, see `granular._engine.kernels`."""
         worked = self.driven or self.heated
         given = {"DRIVEN": self.driven, "HEATED": self.heated, "WORKED": worked, "HUNG": self.pendulum > 0.0,
                  "FORCED": worked or self.external_force is not None, "RING": self.ring}
@@ -197,21 +236,26 @@ class Scene(ByNumbers):
 
     @property
     def endless(self) -> bool:
-        """Whether balls may go on meeting forever: beside walls that shake or heat them, on a ring, as pendula."""
+        """Whether contacts can continue forever.
+
+        This is possible beside driven or thermal walls, on a ring, and for pendula."""
         return self.driven or self.heated or self.ring or self.pendulum > 0.0
 
     @cached_property
     def worked(self) -> bool:
-        """Whether a wall moves, and so does work on the balls."""
+        """Whether a wall moves and thus does work on the balls."""
         return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
 
     @cached_property
     def fed(self) -> bool:
-        """Whether walls give energy to the balls or take it: by work, where one moves, or by heat."""
+        """Whether walls exchange energy with the balls, by work or by heat."""
         return self.worked or self.heated
 
     def free_velocity(self, elapsed: float) -> Array:
-        """Velocities in m/s, shape (n,), after a time `elapsed` in s without contacts; walls at constant velocity."""
+        """Return velocities in m/s, shape (n,), after `elapsed` s without contacts.
+
+        Walls keep their constant velocity.
+        """
         if self.pendulum == 0.0:
             return np.asarray(self.velocity + self.fall * elapsed)
         turn = self.pendulum * elapsed
@@ -219,23 +263,33 @@ class Scene(ByNumbers):
 
     @property
     def fall(self) -> Array:
-        """Acceleration of every body in free flight in m/s², shape (n,), upwards positive: 0 for a wall."""
+        """Acceleration of every body in free flight in m/s², shape (n,), 0 for a wall.
+
+        Upwards is positive.
+        """
         fall = np.where(self.is_wall, 0.0, -self.gravity)
         return fall if self.external_force is None else fall + self.lift
 
     @property
     def lift(self) -> Array:
-        """Acceleration f/m of every body by external forces in m/s², shape (n,), upwards positive. Those of neighbours
-        that differ by rounding are one: under forces f = -m g balls fall as under gravity g."""
+        """Acceleration f/m of every body by external forces in m/s², shape (n,).
+
+        Upwards is positive. Accelerations of neighbours that differ only by rounding are set equal: with forces f = -m
+        g the balls fall as with gravity g.
+        """
         lift = np.zeros(self.n) if self.external_force is None else self.external_force * self.inverse_mass
+        # 2⁻⁵⁰ exceeds the rounding of f = m g and of f/m
         differs = np.append(True, np.abs(np.diff(lift)) > 2.0**-50 * np.abs(lift[1:]))
         return np.asarray(lift[differs][np.cumsum(differs) - 1])
 
     @property
     def pull(self) -> Array:
-        """Closing acceleration of each gap in free flight in m/s², shape of the gaps, walls at constant speed: g at a
-        floor, 0 between balls, -g at a ceiling, as uniform gravity cancels between two balls; and
-        f_c/m_c - f_(c+1)/m_(c+1) where forces act. What pendula add, Ω² (gap - d), is not in it."""
+        """Closing acceleration of each gap in free flight in m/s², shape of the gaps.
+
+        Walls move at constant speed here. The value is g at a floor, -g at a ceiling and 0 between two balls, where
+        uniform gravity cancels. External forces add f_c/m_c - f_(c+1)/m_(c+1). The term Ω² (gap - d) of pendula is not
+        included.
+        """
         pull = self.gravity * self.across(np.where(self.is_wall, 0.0, 1.0))
         return pull if self.external_force is None else pull - self.across(self.lift)
 
@@ -245,18 +299,34 @@ class Scene(ByNumbers):
         return np.asarray(self.origin + self.offsets(self.gap))
 
     def offsets(self, gap: Array) -> Array:
-        """Distances (…, n) in m from body 0, centres of balls and surfaces of walls, given the gaps (…, n-1); on a
-        ring (…, n), the last of which closes it."""
+        """Return distances (…, n) in m of all bodies from body 0.
+
+        Distances are measured to the centres of balls and the surfaces of walls.
+
+        Parameters
+        ----------
+        gap : (…, n-1) array, (…, n) on a ring
+            Gaps in m. The last gap of a ring is ignored, because it closes the ring.
+        """
         out = np.zeros((*gap.shape[:-1], self.n))
+        # in place: this is called with one row per recorded state
         steps = np.add(self.radius[:-1], gap[..., : self.n - 1], out=out[..., 1:])
         steps += self.radius[1:]
         steps.cumsum(axis=-1, out=steps)
         return out
 
     def anchor(self, elapsed: Any, start: float = 0.0) -> Any:
-        """Position in m, a time `elapsed` in s after the scene's instant, of what all positions are measured from.
+        """Return the position in m from which all positions are measured.
 
-        That is a wall, whose motion begins at the time `start`, or else the centre of mass, which falls freely.
+        The anchor is a wall, whose motion begins at the time `start` in s. Without a wall it is the centre of mass,
+        which falls freely.
+
+        Parameters
+        ----------
+        elapsed : float or array
+            Time in s after the instant of the scene.
+        start : float
+            Time of the scene in s.
         """
         if (wall := self._wall) is not None:
             return self._stands + self.velocity[wall] * elapsed + self._moved(wall, elapsed, start)[0]
@@ -267,7 +337,7 @@ class Scene(ByNumbers):
         return (self._share * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
-        """Velocity of the anchor in m/s."""
+        """Return the velocity of the anchor in m/s; parameters as for `anchor`."""
         if self._wall is not None:
             return self.velocity[self._wall] + self._moved(self._wall, elapsed, start)[1]
         speed = (self._share * self.velocity).sum()
@@ -278,31 +348,36 @@ class Scene(ByNumbers):
 
     @property
     def at_rest(self) -> Array:
-        """Where the bodies of pendula rest in m, shape (n,): a wall where it stands; without one, body 0 at 0."""
+        """Rest positions of pendula in m, shape (n,).
+
+        A wall stays at its position. Without a wall, body 0 rests at 0.
+        """
         rest = self.offsets(np.zeros(self.n_pairs) if self.rest_gap is None else self.rest_gap)
         return rest if self._wall is None else rest + (self.position[self._wall] - rest[self._wall])
 
     @property
     def displacement(self) -> Array:
-        """Displacements y of pendula in m, shape (n,), from where they rest; 0 of a wall."""
+        """Displacements y of pendula from rest in m, shape (n,), 0 for a wall."""
         off = summed((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
         start = self.origin if self._wall is None else -off[self._wall]
         return np.where(self.is_wall, 0.0, start + off)
 
     def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
-        """How far a wall has moved in m beside its constant velocity, and how fast in m/s."""
+        """Return displacement (m) and velocity (m/s) of a wall by its motion.
+
+        The constant velocity of the wall is not included."""
         return moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
 
     @property
     def _fall(self) -> float:
-        """Acceleration of the centre of mass in m/s² of a scene without walls."""
+        """Acceleration in m/s² of the centre of mass of a scene without walls."""
         if self.external_force is None:
             return -self.gravity
         return float(self.external_force.sum() / self.mass.sum()) - self.gravity
 
     @cached_property
     def _wall(self) -> int | None:
-        """The wall that is the anchor; None without walls."""
+        """Number of the wall that is the anchor, or None without walls."""
         return int(self.is_wall.argmax()) if self.is_wall.any() else None
 
     @cached_property
@@ -312,11 +387,11 @@ class Scene(ByNumbers):
 
     @cached_property
     def _share(self) -> Array:
-        """Share of each body in the mass of all, shape (n,), of a scene without walls."""
+        """Share of each body in the total mass, shape (n,), of a scene without walls."""
         return np.asarray(self.mass / self.mass.sum())
 
     def momentum(self) -> float:
-        """Total momentum of the balls in kg m/s."""
+        """Return the total momentum of the balls in kg m/s."""
         return float(self.mass[~self.is_wall] @ self.velocity[~self.is_wall])
 
     def __repr__(self) -> str:
@@ -331,7 +406,7 @@ class Scene(ByNumbers):
 
     @property
     def _table(self) -> Any:
-        """What each body is, and the gap above it; of many bodies the first and the last."""
+        """Table of the bodies and the gaps above them, abridged for many bodies."""
         from granular._engine.reports import abridged
 
         gaps = [f"{gap:.6g}" for gap in self.gap.tolist()] + [""] * (self.n - self.n_pairs)
@@ -352,7 +427,7 @@ class Scene(ByNumbers):
 
 
 def summed(steps: Array) -> Array:
-    """Sums (…, n) of the first 0, 1, 2, … of the steps (…, n-1) from body to body."""
+    """Return the sums (…, n) of the first 0, 1, 2, … of the steps (…, n-1)."""
     out = np.zeros((*steps.shape[:-1], steps.shape[-1] + 1))
     steps.cumsum(axis=-1, out=out[..., 1:])
     return out

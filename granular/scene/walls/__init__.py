@@ -1,7 +1,7 @@
-"""Floors and ceilings that move, by what m(t) in m says beside their constant velocity, or that heat.
+"""Floors and ceilings that move along a given path, or that are thermal.
 
-A wall stands at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start): at t_start it is where origin and gaps of
-the scene put it, and moves at its own velocity + m'(t_start).
+A moving wall is at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start), where m(t) in m is its motion. At
+t_start it is at the position given by origin and gaps of the scene, and its velocity is velocity + m'(t_start).
 
 A first reader may skip: `formulas`, `gap`, `hits`, `motion`, `panels`, `path`, `thermal`.
 """

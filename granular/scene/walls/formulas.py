@@ -1,4 +1,7 @@
-"""Walls that move by a formula: a sine, or polynomials piece by piece, such as a spline through measured positions."""
+"""Wall motions given by a formula: a sine, or polynomials piece by piece.
+
+Piecewise polynomials include splines through measured positions.
+"""
 
 from __future__ import annotations
 
@@ -16,38 +19,43 @@ from granular.scene.walls.panels import Panels, _OnPanels
 from granular.scene.walls.path import TERMS
 
 LARGEST = 1e150
-"""Of amplitudes (m) and accelerations (m/s²): their products are still numbers."""
+"""Largest amplitude (m) and acceleration (m/s²); products do not overflow."""
 PER_TURN = 8
-"""Panels a turn."""
+"""Panels per period."""
+# as a fraction, so that phases of many turns are reduced without rounding
 TWO_PI = 6283185307179586476925286766559005768394338798750211641949889184615632812572417997256, 10**84
 CLOSED = 1e-9
-"""Steps between pieces that are rounding, in units of the largest term."""
+"""Largest relative step between pieces that counts as rounding.
+
+It is relative to the largest term."""
 
 
 @check.face
 @dataclass(frozen=True)
 class Sine(_OnPanels):
-    """m(t) = A sin(2π f t + φ), m' = 2π f A cos(2π f t + φ), m'' = -(2π f)² m.
+    """Harmonic motion of a wall, m(t) = A sin(2π f t + φ).
+
+    Its derivatives are m' = 2π f A cos(2π f t + φ) and m'' = -(2π f)² m.
 
     Parameters
     ----------
     amplitude : float
         A in m, not negative.
     frequency : float
-        f in Hz, positive: turns per second, not radians.
+        f in Hz, positive: periods per second, not radians per second.
     phase : float
-        φ in rad at t = 0 (not at t_start). A phase of 0 at t_start = 0 begins with a jolt, for the wall then moves at
-        2π f A at once; π/2 does not.
+        φ in rad at t = 0 (not at t_start). Defaults to 0. With a phase of 0 and t_start = 0 the wall starts abruptly at
+        the velocity 2π f A. With a phase of π/2 it starts at rest.
 
     Raises
     ------
     TypeError, ValueError
-        For what is no such number.
+        If an argument is not a number in its range.
 
     Notes
     -----
-    Engines read it as eight polynomials of degree 16 a turn, wrong by less than 3e-20 A, and keep f·t as a fraction of
-    a turn in two floats: a million periods cost no digits.
+    Engines evaluate eight polynomials of degree 16 per period, with an error below 3e-20 A. They keep f·t as a
+    fraction of a period in two floats, so a million periods cost no digits.
     """
 
     amplitude: float
@@ -67,36 +75,43 @@ class Sine(_OnPanels):
 
     @classmethod
     def from_acceleration(cls, gamma: float, frequency: float, gravity: float = 9.81, phase: float = 0.0) -> Sine:
-        """Return the motion whose largest acceleration is Γ = A (2π f)² / g times gravity.
+        """Return the motion with the largest acceleration Γ g, Γ = A (2π f)² / g.
 
         Parameters
         ----------
         gamma : float
-            Γ, not negative; balls that rest on the wall leave it above 1.
+            Γ, not negative. Above 1, balls at rest leave the wall.
         frequency : float
             f in Hz, positive.
         gravity : float
             g in m/s², positive.
         phase : float
             φ in rad.
+
+        Returns
+        -------
+        Sine
         """
         largest = check.number("gamma", gamma, at_least=0.0) * check.number("gravity", gravity, above=0.0)
+        # the limit keeps ω² above underflow
         omega = 2.0 * math.pi * check.number("frequency", frequency, above=0.0, at_least=1e-150)
         return cls(largest / (omega * omega), frequency, phase)
 
     @property
     def omega(self) -> float:
-        """2π f in rad/s."""
+        """Angular frequency 2π f in rad/s."""
         return 2.0 * math.pi * self.frequency
 
     def phases(self, times: Array) -> Array:
-        """Return the phases (2π f t + φ)/2π as fractions of a turn, from 0 to 1, at times in s; late ones lose no
-        digits."""
+        """Return the phases (2π f t + φ)/2π at times in s, as fractions of a period.
+
+        The values are from 0 to 1 and lose no digits at late times.
+        """
         wall, _ = self._panels._plain
         return np.array([path.phase(wall, t, 0.0) for t in times.tolist()])
 
     def panels(self, t_start: float = 0.0, t_end: float = math.inf) -> Panels:
-        """Return what engines read; it holds for all times."""
+        """Return the panels that engines evaluate; they are valid at all times."""
         return self._panels
 
     @cached_property
@@ -107,10 +122,12 @@ class Sine(_OnPanels):
         s, c = math.sin(half), math.cos(half)  # eighths by symmetry: the sine of 15π/8 as computed is less exact
         sine = np.array([s, c, c, s, -s, -c, -c, -s])
         cycle = sine, np.roll(sine, -2), -sine, -np.roll(sine, -2)
+        # Taylor series about the middle of each panel: derivatives of a sine are shifted by quarter turns
         series = [cycle[j % 4] * (self.amplitude * half**j / math.factorial(j)) for j in range(17)]
         turn = Fraction(self.phase) / Fraction(*TWO_PI) % 1
         high = float(turn)
         edges = np.arange(PER_TURN + 1) / PER_TURN
+        # the first omitted Taylor term
         error = self.amplitude * half**17 / math.factorial(17)
         return Panels(edges, np.array(series).T, error, self.frequency, (high, float(turn - Fraction(high))))
 
@@ -118,24 +135,26 @@ class Sine(_OnPanels):
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise(_OnPanels, ByNumbers):
-    """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
+    """Motion of a wall given by polynomials between breaks.
+
+    From break t_i to t_(i+1), m(t) = Σ_j c_ji (t - t_i)^(K-j), as in `scipy.interpolate.PPoly`.
 
     Parameters
     ----------
     breaks : (n+1,) array, or scipy.interpolate.PPoly
-        Times t_i in s, increasing; a PPoly (a CubicSpline, a PchipInterpolator) brings its coefficients with it.
+        Times t_i in s, increasing. A PPoly (such as a CubicSpline or a PchipInterpolator) includes its coefficients.
     coefficients : (K+1, n) array
-        The highest power first, in m/s^(K-j); K ≤ 19.
+        Coefficients in m/s^(K-j), the highest power first; K ≤ 19.
 
     Raises
     ------
     TypeError, ValueError
-        With what is wrong; a path that jumps from piece to piece is refused: a wall cannot. Its velocity may jump: an
-        event for balls that touch the wall.
+        If an argument is invalid, or if the path jumps between pieces. The velocity can jump, which is an event for
+        balls that touch the wall.
 
     Notes
     -----
-    A run must lie between the first and the last break. Steps of position by rounding are closed.
+    A run must lie between the first and the last break. Steps of the position by rounding are closed.
     """
 
     breaks: Array
@@ -161,7 +180,10 @@ class Piecewise(_OnPanels, ByNumbers):
         return f"Piecewise({n} piece{'s' * (n != 1)}, {self.breaks[0]:g} … {self.breaks[-1]:g} s)"
 
     def panels(self, t_start: float, t_end: float) -> Panels:
-        """Return what engines read, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
+        """Return the panels that engines evaluate.
+
+        Raises `ValueError` if the path does not cover the time from `t_start` to `t_end`, in s.
+        """
         return self._panels.panels(t_start, t_end)
 
     @cached_property
@@ -170,13 +192,24 @@ class Piecewise(_OnPanels, ByNumbers):
 
 
 def _joined(t: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Return the series (n, K+1) about the middles of the pieces with the steps between them closed; the steps (n-1,)
-    in m; and the largest term of each piece (n,) in m."""
+    """Return the series of all pieces about their middles, without steps between them.
+
+    Returns
+    -------
+    series : (n, K+1) array
+        Coefficients with the steps closed.
+    steps : (n-1,) array
+        Steps before they were closed, in m.
+    largest : (n,) array
+        Largest term of each piece in m.
+    """
     scaled = (c[::-1] * (0.5 * np.diff(t)) ** np.arange(len(c))[:, None]).T
     series = scaled.copy()
+    # shift the expansion point from the left edge to the middle of the piece (Horner)
     for i in range(series.shape[1] - 1):
         for j in range(series.shape[1] - 2, i - 1, -1):
             series[:, j] += series[:, j + 1]
+    # left end of each piece minus right end of the piece before
     steps = (series @ (-1.0) ** np.arange(series.shape[1]))[1:] - series.sum(axis=1)[:-1]
     largest = np.abs(scaled * 2.0 ** np.arange(series.shape[1])).max(axis=1)
     series[1:, 0] -= np.cumsum(steps)

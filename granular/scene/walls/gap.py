@@ -1,8 +1,9 @@
-"""A gap beside a moving wall, between its collisions; for both engines.
+"""Gap beside a moving wall between its collisions, for both engines.
 
-Its acceleration is -(pull + m''), m towards the balls; `pull` is the constant closing acceleration of the pair, g at a
-floor, -g at a ceiling. It is followed in one of two ways that agree to rounding: on the panel on which it starts by
-divided differences, exact to the last digits of the smallest bounce; later from the wall's path itself.
+The acceleration of the gap is -(pull + m''), where m is directed towards the balls. The constant `pull` is the closing
+acceleration of the pair: g at a floor, -g at a ceiling. Two formulas agree to rounding. On the first panel the gap is
+computed by divided differences, which are exact to the last digits of the smallest bounce. On later panels it is
+computed from the path of the wall.
 """
 
 from __future__ import annotations
@@ -15,19 +16,22 @@ from granular._engine.records import Record, Records
 from granular.scene.walls.path import panel_at, product, reduced, value
 
 NOISE = 4.0 * 2.0**-53
-"""Rounding of a gap, in units of the terms it is added from."""
+"""Rounding error of a gap, relative to the terms of its sum."""
 State = namedtuple("State", "time low panel x gap rate pull height drift closing blur")
-"""A gap to follow, from a reduced `time` with its `low` part on, which is at `x` of `panel`.
+"""State of a gap at a reduced `time` + `low`, at the coordinate `x` of `panel`.
 
-Height (m) and rate (m/s) of the ball above the wall at rest are `height` and `drift`; `closing` is pull + m''; `blur`
-is what rounding may have moved the time by (s).
+`height` (m) and `drift` (m/s) are height and rate of the ball above the wall at rest. `closing` is pull + m''. `blur`
+is the largest rounding error of the time (s).
 """
 
 
 @rare
 @kernel
 def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float) -> State:
-    """Return what `flight` follows: a gap (m) of given rate (m/s, the wall's own motion in it) at time t + tail."""
+    """Return the state from which `flight` is computed, at the time t + tail.
+
+    `gap` is in m. `rate` in m/s includes the motion of the wall.
+    """
     y, low = reduced(wall, t, tail)
     k = panel_at(wall, panels, y)
     x = (((y - panels[k].left) - panels[k].half) + low) / panels[k].half
@@ -40,11 +44,12 @@ def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate
 def flight(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float
 ) -> tuple[float, float, float, float]:
-    """Return a gap (m), its rate (m/s), its closing acceleration (m/s²) and the noise of the gap, a time s after `now`.
+    """Return gap (m), rate (m/s), closing acceleration (m/s²) and noise of the gap.
 
-    That time is on panel k, as many `turns` later as said.
+    They are evaluated a time s after `now`, which must lie on panel k, a number of `turns` later.
     """
     panel, pull = panels[k], now.pull
+    # divided differences do not subtract nearly equal positions of ball and wall
     if k == now.panel and turns == 0.0:
         gap, rate, x0 = now.gap, now.rate, now.x
         if s == 0.0:
@@ -71,8 +76,11 @@ def flight(
 @rare
 @kernel
 def above(wall: Record, now: State, s: float) -> tuple[float, float, float]:
-    """Return height (m) and rate (m/s) of the ball above the wall at rest a time s after `now`, and the noise of a gap
-    that is the difference to the wall's path."""
+    """Return height (m), rate (m/s) and noise of the ball above the wall at rest.
+
+    They are evaluated a time s after `now`. The noise applies to a gap computed as a difference to the path of the
+    wall.
+    """
     drift, pull = now.drift, now.pull
     size = abs(now.height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
     return now.height + s * (drift - 0.5 * pull * s), drift - pull * s, NOISE * size + wall.error
@@ -81,16 +89,17 @@ def above(wall: Record, now: State, s: float) -> tuple[float, float, float]:
 @rare
 @kernel
 def faint(wall: Record, now: State, s: float) -> float:
-    """Return what a rate (m/s) a time s after `now` may owe to rounding."""
+    """Return the rounding error of a rate (m/s) a time s after `now`."""
     return NOISE * (abs(now.rate) + (abs(now.pull) + wall.stiff) * s)  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
-    """Return x on a panel, so many turns later, at a time s after `now`."""
+    """Return the coordinate x on a panel, `turns` later, at a time s after `now`."""
     p, p_low = s, 0.0
     if wall.periodic:
+        # two floats, because whole turns are subtracted from f·s
         p, p_low = product(wall.frequency, s)
     return (((p - turns) + ((now.time - panel.left) - panel.half)) + (now.low + p_low)) / panel.half  # type: ignore[no-any-return]
 
@@ -98,14 +107,16 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
 @rare
 @kernel
 def lasts(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
-    """Return the time after `now` at which panel k, so many turns later, ends."""
+    """Return the time after `now` at which panel k, `turns` later, ends."""
     return ((panels[k].right - now.time) - now.low + turns) / wall.frequency  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def next_panel(wall: Record, k: int, turns: float) -> tuple[int, float]:
-    """Return the panel after k, and its turns: the first one of a turn follows the last."""
+    """Return the panel after k and its turns.
+
+    The first panel of the next turn follows the last panel."""
     if k + 1 < wall.first + wall.panels:
         return k + 1, turns
     return wall.first, turns + 1.0
@@ -114,7 +125,7 @@ def next_panel(wall: Record, k: int, turns: float) -> tuple[int, float]:
 @rare
 @kernel
 def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
-    """Return the panel a time s after `now`, and how many turns later it is."""
+    """Return the panel a time s after `now`, and the number of turns in between."""
     y, turns = now.time + wall.frequency * s, 0.0
     if wall.periodic:
         turns = float(math.floor(y))
@@ -124,12 +135,15 @@ def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[in
 @rare
 @kernel
 def hop(wall: Record, panels: Records, now: State, s: float) -> State:
-    """Return the state a time s after `now`, where its panel ends and the next one begins: with all digits of a bounce
-    that is small beside the wall's motion."""
+    """Return the state a time s after `now`, at the start of the next panel.
+
+    Its panel must end at that time. No digits are lost for a bounce that is small compared with the motion of the wall.
+    """
     f, df, _, noise = flight(wall, panels, now, now.panel, 0.0, s)
+    # values within their noise have no sign
     f = f if abs(f) > noise else 0.0
     df = df if abs(df) > faint(wall, now, s) else 0.0
-    if now.gap == 0.0 and now.rate == 0.0 and s <= 4.0 * now.blur:  # a ball that was lifted off just now
+    if now.gap == 0.0 and now.rate == 0.0 and s <= 4.0 * now.blur:  # a ball that has just lifted off
         f = df = 0.0
     k, _ = next_panel(wall, now.panel, 0.0)
     height, drift, _ = above(wall, now, s)
@@ -140,7 +154,10 @@ def hop(wall: Record, panels: Records, now: State, s: float) -> State:
 @rare
 @kernel
 def short(wall: Record, panels: Records, now: State, s: float) -> bool:
-    """Return whether a time s to the end of its panel is so short that the gap is better followed from there."""
+    """Return whether the gap should be continued from the end of its panel.
+
+    That end must be a short time s ahead, and the path must continue.
+    """
     k = now.panel
     return panels[k].per * s <= 1.0 and (wall.periodic == 1 or k + 1 < wall.first + wall.panels)  # type: ignore[no-any-return]
 
@@ -150,13 +167,15 @@ def short(wall: Record, panels: Records, now: State, s: float) -> bool:
 def after(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, s: float
 ) -> tuple[float, float]:
-    """Return a gap (m) and its rate (m/s) a time s (s) after t + tail, by the expressions of `first_hit`.
+    """Return a gap (m) and its rate (m/s) a time s (s) after t + tail.
 
-    Parameters are those of `first_hit`. Rounding may make a closing gap negative, so callers clamp at 0.
+    The expressions and the other parameters are the same as in `first_hit`. Rounding can make a closing gap negative,
+    so callers clamp it at 0.
     """
     now = state(wall, panels, t, tail, gap, rate, pull)
     end = max(0.0, lasts(wall, panels, now, now.panel, 0.0))
-    if s > end and short(wall, panels, now, end) and panels[now.panel].per * s <= 4.0:  # a longer s would lose digits
+    # a longer s would lose digits
+    if s > end and short(wall, panels, now, end) and panels[now.panel].per * s <= 4.0:
         now = hop(wall, panels, now, end)
         s -= end
     k, turns = panel_later(wall, panels, now, s)

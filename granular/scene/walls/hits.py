@@ -1,13 +1,14 @@
-"""The first time at which a gap beside a moving wall closes, or a ball that rests on it leaves: certified.
+"""Certified times of the first hit of a moving wall and of the first lift-off.
 
-Both are stepped to from below, never over.
+All searches step forward from below and never pass the event.
 
-While the closing acceleration stays below M, the gap stays above the parabola f + f's - ½Ms², so the time at which that
-parabola closes is safe to go to. On each panel M is the bound of the panel, or what acceleration and the bound of its
-rate allow: the steps end quadratically at a hit, and pass a graze quickly. What the wall cannot reach is skipped.
+While the closing acceleration stays below M, the gap stays above the parabola f + f's - ½Ms². A step to the root of
+this parabola is therefore safe. On each panel, M is the bound of the panel, or a narrower bound from the acceleration
+and the bound of its rate. The steps converge quadratically at a hit and pass a near miss quickly. Times at which the
+wall cannot reach the ball are skipped.
 
-A ball that rides presses on the wall while a = pull + m'' > 0 (m towards the balls); a pile does as one ball does. It
-leaves where a falls to 0, at once where a < 0, and is kicked where the velocity of the wall jumps towards it.
+A ball that rests on the wall presses on it while a = pull + m'' > 0 (m towards the balls). The same holds for a pile.
+The ball leaves where a falls to 0, and immediately where a < 0. A jump of the wall velocity towards the ball is a hit.
 """
 
 from __future__ import annotations
@@ -35,9 +36,12 @@ from granular.scene.walls.path import pressed
 
 NEVER = math.inf
 PHASES = 2.0**50
-"""Periods from now after which a float no longer tells where in its period a wall is: what has not hit by then does."""
+"""Number of periods after which a float no longer resolves the phase of the wall.
+
+A gap that is still open then counts as closed at that time.
+"""
 SHORT = 2.0**-6
-"""Steps shorter than this share of what is left of a panel call for a closer look."""
+"""Share of the rest of a panel below which a step triggers a refined bound."""
 
 
 @rare
@@ -45,31 +49,35 @@ SHORT = 2.0**-6
 def first_hit(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, within: float
 ) -> float:
-    """Return the time (s) after now at which a gap closes, inf if it does not within `within` (s).
+    """Return the time (s) from now at which a gap closes, or inf.
+
+    The result is inf if the gap does not close within `within` (s).
 
     Parameters
     ----------
     wall, panels : records
         From `Panels.records`.
     t, tail : float
-        Now, t + tail, in s.
+        Current time t + tail in s.
     gap : float
-        The gap now in m, not negative.
+        Current gap in m, not negative.
     rate : float
-        Its rate in m/s: all of it, the wall's motion included.
+        Its total rate in m/s, including the motion of the wall.
     pull : float
-        Its constant closing acceleration in m/s²: g at a floor, -g at a ceiling, and what else acts on the ball.
+        Its constant closing acceleration in m/s²: g at a floor, -g at a ceiling, plus other forces on the ball.
     within : float
-        How long to look, in s; inf is allowed. The path of a wall that is not periodic ends the search too.
+        Length of the search in s, possibly inf. The search also ends with the path of a wall that is not periodic.
 
     Notes
     -----
-    A gap that is 0 and closes is hit now; one that is 0 and opens, or rests, was just left: that hit is not found
-    again. `lift_off` says when a ball that rests on the wall leaves it. A dip is a hit unless it stays above the
-    noise of the gap, 4 2⁻⁵³ of its terms: none is missed, and what is hit early is hit within twice the noise.
+    A gap of 0 that closes is hit now. A gap of 0 that opens or rests belongs to the previous hit, which is not found
+    again. `lift_off` returns when a ball at rest leaves the wall. A minimum of the gap is a hit unless it stays above
+    the noise of the gap, 4 2⁻⁵³ of its terms. No hit is missed. A hit is reported once the gap is at most twice the
+    noise.
     """
     now, passed = state(wall, panels, t, tail, gap, rate, pull), 0.0
     k, turns, s = now.panel, 0.0, 0.0
+    # a ball at rest is not hit; `lift_off` returns when it leaves
     if gap == 0.0 and rate == 0.0 and opens(wall, panels[k], now, 0.0, 0.0) == 0.0:
         return NEVER
     while passed + s <= within:
@@ -79,6 +87,7 @@ def first_hit(
             return passed + s if passed + s <= within else NEVER
         if s == NEVER:
             return NEVER
+        # restart on the next panel while divided differences are precise there
         if k == now.panel and turns == 0.0 and short(wall, panels, now, s):
             end = max(0.0, end)
             now = hop(wall, panels, now, end)
@@ -98,8 +107,10 @@ def first_hit(
 @rare
 @kernel
 def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: float) -> tuple[int, float]:
-    """Return the panel on which to go on a time s after `now`, at its start or later, and its turns; -1 if the path
-    ends there. The one before was k."""
+    """Return the panel for the time s after `now`, and its turns.
+
+    That time is on the panel, possibly at its start. The number is -1 if the path ends there. The previous panel was k.
+    """
     end = lasts(wall, panels, now, k, turns)
     if s > end:
         k, turns = panel_later(wall, panels, now, s)
@@ -113,11 +124,15 @@ def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: f
 @rare
 @kernel
 def out_of_reach(wall: Record, now: State, s: float) -> float:
-    """Return how long, from a time s after `now`, the ball is certain to be where the wall never comes."""
+    """Return how long the ball is certain to stay out of the range of the wall.
+
+    The interval starts a time s after `now`.
+    """
     height, rate, noise = above(wall, now, s)
     if rate == 0.0 and now.pull == 0.0 and wall.speed == 0.0:
         return NEVER
     room = height - wall.reach - noise
+    # the factor keeps the rounded time below the exact time
     return 0.0 if room <= 0.0 else time_to_contact(room, rate, now.pull) * (1.0 - 2.0**-50)
 
 
@@ -126,12 +141,15 @@ def out_of_reach(wall: Record, now: State, s: float) -> float:
 def hit_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
 ) -> tuple[float, bool]:
-    """Return the time after `now` at which the gap closes, and True; if not on panel k, False, and a time, `end` or
-    later, before which it does not."""
+    """Return the time after `now` at which the gap closes on panel k, and True.
+
+    Without a hit on panel k it returns False and a time, `end` or later, before which the gap does not close.
+    """
     panel, pull = panels[k], now.pull
     slack = NOISE * (abs(pull) + wall.stiff)
     while s < end:
         f, df, a, noise = flight(wall, panels, now, k, turns, s)
+        # a rate within its rounding error has no sign
         df = df if abs(df) > faint(wall, now, s) else 0.0
         if f <= 2.0 * noise and df < 0.0:
             return touch(s, f, df, a), True
@@ -140,9 +158,10 @@ def hit_on_panel(
         if df >= 0.0 and (a <= slack or s == df == 0.0) and step < SHORT * left:
             step = max(step, opens(wall, panel, now, turns, s))
         if step >= left:
-            if wall.periodic and sure > noise:  # velocity does not jump: a bound for all panels serves beyond this one
+            if wall.periodic and sure > noise:  # no velocity jumps: the bound holds on all panels
                 return max(end, s + time_to_contact(sure, df, pull + wall.stiff)), False
             return end, False
+        # the step is below the resolution of time
         if s + step == s:
             return s, True
         s += step
@@ -152,10 +171,10 @@ def hit_on_panel(
 @rare
 @kernel
 def stays_open(panel: Record, f: float, df: float, a: float, most: float, left: float) -> float:
-    """Return a time for which a gap f of rate df does not close, at best `left`, that to the end of its panel.
+    """Return a time during which a gap f of rate df does not close, at most `left`.
 
-    Its closing acceleration is a now and at most `most` on the panel. The parabola of a bound of it over all of `left`
-    lasts a while; over four times that while the bound is narrower, and so on.
+    `left` is the time to the end of the panel. The closing acceleration is a now and at most `most` on the panel. A
+    bound of it over all of `left` gives a first step. Over four times that step the bound is narrower, and so on.
     """
     if f == 0.0 and df == 0.0:
         return 0.0
@@ -172,14 +191,18 @@ def stays_open(panel: Record, f: float, df: float, a: float, most: float, left: 
 @rare
 @kernel
 def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
-    """Return how long a gap that is not closing, at a time s after `now`, stays open on this panel because it is pulled
-    open: from acceleration, its rate and the bound of its second rate. So balls leave that are lifted off. 0 if it is
-    not pulled open."""
+    """Return how long a gap that does not close is pulled open on this panel, else 0.
+
+    The interval starts a time s after `now`. It follows from the acceleration, its rate and the bound of its second
+    rate. In this way a ball leaves after lift-off.
+    """
     a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
     if a > NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.blur:
         return 0.0
     a = min(a, 0.0)
+    # root of a + j s/3 + bend s²/12, at which a lower bound of the gap returns to 0
     root = math.sqrt(j * j - 3.0 * a * panel.bend)
+    # of the two forms of the root, the one without cancellation
     if j > 0.0:
         return -6.0 * a / (j + root)
     return 2.0 * (root - j) / panel.bend if panel.bend > 0.0 else NEVER
@@ -188,7 +211,10 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
 @rare
 @kernel
 def touch(s: float, f: float, df: float, a: float) -> float:
-    """Return the time of a hit from a state within rounding of it: one last step, if there is room for it."""
+    """Return the time of a hit from a state that agrees with it to rounding.
+
+    If the gap is still positive, one last step is added.
+    """
     if f <= 0.0:
         return s
     step = time_to_contact(f, df, a)
@@ -200,31 +226,33 @@ def touch(s: float, f: float, df: float, a: float) -> float:
 def lift_off(
     wall: Record, panels: Records, t: float, tail: float, pull: float, within: float
 ) -> tuple[float, float]:
-    """Return the time (s) after now at which a ball at rest on a wall ceases to ride, and the gap's rate (m/s) then.
+    """Return the time (s) at which a ball at rest leaves a wall, and the rate then.
 
     Parameters
     ----------
     wall, panels : records
         From `Panels.records`.
     t, tail : float
-        Now, t + tail, in s.
+        Current time t + tail in s.
     pull : float
         Constant closing acceleration in m/s²: g at a floor, -g at a ceiling.
     within : float
-        How long to look, in s. The path of a wall that is not periodic ends the search too.
+        Length of the search in s. The search also ends with the path of a wall that is not periodic.
 
     Returns
     -------
     s, rate : float
-        inf and 0 if it rides on. A rate of 0: the ball leaves where pull + m'' falls to 0 (s is 0 if it is below it);
-        above 0: it leaves where the wall's velocity jumps away from it; below 0: the wall jumps against it, a hit.
+        Time in s from now, and rate of the gap in m/s at that time. They are inf and 0 if the ball stays on the wall.
+        A rate of 0 means that pull + m'' falls to 0 (s is 0 if it is already below 0). A positive rate means that the
+        velocity of the wall jumps away from the ball. A negative rate means that it jumps against the ball, a hit.
 
     Notes
     -----
-    Dips of pull + m'' below 0 by no more than rounding, 4 2⁻⁵³ (|pull| + max |m''|), lift nothing.
+    Values of pull + m'' below 0 by no more than rounding, 4 2⁻⁵³ (|pull| + max |m''|), do not lift a ball.
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
     k, turns, s = now.panel, 0.0, 0.0
+    # a full turn and the rest of the first panel
     for _ in range(wall.panels + 1):
         end = lasts(wall, panels, now, k, turns)
         if pull + panels[k].least < 0.0:
@@ -245,17 +273,18 @@ def lift_off(
 def falls_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
 ) -> float:
-    """Return the time after `now` at which pull + m'' falls below 0 on panel k, before `end`; inf if it does not.
+    """Return the time at which pull + m'' falls below 0 on panel k, or inf.
 
-    Steps from below: with a bound of its second rate it stays above a parabola.
+    The time is counted from `now`, and the search ends at `end`. It steps from below: a bound of the second rate keeps
+    pull + m'' above a parabola.
     """
     panel, noise = panels[k], NOISE * (abs(now.pull) + wall.stiff)
     while s < end:
         a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
             return s
-        # certain to fall: though its second rate be `bend`, its least, a - j²/(2 bend), is below -noise; it fell
-        # through 0 where its tangent does
+        # certain to fall: even if its second rate is `bend`, the minimum a - j²/(2 bend) is below -noise. The event
+        # is at the root of the tangent
         if a <= 0.0 and j < 0.0 and j * j >= 4.0 * max(panel.bow, panel.bend) * noise:
             return max(0.0, s + a / -j)
         step = time_to_contact(a + noise, j, panel.bow)
@@ -270,15 +299,17 @@ def falls_on_panel(
 def pressing_bounds(
     wall: Record, panels: Records, t: float, tail: float, pull: float, span: float
 ) -> tuple[float, float]:
-    """Return certain bounds, below and above, of pull + m'' (m/s²) from now, t + tail, to `span` (s) later.
+    """Return certain lower and upper bounds of pull + m'' (m/s²) during `span` (s).
 
-    A bouncing ball may be taken to its rest on the wall while the lower one is above 0 up to the end of its bounces;
-    the flank of an isolated contact is no more convex than max(0, -lower). Beyond its end a path goes on as it does on
-    its last panel. Bounds of a short time are as narrow as the acceleration changes in it.
+    The interval starts now, at t + tail. A bouncing ball can be set to rest on the wall if the lower bound is above 0
+    until the end of its bounces. The flank of an isolated contact is at most as convex as max(0, -lower). A path that
+    has ended is continued by its last panel. Bounds for a short time are as narrow as the change of acceleration in
+    it.
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
     least, most = NEVER, -NEVER
     k, turns, s = now.panel, 0.0, 0.0
+    # a full turn and the rest of the first panel
     for _ in range(wall.panels + 1):
         end = lasts(wall, panels, now, k, turns)
         last = end >= span or (wall.periodic == 0 and k + 1 == wall.first + wall.panels)
@@ -296,8 +327,10 @@ def pressing_bounds(
 def bounds(
     wall: Record, panel: Record, now: State, turns: float, s: float, until: float
 ) -> tuple[float, float]:
-    """Return bounds of pull + m'' on a panel between two times after `now`: those of the panel, or, if narrower, what
-    the values at both and the bounds of the rate allow between them."""
+    """Return bounds of pull + m'' on a panel between two times after `now`.
+
+    They are the bounds of the panel, or narrower ones from the values at both times and the bounds of the rate.
+    """
     pull, length = now.pull, max(0.0, until - s)
     noise = NOISE * (abs(pull) + wall.stiff)
     a, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s))
@@ -310,8 +343,12 @@ def bounds(
 @rare
 @kernel
 def lowest(a: float, b: float, rise: float, fall: float, length: float) -> float:
-    """Return the least a function can be that goes from a to b in `length`, rising and falling no faster than said."""
+    """Return the least value of a function that changes from a to b in `length`.
+
+    Its rate of increase is at most `rise` and its rate of decrease at most `fall`.
+    """
     if rise + fall == 0.0:
         return min(a, b)
+    # time for which the steepest path falls before it has to rise to b
     down = min(max((a - b + rise * length) / (rise + fall), 0.0), length)
     return a - fall * down

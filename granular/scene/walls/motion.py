@@ -1,4 +1,4 @@
-"""A wall that moves by any smooth function of time; what runs and scenes read of a wall of any kind."""
+"""Wall motions given by any smooth function, and properties of all motions."""
 
 from __future__ import annotations
 
@@ -19,38 +19,50 @@ from granular.scene.walls.thermal import Thermal
 
 __all__ = ["Motion"]
 NODES = 24
-"""Values asked for on a panel; the series kept has at most `TERMS` terms, the others must have died out."""
+"""Function values per panel.
+
+The stored series has at most `TERMS` terms. The remaining terms must have decayed.
+"""
 AT_FIRST = 16
-"""Panels before the first halving: what happens within a small part of one of them may be overlooked."""
+"""Number of panels before the first bisection.
+
+Features shorter than a small part of such a panel can be missed.
+"""
 INSTANT = 1e-6
-"""Time in s that is looked at for a run of no length: its wall has a velocity too."""
+"""Time in s that is fitted for a run of zero length.
+
+Its wall also has a velocity."""
+# a panel of 2⁻³⁰ of the run that has not converged shows that the function is not smooth
 HALVINGS = 30
 MOST = 1 << 18
-"""Panels at most: they take a minute to make."""
+"""Maximum number of panels, which take a minute to fit."""
 
 
 @check.face
 @dataclass(frozen=True, repr=False)
 class Motion:
-    """Any m(t): Chebyshev panels, halved until what they leave out is below `accuracy` times the largest excursion.
+    """Motion of a wall given by any smooth function m(t).
+
+    The function is fitted by Chebyshev panels, which are bisected until the truncation error is below `accuracy` times
+    the largest excursion.
 
     Parameters
     ----------
     function : callable
-        m(t) in m of a time in s, a float; smooth. Or `Panels`, what a saved run has instead of the function.
+        Smooth function that returns m(t) in m for a time in s (float). A saved run has `Panels` in its place.
     accuracy : float
-        Relative to the largest excursion |m - m(t_start)|; at least 2⁻⁵², about 2.2e-16.
+        Accuracy relative to the largest excursion |m - m(t_start)|; at least 2⁻⁵², about 2.2e-16. Defaults to 1e-15.
 
     Raises
     ------
     TypeError, ValueError
-        With what is wrong with an argument, and later with what `function` returns.
+        If an argument is invalid, and later if `function` returns an invalid value.
 
     Notes
     -----
-    m', m'' are those of the panels: each differentiation costs about two digits. What happens between two of the 24
-    values on a panel, the first ones as long as a sixteenth of the run, may be overlooked. Two motions are equal if
-    they have the same function.
+    The derivatives m' and m'' are computed from the panels. Each differentiation costs about two digits.
+    Features between two of the 24 values on a panel can be missed. The first panels are a sixteenth of the run long.
+    Two motions are equal if they have the same function.
     """
 
     function: Callable[[float], float]
@@ -69,16 +81,18 @@ class Motion:
         return f"Motion({named})" if self.accuracy == 1e-15 else f"Motion({named}, accuracy={self.accuracy:g})"
 
     def displacement(self, t: float) -> float:
-        """Return m(t) in m, as `function` says it."""
+        """Return m(t) in m, the value of `function`."""
         return _value(self.function, check.number("t", t))
 
     def panels(self, t_start: float, t_end: float) -> Panels:
-        """Return what engines read of it from `t_start` to `t_end` (s), with its `error` (m).
+        """Return the panels that engines evaluate from `t_start` to `t_end` (s).
+
+        Their attribute `error` is the accuracy in m.
 
         Raises
         ------
         ValueError
-            If `t_end` is inf, or if the panels do not converge: for a jump, a kink or noise.
+            If `t_end` is inf, or if the panels do not converge because of a jump, a kink or noise.
         """
         if isinstance(self.function, Panels):
             return self.function.panels(t_start, t_end)
@@ -90,8 +104,9 @@ class Motion:
 
 
 def _fitted(function: Callable[[float], float], accuracy: float, begin: float, end: float) -> Panels:
-    """Return the panels of a function."""
+    """Return panels of a function, bisected until they are accurate."""
     edges = np.linspace(begin, end, AT_FIRST + 1).tolist()
+    # a stack: panels are finished from left to right
     todo = [(left, right, _sampled(function, left, right)) for left, right in pairwise(edges)][::-1]
     origin, ends, series, worst = _value(function, begin), [], [], 0.0
     scale = max(float(np.abs(values - origin).max()) for _, _, values in todo)
@@ -99,6 +114,7 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
         left, right, values = todo.pop()
         scale = max(scale, float(np.abs(values - origin).max()))
         small, c = max(accuracy * scale, _rounding(left, right, values)), _coefficients(values)
+        # several coefficients must have decayed, because a single one can be small by chance
         if float(np.abs(c[TERMS - 3 :]).max()) <= small:
             kept = _chopped(c[: TERMS - 1], 0.2 * small)
             series.append(_powers() @ kept)
@@ -108,8 +124,9 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
         middle = 0.5 * (left + right)
         if len(series) + len(todo) >= MOST:
             raise ValueError(
-                f"function takes more than {MOST} polynomials, of which {len(series)} reach up to t = {left:.9g}: a "
-                "motion with fewer turns from t_start to t_end is needed; for a harmonic one use granular.walls.Sine."
+                f"function takes more than {MOST} polynomials, of which {len(series)} reach up to t = "
+                f"{left:.9g}: a motion with fewer turns from t_start to t_end is needed; for a harmonic one use "
+                "granular.walls.Sine."
             )
         if right - left < (end - begin) * 2.0**-HALVINGS or not left < middle < right:
             raise ValueError(
@@ -122,13 +139,18 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
 
 
 def _rounding(left: float, right: float, values: Array) -> float:
-    """Return what values in m may owe to the rounding of themselves, and of times."""
+    """Return the rounding error of values in m.
+
+    It is caused by the values and by their times."""
     slope = (values.max() - values.min()) / (right - left)
     return 8.0 * float(slope * math.ulp(max(abs(left), abs(right)))) + math.ulp(float(np.abs(values).max()))
 
 
 def _chopped(c: Array, small: float) -> Array:
-    """Return Chebyshev coefficients without those after the last one above `small`: derivatives would raise them."""
+    """Set Chebyshev coefficients after the last one above `small` to 0.
+
+    Derivatives would amplify them.
+    """
     above = np.flatnonzero(np.abs(c) > small)
     return np.where(np.arange(len(c)) <= (above[-1] if len(above) else 0), c, 0.0)
 
@@ -139,7 +161,10 @@ def _sampled(function: Callable[[float], float], left: float, right: float) -> A
 
 
 def _coefficients(values: Array) -> Array:
-    """Return the Chebyshev coefficients (NODES,) of values at the nodes; their constant part costs no digits."""
+    """Return the Chebyshev coefficients (NODES,) of values at the nodes.
+
+    A constant part of the values costs no digits.
+    """
     c = _transform() @ (values - values[0])
     c[0] += values[0]
     return np.asarray(c)
@@ -156,8 +181,9 @@ def _nodes() -> Array:
 
 @lru_cache(maxsize=1)
 def _transform() -> Array:
-    """Chebyshev coefficients (NODES, NODES) of values at the nodes."""
-    parts = np.arange(NODES)[:, None] * np.arange(2 * NODES - 1, 0, -2) % (4 * NODES)  # of π/(2 NODES), exactly
+    """Matrix (NODES, NODES) from values at the nodes to Chebyshev coefficients."""
+    # multiples of π/(2 NODES), exactly
+    parts = np.arange(NODES)[:, None] * np.arange(2 * NODES - 1, 0, -2) % (4 * NODES)
     rows = 2.0 / NODES * np.cos(math.pi / (2 * NODES) * parts)
     rows[0] *= 0.5
     return np.asarray(rows)
@@ -165,7 +191,7 @@ def _transform() -> Array:
 
 @lru_cache(maxsize=1)
 def _powers() -> Array:
-    """Powers (TERMS-1, TERMS-1) of Chebyshev coefficients."""
+    """Matrix (TERMS-1, TERMS-1) from Chebyshev coefficients to powers."""
     n = TERMS - 1
     rows = np.zeros((n, n))
     for k in range(n):
@@ -175,7 +201,7 @@ def _powers() -> Array:
 
 
 def checked(name: str, motion: Any, is_wall: bool) -> Any:
-    """Return how a wall behaves, or None, if it is one of these and its body is a wall."""
+    """Return the motion, thermal wall or None, if its type and its body are valid."""
     if motion is None:
         return None
     if not isinstance(motion, (Motion, _OnPanels, Thermal)):
@@ -188,20 +214,24 @@ def checked(name: str, motion: Any, is_wall: bool) -> Any:
 
 
 def fitted(motion: Any, t_start: float, t_end: float) -> Any:
-    """Return a motion as runs keep it: a `Motion` as its panels, others as they are.
+    """Return a motion in the form that runs store.
+
+    A `Motion` is replaced by its panels. Other motions are returned as they are.
 
     Raises
     ------
     ValueError
-        If it does not last from `t_start` to `t_end` (s), or cannot be fitted.
+        If the motion does not cover the time from `t_start` to `t_end` (s), or cannot be fitted.
     """
     panels = None if motion is None else motion.panels(t_start, t_end)
     return panels if isinstance(motion, Motion) else motion
 
 
 def ends(*motions: Any) -> float:
-    """Return the time in s at which the first of these paths ends: inf of a `Sine`, and of a `Motion`, whose function
-    says how far it goes."""
+    """Return the earliest time in s at which one of the paths ends.
+
+    It is inf for a `Sine`, and for a `Motion`, whose function has no known end.
+    """
     paths = [getattr(motion, "function", motion) for motion in motions]
     last = [*(path.breaks[-1] for path in paths if isinstance(path, _OnPanels) and hasattr(path, "breaks")),
             *(path.edges[-1] for path in paths if isinstance(path, Panels) and not path.frequency)]
@@ -209,16 +239,22 @@ def ends(*motions: Any) -> float:
 
 
 def fastest(motion: Any) -> float:
-    """Return a bound of |m'| in m/s; 0 of a wall at constant velocity, and of a `Motion`, of which runs have panels."""
+    """Return an upper bound of |m'| in m/s.
+
+    It is 0 for a wall at constant velocity, and for a `Motion` that has not been replaced by panels.
+    """
     panels = getattr(motion, "_panels", getattr(motion, "function", motion))
     return float(panels.speed) if isinstance(panels, Panels) else 0.0
 
 
 def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
-    """Return m(t) - m(start) in m and m'(t) in m/s of a motion, or of none, at times (s) so long after `start`."""
+    """Return m(t) - m(start) in m and m'(t) in m/s of a motion.
+
+    Times are given as `elapsed` (s) after `start`. Both values are 0 without a motion.
+    """
     if motion is None:
         return 0.0, 0.0
-    # paths that last are asked no farther than the start: the end of a run may be a rounding beyond theirs
+    # other paths are checked at the start only: rounding can put the end of a run beyond the end of the path
     end = math.nextafter(start + float(np.max(elapsed)), math.inf) if isinstance(motion, Motion) else start
     panels: Panels = motion.panels(start, end)
     times = np.atleast_1d(np.asarray(elapsed, dtype=float))

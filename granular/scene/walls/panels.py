@@ -1,7 +1,7 @@
-"""A wall's motion as polynomials on panels of time, with bounds of what it does on each: what engines read.
+"""Motion of a wall as polynomials on panels of time, with bounds on each panel.
 
-Panel k is Σ_j c_kj x^j in m, x from -1 to 1 between its edges; time is counted in s, or in turns f·t of a period. All
-bounds come from Bernstein coefficients on [-1, 1], so they hold, and are tight on short panels.
+Panel k is Σ_j c_kj x^j in m, x from -1 to 1 between its edges. Time is in s, or in turns f·t of a period. All bounds
+are computed from Bernstein coefficients on [-1, 1]. They are therefore rigorous, and tight on short panels.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from granular.scene.walls.path import PANEL, TERMS, WALL
 
 
 class _OnPanels:
-    """What motions have in common that are made of panels once and for all."""
+    """Common methods of motions whose panels are computed once."""
 
     @property
     def _panels(self) -> Panels:
@@ -32,18 +32,20 @@ class _OnPanels:
         return self._panels._at(t)[0]
 
     def velocity(self, t: float) -> float:
-        """Return m'(t) in m/s; at a break, that after it."""
+        """Return m'(t) in m/s; at a break, the value after the break."""
         return self._panels._at(t)[1]
 
     def acceleration(self, t: float) -> float:
-        """Return m''(t) in m/s²; at a break, that after it."""
+        """Return m''(t) in m/s²; at a break, the value after the break."""
         return self._panels._at(t)[2]
 
 
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Panels(_OnPanels, ByNumbers):
-    """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
+    """Motion m(t) of a wall as polynomials on panels of time.
+
+    A `Motion` is converted to panels for a run, and is saved in this form.
 
     Parameters
     ----------
@@ -52,14 +54,15 @@ class Panels(_OnPanels, ByNumbers):
     series : (n, k) array
         Coefficients in m of 1, x, x², …, x from -1 to 1 on each panel; k ≤ 20.
     error : float
-        How far the panels may be from the motion they stand for, in m.
+        Largest deviation in m from the motion that the panels approximate. Defaults to 0.
     frequency, turn : float, (float, float)
-        For a periodic motion: edges are turns from 0 to 1, and time t is at f·t + turn of them, `turn` in two floats.
+        Frequency in Hz and phase of a periodic motion. Then edges are turns from 0 to 1, and the time t corresponds to
+        f·t + turn, with `turn` in two floats. By default the motion is not periodic.
 
     Raises
     ------
     TypeError, ValueError
-        With what is wrong with an argument.
+        If an argument is invalid.
     """
 
     edges: Array
@@ -91,7 +94,7 @@ class Panels(_OnPanels, ByNumbers):
         self._check_joints()
 
     def _check_joints(self) -> None:
-        """Raise `ValueError` where the path jumps, or where one that repeats itself has a corner."""
+        """Raise `ValueError` if the path jumps, or if a periodic path has a corner."""
         steps, largest = self._steps(0), float(np.abs(self.series).max())
         i = int(np.argmax(np.abs(steps)))
         if abs(steps[i]) > 1e-9 * largest + 2.0 * self.error:
@@ -104,8 +107,10 @@ class Panels(_OnPanels, ByNumbers):
                              "a frequency has no corners; round them, or write the turns out, without a frequency.")
 
     def _steps(self, order: int) -> Array:
-        """By how much a derivative to the edges' unit jumps where each panel begins; 0 at the first of a path that does
-        not repeat itself."""
+        """Return the jumps of a derivative at the start of each panel.
+
+        Time is in the unit of the edges. The first jump is 0 if the path is not periodic.
+        """
         c = (_derived(self.series, order).T * (2.0 / np.diff(self.edges)) ** order).T
         steps: Array = c @ (-1.0) ** np.arange(c.shape[1]) - np.roll(c.sum(axis=1), 1)
         steps[0] = steps[0] if self.frequency else 0.0
@@ -122,7 +127,10 @@ class Panels(_OnPanels, ByNumbers):
     __call__ = _OnPanels.displacement
 
     def panels(self, t_start: float, t_end: float) -> Panels:
-        """Return itself, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
+        """Return this object if the path covers the time from `t_start` to `t_end`, in s.
+
+        Else raise `ValueError`.
+        """
         if self.frequency:
             return self
         first, last = float(self.edges[0]), float(self.edges[-1])
@@ -139,16 +147,22 @@ class Panels(_OnPanels, ByNumbers):
         t_start: float | None = None,
         first: int = 0,
     ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-        """Return what kernels read: an array of one record `WALL`, and the records `PANEL` of the panels.
+        """Return the records that kernels read.
 
         Parameters
         ----------
         side : float
             1 for a floor, -1 for a ceiling.
         start, velocity, t_start : float
-            Where the wall stands at `t_start` (m, s; the first edge if not given), and its constant velocity (m/s).
+            Position (m) of the wall at `t_start` (s), and its constant velocity (m/s). `t_start` defaults to the first
+            edge.
         first : int
-            Place of the first panel, where the panels of several walls are put into one array.
+            Index of the first panel, if the panels of several walls are stored in one array.
+
+        Returns
+        -------
+        wall, panels : arrays
+            One record `WALL`, and one record `PANEL` per panel.
         """
         rate = self.frequency or 1.0
         wall, rows = np.zeros(1, WALL), np.zeros(len(self.series), PANEL)
@@ -158,27 +172,33 @@ class Panels(_OnPanels, ByNumbers):
         within = [(_derived(c, order).T * per**order).T for order in range(5)]
         (low, high), (slow, fast), (least, most), (fall, rise), (sink, soar) = map(_span, within)
         rows["series"][:, : c.shape[1]] = c
-        _fill(rows, left=left, right=right, centre=0.5 * (left + right), half=half, per=per, most=most, least=least,
-              rise=rise.clip(min=0.0), fall=fall.clip(max=0.0), bend=soar.clip(min=0.0), bow=-sink.clip(max=0.0),
+        _fill(rows, left=left, right=right, centre=0.5 * (left + right), half=half, per=per, most=most,
+              least=least, rise=rise.clip(min=0.0), fall=fall.clip(max=0.0), bend=soar.clip(min=0.0),
+              bow=-sink.clip(max=0.0),
               degree=(np.arange(c.shape[1]) * (c != 0.0)).max(axis=1), jump=self._jumps(side, fast.max() - slow.min()))
         begin = float(left[0]) if t_start is None else t_start
         _fill(wall, side=side, panels=len(rows), density=len(rows) / (right[-1] - left[0]),
               periodic=self.frequency > 0.0, frequency=rate, turn=self.turn[0], turn_low=self.turn[1], start=start,
               velocity=velocity, begin=begin, error=self.error, reach=high.max(), extent=max(high.max(), -low.min()),
+              # nan in `about` means that no expansion is cached
               speed=max(fast.max(), -slow.min()), stiff=max(most.max(), -least.min()), about=np.nan)
         _fill(wall, origin=path.moved(plain(wall)[0], plain(rows), begin, 0.0)[0], first=first)
         return wall, rows
 
     def _jumps(self, side: float, scale: float) -> Array:
-        """Jumps of the velocity in m/s at left edges, without those of rounding; none at the first."""
+        """Return the jumps of the velocity in m/s at left edges, without rounding errors.
+
+        The jump at the first edge is 0.
+        """
         if self.frequency or len(self.series) == 1:
             return np.zeros(len(self.series))
         jump = side * self._steps(1)
+        # smaller jumps are rounding errors of the derivatives
         return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
 
     @cached_property
     def speed(self) -> float:
-        """A bound of |m'| in m/s."""
+        """Upper bound of |m'| in m/s."""
         return float(self._plain[0].speed)
 
     @cached_property
@@ -206,22 +226,30 @@ def _fill(records: np.ndarray[Any, Any], **columns: Any) -> None:
 
 
 def _derived(series: Array, order: int) -> Array:
-    """Return the coefficients (n, ·) of a derivative to x of polynomials (n, k)."""
+    """Return the coefficients (n, ·) of the derivative by x of polynomials (n, k).
+
+    `order` is the order of the derivative.
+    """
     for _ in range(order):
         series = series[:, 1:] * np.arange(1, series.shape[1]) if series.shape[1] > 1 else 0.0 * series
     return series
 
 
 def _span(series: Array) -> tuple[Array, Array]:
-    """Return certain bounds (n,), below and above, of polynomials (n, k) on [-1, 1]: their Bernstein coefficients,
-    rounding allowed for."""
+    """Return certain lower and upper bounds (n,) of polynomials (n, k) on [-1, 1].
+
+    They are the extreme Bernstein coefficients with a margin for rounding.
+    """
     bernstein, slack = series @ _basis(series.shape[1] - 1), 2.0**-48 * np.abs(series).sum(axis=1)
     return bernstein.min(axis=1) - slack, bernstein.max(axis=1) + slack
 
 
 @cache
 def _basis(n: int) -> Array:
-    """Bernstein coefficients (n+1, n+1) on [-1, 1] of 1, x, … x^n: none is above 1, so no digits are lost."""
+    """Return the Bernstein coefficients (n+1, n+1) on [-1, 1] of 1, x, … x^n.
+
+    No coefficient is above 1, so no digits are lost.
+    """
     factors = np.array([math.comb(n, j) for j in range(n + 1)])
     columns = [np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i) / factors
                for i in range(n + 1)]

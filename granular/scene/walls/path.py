@@ -1,7 +1,7 @@
-"""Where a wall is and how it moves at a time given in two floats, t + tail.
+"""Position, velocity and acceleration of a wall at a time in two floats, t + tail.
 
-A sine's phase is kept as the fraction of f·t in two floats, so late times cost no digits. What panels hold, and most
-kernels return, is ``side·m``: the motion towards the balls, at a floor and at a ceiling alike.
+The phase of a sine is kept as the fraction of f·t in two floats, so late times cost no digits. Panels contain, and most
+kernels return, ``side·m``: the motion towards the balls, for floor and ceiling.
 """
 
 from __future__ import annotations
@@ -16,13 +16,20 @@ from granular._engine.kernels import kernel, rare
 if TYPE_CHECKING:
     from granular._engine.records import Record, Records
 
+# 2²⁷ + 1, which splits a float into two halves of at most 26 bits (Veltkamp)
 SPLIT = 134217729.0
 EDGE = 2.0**-96
-"""Times so near to an edge, as a part of them, are at it: beyond what two floats say."""
+"""Relative distance to an edge below which a time counts as on the edge.
+
+Two floats do not resolve smaller distances.
+"""
 SMOOTH = 2.0**-46
-"""Turns so near to an edge are at it: the path of a periodic wall has no corners."""
+"""Distance to an edge in turns below which a time counts as on the edge.
+
+This is accurate enough because the path of a periodic wall has no corners.
+"""
 TERMS = 20
-"""Coefficients a panel has room for."""
+"""Maximum number of coefficients per panel."""
 PANEL = np.dtype(
     [
         ("left", float), ("right", float), ("centre", float), ("half", float),  # edges, middle, half width: s or turns
@@ -72,11 +79,15 @@ def total(a: float, b: float) -> tuple[float, float]:
 @rare
 @kernel
 def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
-    """Return the time t + tail in two floats; of a periodic wall, the fraction f·t + phase of its turn, from 0 to 1."""
+    """Return the reduced time of t + tail in two floats.
+
+    For a periodic wall it is the fraction f·t + phase of its turn, from 0 to 1.
+    """
     if wall.periodic == 0:
         return total(t, tail)
     a, a_low = product(wall.frequency, t)
     b, b_low = product(wall.frequency, tail)
+    # whole turns are removed before the sum, so that no digits are lost
     y, low = total(a - math.floor(a), b - math.floor(b))
     y, rest = total(y - math.floor(y), wall.turn)
     return y - math.floor(y), low + rest + (a_low + b_low) + wall.turn_low
@@ -85,8 +96,9 @@ def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
 @rare
 @kernel
 def panel_at(wall: Record, panels: Records, y: float) -> int:
-    """Return the panel of the reduced time y; at an edge the later one."""
+    """Return the panel of the reduced time y; at an edge, the later panel."""
     low, high = wall.first, wall.first + wall.panels - 1
+    # correct for panels of equal length, else replaced by bisection
     guess = low + int(min(max((y - panels[low].left) * wall.density, 0.0), wall.panels - 1.0))
     if panels[guess].left <= y < panels[guess].right:
         return guess  # type: ignore[no-any-return]
@@ -128,7 +140,7 @@ def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
 @rare
 @kernel
 def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
-    """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at time t + tail."""
+    """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at t + tail."""
     y, low = reduced(wall, t, tail)
     panel = panels[panel_at(wall, panels, y)]
     return value(panel, (((y - panel.left) - panel.half) + low) / panel.half)
@@ -137,7 +149,10 @@ def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, 
 @rare
 @kernel
 def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
-    """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall at time t + tail (s)."""
+    """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall.
+
+    The time is t + tail (s).
+    """
     m, v, a = moved(wall, panels, t, tail)
     x = wall.start + wall.velocity * ((t - wall.begin) + tail) + wall.side * (m - wall.origin)
     return x, wall.velocity + wall.side * v, wall.side * a
@@ -146,7 +161,7 @@ def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float
 @rare
 @kernel
 def phase(wall: Record, t: float, tail: float) -> float:
-    """Return the phase of a periodic wall at time t + tail, in turns from 0 to 1; nan of others."""
+    """Return the phase of a periodic wall at t + tail, in turns from 0 to 1, else nan."""
     if wall.periodic == 0:
         return math.nan
     y, low = reduced(wall, t, tail)
@@ -157,7 +172,10 @@ def phase(wall: Record, t: float, tail: float) -> float:
 @rare
 @kernel
 def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
-    """Return the panel on which a path goes on from the time t + tail; at an edge, to rounding, the later one."""
+    """Return the panel that continues the path from the time t + tail.
+
+    At an edge, to rounding, it is the later panel.
+    """
     y, low = reduced(wall, t, tail)
     k = panel_at(wall, panels, y)
     if (panels[k].right - y) - low > near(wall, t, tail, panels[k].right):
@@ -169,14 +187,16 @@ def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
 
 @kernel
 def near(wall: Record, t: float, tail: float, edge: float) -> float:
-    """Return how near, in s or turns, the time t + tail is to an `edge` if it is at it to rounding."""
+    """Return the distance in s or turns below which t + tail is at an `edge`."""
     return SMOOTH if wall.periodic else EDGE * (abs(t) + abs(tail) + abs(edge))
 
 
 @kernel
 def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
-    """Return the time in s from t + tail to the nearest edge of a path that is not periodic, if that is no more than
-    the rounding of a float; else 0."""
+    """Return the time in s from t + tail to the nearest edge, if it is only rounding.
+
+    The result is 0 if the edge is farther away than the rounding of a float, or if the path is periodic.
+    """
     if wall.periodic:
         return 0.0
     y, low = reduced(wall, t, tail)
@@ -188,19 +208,26 @@ def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
 
 @kernel
 def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float]:
-    """Return by how much the velocity of side·m (m/s) jumps at the time t + tail, and that with the rounding of the
-    path; 0 except for at an edge of one that is not periodic."""
+    """Return the jump of the velocity of side·m (m/s) at t + tail, in two versions.
+
+    The first version omits jumps by rounding of the path. The second includes them. Both are 0 away from an edge and
+    for periodic paths.
+    """
     y, low = reduced(wall, t, tail)
     k = panel_from(wall, panels, t, tail)
-    if wall.periodic or k == wall.first or not abs((y - panels[k].left) + low) <= near(wall, t, tail, panels[k].left):
+    if wall.periodic or k == wall.first or not (
+            abs((y - panels[k].left) + low) <= near(wall, t, tail, panels[k].left)):
         return 0.0, 0.0
     return panels[k].jump, value(panels[k], -1.0)[1] - value(panels[k - 1], 1.0)[1]
 
 
 @kernel
 def expansion(wall: Record, panels: Records, t: float, tail: float, series: list[float]) -> float:
-    """Fill `series` (20 floats) with the power series of side·m (m) in the time s after t + tail; return, in s, up to
-    where it holds: the end of the panel; inf of the last one of a path that is not periodic."""
+    """Fill `series` with the power series of side·m (m) in the time s after t + tail.
+
+    `series` has 20 entries. The return value is the time in s up to which the series holds: the end of the panel, or
+    inf on the last panel of a path that is not periodic.
+    """
     y, low = reduced(wall, t, tail)
     k = panel_from(wall, panels, t, tail)
     panel = panels[k]
@@ -209,7 +236,7 @@ def expansion(wall: Record, panels: Records, t: float, tail: float, series: list
     x = (((y - panel.left) - panel.half) + low) / panel.half
     for j in range(len(series)):
         series[j] = panel.series[j]
-    for i in range(panel.degree - 1, -1, -1):  # Horner's scheme by columns: sums of a column wait for no other
+    for i in range(panel.degree - 1, -1, -1):  # Horner's scheme by columns, whose sums are independent
         for j in range(i, panel.degree):
             series[j] += x * series[j + 1]
     power = 1.0

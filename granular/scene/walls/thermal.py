@@ -1,4 +1,4 @@
-"""A wall at a temperature: every ball that hits it leaves with a speed drawn anew."""
+"""Thermal wall: every ball that hits it leaves with a random speed."""
 
 from __future__ import annotations
 
@@ -9,39 +9,44 @@ from granular._engine import check
 from granular._engine.kernels import kernel
 
 WORD = 0xFFFFFFFF
-"""Mask of 32 bits: no sum or shift of such words exceeds 63 bits, so that compiled and plain agree."""
+"""Mask of 32 bits.
+
+Sums and shifts of such words stay below 63 bits, so compiled and interpreted code agree.
+"""
+# key parity and rotation distances as given by Salmon et al.
 PARITY = 0x1BD11BDA
 TURNS = (13, 15, 26, 6, 17, 29, 16, 24)
 LARGEST = math.sqrt(2.0 * 53.0 * math.log(2.0))
-"""Speed, in √(T/m), above which nothing is ever drawn: that of the smallest U, 2^-53."""
+"""Largest possible speed in √(T/m), which belongs to the smallest U, 2^-53."""
 
 
 @check.face
 @dataclass(frozen=True)
 class Thermal:
-    """A wall that gives a ball of mass m that hits it the speed √(-2 (T/m) ln U) away from it, U uniform in (0, 1).
+    """Wall at a temperature, which a ball leaves with a random speed.
 
-    That is the Maxwellian of the flux, v/(T/m) exp(-m v²/2T), with which a gas at rest at temperature T meets the
-    wall; half a Gaussian would be colder. What the ball brought is forgotten, and the rule or law of that pair is not
-    asked: also between soft spheres the wall acts at once, at the touch.
+    A ball of mass m leaves with the speed √(-2 (T/m) ln U) away from the wall, with U uniform in (0, 1). This is the
+    Maxwellian of the flux, v/(T/m) exp(-m v²/2T), with which a gas at rest at temperature T meets the wall. A half
+    Gaussian would be colder. The outgoing speed is independent of the incoming speed. The rule or law of that pair is
+    ignored: also for soft spheres the wall acts instantaneously, when ball and wall touch.
 
     Parameters
     ----------
     temperature : float
         T, the temperature times Boltzmann's constant, in J; positive.
     seed : int
-        Of the random numbers, not negative.
+        Seed of the random numbers, not negative. Defaults to 0.
 
     Raises
     ------
     TypeError, ValueError
-        For what is no such number.
+        If an argument is not a number in its range.
 
     Notes
     -----
-    U = (n + ½)·2⁻⁵² with 52 bits n of the counter-based generator Threefry-2×32, of 20 rounds (Salmon, Moraes, Dror &
-    Shaw, Proc. SC11, 2011), at (seed, floor or ceiling, how-manieth hit of that wall): all engines and a run that is
-    resumed draw the same numbers.
+    U = (n + ½)·2⁻⁵² with 52 bits n of the counter-based generator Threefry-2×32, of 20 rounds (Salmon, Moraes,
+    Dror & Shaw, Proc. SC11, 2011). The counter is (seed, floor or ceiling, number of the hit on that wall). All
+    engines, and a run that is resumed, therefore draw the same numbers.
     """
 
     temperature: float
@@ -53,33 +58,42 @@ class Thermal:
                              seed=check.whole("seed", self.seed))
 
     def drawn(self, side: int, hit: int, mass: float) -> float:
-        """Return the speed in m/s that the hit of number `hit`, from 0, gives a ball of `mass` in kg.
+        """Return the speed in m/s after a given hit on the wall.
 
         Parameters
         ----------
         side : int
             0 for a floor, 1 for a ceiling.
+        hit : int
+            Number of the hit on that wall, from 0.
+        mass : float
+            Mass of the ball in kg.
         """
         return drawn(self.temperature, self.seed, side, hit, mass)
 
     def fastest(self, mass: float) -> float:
-        """Return a speed in m/s that no ball of `mass` in kg leaves with."""
+        """Return an upper bound in m/s of the speeds at which balls of `mass` in kg leave."""
         return LARGEST * math.sqrt(self.temperature / mass)
 
 
 @kernel
 def drawn(temperature: float, seed: int, side: int, hit: int, mass: float) -> float:
-    """Return the speed in m/s away from a thermal wall after a hit; see `Thermal.drawn`."""
+    """Return the speed in m/s after a hit on a thermal wall; see `Thermal.drawn`."""
     high, low = threefry(seed & WORD, ((seed >> 32) << 1 | side) & WORD, hit & WORD, hit >> 32)
+    # the upper 52 of 64 bits; U is never 0 or 1
     u = (float(high << 20 | low >> 12) + 0.5) * 2.0**-52
     return math.sqrt(-2.0 * (temperature / mass) * math.log(u))
 
 
 @kernel
 def threefry(key_0: int, key_1: int, count_0: int, count_1: int) -> tuple[int, int]:
-    """Return two random words of 32 bits, those of Threefry-2×32 with 20 rounds, from a key and a counter."""
+    """Return two random words of 32 bits from a key and a counter.
+
+    The generator is Threefry-2×32 with 20 rounds.
+    """
     key_2 = PARITY ^ key_0 ^ key_1
     x, y = (count_0 + key_0) & WORD, (count_1 + key_1) & WORD
+    # each block of four rounds ends with an injection of the key
     for five in range(1, 6):
         for turn in range(4):
             r = TURNS[(five - 1) % 2 * 4 + turn]
