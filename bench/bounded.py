@@ -18,78 +18,82 @@ import granular as gr
 from granular._engine.kernels import have_numba
 from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 
-FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
-HOT, COLD = 2.0, 1.0
-FREE_FLIGHT = (HOT - COLD) / (math.sqrt(math.pi / 2.0) * (HOT**-0.5 + COLD**-0.5))
+FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
+HOT_TEMPERATURE, COLD_TEMPERATURE = 2.0, 1.0
+KNUDSEN_HEAT_FLOW = (HOT_TEMPERATURE - COLD_TEMPERATURE) / (
+    math.sqrt(math.pi / 2.0) * (HOT_TEMPERATURE**-0.5 + COLD_TEMPERATURE**-0.5))
 """Heat flow of hard balls of 1 kg, one for each metre."""
-LOSSES, STIFFNESSES = (0.2, 2.0, 10.0), (1e4, 1e3, 1e2)
-LIMITS = {"max_events": 10**9, "log": False}
-SHADES = [0.5, 0.25, 0.0]
+TOTAL_LOSSES, CONTACT_STIFFNESSES = (0.2, 2.0, 10.0), (1e4, 1e3, 1e2)
+RUN_LIMITS = {"max_events": 10**9, "log": False}
+COLOUR_SHADES = [0.5, 0.25, 0.0]
 
 
-def haff(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
+def cooling_curves(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
     """Energy left of gases on a ring over t/τ for some N (1 - ε), mean over some seeds."""
     found: dict[str, Any] = {"time": np.linspace(0.0, end, rows).tolist(), "hard": [], "soft": []}
-    for way in ("hard", "soft"):
-        for loss in LOSSES[: None if way == "hard" else 1]:
-            found[way].append(np.mean([left(way, n, loss, seed, end, rows) for seed in range(seeds)], axis=0).tolist())
+    for model in ("hard", "soft"):
+        for loss in TOTAL_LOSSES[: None if model == "hard" else 1]:
+            curves = [energy_left(model, n, loss, seed, end, rows) for seed in range(seeds)]
+            found[model].append(np.mean(curves, axis=0).tolist())
     return found
 
 
-def left(way: str, n: int, loss: float, seed: int, end: float, rows: int) -> np.ndarray:
+def energy_left(model: str, n: int, loss: float, seed: int, end: float, rows: int) -> np.ndarray:
     """Energy left in one of them."""
     scene, eps = gr.scenes.ring_gas(n, float(n), packing=0.0, seed=seed), 1.0 - loss / n
-    asked = {"t_end": end * math.sqrt(math.pi) / (1.0 - eps * eps), "samples": rows} | LIMITS
-    if way == "hard":
-        run = gr.edmd.simulate(scene, gr.ConstantRestitution(eps), collapse="merge", **asked)
+    options = {"t_end": end * math.sqrt(math.pi) / (1.0 - eps * eps), "samples": rows} | RUN_LIMITS
+    if model == "hard":
+        run = gr.edmd.simulate(scene, gr.ConstantRestitution(eps), collapse="merge", **options)
     else:
         law = gr.LinearDashpot.from_restitution(eps, k=1e4, pair=scene.pairs[0])
-        run = gr.md.simulate(scene, law, max_steps=10**9, **asked)
+        run = gr.md.simulate(scene, law, max_steps=10**9, **options)
     return np.asarray(run.energy() / run.energy()[0])
 
 
-def conduction(numbers: tuple[int, ...], end: float, seeds: int) -> dict[str, Any]:
+def heat_flow_ratios(numbers: tuple[int, ...], end: float, seeds: int) -> dict[str, Any]:
     """J/J_hard and its standard error for each number of balls, by stiffness."""
-    return {f"{k:g}": [ratio(n, k, end, seeds) for n in numbers] for k in STIFFNESSES}
+    return {f"{k:g}": [heat_flow_ratio(n, k, end, seeds) for n in numbers] for k in CONTACT_STIFFNESSES}
 
 
-def ratio(n: int, k: float, end: float, seeds: int) -> list[float]:
+def heat_flow_ratio(n: int, k: float, end: float, seeds: int) -> list[float]:
     """One of them, from so many gases.
 
     Hard and soft balls draw the same speeds, hit by hit, so that most of the noise is in both and falls out.
     """
-    less = [flow(n, gr.LinearDashpot(k), end, seed) - flow(n, None, end, seed) for seed in range(seeds)]
-    return [n, 1.0 + float(np.mean(less)) / FREE_FLIGHT, float(np.std(less, ddof=1)) / math.sqrt(seeds) / FREE_FLIGHT]
+    law = gr.LinearDashpot(k)
+    differences = [heat_flow(n, law, end, seed) - heat_flow(n, None, end, seed) for seed in range(seeds)]
+    error = float(np.std(differences, ddof=1)) / math.sqrt(seeds) / KNUDSEN_HEAT_FLOW
+    return [n, 1.0 + float(np.mean(differences)) / KNUDSEN_HEAT_FLOW, error]
 
 
-def flow(n: int, law: Any, end: float, seed: int) -> float:
+def heat_flow(n: int, law: Any, end: float, seed: int) -> float:
     """Mean heat flow in W through one gas, hard without a law; the first fifth of the time is left out."""
-    scene = gr.scenes.heated_gas(n, float(n), packing=0.0, lower=HOT, upper=COLD, seed=seed)
+    scene = gr.scenes.heated_gas(n, float(n), packing=0.0, lower=HOT_TEMPERATURE, upper=COLD_TEMPERATURE, seed=seed)
     engine = "compiled" if end > 100.0 and have_numba() else "auto"
-    asked = {"t_end": end, "samples": [0.2 * end, end], "engine": engine} | LIMITS
+    options = {"t_end": end, "samples": [0.2 * end, end], "engine": engine} | RUN_LIMITS
     if law is None:
-        run = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **asked)
+        run = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **options)
     else:
-        run = gr.md.simulate(scene, law, max_steps=10**9, **asked)
+        run = gr.md.simulate(scene, law, max_steps=10**9, **options)
     return float(np.diff(run.account()["heat"] @ [0.5, -0.5])[0] / (0.8 * end))
 
 
-def cradle(halves: int) -> dict[str, list[float]]:
+def cradle_energy(halves: int) -> dict[str, list[float]]:
     """Energy left after each half period of five touching pendula, one of them pulled aside by 1 m; ε = 0.9."""
     scene = gr.Scene([1.0] * 5, [0.1] * 5, [1.0, 0.0, 0.0, 0.0], [0.0] * 5, origin=-1.0, pendulum=1.0)
     law = gr.LinearDashpot.from_restitution(0.9, k=1e6, pair=scene.pairs[0])
-    asked = {"t_end": halves * math.pi, "samples": halves + 1} | LIMITS
-    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), ties="left", **asked)
-    soft = gr.md.simulate(scene, law, max_steps=10**9, **asked)
+    options = {"t_end": halves * math.pi, "samples": halves + 1} | RUN_LIMITS
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), ties="left", **options)
+    soft = gr.md.simulate(scene, law, max_steps=10**9, **options)
     return {name: (run.energy() / run.energy()[0]).tolist() for name, run in (("hard", hard), ("soft", soft))}
 
 
-def above_floor(n: int, end: float, rows: int) -> dict[str, list[float]]:
+def height_densities(n: int, end: float, rows: int) -> dict[str, list[float]]:
     """Heights at which balls are above a floor of T = 2 J under g = 4 m/s², as shares of those in each bin."""
-    scene = gr.scenes.heated_gas(n, lower=HOT, gravity=4.0, packing=0.0, seed=1)
-    asked = {"t_end": end, "samples": rows} | LIMITS
-    runs = {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **asked),
-            "soft": gr.md.simulate(scene, gr.LinearDashpot(2e3), max_steps=10**9, **asked)}
+    scene = gr.scenes.heated_gas(n, lower=HOT_TEMPERATURE, gravity=4.0, packing=0.0, seed=1)
+    options = {"t_end": end, "samples": rows} | RUN_LIMITS
+    runs = {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **options),
+            "soft": gr.md.simulate(scene, gr.LinearDashpot(2e3), max_steps=10**9, **options)}
     bins = np.linspace(0.0, 3.0, 25)
     return {name: (np.histogram(run.position[:, 1:], bins)[0] / (bins[1] * n * rows)).tolist()
             for name, run in runs.items()}
@@ -98,18 +102,19 @@ def above_floor(n: int, end: float, rows: int) -> dict[str, list[float]]:
 def compute(points: int) -> dict[str, Any]:
     """All numbers; at few points short runs."""
     if points < 10:
-        return {"haff": haff(40, 1, 0.02, 3), "heat": conduction((2,), 10.0, 2), "cradle": cradle(2),
-                "floor": above_floor(2, 4.0, 5)}
-    return {"haff": haff(40, 40, 10.0, 101), "heat": conduction((1, 2, 4, 8, 16, 32, 64), 2.5e3, 96),
-            "cradle": cradle(60), "floor": above_floor(10, 4e3, 4001)}
+        return {"haff": cooling_curves(40, 1, 0.02, 3), "heat": heat_flow_ratios((2,), 10.0, 2),
+                "cradle": cradle_energy(2), "floor": height_densities(2, 4.0, 5)}
+    return {"haff": cooling_curves(40, 40, 10.0, 101), "heat": heat_flow_ratios((1, 2, 4, 8, 16, 32, 64), 2.5e3, 96),
+            "cradle": cradle_energy(60), "floor": height_densities(10, 4e3, 4001)}
 
 
 def draw(data: dict[str, Any]) -> Any:
     """Four panels."""
     figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
     (cooling, heat), (swinging, floor) = axes
-    cooled(cooling, data["haff"])
-    marks = zip(STIFFNESSES, "s^D", data["heat"].values(), matplotlib.colormaps["Blues_r"](SHADES), strict=True)
+    blues, oranges = (matplotlib.colormaps[name](COLOUR_SHADES) for name in ("Blues_r", "Oranges_r"))
+    draw_cooling(cooling, data["haff"], oranges)
+    marks = zip(CONTACT_STIFFNESSES, "s^D", data["heat"].values(), blues, strict=True)
     for k, mark, rows, colour in marks:
         n, mean, error = np.transpose(rows)
         heat.errorbar(n, mean, error, fmt=mark + "-", lw=0.5, ms=3, mfc="none", capsize=1.5, color=colour,
@@ -136,12 +141,13 @@ def draw(data: dict[str, Any]) -> Any:
     return figure
 
 
-def cooled(axis: Any, data: dict[str, Any]) -> None:
+def draw_cooling(axis: Any, data: dict[str, Any], colours: Any) -> None:
     """Energy left over time."""
     t = np.array(data["time"])
-    for loss, left_over, colour in zip(LOSSES, data["hard"], matplotlib.colormaps["Oranges_r"](SHADES), strict=True):
+    for loss, left_over, colour in zip(TOTAL_LOSSES, data["hard"], colours, strict=True):
         axis.plot(t, left_over, color=colour, label=f"hard, N(1 - ε) = {loss:g}")
-    axis.plot(t[::5], data["soft"][0][::5], "s", ms=3, mfc="none", color=SOFT, label=f"soft, N(1 - ε) = {LOSSES[0]:g}")
+    axis.plot(t[::5], data["soft"][0][::5], "s", ms=3, mfc="none", color=SOFT,
+              label=f"soft, N(1 - ε) = {TOTAL_LOSSES[0]:g}")
     axis.plot(t, (1.0 + t) ** -2.0, color=GREY, lw=0.8, ls=":", label="(1 + t/τ)$^{-2}$")
     axis.set(yscale="log", xlabel="t/τ", ylabel="energy left")
     axis.legend(loc="upper center")
@@ -149,5 +155,5 @@ def cooled(axis: Any, data: dict[str, Any]) -> None:
 
 if __name__ == "__main__":
     with style():
-        draw(compute(20)).savefig(FIGURE, dpi=200)
+        draw(compute(20)).savefig(FIGURE_PATH, dpi=200)
     docs_data.store("bounded")

@@ -4,7 +4,7 @@
     python bench/docs_data.py paper-gap   some of it
 
 tests/test_docs_figures.py computes it again and compares. Where it differs, draw the figure anew (bench/regenerate.py,
-which stores the data too) and look at it. A new figure needs a line in `FEW` or `ENTRIES`.
+which stores the data too) and look at it. A new figure needs a line in `PAPER_POINTS` or `DATA_ENTRIES`.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
-DATA, PAPER = ROOT / "docs" / "figures" / "data", ROOT / "examples" / "paper"
-sys.path.append(str(ROOT))  # for `bench.stability`
+REPO_ROOT = Path(__file__).parents[1]
+DATA_FOLDER, PAPER_FOLDER = REPO_ROOT / "docs" / "figures" / "data", REPO_ROOT / "examples" / "paper"
+sys.path.append(str(REPO_ROOT))  # for `bench.stability`
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,16 @@ class Entry:
 
 def paper(name: str, points: int) -> Any:
     """Data of a figure of the paper with `points` points along its longest axis."""
-    if str(PAPER) not in sys.path:
-        sys.path.append(str(PAPER))
-    return plain(import_module(name.replace("-", "_")).compute(points))
+    if str(PAPER_FOLDER) not in sys.path:
+        sys.path.append(str(PAPER_FOLDER))
+    return json_values(import_module(name.replace("-", "_")).compute(points))
 
 
 def frontier(name: str) -> Any:
     """Setting, error and whether a contact is missed of every run of a scene of docs/frontier.md; no times."""
-    from frontier import SCENES
+    from frontier import SCENE_REPORTS
 
-    return errors(SCENES[name][1]())
+    return frontier_rows(SCENE_REPORTS[name][1]())
 
 
 def isolation() -> Any:
@@ -87,15 +87,16 @@ def waves() -> Any:
 
 def first_minute() -> Any:
     """Numbers of the film on the start page."""
-    from first_minute import numbers
+    from first_minute import film_numbers
 
-    return numbers()
+    return film_numbers()
 
 
-def errors(report: Any) -> Any:
+def frontier_rows(report: Any) -> Any:
     """The same of a `Frontier` that is measured already."""
     return {
-        method: [[plain(row.setting), plain(row.velocity_error), bool(row.wrong_count)] for row in report.of(method)]
+        method: [[json_values(row.setting), json_values(row.velocity_error), bool(row.wrong_count)]
+                 for row in report.of(method)]
         for method in report.methods
     }
 
@@ -120,35 +121,36 @@ def verdicts(report: Any) -> Any:
             for cell in report.cells if cell.method in ("located", "edmd")]
 
 
-def plain(value: Any) -> Any:
+def json_values(value: Any) -> Any:
     """The same for JSON: lists for arrays, None for what is no finite number."""
     if isinstance(value, dict):
-        return {str(key): plain(entry) for key, entry in value.items()}
+        return {str(key): json_values(entry) for key, entry in value.items()}
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
+        return [json_values(entry) for entry in value]
     return None if isinstance(value, float) and not abs(value) < float("inf") else value
 
 
-FEW = {"sketch": 1, "forces": 20, "sequence": 3, "counts": 4, "gap": 12, "radii": 12, "validity": 5, "material": 4,
-       "viscoelastic": 5, "viscoelastic-material": 5, "breakdown": 2, "predictors": 2}
-SLOW = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
-SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
-ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
-ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
-ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": Entry(extremes, False),
-            "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
-            "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}
+PAPER_POINTS = {"sketch": 1, "forces": 20, "sequence": 3, "counts": 4, "gap": 12, "radii": 12, "validity": 5,
+                "material": 4, "viscoelastic": 5, "viscoelastic-material": 5, "breakdown": 2, "predictors": 2}
+SLOW_FIGURES = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
+FRONTIER_SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
+DATA_ENTRIES = {f"paper-{name}": Entry(partial(paper, name, points), name not in SLOW_FIGURES)
+                for name, points in PAPER_POINTS.items()}
+DATA_ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in FRONTIER_SCENES}
+DATA_ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": Entry(extremes, False),
+                 "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
+                 "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 
 
 def store(name: str, data: Any = None) -> None:
     """Write the data of one figure or table, computed here if it is not given."""
-    text = json.dumps(ENTRIES[name].compute() if data is None else data, ensure_ascii=False, allow_nan=False)
-    DATA.mkdir(exist_ok=True)
-    (DATA / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+    text = json.dumps(DATA_ENTRIES[name].compute() if data is None else data, ensure_ascii=False, allow_nan=False)
+    DATA_FOLDER.mkdir(exist_ok=True)
+    (DATA_FOLDER / f"{name}.json").write_text(text + "\n", encoding="utf-8")
 
 
 def differences(stored: Any, fresh: Any, entry: Entry, where: str = "") -> list[str]:
@@ -158,13 +160,13 @@ def differences(stored: Any, fresh: Any, entry: Entry, where: str = "") -> list[
     if isinstance(stored, list) and isinstance(fresh, list) and len(stored) == len(fresh):
         pairs = enumerate(zip(stored, fresh, strict=True))
         return [d for i, (a, b) in pairs for d in differences(a, b, entry, f"{where}[{i}]")]
-    numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in (stored, fresh))
-    if numbers and abs(stored - fresh) <= max(entry.absolute, entry.relative * abs(stored)):
+    both_numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in (stored, fresh))
+    if both_numbers and abs(stored - fresh) <= max(entry.absolute, entry.relative * abs(stored)):
         return []
-    return [] if not numbers and stored == fresh else [f"{where}: {str(stored)[:80]} is now {str(fresh)[:80]}"]
+    return [] if not both_numbers and stored == fresh else [f"{where}: {str(stored)[:80]} is now {str(fresh)[:80]}"]
 
 
 if __name__ == "__main__":
-    for each in sys.argv[1:] or ENTRIES:
+    for each in sys.argv[1:] or DATA_ENTRIES:
         print(each, flush=True)
         store(each)

@@ -24,11 +24,11 @@ from scipy.integrate._ivp import dop853_coefficients as table
 
 import granular as gr
 
-STAGES = table.N_STAGES
-A, B = np.ascontiguousarray(table.A[:STAGES, :STAGES]), np.ascontiguousarray(table.B)
-FIFTH, THIRD = np.ascontiguousarray(table.E5), np.ascontiguousarray(table.E3)
-SAFETY, LEAST, MOST = 0.9, 0.2, 10.0
-ROUNDS = 15
+STAGE_COUNT = table.N_STAGES
+A, B = np.ascontiguousarray(table.A[:STAGE_COUNT, :STAGE_COUNT]), np.ascontiguousarray(table.B)
+FIFTH_ORDER_ERROR, THIRD_ORDER_ERROR = np.ascontiguousarray(table.E5), np.ascontiguousarray(table.E3)
+SAFETY_FACTOR, MIN_STEP_FACTOR, MAX_STEP_FACTOR = 0.9, 0.2, 10.0
+TIMING_ROUNDS = 15
 
 
 @numba.njit(error_model="numpy")
@@ -55,11 +55,11 @@ def solve(
     """Take gaps and velocities `y` to the time `end`; return the number of evaluations. `least` is the size below which
     errors are absolute."""
     m = len(y)
-    stage, trial, now, h, asked = np.zeros((STAGES + 1, m)), np.zeros(m), 0.0, 1e-6 * end, 1
+    stage, trial, now, h, evaluations = np.zeros((STAGE_COUNT + 1, m)), np.zeros(m), 0.0, 1e-6 * end, 1
     rates(y, k, gamma, p, inverse, stage[0])
     while now < end:
         h = min(h, end - now)
-        for s in range(1, STAGES):
+        for s in range(1, STAGE_COUNT):
             for i in range(m):
                 total = 0.0
                 for j in range(s):
@@ -68,31 +68,33 @@ def solve(
             rates(trial, k, gamma, p, inverse, stage[s])
         for i in range(m):
             total = 0.0
-            for j in range(STAGES):
+            for j in range(STAGE_COUNT):
                 total += B[j] * stage[j, i]
             trial[i] = y[i] + h * total
-        rates(trial, k, gamma, p, inverse, stage[STAGES])
-        asked += STAGES
+        rates(trial, k, gamma, p, inverse, stage[STAGE_COUNT])
+        evaluations += STAGE_COUNT
         fifth, third = 0.0, 0.0
         for i in range(m):
             scale = tol * (least + max(abs(y[i]), abs(trial[i])))
             e5, e3 = 0.0, 0.0
-            for j in range(STAGES + 1):
-                e5 += FIFTH[j] * stage[j, i]
-                e3 += THIRD[j] * stage[j, i]
+            for j in range(STAGE_COUNT + 1):
+                e5 += FIFTH_ORDER_ERROR[j] * stage[j, i]
+                e3 += THIRD_ORDER_ERROR[j] * stage[j, i]
             fifth, third = fifth + (e5 / scale) ** 2, third + (e3 / scale) ** 2
-        wrong = 0.0
+        error = 0.0
         if fifth > 0.0:
-            wrong = h * fifth / math.sqrt((fifth + 0.01 * third) * m)
-        factor = MOST if wrong == 0.0 else min(MOST, max(LEAST, SAFETY * wrong ** -0.125))
-        if wrong <= 1.0:
+            error = h * fifth / math.sqrt((fifth + 0.01 * third) * m)
+        factor = MAX_STEP_FACTOR
+        if error > 0.0:
+            factor = min(MAX_STEP_FACTOR, max(MIN_STEP_FACTOR, SAFETY_FACTOR * error ** -0.125))
+        if error <= 1.0:
             now += h
             for i in range(m):
-                y[i], stage[0, i] = trial[i], stage[STAGES, i]
+                y[i], stage[0, i] = trial[i], stage[STAGE_COUNT, i]
         else:
             factor = min(1.0, factor)
         h *= factor
-    return asked
+    return evaluations
 
 
 def dop853(scene: gr.Scene, law: Any, end: float, tol: float) -> np.ndarray:
@@ -109,7 +111,7 @@ def located(scene: gr.Scene, law: Any, end: float, tol: float) -> np.ndarray:
     return np.asarray(run.velocity[-1])
 
 
-def timed(work: Callable[[], Any]) -> float:
+def cpu_microseconds(work: Callable[[], Any]) -> float:
     """Microseconds of processor time of one go."""
     begin = time.process_time_ns()
     work()
@@ -129,9 +131,11 @@ def main() -> None:
         for tol in (1e-3, 1e-6, 1e-9, 1e-12):
             works = [partial(method, scene, law, until, tol)
                      for method, until in ((located, end), (dop853, end), (located, 1e-3 * end))]
-            ours, peer, call = map(min, zip(*([timed(work) for work in works] for _ in range(ROUNDS)), strict=True))
-            wrong, off = (np.abs(work() - exact).max() for work in works[:2])
-            print(f"{name:26}{tol:8.0e}{wrong:16.1e}{ours:8.0f}{ours - call:8.0f}{off:16.1e}{peer:8.0f}", flush=True)
+            rounds = ([cpu_microseconds(work) for work in works] for _ in range(TIMING_ROUNDS))
+            ours, peer, call = map(min, zip(*rounds, strict=True))
+            error, peer_error = (np.abs(work() - exact).max() for work in works[:2])
+            print(f"{name:26}{tol:8.0e}{error:16.1e}{ours:8.0f}{ours - call:8.0f}{peer_error:16.1e}{peer:8.0f}",
+                  flush=True)
 
 
 if __name__ == "__main__":

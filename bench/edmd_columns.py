@@ -9,7 +9,7 @@ import numpy as np
 
 import granular as gr
 
-RULE = gr.ConstantRestitution(0.9)
+RESTITUTION_RULE = gr.ConstantRestitution(0.9)
 
 
 def column(n: int) -> gr.Scene:
@@ -18,21 +18,21 @@ def column(n: int) -> gr.Scene:
     return gr.Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), gap, [0.0] * (n + 1), gravity=1.0)
 
 
-def report(name: str, n: int, **options: object) -> None:
+def print_run(name: str, n: int, **options: object) -> None:
     """Run a column and print how it ended and how long that took."""
     begin = time.perf_counter()
-    run = gr.edmd.simulate(column(n), RULE, log=False, **options)  # type: ignore[arg-type]
+    run = gr.edmd.simulate(column(n), RESTITUTION_RULE, log=False, **options)  # type: ignore[arg-type]
     print(f"{name}, N = {n}: {time.perf_counter() - begin:.2f} s, {run.stats['engine']}: {run.message}", flush=True)
 
 
 def main() -> None:
     """Print all lines."""
     for n in (100, 1000, 10_000, 100_000):
-        report("collapse='stop'", n)
+        print_run("collapse='stop'", n)
     for n in (100, 1000):
-        report("collapse='merge'", n, collapse="merge", t_end=60.0, max_events=10**8)
-    report("tc=1e-2", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
-    report("tc=1e-2, again", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
+        print_run("collapse='merge'", n, collapse="merge", t_end=60.0, max_events=10**8)
+    print_run("tc=1e-2", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
+    print_run("tc=1e-2, again", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import numpy as np
 
 import granular as gr
 
-ELASTIC = gr.ConstantRestitution(1.0)
+ELASTIC_RULE = gr.ConstantRestitution(1.0)
 
 
 def gas(n: int, spread: float = 0.0, tiny: float = 0.0, walls: bool = True, seed: int = 1) -> gr.Scene:
@@ -34,18 +34,18 @@ def energy(scene: gr.Scene, velocity: np.ndarray) -> float:
     return math.fsum((0.5 * scene.mass[balls] * velocity[balls] ** 2).tolist())
 
 
-def pieces(scene: gr.Scene, collisions: int, t_start: float = 0.0) -> Iterator[gr.Trajectory]:
+def run_in_tenths(scene: gr.Scene, collisions: int, t_start: float = 0.0) -> Iterator[gr.Trajectory]:
     """Yield the run after each tenth of `collisions`."""
-    run = gr.edmd.simulate(scene, ELASTIC, engine="compiled", log=False, max_events=1, t_start=t_start)
+    run = gr.edmd.simulate(scene, ELASTIC_RULE, engine="compiled", log=False, max_events=1, t_start=t_start)
     for _ in range(10):
         run = gr.edmd.resume(run, engine="compiled", log=False, max_events=collisions // 10)
         yield run
 
 
-def drift(name: str, scene: gr.Scene, collisions: int, t_start: float = 0.0) -> None:
+def print_drift(name: str, scene: gr.Scene, collisions: int, t_start: float = 0.0) -> None:
     """Print what became of energy, length and order."""
     before, worst, ordered, begin = energy(scene, scene.velocity), 0.0, True, time.perf_counter()
-    for run in pieces(scene, collisions, t_start):
+    for run in run_in_tenths(scene, collisions, t_start):
         worst = max(worst, abs(energy(scene, run.velocity[-1]) / before - 1.0))
         ordered &= bool((run.gap[-1] >= 0.0).all() and (np.diff(run.position[-1]) >= 0.0).all())
     rate = collisions / (time.perf_counter() - begin) * 1e-6
@@ -54,26 +54,26 @@ def drift(name: str, scene: gr.Scene, collisions: int, t_start: float = 0.0) -> 
           f"clamps {run.stats['clamps']}  {rate:.1f} M/s", flush=True)
 
 
-def momentum(spread: float, collisions: int) -> None:
+def print_momentum_change(spread: float, collisions: int) -> None:
     """Print the change of momentum of balls between two heavy ones, which are no walls."""
     inner = gas(1000, spread, walls=False)
     gap, v = [1.0, *inner.gap, 1.0], [0.0, *inner.velocity, 0.0]
     scene = gr.Scene([1e12, *inner.mass, 1e12], np.zeros(1002), gap, v)
     scale = float(scene.mass @ np.abs(scene.velocity))
-    run = gr.edmd.simulate(scene, ELASTIC, engine="compiled", log=False, max_events=collisions)
+    run = gr.edmd.simulate(scene, ELASTIC_RULE, engine="compiled", log=False, max_events=collisions)
     p = [math.fsum((scene.mass * u).tolist()) for u in run.velocity]
     change, ulp = p[1] - p[0], 1e12 * math.ulp(float(np.abs(run.velocity[-1, [0, -1]]).max()))
     print(f"momentum, masses e^±{spread:g}: {run.stats['events']:.0e} collisions, dP/Σm|v| {change / scale:.1e}; "
           f"one rounding of an end ball {ulp / scale:.1e}", flush=True)
 
 
-def folded(collisions: int, t_start: float = 0.0) -> None:
+def print_flight_error(collisions: int, t_start: float = 0.0) -> None:
     """Print the error of equal balls between walls against free flight folded at the walls and sorted."""
     scene = gas(1000)
     place = np.cumsum(scene.gap)
     double = 2 * np.longdouble(place[-1])
     worst = 0.0
-    for run in pieces(scene, collisions, t_start):
+    for run in run_in_tenths(scene, collisions, t_start):
         s = run.state
         elapsed = ((np.longdouble(s["epoch"]) - s["start"]) + s["epoch_low"]) + s["now"]
         path = np.mod(place[:-1] + scene.velocity[1:-1] * elapsed, double)
@@ -86,17 +86,17 @@ def main() -> None:
     """Print all lines."""
     collisions = int(float(sys.argv[1])) if len(sys.argv) > 1 else 10**8
     ten, wide = math.log(10.0), 9.0 * math.log(10.0)
-    drift("equal masses", gas(1000), collisions)
-    drift("masses e^±3", gas(1000, 3.0), collisions)
-    drift("masses e^±3, N = 200", gas(200, 3.0), collisions)
-    drift("equal, gaps 1e-15, t0 = 1e12", gas(1000, 0.0, 1.0), collisions, 1e12)
-    drift("1e±1, half the gaps 1e-15, t0 = 1e12", gas(1000, ten, 0.5), collisions, 1e12)
-    drift("1e±9, half the gaps 1e-15, t0 = 1e12", gas(1000, wide, 0.5), collisions, 1e12)
-    drift("1e±9, all gaps 1e-15, t0 = 1e12", gas(1000, wide, 1.0), collisions // 10, 1e12)
+    print_drift("equal masses", gas(1000), collisions)
+    print_drift("masses e^±3", gas(1000, 3.0), collisions)
+    print_drift("masses e^±3, N = 200", gas(200, 3.0), collisions)
+    print_drift("equal, gaps 1e-15, t0 = 1e12", gas(1000, 0.0, 1.0), collisions, 1e12)
+    print_drift("1e±1, half the gaps 1e-15, t0 = 1e12", gas(1000, ten, 0.5), collisions, 1e12)
+    print_drift("1e±9, half the gaps 1e-15, t0 = 1e12", gas(1000, wide, 0.5), collisions, 1e12)
+    print_drift("1e±9, all gaps 1e-15, t0 = 1e12", gas(1000, wide, 1.0), collisions // 10, 1e12)
     for spread in (0.0, 3.0):
-        momentum(spread, collisions)
-    folded(collisions // 10)
-    folded(collisions // 10, 1e12)
+        print_momentum_change(spread, collisions)
+    print_flight_error(collisions // 10)
+    print_flight_error(collisions // 10, 1e12)
 
 
 if __name__ == "__main__":

@@ -18,8 +18,8 @@ from edmd_peers import bare_sorted, bare_tree
 import granular as gr
 from granular.edmd import compiled_queue as blocks
 
-FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.png"
-ELASTIC = gr.ConstantRestitution(1.0)
+FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.png"
+ELASTIC_RULE = gr.ConstantRestitution(1.0)
 Timer = Callable[[float], tuple[int, float]]
 """Runs something until a time; returns collisions and seconds of the processor."""
 LARGE = blocks.LARGE
@@ -33,7 +33,9 @@ def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
     return gr.Scene([*end, *np.ones(n), *end], np.zeros(n + 2), random.exponential(1.0, n + 1), v, gravity)
 
 
-def engine(scene: gr.Scene, name: str, rule: object = ELASTIC, one: bool = False, **options: object) -> Timer:
+def engine_timer(
+    scene: gr.Scene, name: str, rule: object = ELASTIC_RULE, one: bool = False, **options: object
+) -> Timer:
     """Return a timer of the engine until a time, `one` block or not; the state is warm."""
     physics = {k: v for k, v in options.items() if k in ("tc", "collapse", "merge_below", "ties")}
     more = {k: v for k, v in options.items() if k not in physics}
@@ -42,17 +44,18 @@ def engine(scene: gr.Scene, name: str, rule: object = ELASTIC, one: bool = False
     def timed(t_end: float) -> tuple[int, float]:
         blocks.LARGE = 1 << 60 if one else LARGE
         stamps = [(0, time.process_time())]
-        seen = {"on_progress": lambda _, events: stamps.append((events, time.process_time()))}
-        seen = seen if one or name == "sorted" else {}  # a million balls take longer to set up than to measure
-        run = gr.edmd.resume(start, engine=name, t_end=t_end, max_events=1 << 60, **{"log": False, **more, **seen})
+        callbacks = {"on_progress": lambda _, events: stamps.append((events, time.process_time()))}
+        if not one and name != "sorted":  # the set-up of a million balls takes longer than the measurement
+            callbacks = {}
+        run = gr.edmd.resume(start, engine=name, t_end=t_end, max_events=1 << 60, **{"log": False, **more, **callbacks})
         stamps.append((run.stats["events"], time.process_time()))
-        (first, begin), (last, end) = stamps[1 : -1 : len(stamps) - 3] if seen else stamps
+        (first, begin), (last, end) = stamps[1 : -1 : len(stamps) - 3] if callbacks else stamps
         return last - first, end - begin
 
     return timed
 
 
-def bare(scene: gr.Scene, loop: Callable[..., float]) -> Timer:
+def bare_loop_timer(scene: gr.Scene, loop: Callable[..., float]) -> Timer:
     """Return a timer of a bare loop, which is told the time as the number of collisions to expect until then."""
 
     def timed(t_end: float) -> tuple[int, float]:
@@ -69,7 +72,7 @@ def bare(scene: gr.Scene, loop: Callable[..., float]) -> Timer:
     return timed
 
 
-def costs(timers: dict[str, Timer], events: dict[str, float], n: int, turns: int = 5) -> dict[str, float]:
+def collision_costs(timers: dict[str, Timer], events: dict[str, float], n: int, turns: int = 5) -> dict[str, float]:
     """Return ns per collision of each timer: what doubling a run that has begun adds, the best of several turns.
 
     `events` is about how many collisions that is.
@@ -84,19 +87,21 @@ def costs(timers: dict[str, Timer], events: dict[str, float], n: int, turns: int
     return {name: (best[name][1] - best[name][0]) / (done[name][1] - done[name][0]) * 1e9 for name in timers}
 
 
-def scaling() -> dict[str, dict[int, float]]:
+def measure_scaling() -> dict[str, dict[int, float]]:
     """Return ns per collision over the number of balls, of both queues, of blocks and of the bare loops."""
     table: dict[str, dict[int, float]] = {}
     for n in (100, 1000, 10_000, 100_000, 1_000_000):
         scene = gas(n)
-        timers = {"compiled": engine(scene, "compiled", one=True), "bare winner tree": bare(scene, bare_tree)}
+        timers = {"compiled": engine_timer(scene, "compiled", one=True),
+                  "bare winner tree": bare_loop_timer(scene, bare_tree)}
         events = dict.fromkeys(timers, 1e6 if n < 100_000 else 5.0 * n)
         if n >= LARGE:
-            timers["compiled, in blocks"] = engine(scene, "compiled")
+            timers["compiled, in blocks"] = engine_timer(scene, "compiled")
             events["compiled, in blocks"] = 16.0 * n if n < 1_000_000 else 5.0 * n
-        timers |= {"SortedList": engine(scene, "sorted"), "bare SortedList loop": bare(scene, bare_sorted)}
+        timers |= {"SortedList": engine_timer(scene, "sorted"),
+                   "bare SortedList loop": bare_loop_timer(scene, bare_sorted)}
         events |= {"SortedList": 3e4, "bare SortedList loop": 3e4}
-        found = costs(timers, events, n, 5 if n < 1_000_000 else 1)
+        found = collision_costs(timers, events, n, 5 if n < 1_000_000 else 1)
         for name, cost in found.items():
             table.setdefault(name, {})[n] = cost
             peer = found["bare SortedList loop" if "Sorted" in name else "bare winner tree"]
@@ -120,38 +125,38 @@ def draw(table: dict[str, dict[int, float]]) -> None:
     axes.set(xlabel="balls", ylabel="ns per collision", xlim=(70, 2e6), ylim=(40, 5e4))
     axes.grid(True, which="major", color="0.9")
     axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(FIGURE, dpi=150)
+    figure.savefig(FIGURE_PATH, dpi=150)
 
 
-def leaving_out() -> None:
+def print_feature_costs() -> None:
     """Print what each thing that can be left out costs where it is not, at 1000 balls."""
     n, table = 1000, gr.TabulatedRestitution([0.0, 20.0], [1.0, 1.0])
     scene, walls = gas(n), "walls at the ends"
     nearly = gr.ConstantRestitution(1.0 - 2.0**-40)
     timers = {
-        "everything left out": engine(scene, "compiled"), "with gravity": engine(gas(n, 0.001), "compiled"),
-        "with the log": engine(scene, "compiled", log=True),
-        "with watch=, dashpot": engine(scene, "compiled", watch=gr.LinearDashpot(1e6)),
-        "with watch=, viscoelastic": engine(scene, "compiled", watch=gr.ViscoelasticHertz(1e8, 1e4)),
-        "with dissipation (watched for a collapse)": engine(scene, "compiled", nearly),
-        "with tc=": engine(scene, "compiled", nearly, tc=1e-6),
-        "with collapse='merge'": engine(scene, "compiled", nearly, collapse="merge", merge_below=1e-9),
-        f"without {walls}": engine(gas(n, walls=False), "compiled"),
+        "everything left out": engine_timer(scene, "compiled"), "with gravity": engine_timer(gas(n, 0.001), "compiled"),
+        "with the log": engine_timer(scene, "compiled", log=True),
+        "with watch=, dashpot": engine_timer(scene, "compiled", watch=gr.LinearDashpot(1e6)),
+        "with watch=, viscoelastic": engine_timer(scene, "compiled", watch=gr.ViscoelasticHertz(1e8, 1e4)),
+        "with dissipation (watched for a collapse)": engine_timer(scene, "compiled", nearly),
+        "with tc=": engine_timer(scene, "compiled", nearly, tc=1e-6),
+        "with collapse='merge'": engine_timer(scene, "compiled", nearly, collapse="merge", merge_below=1e-9),
+        f"without {walls}": engine_timer(gas(n, walls=False), "compiled"),
     }
-    plain = {
-        "everything left out": engine(scene, "sorted"), "with gravity": engine(gas(n, 0.001), "sorted"),
-        "with the log": engine(scene, "sorted", log=True),
-        "with watch=, dashpot": engine(scene, "sorted", watch=gr.LinearDashpot(1e6)),
-        "with watch=, viscoelastic": engine(scene, "sorted", watch=gr.ViscoelasticHertz(1e8, 1e4)),
-        "with on_event": engine(scene, "sorted", on_event=lambda row: None),
-        "with dissipation (watched for a collapse)": engine(scene, "sorted", nearly),
-        "with a table ε(v)": engine(scene, "sorted", table),
-        "with a function ε(v)": engine(scene, "sorted", lambda speed, pair: 1.0),
-        "with ties='poisson'": engine(scene, "sorted", ties="poisson"),
-        f"without {walls}": engine(gas(n, walls=False), "sorted"),
+    sorted_timers = {
+        "everything left out": engine_timer(scene, "sorted"), "with gravity": engine_timer(gas(n, 0.001), "sorted"),
+        "with the log": engine_timer(scene, "sorted", log=True),
+        "with watch=, dashpot": engine_timer(scene, "sorted", watch=gr.LinearDashpot(1e6)),
+        "with watch=, viscoelastic": engine_timer(scene, "sorted", watch=gr.ViscoelasticHertz(1e8, 1e4)),
+        "with on_event": engine_timer(scene, "sorted", on_event=lambda row: None),
+        "with dissipation (watched for a collapse)": engine_timer(scene, "sorted", nearly),
+        "with a table ε(v)": engine_timer(scene, "sorted", table),
+        "with a function ε(v)": engine_timer(scene, "sorted", lambda speed, pair: 1.0),
+        "with ties='poisson'": engine_timer(scene, "sorted", ties="poisson"),
+        f"without {walls}": engine_timer(gas(n, walls=False), "sorted"),
     }
-    for queue, kinds, events in (("compiled", timers, 1e6), ("SortedList", plain, 3e4)):
-        found = costs(kinds, dict.fromkeys(kinds, events), n, 7)
+    for queue, kinds, events in (("compiled", timers, 1e6), ("SortedList", sorted_timers, 3e4)):
+        found = collision_costs(kinds, dict.fromkeys(kinds, events), n, 7)
         least = found["everything left out"]
         for name, cost in found.items():
             print(f"| {queue} | {name} | {cost / least:.2f} | {cost:.0f} ns |", flush=True)
@@ -159,5 +164,5 @@ def leaving_out() -> None:
 
 if __name__ == "__main__":
     if "plot" not in sys.argv:
-        leaving_out()
-    draw(scaling())
+        print_feature_costs()
+    draw(measure_scaling())

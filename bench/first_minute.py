@@ -20,9 +20,9 @@ import docs_data
 import granular as gr
 from granular.app.page import live_page
 
-ROOT = Path(__file__).parents[1]
-STATIC = ROOT / "docs" / "_static"
-FILM: dict[str, Any] = {"seconds": 5.0, "fps": 12, "charts": False}
+REPO_ROOT = Path(__file__).parents[1]
+STATIC_FOLDER = REPO_ROOT / "docs" / "_static"
+FILM_OPTIONS: dict[str, Any] = {"seconds": 5.0, "fps": 12, "charts": False}
 
 
 def report() -> Any:
@@ -32,16 +32,16 @@ def report() -> Any:
     return gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
 
 
-def numbers() -> Any:
+def film_numbers() -> Any:
     """What is to be seen in the film: its sentence, and contacts with their times."""
     seen = report()
     log = [run.contacts[["pair", "t_begin", "duration"]].tolist() for run in seen.counted]
-    return docs_data.plain({"verdict": seen.verdict, "contacts": log, "rises": seen.rises})
+    return docs_data.json_values({"verdict": seen.verdict, "contacts": log, "rises": seen.rises})
 
 
 def screenshot(path: Path, width: int = 1280, height: int = 1130) -> None:
     """Draw the fourth screen of the teaching page: real balls, and what Newton says of them."""
-    sys.path.insert(0, str(ROOT / "tests" / "page"))
+    sys.path.insert(0, str(REPO_ROOT / "tests" / "page"))
     from browser import Browser
 
     with tempfile.TemporaryDirectory() as folder, Browser(width, height) as tab:
@@ -55,17 +55,17 @@ def screenshot(path: Path, width: int = 1280, height: int = 1130) -> None:
 def main() -> None:
     from PIL import Image
 
-    film = STATIC / "two-balls.gif"
-    report().animate(film, **FILM)
+    film = STATIC_FOLDER / "two-balls.gif"
+    report().animate(film, **FILM_OPTIONS)
     with Image.open(film) as pictures:
         pictures.seek(pictures.n_frames - 1)
-        pictures.convert("RGB").quantize(64).save(STATIC / "two-balls.png", optimize=True)
+        pictures.convert("RGB").quantize(64).save(STATIC_FOLDER / "two-balls.png", optimize=True)
     docs_data.store("first-minute")
     if "film" in sys.argv[1:]:
         return
-    screenshot(STATIC / "page.png")
-    with Image.open(STATIC / "page.png") as picture:
-        picture.convert("RGB").quantize(96).save(STATIC / "page.png", optimize=True)
+    screenshot(STATIC_FOLDER / "page.png")
+    with Image.open(STATIC_FOLDER / "page.png") as picture:
+        picture.convert("RGB").quantize(96).save(STATIC_FOLDER / "page.png", optimize=True)
 
 
 if __name__ == "__main__":

@@ -21,14 +21,14 @@ from numba import njit
 
 import granular as gr
 
-DT = 1e-3
-LAWS: dict[str, Any] = {"Hertz": gr.Hertz(1e4), "dashpot": gr.LinearDashpot(100.0, 0.1),
-                        "Tsuji": gr.TsujiHertz(1e4, 0.05)}
-SHORT, LONG = 20_000_000, 180_000_000
+TIME_STEP = 1e-3
+FORCE_LAWS: dict[str, Any] = {"Hertz": gr.Hertz(1e4), "dashpot": gr.LinearDashpot(100.0, 0.1),
+                              "Tsuji": gr.TsujiHertz(1e4, 0.05)}
+SHORT_RUN_SIZE, LONG_RUN_SIZE = 20_000_000, 180_000_000
 """Ball-steps of the two runs."""
-CACHED = 1_000
+CACHED_BALLS = 1_000
 """Balls of which the bare loop goes through the cache at its best: its time for so many counts for longer chains."""
-BROKEN = 0.9
+MIN_PLAUSIBLE_RATIO = 0.9
 """Ratio to the bare loop below which the bench is."""
 
 
@@ -47,16 +47,16 @@ def hertz(steps: int, xi: Any, v: Any, f: Any, half: Any, _: Any) -> None:
     for c in range(n - 1):
         f[c] = math.sqrt(xi[c]) * (k * xi[c])
     for i in range(1, n - 1):
-        half[i] = v[i] + 0.5 * DT * (f[i - 1] - f[i])
+        half[i] = v[i] + 0.5 * TIME_STEP * (f[i - 1] - f[i])
     for _step in range(steps):
         for c in range(n - 1):
-            xi[c] += DT * (half[c] - half[c + 1])
+            xi[c] += TIME_STEP * (half[c] - half[c + 1])
             x = xi[c] if xi[c] > 0.0 else 0.0
             f[c] = math.sqrt(x) * (k * x)
         for c in range(n - 2):
             acc = f[c] - f[c + 1]
-            v[c + 1] = half[c + 1] + 0.5 * DT * acc
-            half[c + 1] = v[c + 1] + 0.5 * DT * acc
+            v[c + 1] = half[c + 1] + 0.5 * TIME_STEP * acc
+            half[c + 1] = v[c + 1] + 0.5 * TIME_STEP * acc
 
 
 @njit(error_model="numpy")  # type: ignore[untyped-decorator]
@@ -67,16 +67,16 @@ def dashpot(steps: int, xi: Any, v: Any, f: Any, half: Any, guess: Any) -> None:
         f[c] = max(0.0, k * xi[c] + gamma * (v[c] - v[c + 1]))
     for i in range(1, n - 1):
         acc = f[i - 1] - f[i]
-        half[i], guess[i] = v[i] + 0.5 * DT * acc, v[i] + DT * acc
+        half[i], guess[i] = v[i] + 0.5 * TIME_STEP * acc, v[i] + TIME_STEP * acc
     for _step in range(steps):
         for c in range(n - 1):
-            xi[c] += DT * (half[c] - half[c + 1])
+            xi[c] += TIME_STEP * (half[c] - half[c + 1])
             raw = k * xi[c] + gamma * (guess[c] - guess[c + 1])
             f[c] = raw if xi[c] > 0.0 and raw > 0.0 else 0.0
         for c in range(n - 2):
             acc = f[c] - f[c + 1]
-            v[c + 1] = half[c + 1] + 0.5 * DT * acc
-            guess[c + 1], half[c + 1] = v[c + 1] + DT * acc, v[c + 1] + 0.5 * DT * acc
+            v[c + 1] = half[c + 1] + 0.5 * TIME_STEP * acc
+            guess[c + 1], half[c + 1] = v[c + 1] + TIME_STEP * acc, v[c + 1] + 0.5 * TIME_STEP * acc
 
 
 @njit(error_model="numpy")  # type: ignore[untyped-decorator]
@@ -89,67 +89,69 @@ def tsuji(steps: int, xi: Any, v: Any, f: Any, half: Any, guess: Any) -> None:
         f[c] = max(0.0, k * xi[c] * root + g * math.sqrt(root) * (v[c] - v[c + 1]))
     for i in range(1, n - 1):
         acc = f[i - 1] - f[i]
-        half[i], guess[i] = v[i] + 0.5 * DT * acc, v[i] + DT * acc
+        half[i], guess[i] = v[i] + 0.5 * TIME_STEP * acc, v[i] + TIME_STEP * acc
     for _step in range(steps):
         for c in range(n - 1):
             g = gamma if 0 < c < n - 2 else wall
-            xi[c] += DT * (half[c] - half[c + 1])
+            xi[c] += TIME_STEP * (half[c] - half[c + 1])
             x = xi[c] if xi[c] > 0.0 else 0.0
             root = math.sqrt(x)
             raw = k * x * root + g * math.sqrt(root) * (guess[c] - guess[c + 1])
             f[c] = raw if raw > 0.0 else 0.0
         for c in range(n - 2):
             acc = f[c] - f[c + 1]
-            v[c + 1] = half[c + 1] + 0.5 * DT * acc
-            guess[c + 1], half[c + 1] = v[c + 1] + DT * acc, v[c + 1] + 0.5 * DT * acc
+            v[c + 1] = half[c + 1] + 0.5 * TIME_STEP * acc
+            guess[c + 1], half[c + 1] = v[c + 1] + TIME_STEP * acc, v[c + 1] + 0.5 * TIME_STEP * acc
 
 
-BARE: dict[str, Any] = {"Hertz": hertz, "dashpot": dashpot, "Tsuji": tsuji}
+BARE_LOOPS: dict[str, Any] = {"Hertz": hertz, "dashpot": dashpot, "Tsuji": tsuji}
 
 
-def by_hand(n: int, steps: int, law: str) -> tuple[Any, Any]:
+def run_bare_loop(n: int, steps: int, law: str) -> tuple[Any, Any]:
     """Return overlaps and velocities after some steps of the bare loop."""
     xi, v = np.full(n - 1, 1e-3), chain(n).velocity.copy()
-    BARE[law](steps, xi, v, np.zeros(n - 1), np.zeros(n), np.zeros(n))
+    BARE_LOOPS[law](steps, xi, v, np.zeros(n - 1), np.zeros(n), np.zeros(n))
     return xi, v
 
 
-def by_package(n: int, steps: int, law: str, log: bool) -> tuple[Any, Any]:
+def run_package(n: int, steps: int, law: str, log: bool) -> tuple[Any, Any]:
     """Return the same of the package."""
-    run = gr.md.simulate(chain(n), LAWS[law], method="verlet", dt=DT, t_end=steps * DT, log=log, engine="compiled")
+    run = gr.md.simulate(chain(n), FORCE_LAWS[law], method="verlet", dt=TIME_STEP, t_end=steps * TIME_STEP, log=log,
+                         engine="compiled")
     return -run.gap[-1], run.velocity[-1]
 
 
-def seconds(work: Callable[..., Any], *given: Any) -> float:
+def cpu_seconds(work: Callable[..., Any], *given: Any) -> float:
     """Processor time of one call."""
     begun = time.process_time()
     work(*given)
     return time.process_time() - begun
 
 
-def measured(n: int, law: str, rounds: int) -> dict[str, tuple[float, float]]:
+def measure_times(n: int, law: str, rounds: int) -> dict[str, tuple[float, float]]:
     """Nanoseconds a ball and step, and microseconds a ball beside the steps; of the loop by hand and of the package."""
-    ways: dict[str, tuple[Any, ...]] = {"bare": (by_hand,), "no log": (by_package, False), "log": (by_package, True)}
+    ways: dict[str, tuple[Any, ...]] = {
+        "bare": (run_bare_loop,), "no log": (run_package, False), "log": (run_package, True)}
     least = {way: [math.inf, math.inf] for way in ways}
-    sizes = {way: min(n, CACHED) if way == "bare" else n for way in ways}
+    sizes = {way: min(n, CACHED_BALLS) if way == "bare" else n for way in ways}
     for _ in range(rounds):
         for way, (work, *more) in ways.items():
-            for i, total in enumerate((SHORT, LONG)):
-                took = seconds(work, sizes[way], total // sizes[way], law, *more)
+            for i, total in enumerate((SHORT_RUN_SIZE, LONG_RUN_SIZE)):
+                took = cpu_seconds(work, sizes[way], total // sizes[way], law, *more)
                 least[way][i] = min(least[way][i], took)
     out = {}
     for way, (short, long) in least.items():
-        few, many = (total // sizes[way] for total in (SHORT, LONG))
+        few, many = (total // sizes[way] for total in (SHORT_RUN_SIZE, LONG_RUN_SIZE))
         step = (long - short) / (many - few)
         out[way] = 1e9 * step / sizes[way], 1e6 * (short - few * step) / sizes[way]
     return out
 
 
-def check(n: int, law: str) -> None:
+def check_final_states(n: int, law: str) -> None:
     """Raise if both do not end in the same state."""
-    there = by_hand(n, 200, law)
+    there = run_bare_loop(n, 200, law)
     for log in (False, True):
-        for name, one, other in zip(("overlap", "velocity"), by_package(n, 200, law, log), there, strict=True):
+        for name, one, other in zip(("overlap", "velocity"), run_package(n, 200, law, log), there, strict=True):
             np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-12 * np.abs(other).max(), err_msg=name)
 
 
@@ -161,12 +163,12 @@ def main() -> None:
     given = parser.parse_args()
     print("law, balls: bare ns a ball and step | no log ÷ bare | log ÷ no log | µs a ball beside the steps")
     broken = False
-    for law in LAWS:
+    for law in FORCE_LAWS:
         for n in given.balls:
-            check(n, law)
-            found = measured(n, law, given.rounds)
+            check_final_states(n, law)
+            found = measure_times(n, law, given.rounds)
             (bare, _), (quiet, one), (logged, other) = (found[way] for way in ("bare", "no log", "log"))
-            broken |= min(quiet, logged) < BROKEN * bare
+            broken |= min(quiet, logged) < MIN_PLAUSIBLE_RATIO * bare
             print(f"{law:8} {n:7}: {bare:6.3f} | {quiet / bare:5.2f} | {logged / quiet:5.2f} | {one:6.2f} {other:6.2f}",
                   flush=True)
     if broken:

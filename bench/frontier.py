@@ -21,11 +21,11 @@ from granular._engine.reports import duration
 from granular.studies.frontier_result import LOOKS
 from granular.studies.frontiers import Frontier, frontier as with_any_reference
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAGE = DOCS / "frontier.md"
-GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
-FLOOR = until.contact(pair=0, nth=2)
-APART = until.separated()
+DOCS_FOLDER = Path(__file__).parents[1] / "docs"
+PAGE_PATH = DOCS_FOLDER / "frontier.md"
+ERROR_GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
+SECOND_BOUNCE = until.contact(pair=0, nth=2)
+ALL_SEPARATED = until.separated()
 
 
 def frontier(scene: Scene, law: Any, **end: Any) -> Frontier:
@@ -37,14 +37,14 @@ def three_balls(restitution: float) -> Frontier:
     """The paper's scene with a clipped dashpot."""
     scene = scenes.three_balls()
     law = [LinearDashpot.from_restitution(restitution, k=5e7, pair=pair) for pair in scene.pairs]
-    return frontier(scene, law, until=FLOOR)
+    return frontier(scene, law, until=SECOND_BOUNCE)
 
 
 def viscoelastic() -> Frontier:
     """The paper's scene with viscoelastic spheres, ε = 0.7 at the speed of impact."""
     scene = scenes.three_balls()
     law = [ViscoelasticHertz.from_restitution(0.7, speed=3.13, k=1e9, pair=pair) for pair in scene.pairs]
-    return frontier(scene, law, until=FLOOR)
+    return frontier(scene, law, until=SECOND_BOUNCE)
 
 
 def column() -> Frontier:
@@ -53,77 +53,78 @@ def column() -> Frontier:
     return frontier(case.scene, case.law, until=case.until)
 
 
-SCENES: dict[str, tuple[str, Callable[[], Frontier]]] = {
+SCENE_REPORTS: dict[str, tuple[str, Callable[[], Frontier]]] = {
     "three-balls": ("Three balls, ε = 0.7", lambda: three_balls(0.7)),
     "three-balls-elastic": ("Three balls, ε = 1", lambda: three_balls(1.0)),
     "three-balls-viscoelastic": ("Three balls, viscoelastic, ε(v) = 0.7", viscoelastic),
     "cradle": ("Cradle of 5 touching Hertz balls",
-               lambda: frontier(scenes.newtons_cradle(5), Hertz(2e10), until=APART)),
+               lambda: frontier(scenes.newtons_cradle(5), Hertz(2e10), until=ALL_SEPARATED)),
     "column": ("Column of 10 balls, ε = 0.9", column),
-    "chain": ("Chain of 20 touching Hertz balls", lambda: frontier(scenes.chain(20), Hertz(2e10), until=APART)),
+    "chain": ("Chain of 20 touching Hertz balls", lambda: frontier(scenes.chain(20), Hertz(2e10), until=ALL_SEPARATED)),
 }
 
 
-ALT = "Error of velocities and of contact times against run time, one line a method"
-SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+ALT_TEXT = "Error of velocities and of contact times against run time, one line a method"
+SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def section(name: str, title: str, report: Frontier) -> str:
     """The part of the page about one scene."""
     truth = report.reference
-    said = (f"{title}: errors against run time; {len(truth.contacts)} contacts. Reference: {truth.solver}, good to "
-            f"{power(truth.velocity_error)} of the impact speed; rounding of the scene's own numbers: "
-            f"{power(report.rounding_level)}.")
+    caption = (f"{title}: errors against run time; {len(truth.contacts)} contacts. Reference: {truth.solver}, good to "
+               f"{scientific_notation(truth.velocity_error)} of the impact speed; rounding of the scene's own numbers: "
+               f"{scientific_notation(report.rounding_level)}.")
     lines = [
-        f"## {title}", "", ":::{figure-md}", f"![{ALT}: {title}](figures/frontier-{name}.png)", "", said, ":::", "",
+        f"## {title}", "",
+        ":::{figure-md}", f"![{ALT_TEXT}: {title}](figures/frontier-{name}.png)", "", caption, ":::", "",
         "| error below | located | fastest other | ratio |", "|---|---|---|---|",
     ]
     alone = tuple(method for method in report.methods if method != "located")
-    for goal in GOALS:
+    for goal in ERROR_GOALS:
         mine, other = report.fastest(goal, without=alone), report.fastest(goal, without=("located",))
         ratio = f"{other.seconds / mine.seconds:.2g}" if mine and other else "–"
         shown = [duration(mine.seconds) if mine else "–"]
-        shown += [f"{called(other.method)}, {duration(other.seconds)}" if other else "none reaches it", ratio]
-        lines.append(f"| {power(goal)} | {' | '.join(shown)} |")
+        shown += [f"{method_label(other.method)}, {duration(other.seconds)}" if other else "none reaches it", ratio]
+        lines.append(f"| {scientific_notation(goal)} | {' | '.join(shown)} |")
     orders = "; ".join(_order(report, method) for method in report.orders if math.isfinite(report.order(method)))
     least = min(row.velocity_error for row in report.of("located") if row.good)
     lines += ["", f"Order in dt as measured, and min(p, 1+s): {orders}. Smallest error of the located method: "
-              f"{power(least)}."]
+              f"{scientific_notation(least)}."]
     return "\n".join([*lines, ""])
 
 
 def _order(report: Frontier, method: str) -> str:
-    return f"{called(method)} {report.order(method):.2f} ({report.orders[method][1]:.2f})"
+    return f"{method_label(method)} {report.order(method):.2f} ({report.orders[method][1]:.2f})"
 
 
-def called(method: str) -> str:
+def method_label(method: str) -> str:
     """The name of a method as in the figure."""
     return str(LOOKS[method]["label"])
 
 
-def power(x: float) -> str:
+def scientific_notation(x: float) -> str:
     """A number with one digit as people write it: 6·10⁻¹⁷; – if it is none."""
     if not math.isfinite(x):
         return "–"
     digit, _, exponent = f"{x:.0e}".partition("e")
-    ten = f"10{str(int(exponent)).translate(SUPERSCRIPT)}"
+    ten = f"10{str(int(exponent)).translate(SUPERSCRIPT_DIGITS)}"
     return f"{x:.1g}" if x >= 0.1 else ten if digit == "1" else f"{digit}·{ten}"
 
 
 def main(names: list[str]) -> None:
     """Measure, draw, and put the tables into the page."""
-    for name in names or list(SCENES):
-        title, measure = SCENES[name]
+    for name in names or list(SCENE_REPORTS):
+        title, measure = SCENE_REPORTS[name]
         report = measure()
         print(f"{title}\n\n{report}\n", flush=True)
-        (DOCS / "figures").mkdir(exist_ok=True)
-        report.plot(DOCS / "figures" / f"frontier-{name}.png")
-        if f"frontier-{name}" in docs_data.ENTRIES:
-            docs_data.store(f"frontier-{name}", docs_data.errors(report))
-        text = PAGE.read_text(encoding="utf-8")
+        (DOCS_FOLDER / "figures").mkdir(exist_ok=True)
+        report.plot(DOCS_FOLDER / "figures" / f"frontier-{name}.png")
+        if f"frontier-{name}" in docs_data.DATA_ENTRIES:
+            docs_data.store(f"frontier-{name}", docs_data.frontier_rows(report))
+        text = PAGE_PATH.read_text(encoding="utf-8")
         place = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
         filled = section(name, title, report)
-        PAGE.write_text(place.sub(lambda m, s=filled: m[1] + s + m[2], text), encoding="utf-8")
+        PAGE_PATH.write_text(place.sub(lambda m, s=filled: m[1] + s + m[2], text), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ import granular as gr
 from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 from granular.comparison.outcome import separations
 
-FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "isolation.png"
-RESTITUTION, GAPS = 0.9, (1e-6, 1e-2)
-WAYS: dict[str, dict[str, Any]] = {
+FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "isolation.png"
+RESTITUTION, GAP_RANGE = 0.9, (1e-6, 1e-2)
+LINE_STYLES: dict[str, dict[str, Any]] = {
     "hard": {"color": HARD, "lw": 2.4, "label": "hard spheres"},
     "ignore": {"color": "black", "lw": 1.0, "ls": "--", "label": "soft, event-driven"},
     "resolve": {"color": SOFT, "lw": 1.2, "marker": "o", "ms": 2.0, "label": "soft, exact"},
@@ -25,19 +25,19 @@ WAYS: dict[str, dict[str, Any]] = {
 """How each answer looks."""
 
 
-def parting(gap: float, way: str) -> float:
+def separation_speed(gap: float, model: str) -> float:
     """Separation speed of the two balls in m/s."""
     case = gr.cases.make("three-balls", gap=gap, restitution=RESTITUTION)
-    run = case.simulate("edmd") if way == "hard" else case.simulate("md", disturbed=way)
+    run = case.simulate("edmd") if model == "hard" else case.simulate("md", disturbed=model)
     return float(separations(run)[0][-1])
 
 
 def compute(points: int) -> dict[str, Any]:
     """Separation speeds over the gap, and from which gap on every contact is isolated."""
-    gaps = np.geomspace(*GAPS, points).tolist()
-    found = gr.threshold("three-balls", "gap", GAPS, points=20, restitution=RESTITUTION)
+    gaps = np.geomspace(*GAP_RANGE, points).tolist()
+    found = gr.threshold("three-balls", "gap", GAP_RANGE, points=20, restitution=RESTITUTION)
     return {"gap": gaps, "threshold": found.holds[0][0],
-            **{way: [parting(gap, way) for gap in gaps] for way in WAYS}}
+            **{model: [separation_speed(gap, model) for gap in gaps] for model in LINE_STYLES}}
 
 
 def draw(data: dict[str, Any]) -> Any:
@@ -45,14 +45,14 @@ def draw(data: dict[str, Any]) -> Any:
     figure, axes = canvas(1.5 * COLUMN, 1.4 * COLUMN, 2, 1, sharex=True, height_ratios=(3, 2))
     (speeds,), (errors,) = axes
     exact = np.array(data["resolve"])
-    for way, look in WAYS.items():
-        speeds.plot(data["gap"], data[way], **look)
-        if way != "resolve":
-            errors.plot(data["gap"], np.maximum(np.abs(np.array(data[way]) - exact), 1e-16), **look)
+    for model, look in LINE_STYLES.items():
+        speeds.plot(data["gap"], data[model], **look)
+        if model != "resolve":
+            errors.plot(data["gap"], np.maximum(np.abs(np.array(data[model]) - exact), 1e-16), **look)
     for axis in (speeds, errors):
         axis.axvline(data["threshold"], color=GREY, lw=0.8, ls=":")
     speeds.annotate("every contact\nisolated", (data["threshold"], 1.2), (4, 0), textcoords="offset points", fontsize=7)
-    speeds.set(ylabel="separation speed, m/s", xscale="log", xlim=GAPS)
+    speeds.set(ylabel="separation speed, m/s", xscale="log", xlim=GAP_RANGE)
     speeds.legend(loc="center left")
     errors.set(ylabel="|difference to exact|, m/s", yscale="log", xlabel="gap between the balls Δh, m")
     return figure
@@ -60,5 +60,5 @@ def draw(data: dict[str, Any]) -> Any:
 
 if __name__ == "__main__":
     with style():
-        draw(compute(121)).savefig(FIGURE, dpi=200)
+        draw(compute(121)).savefig(FIGURE_PATH, dpi=200)
     docs_data.store("isolation")

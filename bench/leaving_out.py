@@ -17,20 +17,20 @@ import numpy as np
 import granular as gr
 
 Run = Callable[[], object]
-N, DT = 1000, 1e-3
+BALL_COUNT, TIME_STEP = 1000, 1e-3
 
 
-def nothing(_row: object) -> None:
+def ignore_event(_row: object) -> None:
     """Hear of an event."""
 
 
-def compressed(gravity: float = 0.0, floor: bool = False) -> gr.Scene:
+def compressed_chain(gravity: float = 0.0, floor: bool = False) -> gr.Scene:
     """Return a chain whose contacts stay closed."""
     random = np.random.default_rng(1)
-    mass, radius, speed = np.ones(N), np.full(N, 0.5), random.uniform(-1e-3, 1e-3, N)
+    mass, radius, speed = np.ones(BALL_COUNT), np.full(BALL_COUNT, 0.5), random.uniform(-1e-3, 1e-3, BALL_COUNT)
     if floor:
         mass[0], radius[0], speed[0] = math.inf, 0.0, 0.0
-    return gr.Scene(mass, radius, np.full(N - 1, -1e-3), speed, gravity)
+    return gr.Scene(mass, radius, np.full(BALL_COUNT - 1, -1e-3), speed, gravity)
 
 
 def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
@@ -41,22 +41,22 @@ def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
     return gr.Scene([*end, *np.ones(n), *end], np.zeros(n + 2), random.exponential(1.0, n + 1), v, gravity)
 
 
-def fixed() -> Iterator[tuple[str, Run, Run]]:
+def fixed_step_pairs() -> Iterator[tuple[str, Run, Run]]:
     """Verlet, compiled: 1000 balls, 10 000 steps, all contacts closed, and neither log nor anything else."""
-    go = partial(gr.md.simulate, t_end=10_000 * DT, dt=DT, engine="compiled", log=False)
-    hertz, scene = gr.Hertz(1e4), compressed()
+    go = partial(gr.md.simulate, t_end=10_000 * TIME_STEP, dt=TIME_STEP, engine="compiled", log=False)
+    hertz, scene = gr.Hertz(1e4), compressed_chain()
     bare = partial(go, scene, hertz)
-    yield "gravity", bare, partial(go, compressed(gravity=1e-6), hertz)
-    yield "floor", bare, partial(go, compressed(floor=True), hertz)
+    yield "gravity", bare, partial(go, compressed_chain(gravity=1e-6), hertz)
+    yield "floor", bare, partial(go, compressed_chain(floor=True), hertz)
     yield "damping", bare, partial(go, scene, gr.ViscoelasticHertz(1e4, 0.1))
     yield "a law not of the form √ξ(kξ+γξ')", bare, partial(go, scene, gr.TsujiHertz(1e4, 0.1))
     yield "memory", bare, partial(go, scene, gr.WaltonBraun(1e2, 2e2))
     yield "log", bare, partial(go, scene, hertz, log=True)
     yield "samples (20)", bare, partial(go, scene, hertz, samples=20)
-    yield "on_event", bare, partial(go, scene, hertz, on_event=nothing)
+    yield "on_event", bare, partial(go, scene, hertz, on_event=ignore_event)
 
 
-def located() -> Iterator[tuple[str, Run, Run]]:
+def located_pairs() -> Iterator[tuple[str, Run, Run]]:
     """The located engine, compiled: a soft gas of 100 balls, some 1600 contacts."""
     go = partial(gr.md.simulate, t_end=30.0, engine="compiled", log=False)
     spring, scene = gr.LinearDashpot(1e6, 0.0), gas(100)
@@ -67,30 +67,31 @@ def located() -> Iterator[tuple[str, Run, Run]]:
     yield "exponent 3/2", bare, partial(go, scene, gr.Hertz(1e7))
     yield "log", bare, partial(go, scene, spring, log=True)
     yield "samples (100)", bare, partial(go, scene, spring, samples=100)
-    yield "on_event", bare, partial(go, scene, spring, on_event=nothing)
+    yield "on_event", bare, partial(go, scene, spring, on_event=ignore_event)
 
 
-def edmd() -> Iterator[tuple[str, Run, Run]]:
+def edmd_pairs() -> Iterator[tuple[str, Run, Run]]:
     """Hard spheres, compiled: a gas of 1000 balls, 20 000 collisions."""
     go = partial(gr.edmd.simulate, max_events=20_000, engine="compiled", log=False)
-    elastic, scene = gr.ConstantRestitution(1.0), gas(N)
+    elastic, scene = gr.ConstantRestitution(1.0), gas(BALL_COUNT)
     bare = partial(go, scene, elastic)
-    yield "gravity", bare, partial(go, gas(N, gravity=1e-6), elastic)
-    yield "walls", partial(go, gas(N, walls=False), elastic), bare
+    yield "gravity", bare, partial(go, gas(BALL_COUNT, gravity=1e-6), elastic)
+    yield "walls", partial(go, gas(BALL_COUNT, walls=False), elastic), bare
     yield "dissipation", bare, partial(go, scene, gr.ConstantRestitution(1.0 - 2.0**-40))
     yield "log", bare, partial(go, scene, elastic, log=True)
-    yield "on_event", bare, partial(go, scene, elastic, on_event=nothing)
+    yield "on_event", bare, partial(go, scene, elastic, on_event=ignore_event)
 
 
-ENGINES = {"fixed": fixed, "located": located, "edmd": edmd}
-PAIRS = {f"{engine}: {what}": (lean, rich) for engine, all_of in ENGINES.items() for what, lean, rich in all_of()}
+ENGINE_PAIRS = {"fixed": fixed_step_pairs, "located": located_pairs, "edmd": edmd_pairs}
+RUN_PAIRS = {f"{engine}: {feature}": (without, with_it)
+             for engine, pairs in ENGINE_PAIRS.items() for feature, without, with_it in pairs()}
 """Engine and what is left out, with the run without it and with it."""
 
 
 def main(rounds: int = 7) -> None:
     """Print the table."""
     print("| what is there or not | without, ms | with, ms | ratio |\n|---|---|---|---|")
-    for name, pair in PAIRS.items():
+    for name, pair in RUN_PAIRS.items():
         times: list[list[float]] = [[], []]
         for turn in range(rounds + 1):
             for run, seen in zip(pair, times, strict=True):

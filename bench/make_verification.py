@@ -22,10 +22,10 @@ from bench import reference
 from granular.laws import dashpot
 from granular.studies import verification
 
-FILE = Path(verification.__file__).with_suffix(".json")
-STEP = 1e-5
+OUTPUT_PATH = Path(verification.__file__).with_suffix(".json")
+RELATIVE_STEP = 1e-5
 """Relative step of the differences for condition numbers."""
-DIGITS, WAVE_DIGITS = 17, 13
+ANSWER_DIGITS, WAVE_DIGITS = 17, 13
 Numbers = dict[str, tuple[str, Any]]
 """Answers: the unit and the value of each quantity."""
 
@@ -41,7 +41,7 @@ class Run:
 
     def answers(self, contacts: Any, gap: Any, velocity: Any) -> Numbers:
         """What is asked, of a solution by the reference or by an engine."""
-        return dict(ASKED[self.asked](self, contacts, gap, velocity))
+        return dict(ANSWER_KINDS[self.asked](self, contacts, gap, velocity))
 
     def by_engine(self) -> Numbers:
         """The answers of `granular.md`."""
@@ -63,14 +63,14 @@ class Run:
                 pair = []
                 for sign in (1.0, -1.0):
                     other = value.copy()
-                    other[i] *= 1.0 + sign * STEP
+                    other[i] *= 1.0 + sign * RELATIVE_STEP
                     changed = {name: other[0] if name == "gravity" else other}
                     pair.append(replace(self, scene=replace(self.scene, **changed)))
                 yield pair[0], pair[1]
         for c, law in enumerate(self.laws):
             for name, number in asdict(law).items():
                 if number != 0.0:
-                    changed = [replace(law, **{name: number * (1.0 + sign * STEP)}) for sign in (1.0, -1.0)]
+                    changed = [replace(law, **{name: number * (1.0 + sign * RELATIVE_STEP)}) for sign in (1.0, -1.0)]
                     up, down = ((*self.laws[:c], one, *self.laws[c + 1:]) for one in changed)
                     yield replace(self, laws=up), replace(self, laws=down)
 
@@ -81,7 +81,7 @@ class Run:
             one, other = up.by_engine(), down.by_engine()
             for name in total:
                 difference = float(one[name][1]) - float(other[name][1])
-                total[name] += abs(difference) / (2.0 * STEP * abs(float(here[name][1]) or math.inf))
+                total[name] += abs(difference) / (2.0 * RELATIVE_STEP * abs(float(here[name][1]) or math.inf))
         return total
 
 
@@ -118,7 +118,7 @@ def sequence(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple
                     yield f"{where}: velocity of the {side} body after it", ("m/s", v)
 
 
-def last(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
+def last_contact(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
     """The end of the last contact, and all velocities then."""
     yield "end of the last contact", ("s", max(row.t_end for row in contacts))
     for i, v in enumerate(velocity):
@@ -130,17 +130,17 @@ def bounce(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[s
     (row,), scene = contacts, run.scene
     g, r, v, law = scene.gravity, float(scene.radius[1]), velocity[1], run.laws[0]
     eps = dashpot.restitution(law.gamma / (2.0 * math.sqrt(law.k * float(scene.mass[1]))))
-    rise, drop = gap[0] + v * v / (2.0 * g), float(scene.gap[0])
+    rise, fall = gap[0] + v * v / (2.0 * g), float(scene.gap[0])
     yield "onset", ("s", row.t_begin)
     yield "end", ("s", row.t_end)
     yield "velocity after it", ("m/s", row.v_out[1])
     yield "height of the centre at the top", ("m", rise + r)
     if eps < 1.0:
-        hard = drop * eps * eps + r
+        hard = fall * eps * eps + r
         yield "height less that of an instantaneous bounce", ("%", 100.0 * (rise + r - hard) / hard)
 
 
-def state(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
+def final_state(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
     """Heights and velocities at the end."""
     height = run.scene.origin
     for i in range(1, len(run.scene.mass) - 1):
@@ -149,7 +149,7 @@ def state(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[st
         yield f"velocity of ball {i}", ("m/s", velocity[i])
 
 
-ASKED = {"sequence": sequence, "last": last, "bounce": bounce, "state": state}
+ANSWER_KINDS = {"sequence": sequence, "last": last_contact, "bounce": bounce, "state": final_state}
 
 
 def dashpots(scene: gr.Scene, restitution: float, k: float) -> tuple[Any, ...]:
@@ -170,14 +170,14 @@ def three_balls() -> Run:
     return Run(scene, dashpots(scene, 0.7, 5e7), 2e-3, "sequence")
 
 
-def drop(restitution: float, k: float) -> Run:
+def dropped_ball(restitution: float, k: float) -> Run:
     """A ball of 0.2 m and 2600 kg/m³ whose centre is 0.5 m above a floor."""
     mass = 2600.0 * math.pi / 6.0 * 0.2**3
     scene = gr.Scene([math.inf, mass], [0.0, 0.1], [0.4], [0.0, 0.0], 9.81)
     return Run(scene, dashpots(scene, restitution, k), 0.4, "bounce")
 
 
-def squeezed() -> Run:
+def squeezed_balls() -> Run:
     """Two balls of 1 mm between walls 1.8 mm apart, one above the other."""
     r, k, zeta = 5e-4, 1000.0, unclipped_damping(0.8)
     mass = [math.inf, *(rho * 4.0 / 3.0 * math.pi * r**3 for rho in (20000.0, 10000.0)), math.inf]
@@ -205,11 +205,11 @@ CASES: dict[str, tuple[str, str, dict[str, Run]]] = {
     "bouncing-sphere": (
         "A ball is dropped on a floor: how much lower it rises because its contact lasts.",
         "set-up: MFIX verification case DEM02", {
-            **{f"k 5e5, restitution {eps}": drop(eps, 5e5) for eps in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)},
-            "k 5e4, restitution 0.5": drop(0.5, 5e4)}),
+            **{f"k 5e5, restitution {eps}": dropped_ball(eps, 5e5) for eps in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)},
+            "k 5e4, restitution 0.5": dropped_ball(0.5, 5e4)}),
     "squeezed-balls": (
         "Two balls squeezed between a floor and a ceiling: three contacts at once.",
-        "set-up: MFIX verification case DEM03", {"after 1 ms": squeezed()}),
+        "set-up: MFIX verification case DEM03", {"after 1 ms": squeezed_balls()}),
     "solitary-wave": (
         "The wave in a long row of touching Hertz balls, F = A ξ^(3/2), m = A = 1: exact for the discrete row.",
         "English & Pego, Proc. Am. Math. Soc. 133, 1763 (2005), equation solved anew", {}),
@@ -240,13 +240,13 @@ def set_up(run: Run) -> dict[str, Any]:
     return out | {"gravity": scene.gravity, "ring": scene.ring, "law": laws, "t_end": run.t_end}
 
 
-def solved(run: Run) -> list[dict[str, Any]]:
+def solved_answers(run: Run) -> list[dict[str, Any]]:
     """Answers with their conditions."""
     import mpmath
 
     conditions = run.conditions()
-    return [{"quantity": name, "value": mpmath.nstr(mpmath.mpf(value), DIGITS, min_fixed=-4, max_fixed=6), "unit": unit,
-             "digits": DIGITS, "condition": float(f"{conditions[name]:.2g}")}
+    return [{"quantity": name, "value": mpmath.nstr(mpmath.mpf(value), ANSWER_DIGITS, min_fixed=-4, max_fixed=6),
+             "unit": unit, "digits": ANSWER_DIGITS, "condition": float(f"{conditions[name]:.2g}")}
             for name, (unit, value) in run.by_reference().items()]
 
 
@@ -267,10 +267,10 @@ def main() -> None:
     out: dict[str, Any] = {"conventions": CONVENTIONS, "cases": {}}
     for name, (about, source, runs) in CASES.items():
         print(name, flush=True)
-        told = {title: {"set-up": set_up(run), "answers": solved(run)} for title, run in runs.items()}
-        told = told or {"exponent 3/2": {"set-up": {"exponent": 1.5}, "answers": wave()}}
-        out["cases"][name] = {"about": about, "source": source, "runs": told}
-    FILE.write_text(json.dumps(out, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        written_runs = {title: {"set-up": set_up(run), "answers": solved_answers(run)} for title, run in runs.items()}
+        written_runs = written_runs or {"exponent 3/2": {"set-up": {"exponent": 1.5}, "answers": wave()}}
+        out["cases"][name] = {"about": about, "source": source, "runs": written_runs}
+    OUTPUT_PATH.write_text(json.dumps(out, indent=1, ensure_ascii=False) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

@@ -20,12 +20,12 @@ from typing import Any
 
 from mpmath import mp  # type: ignore[import-untyped]
 
-TARGET = Path(__file__).parents[1] / "granular" / "laws" / "viscoelastic_restitution.json"
-PIECES = 10  # of equal length in q = sqrt(ln(1 + b)) ...
+OUTPUT_PATH = Path(__file__).parents[1] / "granular" / "laws" / "viscoelastic_restitution.json"
+PIECE_COUNT = 10  # of equal length in q = sqrt(ln(1 + b)) ...
 Q_END = 5.0  # ... up to b = exp(25) = 7e10, beyond which the asymptotes hold to 3e-17
 SERIES_ORDER = 20
 
-ABOUT = (
+FILE_NOTE = (
     "The isolated viscoelastic collision, tabulated by bench/make_viscoelastic_table.py: do not edit. Row i of a table "
     "holds powers of z, highest first, on the i-th of the equal pieces of 0 <= q <= q_end, on which z runs from -1 to "
     "1; q = sqrt(ln(1 + b)). Zeros in front make all rows one length. exponent: -ln(eps) / q^2; stretched_duration: "
@@ -45,14 +45,14 @@ def taylor(u0: Any, v0: Any, b: Any, order: int) -> tuple[list[Any], list[Any]]:
     return u, v
 
 
-def at(coefficients: list[Any], s: Any) -> Any:
+def polynomial_value(coefficients: list[Any], s: Any) -> Any:
     total = mp.mpf(0)
     for c in reversed(coefficients):
         total = total * s + c
     return total
 
 
-def until_end(x: Any, u: Any, v: Any) -> Any:
+def end_condition(x: Any, u: Any, v: Any) -> Any:
     """Return what falls to 0 at the end of contact: u - x sqrt(-v), or simply 1 while the overlap grows."""
     return u - x * mp.sqrt(-v) if v < 0 else mp.mpf(1)
 
@@ -62,12 +62,12 @@ def end_of_contact(x: Any, us: list[Any], vs: list[Any], high: Any) -> Any:
     low = mp.mpf(0)
     for _ in range(20):
         s = (low + high) / 2
-        low, high = (s, high) if until_end(x, at(us, s), at(vs, s)) > 0 else (low, s)
+        low, high = (s, high) if end_condition(x, polynomial_value(us, s), polynomial_value(vs, s)) > 0 else (low, s)
     s = high
     for _ in range(6):
-        u, v = at(us, s), at(vs, s)
+        u, v = polynomial_value(us, s), polynomial_value(vs, s)
         slope = v / 2 - x * u * u * (u * u + x * x * v) / (2 * mp.sqrt(-v))
-        s -= until_end(x, u, v) / slope
+        s -= end_condition(x, u, v) / slope
     return s
 
 
@@ -80,14 +80,14 @@ def collide(x: Any, digits: int = 30) -> tuple[Any, Any]:
             us, vs = taylor(u, v, b, order)
             ts = [mp.mpf(0)] + [c / (n + 1) for n, c in enumerate(us)]
             h = min((mp.eps / abs(c[n])) ** (mp.mpf(1) / n) for c in (us, vs) for n in (order - 1, order) if c[n]) / 2
-            u, v = at(us, h), at(vs, h)
-            if until_end(x, u, v) <= 0:
+            u, v = polynomial_value(us, h), polynomial_value(vs, h)
+            if end_condition(x, u, v) <= 0:
                 end = end_of_contact(x, us, vs, h)
-                return -at(vs, end), t + at(ts, end)
-            t += at(ts, h)
+                return -polynomial_value(vs, end), t + polynomial_value(ts, end)
+            t += polynomial_value(ts, h)
 
 
-def largest(function: Callable[[Any], Any], slope: Callable[[Any], Any], high: Any) -> Any:
+def value_at_maximum(function: Callable[[Any], Any], slope: Callable[[Any], Any], high: Any) -> Any:
     """Return a function where its slope falls through zero within a step of length `high`."""
     low = mp.mpf(0)
     for _ in range(30):
@@ -106,7 +106,7 @@ def peaks(x: Any, digits: int = 30) -> tuple[Any, Any]:
             us, vs = taylor(u, v, b, order)
 
             def state(s: Any, us: Any = us, vs: Any = vs) -> tuple[Any, Any, Any]:
-                u, v = at(us, s), at(vs, s)
+                u, v = polynomial_value(us, s), polynomial_value(vs, s)
                 return u, v, u * u + b * v
 
             def rise(s: Any, state: Any = state) -> Any:
@@ -115,14 +115,15 @@ def peaks(x: Any, digits: int = 30) -> tuple[Any, Any]:
 
             h = min((mp.eps / abs(c[n])) ** (mp.mpf(1) / n) for c in (us, vs) for n in (order - 1, order) if c[n]) / 2
             if deepest is None and state(h)[1] <= 0:
-                deepest = largest(lambda s, state=state: state(s)[0] ** 2, lambda s, state=state: state(s)[1], h)
+                deepest = value_at_maximum(
+                    lambda s, state=state: state(s)[0] ** 2, lambda s, state=state: state(s)[1], h)
             if strongest is None and rise(h) <= 0:
-                strongest = largest(lambda s, state=state: state(s)[0] * state(s)[2], rise, h)
-            u, v = at(us, h), at(vs, h)
+                strongest = value_at_maximum(lambda s, state=state: state(s)[0] * state(s)[2], rise, h)
+            u, v = polynomial_value(us, h), polynomial_value(vs, h)
         return deepest, strongest
 
 
-def powers(function: Callable[[Any], Any], low: Any, high: Any, nodes: int, least: float) -> list[Any]:
+def power_coefficients(function: Callable[[Any], Any], low: Any, high: Any, nodes: int, least: float) -> list[Any]:
     """Interpolate at Chebyshev nodes, drop terms below `least` of the first; return powers of z in [-1, 1]."""
     angles = [mp.pi * (2 * j + 1) / (2 * nodes) for j in range(nodes)]
     values = [function((low + high + (high - low) * mp.cos(a)) / 2) for a in angles]
@@ -142,14 +143,15 @@ def powers(function: Callable[[Any], Any], low: Any, high: Any, nodes: int, leas
 def series() -> list[float]:
     """Return h_k of eps = sum of h_k x^k from values on -1/4 < x < 1/4."""
     quarter = mp.mpf(1) / 4
-    h = powers(lambda x: collide(x, digits=50)[0], -quarter, quarter, nodes=64, least=0.0)
+    h = power_coefficients(lambda x: collide(x, digits=50)[0], -quarter, quarter, nodes=64, least=0.0)
     return [float(mp.chop(c * 4**k, 1e-25)) for k, c in enumerate(h[: SERIES_ORDER + 1])]
 
 
 def table(function: Callable[[Any], Any], nodes: int = 24, least: float = 3e-18) -> list[list[float]]:
     """Return one row of powers per piece, all of one length so that a compiler can take them as one type."""
-    width = mp.mpf(Q_END) / PIECES
-    rows = [powers(function, i * width, (i + 1) * width, nodes=nodes, least=least) for i in range(PIECES)]
+    width = mp.mpf(Q_END) / PIECE_COUNT
+    rows = [power_coefficients(function, i * width, (i + 1) * width, nodes=nodes, least=least)
+            for i in range(PIECE_COUNT)]
     longest = max(map(len, rows))
     return [[0.0] * (longest - len(row)) + [float(c) for c in reversed(row)] for row in rows]
 
@@ -168,8 +170,8 @@ def main() -> None:
             tops[q] = peaks(mp.sqrt(mp.expm1(q * q)))
         return tops[q]
 
-    TARGET.write_text(json.dumps({
-        "about": ABOUT, "q_end": Q_END, "exponent": table(lambda q: -mp.log(solution(q)[0]) / (q * q)),
+    OUTPUT_PATH.write_text(json.dumps({
+        "about": FILE_NOTE, "q_end": Q_END, "exponent": table(lambda q: -mp.log(solution(q)[0]) / (q * q)),
         "stretched_duration": table(lambda q: solution(q)[1] * mp.exp(q * q * 2 / 3)),
         "deepest": table(lambda q: top(q)[0] * mp.exp(q * q * 2 / 3)),
         "strongest": table(lambda q: top(q)[1] * mp.exp(-q * q * 2 / 3), nodes=44, least=1e-17), "series": series(),

@@ -4,7 +4,7 @@
     python bench/mutants.py 3 17       these two
     python bench/mutants.py --check    whether each of them can still be made, and its test files exist
 
-The test files named for a mistake run until the first failure; a run that takes more than `LIMIT` seconds of processor
+The test files named for a mistake run until the first failure; a run above `CPU_SECONDS` of processor
 time counts as a failure, for a mistake may make a loop that never ends. Exit code 1 if a mistake is not found. Run it
 before and after tests are taken out or put together: what no test finds any more has to come back.
 """
@@ -19,85 +19,86 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-LIMIT = 120
+REPO_ROOT = Path(__file__).resolve().parent.parent
+CPU_SECONDS = 120
 """Seconds of processor time of the tests of one mistake."""
-HARD, TIES, LOOK = "test_edmd test_edmd_invariants", "test_edmd_ties", "test_edmd_collapse"
-SOFT, ALONE, REST = "test_located_reference", "test_isolated test_isolated_scenes", "test_located_rest"
-WALL = "test_walls_hits test_walls_path test_walls_ride"
-SHAKEN = "test_edmd_driven test_edmd_ride test_edmd_driven_runs test_located_driven"
-JUDGE = "test_error test_judge test_comparison test_comparison_answer"
+HARD_TESTS, TIE_TESTS, COLLAPSE_TESTS = "test_edmd test_edmd_invariants", "test_edmd_ties", "test_edmd_collapse"
+SOFT_TESTS, REST_TESTS = "test_located_reference", "test_located_rest"
+ISOLATED_TESTS = "test_isolated test_isolated_scenes"
+WALL_TESTS = "test_walls_hits test_walls_path test_walls_ride"
+DRIVEN_TESTS = "test_edmd_driven test_edmd_ride test_edmd_driven_runs test_located_driven"
+COMPARISON_TESTS = "test_error test_judge test_comparison test_comparison_answer"
 MUTANTS = [
     # hard spheres
-    ("edmd", "part = pair.closing_acceleration * now - e * w", "part = -e * w", HARD),
+    ("edmd", "part = pair.closing_acceleration * now - e * w", "part = -e * w", HARD_TESTS),
     ("edmd", "lower.fall_velocity += pair.low * ((1.0 + e) * w)",
-     "lower.fall_velocity += pair.low * ((1.0 - e) * w)", HARD),
-    ("edmd", "pair.gap = d if d > 0.0 else 0.0\n    return", "pair.gap = d\n    return", HARD),
+     "lower.fall_velocity += pair.low * ((1.0 - e) * w)", HARD_TESTS),
+    ("edmd", "pair.gap = d if d > 0.0 else 0.0\n    return", "pair.gap = d\n    return", HARD_TESTS),
     ("edmd", "body.fall_velocity -= body.is_free * (run.gravity * shift)",
-     "body.fall_velocity -= run.gravity * shift", HARD),
-    ("edmd", "if now - pairs[k].last < run.tc:", "if now - pairs[k].last > run.tc:", TIES + " test_edmd"),
+     "body.fall_velocity -= run.gravity * shift", HARD_TESTS),
+    ("edmd", "if now - pairs[k].last < run.tc:", "if now - pairs[k].last > run.tc:", TIE_TESTS + " test_edmd"),
     ("edmd", "part = upper / (lower + upper)", "part = lower / (lower + upper)",
      "test_edmd_collapse test_edmd_actions"),
-    ("edmd", "return count + 3", "return count", LOOK),
+    ("edmd", "return count + 3", "return count", COLLAPSE_TESTS),
     ("edmd", "back = [e * p for e, p in zip(eps, compression, strict=True)]",
-     "back = [p for e, p in zip(eps, compression, strict=True)]", TIES),
+     "back = [p for e, p in zip(eps, compression, strict=True)]", TIE_TESTS),
     ("edmd", "return c - run.pairs if RING and c >= run.pairs else c", "return c", "test_edmd_rings"),
     ("edmd", "body.sway -= change * sine", "body.sway += change * sine", "test_edmd_pendula"),
     # the located method
     ("md/located", "push -= field.square * pair.x[n]", "push += field.square * pair.x[n]",
      "test_located_pendula"),
     ("md/located", "push = pair.lower * below - pair.inverse * force + pair.upper * above",
-     "push = pair.lower * below - pair.inverse * force", SOFT),
+     "push = pair.lower * below - pair.inverse * force", SOFT_TESTS),
     ("md/located", "return shifted(pair.f, pair.k * asleep, span, scratch, -1.0), END",
-     "return shifted(pair.x, pair.k * asleep, span, scratch, -1.0), END", SOFT),
-    ("md/located", "if tau <= block.tau:", "if tau < block.tau and c == lo:", SOFT),
+     "return shifted(pair.x, pair.k * asleep, span, scratch, -1.0), END", SOFT_TESTS),
+    ("md/located", "if tau <= block.tau:", "if tau < block.tau and c == lo:", SOFT_TESTS),
     ("md/located", "scratch, 1.0)\n    return (again, BEGIN) if again < math.inf else (parts, PART)",
      "scratch, 1.0)\n    return parts, PART",
-     SOFT + " test_located_corners"),
+     SOFT_TESTS + " test_located_corners"),
     ("laws", "return self.k * xi + self.gamma * xi_dot", "return self.k * xi - self.gamma * xi_dot",
      "test_laws test_binary"),
     ("md/located", "return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2",
-     "return t2 * v, v", ALONE),
+     "return t2 * v, v", ISOLATED_TESTS),
     ("md/located", "count(run, pair, isolated,", "count(run, pair, True,",
-     ALONE + " test_disturbed"),
+     ISOLATED_TESTS + " test_disturbed"),
     ("md/located", "if found == NOT_YET or closes(run, pairs, pool, bodies, c):",
-     "if found == NOT_YET:", REST + " test_located_pressed"),
-    ("md/located", "if below >= 0 and (pushes", "if below > 0 and (pushes", SOFT + " test_located_ring"),
+     "if found == NOT_YET:", REST_TESTS + " test_located_pressed"),
+    ("md/located", "if below >= 0 and (pushes", "if below > 0 and (pushes", SOFT_TESTS + " test_located_ring"),
     # walls
     ("scene/walls", "return y - math.floor(y), low + rest + (a_low + b_low) + wall.turn_low",
-     "return y - math.floor(y), low + rest + wall.turn_low", WALL),
+     "return y - math.floor(y), low + rest + wall.turn_low", WALL_TESTS),
     ("scene/walls", "return v, panel.per * d, panel.per * panel.per * (2.0 * dd)",
-     "return v, panel.per * d, panel.per * panel.per * dd", WALL),
+     "return v, panel.per * d, panel.per * panel.per * dd", WALL_TESTS),
     ("scene/walls", "return now.height + s * (drift - 0.5 * pull * s), drift - pull * s",
      "return now.height + s * (drift - 0.5 * pull * s), drift + pull * s",
-     WALL + " " + SHAKEN),
-    ("scene/walls", "d3 = x * d3 + d2", "d3 = x0 * d3 + d2", WALL + " " + SHAKEN),
-    ("scene/walls", "return wall.first, turns + 1.0", "return wall.first, turns", WALL),
+     WALL_TESTS + " " + DRIVEN_TESTS),
+    ("scene/walls", "d3 = x * d3 + d2", "d3 = x0 * d3 + d2", WALL_TESTS + " " + DRIVEN_TESTS),
+    ("scene/walls", "return wall.first, turns + 1.0", "return wall.first, turns", WALL_TESTS),
     ("scene/walls", "return math.sqrt(-2.0 * (temperature / mass) * math.log(u))",
      "return math.sqrt(-(temperature / mass) * math.log(u))", "test_heat_flow test_edmd_thermal"),
     ("edmd", "upper.fall_velocity - (upper.is_free * fallen - upper.force_acceleration * now)",
-     "upper.fall_velocity - upper.is_free * fallen", SHAKEN),
-    ("edmd", "return min(w, 0.0)", "return w", SHAKEN),
+     "upper.fall_velocity - upper.is_free * fallen", DRIVEN_TESTS),
+    ("edmd", "return min(w, 0.0)", "return w", DRIVEN_TESTS),
     ("edmd", "0.5 * (s + w) * given", "0.5 * (s - w) * given",
      "test_edmd_driven test_edmd_ride test_edmd_thermal test_heat_flow"),
     ("md/located", "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push",
-     "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull", SHAKEN),
+     "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull", DRIVEN_TESTS),
     # what is said of two runs
     ("comparison/outcome.py", 'order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))',
-     'order = np.argsort(key, kind="stable")', JUDGE),
-    ("comparison/outcome.py", 'log["impulse"] / run.scene.pairs.m_eff[log["pair"]]', "approach(run)", JUDGE),
-    ("comparison/outcome.py", "of_ball[scene.is_wall] = count", "pass", JUDGE),
+     'order = np.argsort(key, kind="stable")', COMPARISON_TESTS),
+    ("comparison/outcome.py", 'log["impulse"] / run.scene.pairs.m_eff[log["pair"]]', "approach(run)", COMPARISON_TESTS),
+    ("comparison/outcome.py", "of_ball[scene.is_wall] = count", "pass", COMPARISON_TESTS),
     ("comparison/align.py", 'kept = nth < most[run.contacts["pair"]]', 'kept = nth <= most[run.contacts["pair"]]',
-     JUDGE),
-    ("comparison/align.py", "late = alone(pair, speed) + np.fmin(", "late = 0.0 * np.fmin(", JUDGE),
-    ("comparison", "    if not error <= SAME:\n        alone", "    if error > 0.1:\n        alone", JUDGE),
+     COMPARISON_TESTS),
+    ("comparison/align.py", "late = alone(pair, speed) + np.fmin(", "late = 0.0 * np.fmin(", COMPARISON_TESTS),
+    ("comparison", "    if not error <= SAME:\n        alone", "    if error > 0.1:\n        alone", COMPARISON_TESTS),
     ("comparison/measures.py", "return -after / before if before != 0.0", "return after / before if before != 0.0",
-     JUDGE),
+     COMPARISON_TESTS),
     ("md/isolation.py", 'return float(run.stats["isolated"] / run.stats["contacts"])', "return 1.0", "test_fronts"),
 ]
 
 
-def home(package: Path, place: str, old: str) -> Path:
+def source_file(package: Path, place: str, old: str) -> Path:
     """Return the one file in a folder, or the file, of the package in which a text stands, once."""
     files = sorted((package / place).rglob("*.py")) or [package / place]
     found = [file for file in files for _ in range(file.read_text(encoding="utf-8").count(old))]
@@ -106,7 +107,7 @@ def home(package: Path, place: str, old: str) -> Path:
     return found[0]
 
 
-def checked() -> list[Path]:
+def checked_files() -> list[Path]:
     """Return the file of every mistake.
 
     Raises
@@ -115,30 +116,30 @@ def checked() -> list[Path]:
         If a mistake has no file or several, or names a test file that does not exist.
     """
     named = {name for *_, tests in MUTANTS for name in tests.split()}
-    if lost := sorted(name for name in named if not (ROOT / "tests" / f"{name}.py").is_file()):
+    if lost := sorted(name for name in named if not (REPO_ROOT / "tests" / f"{name}.py").is_file()):
         raise ValueError(f"tests/ has no {', '.join(lost)}.")
-    return [home(ROOT / "granular", place, old) for place, old, *_ in MUTANTS]
+    return [source_file(REPO_ROOT / "granular", place, old) for place, old, *_ in MUTANTS]
 
 
-def killed(copy: Path, place: str, old: str, new: str, tests: str) -> str:
+def failing_test(copy: Path, place: str, old: str, new: str, tests: str) -> str:
     """Make one mistake in a copy of the repository, and mend it; return what failed first, nothing if no test did."""
-    file = home(copy / "granular", place, old)
+    file = source_file(copy / "granular", place, old)
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace(old, new), encoding="utf-8")
     try:
         return first_failure(copy, [f"tests/{name}.py" for name in tests.split()])
     finally:
-        shutil.copy2(ROOT / file.relative_to(copy), file)  # with its time: machine code of what is unchanged is kept
+        shutil.copy2(REPO_ROOT / file.relative_to(copy), file)  # keeps the time stamp, on which numba's cache depends
 
 
-def limited() -> None:
-    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
+def limit_cpu_time() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
 
 
 def first_failure(copy: Path, files: list[str]) -> str:
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *files]
     run = subprocess.run(command, cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, check=False,
-                         capture_output=True, text=True, preexec_fn=limited)
+                         capture_output=True, text=True, preexec_fn=limit_cpu_time)
     if run.returncode < 0:
         return f"by the limit, or a crash (signal {-run.returncode})"
     if run.returncode > 2:
@@ -153,11 +154,11 @@ def main(numbers: list[int]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for name in ("granular", "tests", "docs", "examples", "bench"):
-            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copy(ROOT / "pyproject.toml", copy)
+            shutil.copytree(REPO_ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(REPO_ROOT / "pyproject.toml", copy)
         for number in numbers or range(len(MUTANTS)):
             place, old, _, tests = MUTANTS[number]
-            by = killed(copy, *MUTANTS[number])
+            by = failing_test(copy, *MUTANTS[number])
             alive += not by
             print(f"{number:3} {place:22} {by or f'ALIVE: {old} ({tests})'}", flush=True)
     print(f"{alive} alive")
@@ -166,6 +167,6 @@ def main(numbers: list[int]) -> int:
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["--check"]:
-        print("\n".join(map(str, checked())))
+        print("\n".join(map(str, checked_files())))
     else:
         sys.exit(main([int(text) for text in sys.argv[1:]]))

@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from same_bits import ROOT, unpacked
+from same_bits import REPO_ROOT, unpacked_tree
 
 import granular as gr
 
-ROUNDS = 9
-SCHEDULES = ("granular.studies.sweeps.schedule", "granular.sweeps.schedule")
+TIMING_ROUNDS = 9
+SCHEDULE_MODULES = ("granular.studies.sweeps.schedule", "granular.sweeps.schedule")
 """Where the limits of sweeps are defined, by version; a tree without any of these modules cannot be timed."""
-Work = Callable[[], Any]
+Workload = Callable[[], Any]
 
 
 def gas(n: int, walls: bool = True) -> gr.Scene:
@@ -47,28 +47,28 @@ def row(n: int) -> gr.Scene:
     return gr.Scene([1.0] * n, [0.05] * n, [0.0] * (n - 1), [1.0] + [0.0] * (n - 1))
 
 
-def again(work: Work, times: int = 30) -> Work:
+def repeated(work: Workload, times: int = 30) -> Workload:
     """A short work, so many times."""
     return lambda: [work() for _ in range(times)]
 
 
-def place(name: str) -> Path:
+def module_path(name: str) -> Path:
     """File of a module of the package."""
     return Path(str(gr.__file__)).parent.parent.joinpath(*name.split(".")).with_suffix(".py")
 
 
-def sweeps_at_once() -> None:
+def remove_sweep_limits() -> None:
     """Have sweeps solve many cells in one compiled call at once, whatever machine code has to be made."""
-    name = next(name for name in SCHEDULES if place(name).exists())
+    name = next(name for name in SCHEDULE_MODULES if module_path(name).exists())
     schedule: Any = import_module(name)
     for limit in ("LOADING", "MAKING"):
         getattr(schedule, limit)  # an `AttributeError` here, rather than limits that are lifted in one tree only
         setattr(schedule, limit, 0.0)
 
 
-def calls() -> dict[str, Work]:
+def call_workloads() -> dict[str, Workload]:
     """The base scene, 30 times a go, and maps of it, 900 cells a go."""
-    sweeps_at_once()
+    remove_sweep_limits()
     scene, end = gr.scenes.three_balls(gap=1e-4), gr.until.contact(0, 2)
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     rule = gr.ConstantRestitution(0.7)
@@ -76,13 +76,13 @@ def calls() -> dict[str, Work]:
     few = {name: values[::6] for name, values in over.items()}
     soft, hard = gr.md.simulate, gr.edmd.simulate
     return {
-        "30 calls, located, compiled": again(lambda: soft(scene, law, until=end, engine="compiled")),
-        "30 calls, located, new scenes": again(lambda: soft(
+        "30 calls, located, compiled": repeated(lambda: soft(scene, law, until=end, engine="compiled")),
+        "30 calls, located, new scenes": repeated(lambda: soft(
             gr.scenes.three_balls(gap=1e-4), law, until=end, engine="compiled")),
-        "30 calls, located, interpreted": again(lambda: soft(scene, law, until=end, engine="plain")),
-        "30 calls, hard, sorted": again(lambda: hard(scene, rule, until=end, engine="sorted")),
-        "30 calls, hard, compiled": again(lambda: hard(scene, rule, until=end, engine="compiled")),
-        "30 calls, compare": again(lambda: gr.compare(scene, law, until=end)),
+        "30 calls, located, interpreted": repeated(lambda: soft(scene, law, until=end, engine="plain")),
+        "30 calls, hard, sorted": repeated(lambda: hard(scene, rule, until=end, engine="sorted")),
+        "30 calls, hard, compiled": repeated(lambda: hard(scene, rule, until=end, engine="compiled")),
+        "30 calls, compare": repeated(lambda: gr.compare(scene, law, until=end)),
         "map of 900, dashpot": lambda: gr.sweep("three-balls", over, "eps_ratio"),
         "map of 900, viscoelastic": lambda: gr.sweep("three-balls", over, "eps_ratio", law="ViscoelasticHertz"),
         "map of 900, Tsuji": lambda: gr.sweep("three-balls", over, "eps_ratio", law="TsujiHertz"),
@@ -90,7 +90,7 @@ def calls() -> dict[str, Work]:
     }
 
 
-def works() -> dict[str, Work]:
+def workloads() -> dict[str, Workload]:
     """What is timed, by name."""
     hard, soft = gr.edmd.simulate, gr.md.simulate
     elastic, lossy = gr.ConstantRestitution(1.0), gr.ConstantRestitution(0.9)
@@ -99,7 +99,7 @@ def works() -> dict[str, Work]:
     fast: dict[str, Any] = {"engine": "compiled"}
     over = {"restitution": np.linspace(0.5, 1.0, 30), "gap": np.geomspace(1e-5, 1e-3, 30)}
     steps: dict[str, Any] = {"method": "verlet", "dt": 1e-6, "t_end": 2e-3, "engine": "compiled"}
-    return calls() | {
+    return call_workloads() | {
         "hard, 10 balls, interpreted": lambda: hard(few, elastic, max_events=1000, engine="sorted"),
         "hard, 1 000 balls": lambda: hard(many, elastic, max_events=50_000, log=False, **fast),
         "hard, 1 000 balls, log": lambda: hard(many, elastic, max_events=50_000, **fast),
@@ -122,9 +122,9 @@ def works() -> dict[str, Work]:
     }
 
 
-def serve() -> None:
+def serve_workloads() -> None:
     """Run works by name as they are asked for, and answer with their seconds."""
-    known = works()
+    known = workloads()
     for line in sys.stdin:
         work = known[line.strip()]
         begin = time.process_time()
@@ -135,14 +135,14 @@ def serve() -> None:
             print(f"nan {error!r}".replace("\n", " "), flush=True)
 
 
-def server(tree: Path) -> subprocess.Popen[str]:
+def start_server(tree: Path) -> subprocess.Popen[str]:
     """Return a process that serves a tree."""
-    paths = {"PYTHONPATH": os.pathsep.join([str(tree), str(ROOT / "bench")]), "OMP_NUM_THREADS": "1"}
+    paths = {"PYTHONPATH": os.pathsep.join([str(tree), str(REPO_ROOT / "bench")]), "OMP_NUM_THREADS": "1"}
     return subprocess.Popen([sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                             text=True, env=os.environ | paths, cwd=tree)
 
 
-def ask(process: subprocess.Popen[str], name: str) -> float:
+def time_workload(process: subprocess.Popen[str], name: str) -> float:
     """Seconds of one run; nan if it cannot be run there."""
     assert process.stdin is not None
     assert process.stdout is not None
@@ -156,16 +156,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("ref", nargs="?", help="commit to compare with")
     parser.add_argument("--only", default="", help="works whose names contain this")
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--rounds", type=int, default=TIMING_ROUNDS)
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.serve:
-        return serve()
-    here, there = server(ROOT), server(unpacked(given.ref))
+        return serve_workloads()
+    here, there = start_server(REPO_ROOT), start_server(unpacked_tree(given.ref))
     print(f"{'':38}{given.ref[:10]:>12}{'this tree':>12}{'ratio':>8}")
-    for name in (one for one in works() if given.only in one):
-        ask(there, name), ask(here, name)  # compiles
-        times = [(ask(there, name), ask(here, name)) for _ in range(given.rounds)]
+    for name in (one for one in workloads() if given.only in one):
+        time_workload(there, name), time_workload(here, name)  # compiles
+        times = [(time_workload(there, name), time_workload(here, name)) for _ in range(given.rounds)]
         before, now = map(min, zip(*times, strict=True))
         print(f"{name:38}{1e3 * before:9.2f} ms{1e3 * now:9.2f} ms{now / before:8.2f}", flush=True)
 

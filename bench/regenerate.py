@@ -12,24 +12,24 @@ from pathlib import Path
 
 import docs_data
 
-HERE = Path(__file__).parent
-SCRIPTS = (
+BENCH_FOLDER = Path(__file__).parent
+SCRIPT_NAMES = (
     "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "isolation", "first_minute", "driven",
     "bounded", "waves",
 )
 
 
 def main() -> None:
-    for name in SCRIPTS:
+    for name in SCRIPT_NAMES:
         print(f"\n{name}\n{'=' * len(name)}", flush=True)
-        subprocess.run([sys.executable, str(HERE / f"{name}.py")], check=True)
-    subprocess.run([sys.executable, "-m", "bench.stability"], check=True, cwd=HERE.parent)
-    for name in docs_data.FEW:
-        script = docs_data.PAPER / f"{name.replace('-', '_')}.py"
-        picture = docs_data.DATA.parent / f"paper-{name}.png"
+        subprocess.run([sys.executable, str(BENCH_FOLDER / f"{name}.py")], check=True)
+    subprocess.run([sys.executable, "-m", "bench.stability"], check=True, cwd=BENCH_FOLDER.parent)
+    for name in docs_data.PAPER_POINTS:
+        script = docs_data.PAPER_FOLDER / f"{name.replace('-', '_')}.py"
+        picture = docs_data.DATA_FOLDER.parent / f"paper-{name}.png"
         subprocess.run([sys.executable, str(script), "-o", str(picture)], check=True)
-    papers = [f"paper-{name}" for name in docs_data.FEW]
-    subprocess.run([sys.executable, str(HERE / "docs_data.py"), *papers], check=True)
+    papers = [f"paper-{name}" for name in docs_data.PAPER_POINTS]
+    subprocess.run([sys.executable, str(BENCH_FOLDER / "docs_data.py"), *papers], check=True)
 
 
 if __name__ == "__main__":

@@ -27,31 +27,31 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from same_bits_cases import FAMILIES as PLAIN, kept
-from same_bits_special import SPECIAL
+from same_bits_cases import PLAIN_FAMILIES, compared_values
+from same_bits_special import SPECIAL_FAMILIES
 
-ROOT = Path(__file__).resolve().parent.parent
-ROUNDING = 1e-9
-FAMILIES = PLAIN | SPECIAL
-RAISED = "raised"
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan|inf")
+REPO_ROOT = Path(__file__).resolve().parent.parent
+ROUNDING_LIMIT = 1e-9
+FAMILIES = PLAIN_FAMILIES | SPECIAL_FAMILIES
+RAISED_KEY = "raised"
+NUMBER_PATTERN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan|inf")
 
 
-def outcome(run: Callable[[], Any]) -> dict[str, Any]:
+def run_outcome(run: Callable[[], Any]) -> dict[str, Any]:
     """What a run gives, by name; what it raises."""
     try:
         got = run()
     except Exception as error:
-        return {RAISED: f"{type(error).__name__}: {error}"}
+        return {RAISED_KEY: f"{type(error).__name__}: {error}"}
     if hasattr(got, "contacts") and hasattr(got, "stats"):
-        got = kept(got)
+        got = compared_values(got)
     return got if isinstance(got, dict) else {"value": got}
 
 
 def results(only: list[str], seeds: int) -> list[tuple[str, int, dict[str, Any]]]:
     """Outcomes of all cases, in order."""
     warnings.simplefilter("ignore")
-    return [(family, seed, {name: _plain(value) for name, value in outcome(run).items()})
+    return [(family, seed, {name: _plain(value) for name, value in run_outcome(run).items()})
             for name in only for family, seed, run in FAMILIES[name](seeds)]
 
 
@@ -63,7 +63,7 @@ def _plain(value: Any) -> Any:
     return array if array.dtype.kind in "biuf" else repr(value)
 
 
-def in_tree(tree: Path, given: Any) -> Any:
+def results_of_tree(tree: Path, given: Any) -> Any:
     """`results` by the package of `tree`."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "results"
@@ -72,13 +72,13 @@ def in_tree(tree: Path, given: Any) -> Any:
         return pickle.loads(file.read_bytes())
 
 
-def unpacked(ref: str) -> Path:
+def unpacked_tree(ref: str) -> Path:
     """The package as it was at `ref`, in a folder that stays."""
-    sha = subprocess.run(["git", "rev-parse", ref], check=True, capture_output=True, text=True, cwd=ROOT).stdout.strip()
-    folder = Path(tempfile.gettempdir()) / f"granular-{sha[:12]}"
+    parsed = subprocess.run(["git", "rev-parse", ref], check=True, capture_output=True, text=True, cwd=REPO_ROOT)
+    folder = Path(tempfile.gettempdir()) / f"granular-{parsed.stdout.strip()[:12]}"
     if not folder.exists():
-        packed = subprocess.run(["git", "archive", ref, "granular"], check=True, capture_output=True, cwd=ROOT).stdout
-        with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+        packed = subprocess.run(["git", "archive", ref, "granular"], check=True, capture_output=True, cwd=REPO_ROOT)
+        with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
             archive.extractall(folder, filter="data")
     return folder
 
@@ -88,9 +88,9 @@ def difference(a: Any, b: Any) -> float:
     if isinstance(a, str) and isinstance(b, str):
         if a == b:
             return 0.0
-        if NUMBER.sub("#", a) != NUMBER.sub("#", b):
+        if NUMBER_PATTERN.sub("#", a) != NUMBER_PATTERN.sub("#", b):
             return math.inf
-        pairs = zip((m[0] for m in NUMBER.finditer(a)), (m[0] for m in NUMBER.finditer(b)), strict=True)
+        pairs = zip((m[0] for m in NUMBER_PATTERN.finditer(a)), (m[0] for m in NUMBER_PATTERN.finditer(b)), strict=True)
         return max(difference(np.array(float(x)), np.array(float(y))) for x, y in pairs)
     if a is None or b is None or isinstance(a, str) or isinstance(b, str):
         return 0.0 if a is b else math.inf
@@ -104,7 +104,7 @@ def difference(a: Any, b: Any) -> float:
 
 
 @dataclass
-class Row:
+class FamilyRow:
     """What became of a family."""
 
     same: int = 0
@@ -115,17 +115,17 @@ class Row:
 
     def add(self, seed: int, here: dict[str, Any], there: dict[str, Any]) -> None:
         """Judge one run."""
-        if said := [one[RAISED] for one in (here, there) if RAISED in one]:
+        if said := [one[RAISED_KEY] for one in (here, there) if RAISED_KEY in one]:
             self.raised.append(f"seed {seed} raised {said[0]}")
         far = {name: difference(here.get(name), there.get(name)) for name in here | there}
         worst = max(far, key=far.__getitem__)
         if far[worst] == 0.0:
             self.same += 1
-        elif far[worst] <= ROUNDING:
+        elif far[worst] <= ROUNDING_LIMIT:
             self.rounding += 1
             self.largest = max(self.largest, far[worst])
         else:
-            names = " ".join(name for name, x in far.items() if x > ROUNDING)
+            names = " ".join(name for name, x in far.items() if x > ROUNDING_LIMIT)
             self.different.append(f"seed {seed}: {names}")
 
 
@@ -140,10 +140,10 @@ def main() -> int:
     if given.into:
         Path(given.into).write_bytes(pickle.dumps(results(given.only, given.seeds)))
         return 0
-    table: dict[str, Row] = {}
-    here, there = in_tree(ROOT, given), in_tree(unpacked(given.ref), given)
+    table: dict[str, FamilyRow] = {}
+    here, there = results_of_tree(REPO_ROOT, given), results_of_tree(unpacked_tree(given.ref), given)
     for (family, seed, ours), (_, _, theirs) in zip(here, there, strict=True):
-        table.setdefault(family, Row()).add(seed, ours, theirs)
+        table.setdefault(family, FamilyRow()).add(seed, ours, theirs)
     print(f"{'family':36}{'same':>7}{'rounding':>10}{'largest':>10}{'different':>11}{'raised':>8}")
     for family, row in table.items():
         print(f"{family:36}{row.same:7}{row.rounding:10}{row.largest:10.1e}{len(row.different):11}{len(row.raised):8}")

@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path += [str(ROOT / "tests"), str(ROOT)]  # `bench.reference` is not in the unpacked old tree
-LIMITS = {"max_events": 80, "max_steps": 3000}
-GASES = (60, 1000, 120_000)
+REPO_ROOT = Path(__file__).resolve().parent.parent
+sys.path += [str(REPO_ROOT / "tests"), str(REPO_ROOT)]  # `bench.reference` is not in the unpacked old tree
+WORK_LIMITS = {"max_events": 80, "max_steps": 3000}
+GAS_SIZES = (60, 1000, 120_000)
 """Numbers of balls; from 1e5 on compiled hard spheres run in blocks."""
 POWERS = 6
 """How many of the laws the located method can compile: the first ones."""
-REFERENCES = ("granular.reference.taylor", "bench.reference.taylor")
+REFERENCE_MODULES = ("granular.reference.taylor", "bench.reference.taylor")
 """Where the solver of 34 digits is, by version; its package has `solve`."""
-METHODS = ("verlet", "symplectic-euler", "rk4", "gear5")
+FIXED_METHODS = ("verlet", "symplectic-euler", "rk4", "gear5")
 Case = tuple[str, int, Callable[[], Any]]
 """Family, seed, and what to run."""
 
@@ -33,7 +33,7 @@ def own_rule(speed: float, pair: Any) -> float:
 # --- scenes, laws, and ways to run them
 
 
-def drawn(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any:
+def random_scene(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any:
     """A scene of one to six balls: ties, touching rows, piles, moving walls, gravity."""
     from scenes_at_random import ALL, HARD, scene
 
@@ -49,7 +49,7 @@ def soft_laws(rng: Any) -> dict[str, Any]:
     return {name: LAWS[name](k, zeta, 1.0) for name in (*POWERS, "Walton-Braun", "own Hertz", "own with memory")}
 
 
-def way(rng: Any, pairs: int) -> dict[str, Any]:
+def run_options(rng: Any, pairs: int) -> dict[str, Any]:
     """How far to run, and what to keep."""
     from granular import until
 
@@ -63,7 +63,7 @@ def way(rng: Any, pairs: int) -> dict[str, Any]:
     return ways[int(rng.integers(len(ways)))]
 
 
-def kept(run: Any) -> dict[str, Any]:
+def compared_values(run: Any) -> dict[str, Any]:
     """What is compared of a trajectory."""
     return {name: getattr(run, name) for name in ("time", "position", "velocity", "gap", "force", "message")} | {
         "status": run.status.name} | {f"contacts.{name}": run.contacts[name] for name in run.contacts.dtype.names} | {
@@ -87,29 +87,30 @@ def edmd(seeds: int) -> Iterator[Case]:
                 continue
             for seed in range(seeds):
                 rng = np.random.default_rng([1, seed])
-                scene, rule = drawn(rng), gr.ConstantRestitution(float(rng.choice([0.05, 0.5, 0.9, 1.0])))
-                given = {"max_events": 300, "engine": queue} | way(rng, scene.n - 1) | option
+                scene, rule = random_scene(rng), gr.ConstantRestitution(float(rng.choice([0.05, 0.5, 0.9, 1.0])))
+                settings = {"max_events": 300, "engine": queue} | run_options(rng, scene.n - 1) | option
                 title = " ".join(str(x) for x in next(iter(option.items()), ("default",)))
-                yield f"edmd {title}, {queue}", seed, lambda s=scene, r=rule, o=given: gr.edmd.simulate(s, r, **o)
+                yield f"edmd {title}, {queue}", seed, lambda s=scene, r=rule, o=settings: gr.edmd.simulate(s, r, **o)
     eps = gr.ConstantRestitution(0.8)
     for seed in range(seeds):
         rng = np.random.default_rng([2, seed])
-        scene, given = drawn(rng), {"max_events": 300, "t_end": 0.7}
+        scene, settings = random_scene(rng), {"max_events": 300, "t_end": 0.7}
         rules: dict[str, Any] = {"own rule": own_rule, "sticking": gr.ConstantRestitution(0.0),
                                  "one per pair": [gr.ConstantRestitution(1.0 - 0.1 * c) for c in range(scene.n - 1)]}
         for title, rule in rules.items():
-            yield f"edmd {title}", seed, lambda s=scene, r=rule, o=given: gr.edmd.simulate(s, r, **o)
+            yield f"edmd {title}", seed, lambda s=scene, r=rule, o=settings: gr.edmd.simulate(s, r, **o)
         for queue in ("sorted", "compiled"):
-            yield f"edmd resumed, {queue}", seed, lambda s=scene, q=queue: resumed(s, eps, q)
-        yield "edmd on_event", seed, lambda s=scene: told(gr.edmd.simulate, s, eps, t_end=0.5, max_events=100)
-    for n in GASES:
+            yield f"edmd resumed, {queue}", seed, lambda s=scene, q=queue: resumed_run(s, eps, q)
+        yield "edmd on_event", seed, lambda s=scene: run_with_events(
+            gr.edmd.simulate, s, eps, t_end=0.5, max_events=100)
+    for n in GAS_SIZES:
         gas = gr.scenes.gas(n, float(n), mass_spread=4.0)
         for queue in ("auto", "compiled") if n > 1000 else ("auto", "sorted", "compiled"):
             yield f"edmd gas, {queue}", n, lambda s=gas, q=queue: gr.edmd.simulate(
                 s, eps, t_end=2.0 if s.n < 100_000 else 0.2, engine=q, samples=4)
 
 
-def resumed(scene: Any, rule: Any, queue: str) -> Any:
+def resumed_run(scene: Any, rule: Any, queue: str) -> Any:
     """Half a run, and the other half."""
     import granular as gr
 
@@ -117,11 +118,11 @@ def resumed(scene: Any, rule: Any, queue: str) -> Any:
     return gr.edmd.resume(first, t_end=0.6, engine=queue, max_events=200, samples=5)
 
 
-def told(simulate: Any, scene: Any, physics: Any, **options: Any) -> Any:
+def run_with_events(simulate: Any, scene: Any, physics: Any, **options: Any) -> Any:
     """A run, and the rows that it handed on."""
     rows: list[Any] = []
     run = simulate(scene, physics, on_event=lambda batch: rows.extend(np.atleast_1d(batch).tolist()), **options)
-    return kept(run) | {"rows": repr(rows)}
+    return compared_values(run) | {"rows": repr(rows)}
 
 
 def located(seeds: int) -> Iterator[Case]:
@@ -130,17 +131,18 @@ def located(seeds: int) -> Iterator[Case]:
 
     for seed in range(seeds):
         rng = np.random.default_rng([3, seed])
-        scene, laws = drawn(rng, overlaps=True), soft_laws(rng)
-        given, mixed = LIMITS | way(rng, scene.n - 1), rng.integers(len(laws), size=scene.n - 1)
+        scene, laws = random_scene(rng, overlaps=True), soft_laws(rng)
+        settings, mixed = WORK_LIMITS | run_options(rng, scene.n - 1), rng.integers(len(laws), size=scene.n - 1)
         laws["mixed"] = [list(laws.values())[int(i)] for i in mixed]
         laws["mixed powers"] = [list(laws.values())[int(i)] for i in mixed % POWERS]
         for number, (name, law) in enumerate(laws.items()):
             for engine in ("plain", "compiled") if number < POWERS or name == "mixed powers" else ("plain",):
-                yield f"located {name}, {engine}", seed, lambda s=scene, w=law, o=given | {"engine": engine}: (
+                yield f"located {name}, {engine}", seed, lambda s=scene, w=law, o=settings | {"engine": engine}: (
                     gr.md.simulate(s, w, **o))
-        coarse, chosen = given | {"tol": 1e-10}, laws["viscoelastic"]
+        coarse, chosen = settings | {"tol": 1e-10}, laws["viscoelastic"]
         yield "located tol", seed, lambda s=scene, w=chosen, o=coarse: gr.md.simulate(s, w, **o)
-        yield "located on_event", seed, lambda s=scene, w=chosen: told(gr.md.simulate, s, w, t_end=0.3, **LIMITS)
+        yield "located on_event", seed, lambda s=scene, w=chosen: run_with_events(
+            gr.md.simulate, s, w, t_end=0.3, **WORK_LIMITS)
     yield from soft_gases("located", {})
 
 
@@ -149,31 +151,31 @@ def fixed(seeds: int) -> Iterator[Case]:
     import granular as gr
 
     for seed in range(max(1, seeds // 2)):
-        for number, method in enumerate(METHODS):
+        for number, method in enumerate(FIXED_METHODS):
             rng = np.random.default_rng([4, number, seed])
-            scene = drawn(rng, overlaps=True)
-            given = way(rng, scene.n - 1)
+            scene = random_scene(rng, overlaps=True)
+            settings = run_options(rng, scene.n - 1)
             step = None if rng.random() < 0.3 else float(rng.choice([1e-4, 1e-3]))
-            given = LIMITS | {"method": method, "dt": step} | given
+            settings = WORK_LIMITS | {"method": method, "dt": step} | settings
             laws = soft_laws(rng)
             for law in laws.values():
                 for engine in ("plain", "compiled"):
-                    yield f"fixed {method}, {engine}", seed, lambda s=scene, w=law, o=given | {"engine": engine}: (
+                    yield f"fixed {method}, {engine}", seed, lambda s=scene, w=law, o=settings | {"engine": engine}: (
                         gr.md.simulate(s, w, **o))
-            yield f"fixed {method}, on_event", seed, lambda s=scene, w=laws["dashpot"], m=method: told(
-                gr.md.simulate, s, w, t_end=0.2, method=m, dt=1e-3, **LIMITS)
+            yield f"fixed {method}, on_event", seed, lambda s=scene, w=laws["dashpot"], m=method: run_with_events(
+                gr.md.simulate, s, w, t_end=0.2, method=m, dt=1e-3, **WORK_LIMITS)
     for log in (True, False):
         yield from soft_gases("fixed", {"method": "verlet", "dt": 1e-3, "log": log})
 
 
-def soft_gases(family: str, given: dict[str, Any]) -> Iterator[Case]:
+def soft_gases(family: str, settings: dict[str, Any]) -> Iterator[Case]:
     """Gases that collide a few times."""
     import granular as gr
 
-    for n in GASES[:2]:
+    for n in GAS_SIZES[:2]:
         gas = gr.scenes.gas(n, float(n), mass_spread=4.0)
         for law in (gr.LinearDashpot(1e4, 10.0), gr.ViscoelasticHertz(1e5, 50.0)):
-            yield f"{family} gas", n, lambda s=gas, w=law: gr.md.simulate(s, w, t_end=1.0, samples=4, **given)
+            yield f"{family} gas", n, lambda s=gas, w=law: gr.md.simulate(s, w, t_end=1.0, samples=4, **settings)
 
 
 def compare(seeds: int) -> Iterator[Case]:
@@ -182,23 +184,23 @@ def compare(seeds: int) -> Iterator[Case]:
 
     for seed in range(seeds):
         rng = np.random.default_rng([5, seed])
-        scene, laws = drawn(rng, walls=False), soft_laws(rng)
+        scene, laws = random_scene(rng, walls=False), soft_laws(rng)
         law = laws[str(rng.choice(["spring", "dashpot", "Hertz", "viscoelastic", "Tsuji"]))]
-        yield "compare", seed, lambda s=scene, w=law: compared(s, w)
+        yield "compare", seed, lambda s=scene, w=law: comparison_values(s, w)
         yield "binary", seed, lambda s=scene, w=law: [gr.restitution_of(w)(0.7, p) for p in s.pairs]
         few = gr.Scene([1.0, 2.0, 1.0], [0.1] * 3, [1e-3, 2e-3], [1.0, 0.0, -float(rng.uniform(0.1, 1.0))])
-        yield "reference", seed, lambda s=few, w=law: solved(s, w)
+        yield "reference", seed, lambda s=few, w=law: reference_solution(s, w)
         ratio, eps = float(rng.uniform(2.0, 20.0)), float(rng.uniform(0.1, 1.0))
-        yield "adiabatic", seed, lambda r=ratio, e=eps: light_ball(r, e)
+        yield "adiabatic", seed, lambda r=ratio, e=eps: adiabatic_values(r, e)
     for seed in range(max(1, seeds // 5)):
         rng = np.random.default_rng([6, seed])
         over = {"gap": 10.0 ** rng.uniform(-6, -3, 4), "restitution": rng.uniform(0.2, 1.0, 3)}
         for title, options in {"compiled": {}, "one by one": {"run": {"engine": "plain"}},
                                "both engines": {"results": ["error", "hard_contacts", "distance"]}}.items():
-            yield f"sweep, {title}", seed, lambda g=over, o=options: cells(g, o)
+            yield f"sweep, {title}", seed, lambda g=over, o=options: sweep_values(g, o)
 
 
-def compared(scene: Any, law: Any) -> Any:
+def comparison_values(scene: Any, law: Any) -> Any:
     """All numbers of a comparison."""
     import granular as gr
 
@@ -206,7 +208,7 @@ def compared(scene: Any, law: Any) -> Any:
     return {name: repr(value) for name, value in report.items() if name != "provenance"}
 
 
-def cells(over: Any, options: Any) -> Any:
+def sweep_values(over: Any, options: Any) -> Any:
     """All numbers of a sweep."""
     import granular as gr
 
@@ -214,11 +216,11 @@ def cells(over: Any, options: Any) -> Any:
     return {str(name): array.values for name, array in data.variables.items()}
 
 
-def solved(scene: Any, law: Any) -> Any:
+def reference_solution(scene: Any, law: Any) -> Any:
     """The solution of the slow solver, in few digits."""
     from granular import until
 
-    reference = import_module(next(filter(is_module, REFERENCES)).rpartition(".")[0])
+    reference = import_module(next(filter(is_module, REFERENCE_MODULES)).rpartition(".")[0])
     return repr(reference.solve(scene, law, until=until.separated(), digits=20))
 
 
@@ -228,7 +230,7 @@ def is_module(name: str) -> bool:
     return all(map(find_spec, folders)) and find_spec(name) is not None
 
 
-def light_ball(ratio: float, eps: float) -> Any:
+def adiabatic_values(ratio: float, eps: float) -> Any:
     """The light ball on the heavy one."""
     import granular as gr
 
@@ -237,4 +239,4 @@ def light_ball(ratio: float, eps: float) -> Any:
     return {name: value for name, value in vars(gr.adiabatic.contacts(scene, law)).items() if name != "steps"}
 
 
-FAMILIES = {"edmd": edmd, "located": located, "fixed": fixed, "compare": compare}
+PLAIN_FAMILIES = {"edmd": edmd, "located": located, "fixed": fixed, "compare": compare}

@@ -7,24 +7,24 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from same_bits_cases import LIMITS, METHODS, Case, drawn, soft_laws, way
+from same_bits_cases import FIXED_METHODS, WORK_LIMITS, Case, random_scene, run_options, soft_laws
 
-ENGINES = ("plain", "compiled")
-LAWS = ("dashpot", "viscoelastic", "own Hertz")
+ENGINE_NAMES = ("plain", "compiled")
+LAW_NAMES = ("dashpot", "viscoelastic", "own Hertz")
 
 
-def shaken(rng: Any) -> Any:
+def driven_scene(rng: Any) -> Any:
     """A scene beside walls that move as a function of time, forces on its balls, or both."""
     from scenes_at_random import driven
 
-    scene = drawn(rng)
+    scene = random_scene(rng)
     while not scene.is_wall.any():
-        scene = drawn(rng)
+        scene = random_scene(rng)
     still = scene.replace(velocity=np.where(scene.is_wall, 0.0, scene.velocity))
     return driven(rng, still)
 
 
-def heated(rng: Any) -> Any:
+def thermal_scene(rng: Any) -> Any:
     """Balls between two thermal walls of different temperatures."""
     import granular as gr
 
@@ -34,7 +34,7 @@ def heated(rng: Any) -> Any:
     return gr.Scene(mass, [0.0, *[0.05] * n, 0.0], gap, [0.0, *rng.normal(size=n), 0.0], **walls)
 
 
-def round_about(rng: Any) -> Any:
+def ring_scene(rng: Any) -> Any:
     """Balls on a ring; some touch."""
     import granular as gr
 
@@ -44,7 +44,7 @@ def round_about(rng: Any) -> Any:
     return gr.Scene(rng.uniform(0.5, 2.0, n), [0.05] * n, gap, rng.normal(size=n), ring=True)
 
 
-def hung(rng: Any) -> Any:
+def pendulum_scene(rng: Any) -> Any:
     """Pendula, apart, touching or with a wall."""
     import granular as gr
 
@@ -61,13 +61,13 @@ def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> I
         for seed in range(seeds):
             rng = np.random.default_rng([number, which, seed])
             scene, laws, rule = make(rng), soft_laws(rng), gr.ConstantRestitution(float(rng.choice([0.5, 0.9, 1.0])))
-            given = way(rng, scene.n_pairs) or {"t_end": 0.5}
+            given = run_options(rng, scene.n_pairs) or {"t_end": 0.5}
             for queue in ("sorted", "compiled"):
                 options = {"max_events": 300} | given | {"engine": queue}
                 yield f"edmd {kind}, {queue}", seed, lambda s=scene, r=rule, o=options: gr.edmd.simulate(s, r, **o)
-            law, method = laws[LAWS[seed % len(LAWS)]], METHODS[seed % len(METHODS)]
-            for engine in ENGINES:
-                options = LIMITS | given | {"engine": engine if law is not laws["own Hertz"] else "plain"}
+            law, method = laws[LAW_NAMES[seed % len(LAW_NAMES)]], FIXED_METHODS[seed % len(FIXED_METHODS)]
+            for engine in ENGINE_NAMES:
+                options = WORK_LIMITS | given | {"engine": engine if law is not laws["own Hertz"] else "plain"}
                 yield f"located {kind}, {engine}", seed, lambda s=scene, w=law, o=options: gr.md.simulate(s, w, **o)
                 yield f"fixed {kind}, {engine}", seed, lambda s=scene, w=law, m=method, o=options: gr.md.simulate(
                     s, w, **o | {"method": m, "dt": 1e-3})
@@ -75,12 +75,12 @@ def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> I
 
 def driven(seeds: int) -> Iterator[Case]:
     """Driven walls, forces, thermal walls."""
-    yield from family(7, seeds, {"driven": shaken, "thermal": heated})
+    yield from family(7, seeds, {"driven": driven_scene, "thermal": thermal_scene})
 
 
 def bounded(seeds: int) -> Iterator[Case]:
     """Rings and pendula."""
-    yield from family(8, seeds, {"ring": round_about, "pendula": hung})
+    yield from family(8, seeds, {"ring": ring_scene, "pendula": pendulum_scene})
 
 
-SPECIAL = {"driven": driven, "bounded": bounded}
+SPECIAL_FAMILIES = {"driven": driven, "bounded": bounded}

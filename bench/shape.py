@@ -32,13 +32,13 @@ from textwrap import shorten
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from walks import WALKS, files_on_the_way, loaded
+from walks import SMALL_RUNS, executed_files, loaded_files
 
-MANY, LONG = 8, 45
+MAX_PARAMETERS, MAX_FUNCTION_LINES = 8, 45
 """Parameters and lines that a function may have."""
-SHORT_FILE, LONG_FILE = 60, 360
+SHORT_FILE_LINES, LONG_FILE_LINES = 60, 360
 """Lines of files that are no room of their own, and of those that are too much for one reading."""
-ROOT = Path(__file__).resolve().parent.parent
+REPO_ROOT = Path(__file__).resolve().parent.parent
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -52,28 +52,29 @@ def measure(tree: Path) -> dict[str, Any]:
     docs = sum(len(lines) for module in parsed.values() for lines in docstrings(module))
     total = sum(text.count("\n") for text in files.values())
     faces = public_faces(tree)
-    wide = {f"{name}:{node.name}": parameters(node) for name, node in functions if parameters(node) > MANY}
-    said = {name: statements(module) for name, module in parsed.items()}
+    wide = {f"{name}:{node.name}": parameters(node) for name, node in functions if parameters(node) > MAX_PARAMETERS}
+    statement_counts = {name: statements(module) for name, module in parsed.items()}
     length = {name: text.count("\n") for name, text in files.items()}
-    long = {f"{name}:{node.name}": lines for name, node in functions if (lines := of_body(node)) > LONG}
+    long = {f"{name}:{node.name}": lines for name, node in functions
+            if (lines := body_lines(node)) > MAX_FUNCTION_LINES}
     imported = sum(isinstance(node, ast.Import | ast.ImportFrom) for one in parsed.values() for node in ast.walk(one))
     entries = [path for path in (tree / "granular").iterdir() if path.suffix in ("", ".py")
                and path.name != "__pycache__"]
     path = reading_path(tree)
     return {
-        "statements": sum(said.values()),
-        "  imports among them": f"{imported / sum(said.values()):.1%}",
+        "statements": sum(statement_counts.values()),
+        "  imports among them": f"{imported / sum(statement_counts.values()):.1%}",
         "files": len(files),
-        f"  below {SHORT_FILE} lines, __init__ apart": sum(
-            lines < SHORT_FILE for name, lines in length.items() if not name.endswith("__init__.py")),
-        f"  above {LONG_FILE} lines": sum(lines > LONG_FILE for lines in length.values()),
+        f"  below {SHORT_FILE_LINES} lines, __init__ apart": sum(
+            lines < SHORT_FILE_LINES for name, lines in length.items() if not name.endswith("__init__.py")),
+        f"  above {LONG_FILE_LINES} lines": sum(lines > LONG_FILE_LINES for lines in length.values()),
         "longest chain of imports": len(chain := longest_chain(imports(parsed, types=False))),
-        "rings of imports": len(rings := list(cycles(imports(parsed)))),
-        **{f"files on the way of {what}": len(files_on_the_way(prepare, tree)) for what, prepare in WALKS.items()},
-        "statements loaded by compare": sum(said[name] for name in loaded(tree)),
+        "rings of imports": len(rings := list(import_cycles(imports(parsed)))),
+        **{f"files on the way of {what}": len(executed_files(prepare, tree)) for what, prepare in SMALL_RUNS.items()},
+        "statements loaded by compare": sum(statement_counts[name] for name in loaded_files(tree)),
         "entries of granular/": len(entries),
         "  rooms among them": sum(one.is_dir() for one in entries),
-        f"functions above {LONG} lines": len(long),
+        f"functions above {MAX_FUNCTION_LINES} lines": len(long),
         "reading path, lines": sum(length[name] for name in path),
         "reading path, files": len(path),
         "lines": total,
@@ -81,7 +82,7 @@ def measure(tree: Path) -> dict[str, Any]:
         "docstrings": f"{docs / total:.0%}",
         "functions": len(functions),
         "median length of functions": median(len(span(node) & code[name]) for name, node in functions),
-        f"functions with more than {MANY} parameters": len(wide),
+        f"functions with more than {MAX_PARAMETERS} parameters": len(wide),
         "  of them public": sum(name in faces for name in wide),
         "wide": {name + (" (public)" if name in faces else ""): n for name, n in wide.items()},
         "long": long,
@@ -90,7 +91,7 @@ def measure(tree: Path) -> dict[str, Any]:
     }
 
 
-def of_body(node: Function) -> int:
+def body_lines(node: Function) -> int:
     """Lines of a function, its docstring apart."""
     first = node.body[0]
     docstring = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
@@ -104,14 +105,14 @@ def reading_path(tree: Path) -> list[str]:
 
 def main_line(folder: Path) -> Iterator[Path]:
     """Main-line files of a room and of its main-line folders, in reading order."""
-    for name in listed(folder)[0]:
+    for name in listed_files(folder)[0]:
         if name.endswith("/"):
             yield from main_line(folder / name)
         else:
             yield folder / f"{name}.py"
 
 
-def listed(folder: Path) -> tuple[list[str], list[str]]:
+def listed_files(folder: Path) -> tuple[list[str], list[str]]:
     """Names of the main line and of the other files, as the docstring of a room lists them; folders end in /."""
     text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
     found = (re.search(rf"^{head}: (.*?)\.$", text, re.M | re.S) for head in ("Main line", "A first reader may skip"))
@@ -119,7 +120,7 @@ def listed(folder: Path) -> tuple[list[str], list[str]]:
     return main, others
 
 
-def about(file: Path) -> str:
+def first_sentence(file: Path) -> str:
     """First sentence of the docstring of a module."""
     text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
     sentence = re.split(r"(?<=[.?!])\s", " ".join(text.partition("\n\n")[0].split()))[0]
@@ -128,14 +129,14 @@ def about(file: Path) -> str:
 
 def tree_lines(folder: Path, depth: int = 0) -> Iterator[str]:
     """The rooms as a tree, one line per file: main-line files with an arrow and their lines, then the others."""
-    main, others = listed(folder)
+    main, others = listed_files(folder)
     for name in [*main, *others]:
         inner = folder / name
         file = inner / "__init__.py" if name.endswith("/") else inner.with_suffix(".py")
         path = name in main and not name.endswith("/")
         lines = str(len(file.read_text(encoding="utf-8").splitlines())) if path else ""
         shown = "  " * depth + (name if name.endswith("/") else f"{name}.py")
-        yield f"{'→' if name in main else ' '} {lines:>3}  {shown:34}  {about(file)}"
+        yield f"{'→' if name in main else ' '} {lines:>3}  {shown:34}  {first_sentence(file)}"
         if name.endswith("/"):
             yield from tree_lines(inner, depth + 1)
 
@@ -247,7 +248,7 @@ def longest_chain(graph: dict[str, set[str]]) -> list[str]:
     return max(map(chain, sorted(graph)), key=len)
 
 
-def cycles(graph: dict[str, set[str]]) -> Iterator[set[str]]:
+def import_cycles(graph: dict[str, set[str]]) -> Iterator[set[str]]:
     """Strongly connected components of more than one module."""
     reach = {start: reachable(graph, start) for start in graph}
     left = set(graph)
@@ -278,10 +279,10 @@ def measured(tree: Path) -> dict[str, Any]:
     return figures
 
 
-def of_commit(ref: str) -> dict[str, Any]:
+def figures_of_commit(ref: str) -> dict[str, Any]:
     """`measure` of the package as it was at `ref`."""
     packed = subprocess.run(["git", "archive", ref, "granular"], check=True, capture_output=True,
-                            cwd=ROOT).stdout
+                            cwd=REPO_ROOT).stdout
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
             archive.extractall(folder, filter="data")
@@ -294,9 +295,9 @@ def table(columns: dict[str, dict[str, Any]]) -> str:
     rows = [name for name in next(iter(columns.values())) if name not in ("wide", "long", "rings", "chain")]
     lines += [f"{name:46}" + "".join(f"{column[name]!s:>14}" for column in columns.values()) for name in rows]
     for title, column in columns.items():
-        lines += ["", f"{title}: functions with more than {MANY} parameters"]
+        lines += ["", f"{title}: functions with more than {MAX_PARAMETERS} parameters"]
         lines += [f"  {n:3} {name}" for name, n in sorted(column["wide"].items(), key=lambda item: -item[1])]
-        lines += ["", f"{title}: functions of more than {LONG} lines"]
+        lines += ["", f"{title}: functions of more than {MAX_FUNCTION_LINES} lines"]
         lines += [f"  {n:3} {name}" for name, n in sorted(column["long"].items(), key=lambda item: -item[1])]
         lines += ["", f"{title}: longest chain of imports", *(f"  {name}" for name in column["chain"])]
         lines += ["", f"{title}: rings of imports", *(f"  {ring}" for ring in column["rings"])]
@@ -311,15 +312,15 @@ def main() -> None:
     parser.add_argument("--reading", action="store_true", help="write docs/reading.md")
     given = parser.parse_args()
     if given.reading:
-        page = ROOT / "docs" / "reading.md"
-        page.write_text(reading_page(page.read_text(encoding="utf-8"), ROOT), encoding="utf-8")
+        page = REPO_ROOT / "docs" / "reading.md"
+        page.write_text(reading_page(page.read_text(encoding="utf-8"), REPO_ROOT), encoding="utf-8")
         return
     if given.measure:
         print(json.dumps(measure(Path(given.measure))))
         return
-    columns = {"this tree": measured(ROOT)}
+    columns = {"this tree": measured(REPO_ROOT)}
     if given.ref:
-        columns[given.ref] = of_commit(given.ref)
+        columns[given.ref] = figures_of_commit(given.ref)
     print(table(columns))
 
 

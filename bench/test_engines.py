@@ -11,14 +11,14 @@ import pytest
 import granular as gr
 
 METHODS = ("located", "verlet", "symplectic-euler", "rk4", "gear5")
-SELDOM = ("symplectic-euler", "gear5")
+RARE_METHODS = ("symplectic-euler", "gear5")
 
 
 @pytest.fixture(autouse=True)
-def code_that_is_seldom_needed(request):
+def skip_rare_kernels(request):
     """What is not timed makes no machine code of its own."""
     timed, given = request.config.getoption("benchmark_only"), getattr(request.node, "callspec", None)
-    if not timed and given and given.params.get("method") in SELDOM and given.params["engine"] == "compiled":
+    if not timed and given and given.params.get("method") in RARE_METHODS and given.params["engine"] == "compiled":
         pytest.skip("its machine code is made where it is timed, and in the soak")
 
 

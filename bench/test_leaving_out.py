@@ -2,12 +2,12 @@
 
 import pytest
 
-from bench.leaving_out import PAIRS
+from bench.leaving_out import RUN_PAIRS
 
 
 @pytest.mark.parametrize("there", [False, True], ids=["without", "with"])
-@pytest.mark.parametrize("what", PAIRS)
+@pytest.mark.parametrize("what", RUN_PAIRS)
 def test_leaving_out(benchmark, what, there):
     benchmark.group = what
-    run = benchmark(PAIRS[what][there])
+    run = benchmark(RUN_PAIRS[what][there])
     assert run.status.name in ("time", "max_events")

@@ -5,16 +5,16 @@ import sys
 
 import pytest
 
-RUN = "import granular as gr; gr.edmd.simulate(gr.scenes.three_balls(), gr.ConstantRestitution(0.7){})"
-STARTS = {
+RUN_SCRIPT = "import granular as gr; gr.edmd.simulate(gr.scenes.three_balls(), gr.ConstantRestitution(0.7){})"
+START_SCRIPTS = {
     "nothing": "pass",
     "import": "import granular",
-    "a run": RUN.format(""),
-    "a compiled run": RUN.format(", engine='compiled'"),
+    "a run": RUN_SCRIPT.format(""),
+    "a compiled run": RUN_SCRIPT.format(", engine='compiled'"),
 }
 
 
 @pytest.mark.benchmark(group="start of a process", min_rounds=3)
-@pytest.mark.parametrize("what", STARTS)
+@pytest.mark.parametrize("what", START_SCRIPTS)
 def test_start(benchmark, what):
-    benchmark(lambda: subprocess.run([sys.executable, "-c", STARTS[what]], check=True))
+    benchmark(lambda: subprocess.run([sys.executable, "-c", START_SCRIPTS[what]], check=True))

@@ -18,10 +18,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = ("granular", "bench", "examples")
-ITEM = re.compile(r"`[^`\n]+`|\b\d[\d.e×⁻⁰¹²³⁴-⁹_+-]*\d\b|(?<![\w`])\d(?![\w`])|\b\w+Error\b"
-                  r"|[^\s`]*[Ͱ-Ͽ∂-⋿√±·²³⁻½]+[^\s`]*")
+REPO_ROOT = Path(__file__).resolve().parent.parent
+SOURCE_FOLDERS = ("granular", "bench", "examples")
+ITEM_PATTERN = re.compile(r"`[^`\n]+`|\b\d[\d.e×⁻⁰¹²³⁴-⁹_+-]*\d\b|(?<![\w`])\d(?![\w`])|\b\w+Error\b"
+                          r"|[^\s`]*[Ͱ-Ͽ∂-⋿√±·²³⁻½]+[^\s`]*")
 """Names in backticks, numbers, exceptions, and words with a mathematical symbol."""
 Named = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 Defined = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
@@ -54,15 +54,15 @@ def texts(source: str) -> Iterator[tuple[str, str]]:
     yield from walk(tree, "")
 
 
-def of_commit(ref: str) -> dict[str, str]:
+def sources_of_commit(ref: str) -> dict[str, str]:
     """Sources of the Python files of a commit by their paths."""
-    packed = subprocess.run(["git", "archive", ref, *FOLDERS], cwd=ROOT, capture_output=True, check=True).stdout
-    with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+    packed = subprocess.run(["git", "archive", ref, *SOURCE_FOLDERS], cwd=REPO_ROOT, capture_output=True, check=True)
+    with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
         return {one.name: archive.extractfile(one).read().decode()  # type: ignore[union-attr]
                 for one in archive if one.name.endswith(".py")}
 
 
-def gathered(sources: dict[str, str]) -> dict[str, dict[str, str]]:
+def texts_by_place(sources: dict[str, str]) -> dict[str, dict[str, str]]:
     """Texts by file and place; several strings of one place are joined."""
     found: dict[str, dict[str, str]] = {}
     for name, source in sources.items():
@@ -71,9 +71,9 @@ def gathered(sources: dict[str, str]) -> dict[str, dict[str, str]]:
     return found
 
 
-def missing(old: str, new: str) -> list[str]:
+def lost_items(old: str, new: str) -> list[str]:
     """Items of the old text that do not occur in the new one."""
-    return sorted({item for item in ITEM.findall(old) if item.strip("`,.;:()") not in new})
+    return sorted({item for item in ITEM_PATTERN.findall(old) if item.strip("`,.;:()") not in new})
 
 
 def main() -> None:
@@ -83,24 +83,24 @@ def main() -> None:
     parser.add_argument("paths", nargs="*", help="parts of file names")
     parser.add_argument("--renames", type=Path, help="file with one pair `old new` per line")
     request = parser.parse_args()
-    before = of_commit(request.ref)
+    before = sources_of_commit(request.ref)
     for line in request.renames.read_text().splitlines() if request.renames else ():
         old, new = line.split()
         before = {name: re.sub(rf"\b{re.escape(old)}\b", new, text) for name, text in before.items()}
-    after = gathered({path.relative_to(ROOT).as_posix(): path.read_text()
-                      for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))})
+    after = texts_by_place({path.relative_to(REPO_ROOT).as_posix(): path.read_text()
+                            for folder in SOURCE_FOLDERS for path in sorted((REPO_ROOT / folder).rglob("*.py"))})
     anywhere: dict[str, str] = {}
     for by_place in after.values():
         for place, text in by_place.items():
             anywhere[place] = anywhere.get(place, "") + " " + text
     lost = 0
-    for name, by_place in gathered(before).items():
+    for name, by_place in texts_by_place(before).items():
         if request.paths and not any(part in name for part in request.paths):
             continue
         whole = " ".join(after.get(name, {}).values())
         for place, text in by_place.items():
             new = after.get(name, {}).get(place) or anywhere.get(place) or whole
-            if items := missing(text, new):
+            if items := lost_items(text, new):
                 lost += len(items)
                 print(f"{name}: {place}: {'  '.join(items)}")
     print(f"{lost} items to read")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 Run = Callable[[], Any]
-COMPARED = """
+COMPARE_SCRIPT = """
 import json
 import math, sys
 import granular as gr
@@ -76,12 +76,12 @@ def comparison(gr: Any) -> Run:
     return lambda: str(gr.compare(scene, law=law))
 
 
-WALKS: dict[str, Callable[[Any], Run]] = {
+SMALL_RUNS: dict[str, Callable[[Any], Run]] = {
     "a hard collision": hard_collision, "an isolated soft contact": isolated_contact, "an own law": own_law,
     "an island": island, "a driven soft contact": driven_contact, "compare of two balls": comparison}
 
 
-def files_on_the_way(prepare: Callable[[Any], Run], tree: Path) -> set[str]:
+def executed_files(prepare: Callable[[Any], Run], tree: Path) -> set[str]:
     """Files of the package below `tree` whose functions a run calls, once imports and tables are made."""
     import granular as gr
 
@@ -101,9 +101,9 @@ def files_on_the_way(prepare: Callable[[Any], Run], tree: Path) -> set[str]:
     return called
 
 
-def loaded(tree: Path) -> list[str]:
+def loaded_files(tree: Path) -> list[str]:
     """Files below `tree` that `compare` of three dashpot balls imports, without machine code."""
-    shown = subprocess.run([sys.executable, "-c", "import sys; sys.modules['numba'] = None\n" + COMPARED], check=True,
-                           capture_output=True, text=True, cwd=tree)
+    script = "import sys; sys.modules['numba'] = None\n" + COMPARE_SCRIPT
+    shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, cwd=tree)
     paths = [Path(one) for one in json.loads(shown.stdout.splitlines()[-1]) if one]
     return [path.relative_to(tree).as_posix() for path in paths if path.is_relative_to(tree)]

@@ -15,26 +15,26 @@ import numpy as np
 import granular as gr
 from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 
-FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
-LAW, FORCE, DIMER = gr.Hertz(9.75758e9), 20.0, 0.5
-ROWS = 8
+FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
+CHAIN_LAW, COMPRESSION_FORCE, MASS_RATIO = gr.Hertz(9.75758e9), 20.0, 0.5
+SAMPLES_PER_PERIOD = 8
 """Rows in a period of the highest frequency."""
 
 
-def crystal(n: int, **options: Any) -> tuple[gr.Scene, float, np.ndarray]:
+def diatomic_chain(n: int, **options: Any) -> tuple[gr.Scene, float, np.ndarray]:
     """A chain of two masses, the stiffness of its contacts, and the masses of a cell."""
-    scene = gr.scenes.compressed_chain(n, FORCE, law=LAW, dimer=DIMER, **options)
-    return scene, float(gr.waves.stiffness(scene, LAW)[1]), scene.mass[1:3]
+    scene = gr.scenes.compressed_chain(n, COMPRESSION_FORCE, law=CHAIN_LAW, dimer=MASS_RATIO, **options)
+    return scene, float(gr.waves.stiffness(scene, CHAIN_LAW)[1]), scene.mass[1:3]
 
 
-def noise(cells: int, periods: int) -> dict[str, Any]:
+def spectral_density(cells: int, periods: int) -> dict[str, Any]:
     """Spectral density of the velocities in a chain between walls that starts with random ones."""
-    scene, k, mass = crystal(2 * cells)
+    scene, k, mass = diatomic_chain(2 * cells)
     top = gr.waves.band_edges(k, mass)[-1, 1]
     start = np.zeros(scene.n)
     start[1:-1] = np.random.default_rng(1).normal(0.0, 1e-7, 2 * cells)
-    times = np.arange(periods * ROWS) * (2.0 * math.pi / top / ROWS)
-    run = gr.md.simulate(scene.replace(velocity=start), LAW, t_end=times[-1], samples=times)
+    times = np.arange(periods * SAMPLES_PER_PERIOD) * (2.0 * math.pi / top / SAMPLES_PER_PERIOD)
+    run = gr.md.simulate(scene.replace(velocity=start), CHAIN_LAW, t_end=times[-1], samples=times)
     heavy = run.velocity[:, 1:-1:2] * np.hanning(len(times))[:, None] * np.hanning(cells + 2)[1:-1]
     density = np.abs(np.fft.fft2(heavy)) ** 2
     folded = density[: len(times) // 2] + density[:1:-1][: len(times) // 2]
@@ -44,18 +44,18 @@ def noise(cells: int, periods: int) -> dict[str, Any]:
             "density": (kept / kept.max()).tolist()}
 
 
-def decays(points: int, periods: int) -> dict[str, list[float]]:
+def decay_rates(points: int, periods: int) -> dict[str, list[float]]:
     """Decay from ball to ball in the gap and above the bands, measured with a shaken floor."""
-    scene, k, mass = crystal(16)
+    scene, k, mass = diatomic_chain(16)
     edges = gr.waves.band_edges(k, mass)
     inside = [0.2, 0.8] if points < 3 else np.linspace(0.15, 0.85, points)
     gap = [edges[0, 1] + part * (edges[1, 0] - edges[0, 1]) for part in inside]
     above = [edges[1, 1] * (1.05 + 0.4 * part) for part in inside]
     omega = [float(w) for w in [*gap, *above]]
-    return {"omega": omega, "decay": [decay(scene, w, periods) for w in omega]}
+    return {"omega": omega, "decay": [measured_decay(scene, w, periods) for w in omega]}
 
 
-def decay(scene: gr.Scene, omega: float, periods: int) -> float:
+def measured_decay(scene: gr.Scene, omega: float, periods: int) -> float:
     """One of them: the floor sets in softly, so that only its own frequency is there."""
     turn = 2.0 * math.pi / omega
 
@@ -63,7 +63,7 @@ def decay(scene: gr.Scene, omega: float, periods: int) -> float:
         return 5e-11 * math.erfc((0.4 * periods * turn - t) / (0.088 * periods * turn)) * math.sin(omega * t)
 
     times = np.linspace((periods - 8) * turn, periods * turn, 96, endpoint=False)
-    run = gr.md.simulate(scene.replace(floor=gr.walls.Motion(path)), LAW, t_end=periods * turn, samples=times)
+    run = gr.md.simulate(scene.replace(floor=gr.walls.Motion(path)), CHAIN_LAW, t_end=periods * turn, samples=times)
     moved = run.position - run.position.mean(axis=0)
     size = np.abs((moved * np.exp(-1j * omega * times)[:, None]).mean(axis=0))
     return float(math.sqrt(size[3] / size[1]))
@@ -71,34 +71,34 @@ def decay(scene: gr.Scene, omega: float, periods: int) -> float:
 
 def solitary(balls: int) -> dict[str, Any]:
     """Force at three contacts of a run over the distance of the exact wave from them, and its farthest from it."""
-    scene, wave = gr.waves.solitary(balls, 0.1, law=LAW), gr.waves.SolitaryWave(1.5)
+    scene, wave = gr.waves.solitary(balls, 0.1, law=CHAIN_LAW), gr.waves.SolitaryWave(1.5)
     m = scene.mass[0]
-    deepest = (0.1 * math.sqrt(m / LAW.k) / wave.peak_velocity) ** 0.8
-    rate = wave.speed * math.sqrt(LAW.k * math.sqrt(deepest) / m)
+    deepest = (0.1 * math.sqrt(m / CHAIN_LAW.k) / wave.peak_velocity) ** 0.8
+    rate = wave.speed * math.sqrt(CHAIN_LAW.k * math.sqrt(deepest) / m)
     sensors = [8, balls // 2, balls - 8]
     times = np.unique([t for c in sensors for t in (c + 0.5 - 6.0 + np.linspace(-3.0, 3.0, 25)) / rate])
     times = times[times >= 0.0]
-    run = gr.md.simulate(scene, LAW, t_end=float(times[-1]), samples=times)
+    run = gr.md.simulate(scene, CHAIN_LAW, t_end=float(times[-1]), samples=times)
     found: dict[str, Any] = {"sensors": sensors, "at": [], "force": []}
     for c in sensors:
         x = c + 0.5 - 6.0 - rate * times
         near = np.abs(x) <= 3.01
         found["at"].append(x[near].tolist())
-        found["force"].append((run.force[near, c] / (LAW.k * deepest**1.5)).tolist())
+        found["force"].append((run.force[near, c] / (CHAIN_LAW.k * deepest**1.5)).tolist())
     return found
 
 
-def struck(n: int, rows: int) -> gr.Trajectory:
+def struck_chain(n: int, rows: int) -> gr.Trajectory:
     """A chain of equal balls under a force, struck from the left."""
-    scene = gr.scenes.compressed_chain(n, FORCE, law=LAW, ends="forces", striker=0.03, speed=2e-3)
-    return gr.md.simulate(scene, LAW, t_end=1.3 * gr.waves.crossing_time(scene, LAW), samples=rows)
+    scene = gr.scenes.compressed_chain(n, COMPRESSION_FORCE, law=CHAIN_LAW, ends="forces", striker=0.03, speed=2e-3)
+    return gr.md.simulate(scene, CHAIN_LAW, t_end=1.3 * gr.waves.crossing_time(scene, CHAIN_LAW), samples=rows)
 
 
 def compute(points: int) -> dict[str, Any]:
     """All numbers; at few points short runs."""
     few = points < 10
-    return {"noise": noise(4, 8) if few else noise(32, 128),
-            "decays": decays(2 if few else 8, 24 if few else 160),
+    return {"noise": spectral_density(4, 8) if few else spectral_density(32, 128),
+            "decays": decay_rates(2 if few else 8, 24 if few else 160),
             "solitary": solitary(20 if few else 110)}
 
 
@@ -106,7 +106,7 @@ def draw(data: dict[str, Any]) -> Any:
     """Four panels."""
     figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
     (bands, gaps), (pulse, picture) = axes
-    _, k, mass = crystal(4)
+    _, k, mass = diatomic_chain(4)
     edges = gr.waves.band_edges(k, mass) / (2.0 * math.pi)
     phase = np.linspace(0.0, math.pi, 200)
     seen = data["noise"]
@@ -132,7 +132,7 @@ def draw(data: dict[str, Any]) -> Any:
         pulse.plot(at, force, mark, ms=3, mfc="none", color=SOFT, label=f"contact {contact}")
     pulse.set(xlabel="distance from the peak, diameters", ylabel="force over its peak", yscale="log", ylim=(1e-5, 2.0))
     pulse.legend(loc="lower center")
-    gr.waves.picture(struck(60, 300), beyond=True, axis=picture)
+    gr.waves.picture(struck_chain(60, 300), beyond=True, axis=picture)
     for axis, name in zip(axes.ravel(), "abcd", strict=True):
         axis.text(0.02, 0.97, f"({name})", transform=axis.transAxes, va="top")
     return figure
@@ -140,5 +140,5 @@ def draw(data: dict[str, Any]) -> Any:
 
 if __name__ == "__main__":
     with style():
-        draw(compute(20)).savefig(FIGURE, dpi=200)
+        draw(compute(20)).savefig(FIGURE_PATH, dpi=200)
     docs_data.store("waves")

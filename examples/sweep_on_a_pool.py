@@ -9,13 +9,13 @@ import matplotlib.pyplot as plt
 
 import granular as gr
 
-OVER = ["restitution=0.3:1:16", "gap=1e-6:1e-2:16:log"]
+SWEEP_AXES = ["restitution=0.3:1:16", "gap=1e-6:1e-2:16:log"]
 
 
 def main():
-    here = gr.sweep("three-balls", OVER, "contacts")
+    here = gr.sweep("three-balls", SWEEP_AXES, "contacts")
     with ProcessPoolExecutor(2) as pool:
-        there = gr.sweep("three-balls", OVER, "contacts", executor=pool)
+        there = gr.sweep("three-balls", SWEEP_AXES, "contacts", executor=pool)
     print("process pool, same bits:", here.identical(there))
     print("most contacts of the two balls:", int(here["contacts"].max()))
     drawn, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")

@@ -7,7 +7,7 @@ import sys
 
 import granular as gr
 
-OVER = ["restitution=0.3:1:30", "gap=1e-6:1e-2:30:log"]
+SWEEP_AXES = ["restitution=0.3:1:30", "gap=1e-6:1e-2:30:log"]
 
 
 def main():
@@ -15,9 +15,9 @@ def main():
         from distributed import Client, LocalCluster
     except ImportError:
         sys.exit("dask is not installed: pip install distributed")
-    here = gr.sweep("three-balls", OVER, "contacts")
+    here = gr.sweep("three-balls", SWEEP_AXES, "contacts")
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
-        there = gr.sweep("three-balls", OVER, "contacts", executor=client.get_executor())
+        there = gr.sweep("three-balls", SWEEP_AXES, "contacts", executor=client.get_executor())
     print("dask, same bits:", here.identical(there))
 
 

@@ -27,20 +27,21 @@ docs_data = load("docs_data")
 
 @pytest.mark.thirds
 @pytest.mark.parametrize("name", [
-    name if entry.quick else pytest.param(name, marks=pytest.mark.soak) for name, entry in docs_data.ENTRIES.items()
+    name if entry.quick else pytest.param(name, marks=pytest.mark.soak)
+    for name, entry in docs_data.DATA_ENTRIES.items()
 ])
 def test_data_of_a_figure_or_table_is_what_is_stored(name, monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "bench")
-    entry = docs_data.ENTRIES[name]
-    stored = json.loads((docs_data.DATA / f"{name}.json").read_text(encoding="utf-8"))
+    entry = docs_data.DATA_ENTRIES[name]
+    stored = json.loads((docs_data.DATA_FOLDER / f"{name}.json").read_text(encoding="utf-8"))
     found = docs_data.differences(stored, json.loads(json.dumps(entry.compute())), entry)
     assert not found, f"{name} is stale; draw it anew (bench/regenerate.py):\n" + "\n".join(found[:20])
 
 
 def test_every_figure_has_its_data():
     drawn = {path.stem for path in FIGURES.glob("*.png")}
-    assert drawn <= docs_data.ENTRIES.keys() | docs_data.TIMES_ONLY
-    assert {path.stem for path in docs_data.DATA.glob("*.json")} == docs_data.ENTRIES.keys()
+    assert drawn <= docs_data.DATA_ENTRIES.keys() | docs_data.TIMES_ONLY
+    assert {path.stem for path in docs_data.DATA_FOLDER.glob("*.json")} == docs_data.DATA_ENTRIES.keys()
 
 
 def test_what_differs_is_named():

@@ -78,7 +78,7 @@ def test_a_finding_runs_and_draws(path, tmp_path, monkeypatch, capsys):
     (1e-6, 0.9301, 0.981), (0.1, 0.8645, 0.981), (0.3, 0.6447, 0.980), (1.0, 0.1850, 0.980), (1.89, 0.1085, 0.980),
     (2.41, 0.1082, 0.108)])
 def test_a_column_of_touching_balls_loses_less(gap, soft, tc):
-    of_newton, of_tc, of_hard = detachment.left(gap)
+    of_newton, of_tc, of_hard = detachment.energy_left(gap)
     assert of_newton == printed(soft, 4)
     assert of_tc == pytest.approx(tc, abs=1e-3)  # whether it is less than t_c since the last collision can be a tie
     assert of_hard == printed(0.1082, 4)
@@ -86,10 +86,10 @@ def test_a_column_of_touching_balls_loses_less(gap, soft, tc):
 
 def test_a_column_of_isolated_contacts_is_one_of_hard_spheres():
     """To rounding, beside 0.108; of the TC model, one collision of all dissipates if the balls nearly touch."""
-    of_newton, of_tc, of_hard = detachment.left(10.0)
+    of_newton, of_tc, of_hard = detachment.energy_left(10.0)
     assert of_newton == pytest.approx(of_hard, rel=1e-13)
     assert of_tc == of_hard
-    assert detachment.left(1e-6)[1] == pytest.approx(1.0 - (1.0 - detachment.EPS**2) / detachment.N, rel=1e-13)
+    assert detachment.energy_left(1e-6)[1] == pytest.approx(1.0 - (1.0 - detachment.EPS**2) / detachment.N, rel=1e-13)
     for gap, isolated in ((2.41, True), (2.39, False)):
         scene = gr.scenes.column(detachment.N, gap=gap * detachment.T_C)
         stats = gr.md.simulate(scene, detachment.laws(scene)).stats
@@ -99,7 +99,7 @@ def test_a_column_of_isolated_contacts_is_one_of_hard_spheres():
 def test_tc_is_the_better_one_up_to_a_gap_of_039():
     """The page's interpolation is good to its two digits."""
     for gap, nearer in ((0.37, 1), (0.41, 2)):
-        answers = detachment.left(gap)
+        answers = detachment.energy_left(gap)
         assert min((1, 2), key=lambda way: abs(answers[way] - answers[0])) == nearer
 
 
@@ -109,28 +109,28 @@ def test_scipy_leaves_the_same_of_a_column():
     scene = gr.scenes.column(detachment.N, gap=0.3 * detachment.T_C)
     run = gr.md.simulate(scene, detachment.laws(scene))
     speeds = by_scipy(scene, detachment.laws(scene), run.contacts["t_end"].max() + detachment.T_C)
-    assert 0.1 * (speeds**2).sum() == pytest.approx(detachment.left(0.3)[0], rel=1e-5)
+    assert 0.1 * (speeds**2).sum() == pytest.approx(detachment.energy_left(0.3)[0], rel=1e-5)
 
 
 @SOAK
 def test_with_gaps_at_random_tc_is_further_off_than_hard_spheres():
     """At a mean gap of v t_c, by nine standard errors of the mean of 12 draws."""
     draws = np.random.default_rng(1).exponential(size=(12, detachment.N))
-    soft, tc, hard = np.array([detachment.left(draw) for draw in draws]).T
+    soft, tc, hard = np.array([detachment.energy_left(draw) for draw in draws]).T
     worse = abs(tc - soft) - abs(hard - soft)
     assert worse.mean() > 9.0 * worse.std(ddof=1) / math.sqrt(len(draws))
 
 
 def test_magic_ratios_are_the_published_ones():
     """To the digits of the abstract: 1, and the third power of the golden ratio."""
-    assert [domino.MAGIC[1], domino.MAGIC[2]] == pytest.approx([1.0, 2.0 + math.sqrt(5.0)], rel=1e-15)
-    assert domino.MAGIC[3] == printed(9.097835, 6)
+    assert [domino.MAGIC_RATIOS[1], domino.MAGIC_RATIOS[2]] == pytest.approx([1.0, 2.0 + math.sqrt(5.0)], rel=1e-15)
+    assert domino.MAGIC_RATIOS[3] == printed(9.097835, 6)
 
 
 @pytest.mark.parametrize("k", [2, 3])
 def test_a_hard_domino_runs_at_the_speed_of_the_kick(k):
     """A cell in 2 d/v, and the speed of the kick in each; rounding grows with the number of cells."""
-    run = domino.hard(domino.MAGIC[k], 201, until=gr.until.contact(199))
+    run = domino.hard_run(domino.MAGIC_RATIOS[k], 201, until=gr.until.contact(199))
     time, speed = domino.front(run)
     assert np.diff(time) == pytest.approx(2.0, rel=1e-11)
     assert speed == pytest.approx(1.0, rel=1e-12)
@@ -143,15 +143,15 @@ def test_a_hard_domino_runs_at_the_speed_of_the_kick(k):
     pytest.param("Hertz contacts", 3, 0.135680, marks=SOAK)])
 def test_a_soft_domino_is_isolated_up_to(name, k, end):
     """The grid of the search has steps of 1e-6."""
-    assert domino.softest(domino.LAWS[name][0], k) == pytest.approx(end, rel=0.0, abs=1.1e-6)
+    assert domino.isolation_limit(domino.SOFT_LAWS[name][0], k) == pytest.approx(end, rel=0.0, abs=1.1e-6)
 
 
 def test_a_soft_domino_keeps_its_speed_until_then_and_not_beyond():
-    law = domino.LAWS["springs"][0]
-    time, speed = domino.front(domino.newton(law, 2, 0.3416, 25))
+    law = domino.SOFT_LAWS["springs"][0]
+    time, speed = domino.front(domino.soft_run(law, 2, 0.3416, 25))
     assert speed == pytest.approx(1.0, rel=1e-12)
     assert np.diff(time) == pytest.approx(np.diff(time)[0], rel=1e-12)
-    slower = domino.front(domino.newton(law, 2, 0.45, 25))[1]
+    slower = domino.front(domino.soft_run(law, 2, 0.45, 25))[1]
     assert slower[-1] == printed(0.937, 3)
     assert slower[-6:] == pytest.approx(slower[-1], rel=1e-4)  # as slow as ever
 
@@ -161,7 +161,7 @@ def test_a_soft_domino_keeps_its_speed_until_then_and_not_beyond():
 def test_a_blast_slows_down():
     """δ = 0.62 of 401 balls, and of twice as many."""
     for n, delta in ((401, 0.62), (801, 0.62)):
-        run = domino.hard(2.0, n, until=gr.until.contact(n - 2))
+        run = domino.hard_run(2.0, n, until=gr.until.contact(n - 2))
         assert np.sum(abs(run.velocity[-1]) > 1e-9) == n - 1
         reached = domino.front(run)[0][20:]
         assert np.polyfit(np.log(reached), np.log(np.arange(41, n - 1, 2)), 1)[0] == printed(delta, 2)
@@ -170,11 +170,12 @@ def test_a_blast_slows_down():
 def test_kerwins_rows_of_hard_balls():
     """The product of (2 a/(a + b))² b/a, and the shares that are published: 27 to 1 in 2, 3, 4 and 8 balls."""
     for n, share in ((2, 0.1378), (3, 0.2931), (4, 0.4219), (8, 0.6808)):
-        masses = np.geomspace(1.0, kerwin.LAST, n)
+        masses = np.geomspace(1.0, kerwin.LAST_MASS, n)
         product = math.prod(4.0 * a * b / (a + b) ** 2 for a, b in pairwise(masses))
-        assert kerwin.hard(*masses) == pytest.approx(product, rel=1e-13)
-        assert kerwin.hard(*masses) == printed(share, 4)
-    assert kerwin.best(kerwin.hard) == pytest.approx(math.sqrt(kerwin.LAST), rel=5e-3)  # the step of its search
+        assert kerwin.hard_share(*masses) == pytest.approx(product, rel=1e-13)
+        assert kerwin.hard_share(*masses) == printed(share, 4)
+    geometric_mean = pytest.approx(math.sqrt(kerwin.LAST_MASS), rel=5e-3)  # the step of the search
+    assert kerwin.best_mass(kerwin.hard_share) == geometric_mean
 
 
 @pytest.mark.parametrize(("name", "mass", "share", "mean"), [
@@ -182,17 +183,17 @@ def test_kerwins_rows_of_hard_balls():
     ("springs", 0.0648, 0.1762, 0.1238)])
 def test_kerwins_best_masses_of_touching_balls(name, mass, share, mean):
     """Shares to their digits; of the mass, that 3 % more or less is worse, to either side by about as much."""
-    below, there, above, at_mean = (kerwin.newton(kerwin.LAWS[name], 1.0, m, kerwin.LAST)
-                                    for m in (mass / 1.03, mass, 1.03 * mass, math.sqrt(kerwin.LAST)))
+    below, there, above, at_mean = (kerwin.soft_share(kerwin.SOFT_LAWS[name], 1.0, m, kerwin.LAST_MASS)
+                                    for m in (mass / 1.03, mass, 1.03 * mass, math.sqrt(kerwin.LAST_MASS)))
     assert [there, at_mean] == [printed(share, 4), printed(mean, 4)]
     assert 0.0 < there - below == pytest.approx(there - above, rel=0.3)
-    assert (at_mean < kerwin.hard(1.0, kerwin.LAST)) == (name == "springs")
+    assert (at_mean < kerwin.hard_share(1.0, kerwin.LAST_MASS)) == (name == "springs")
 
 
 def test_scipy_hands_on_the_same():
     """To 1e-6: Hertz contacts begin and end smoothly."""
-    scene = kerwin.row([1.0, 0.1072, kerwin.LAST], 0.0)
-    law = [kerwin.LAWS["steel, Hertz"](pair) for pair in scene.pairs]
+    scene = kerwin.row([1.0, 0.1072, kerwin.LAST_MASS], 0.0)
+    law = [kerwin.SOFT_LAWS["steel, Hertz"](pair) for pair in scene.pairs]
     run = gr.md.simulate(scene, law, until=gr.until.separated())
     assert by_scipy(scene, law, run.time[-1]) == pytest.approx(run.velocity[-1], abs=1e-6)
 
@@ -201,29 +202,30 @@ def test_scipy_hands_on_the_same():
     (0.0, (-0.0711, -0.0303, -0.0145, 0.1270, 0.9888)), (1e-6, (-0.0326, -0.0065, -0.0014, 0.0419, 0.9986)),
     (3e-6, (-0.0055, -0.0002, 0.0, 0.0058, 1.0)), (1e-5, (0.0, 0.0, 0.0, 0.0, 1.0))])
 def test_a_cradle_after_the_impact(gap, speeds):
-    found = cradle.after(gap)
+    found = cradle.speeds_after_impact(gap)
     assert found == printed(np.array(speeds), 4)
     if gap == 1e-5:  # less than the striker moves in the time of a contact, and isolated: to rounding
-        pair = gr.scenes.newtons_cradle(5, mass=cradle.MASS).pairs[0]
+        pair = gr.scenes.newtons_cradle(5, mass=cradle.BALL_MASS).pairs[0]
         law = gr.Hertz.from_material(*cradle.STEEL, pair)
-        assert 1e6 * cradle.SPEED * gr.binary.collision(law, pair, cradle.SPEED).duration == printed(17, 0)
+        duration = gr.binary.collision(law, pair, cradle.IMPACT_SPEED).duration
+        assert 1e6 * cradle.IMPACT_SPEED * duration == printed(17, 0)
         assert found == pytest.approx(speeds, abs=1e-13)
 
 
 def test_a_touching_cradle_does_not_depend_on_speed_or_stiffness():
     """Powers scale: to rounding of some hundred pieces."""
-    assert cradle.after(0.0) == pytest.approx(cradle.long_row(5), abs=1e-11)
+    assert cradle.speeds_after_impact(0.0) == pytest.approx(cradle.long_row(5), abs=1e-11)
 
 
 def test_a_swinging_cradle():
     """After 20 periods, to the digits of the page and more; soft balls in the soak."""
-    assert cradle.swinging(0.0, 20, gr.edmd)[-1] == printed(0.2141, 4)
+    assert cradle.swing_energy(0.0, 20, gr.edmd)[-1] == printed(0.2141, 4)
 
 
 @SOAK
 def test_a_cradle_after_20_periods():
     for gap, left in ((0.0, 0.3369), (1e-6, 0.2306), (1e-5, 0.2267)):
-        assert cradle.swinging(gap, 20)[-1] == printed(left, 4)
+        assert cradle.swing_energy(gap, 20)[-1] == printed(left, 4)
 
 
 @SOAK
@@ -238,8 +240,8 @@ def test_a_long_row_is_that_of_hinch_and_saint_jean():
 def test_tapered_chains_of_hard_balls():
     for q, share in ((0.0, 1.0), (0.05, 0.8937), (0.1, 0.6234)):
         a = (1.0 - q) ** 3
-        assert tapered.hard(q) == pytest.approx(a**19 * (2.0 / (1.0 + a)) ** 38, rel=1e-12)
-        assert tapered.hard(q) == printed(share, 4)
+        assert tapered.hard_share(q) == pytest.approx(a**19 * (2.0 / (1.0 + a)) ** 38, rel=1e-12)
+        assert tapered.hard_share(q) == printed(share, 4)
 
 
 SHARES = [("springs", 0.0, 0.6491), ("springs", 0.05, 0.2063), ("springs", 0.1, 0.0189),
@@ -250,4 +252,4 @@ SHARES = [("springs", 0.0, 0.6491), ("springs", 0.05, 0.2063), ("springs", 0.1, 
 @pytest.mark.parametrize(("name", "q", "share"), [
     case if i < 2 else pytest.param(*case, marks=SOAK) for i, case in enumerate(SHARES)])
 def test_tapered_chains_of_touching_balls(name, q, share):
-    assert tapered.newton(q, tapered.LAWS[name][0]) == printed(share, 4)
+    assert tapered.soft_share(q, tapered.SOFT_LAWS[name][0]) == printed(share, 4)

@@ -17,7 +17,7 @@ ELASTIC, MERGED = {"elastic_below": 0.01}, {"collapse": "merge", "merge_below": 
 
 def drawn(lasts, remedy, draws=32, **fixed):
     """The spread and the share of the first, of hard and of soft balls."""
-    results = [clumps.spread, clumps.first]
+    results = [clumps.spread, clumps.first_share]
     return gr.ensemble(clumps.box, draws, "seed", results, lasts=lasts, remedy=remedy, **fixed).quantities
 
 
@@ -42,10 +42,11 @@ def test_contacts_last_as_long_as_they_should(lasts):
 
 def test_what_one_hit_leaves_in_a_row():
     """The TC model has one inelastic collision: (1 - ε)²/4 stays. From a gap of one contact's way on all are alike."""
-    assert clumps.hit("md", 1e-6) == printed(0.164, 3)
-    assert clumps.hit("edmd", 1e-6) == printed(0.0002, 4)
-    assert clumps.hit("edmd", 1e-6, tc=1e-3) == pytest.approx(0.025**2, rel=1e-9)
-    apart = [clumps.hit("md", 2.0), clumps.hit("edmd", 2.0), clumps.hit("edmd", 2.0, tc=1e-3)]
+    assert clumps.row_energy("md", 1e-6) == printed(0.164, 3)
+    assert clumps.row_energy("edmd", 1e-6) == printed(0.0002, 4)
+    assert clumps.row_energy("edmd", 1e-6, tc=1e-3) == pytest.approx(0.025**2, rel=1e-9)
+    kinds = (("md", {}), ("edmd", {}), ("edmd", {"tc": 1e-3}))
+    apart = [clumps.row_energy(engine, 2.0, **options) for engine, options in kinds]
     assert apart == pytest.approx([apart[1]] * 3, rel=1e-2)  # the last contacts, of balls that stay, are no more alike
 
 
@@ -106,8 +107,9 @@ def test_a_clump_of_hard_spheres_dissolves_by_newton():
 @SOAK
 def test_fixed_steps_spread_the_balls_alike():
     """Contacts of 3 ms in 40 steps, four draws of 250 s each; a dashpot's first order is below the standard errors."""
-    own, steps = (np.array([clumps.spread(clumps.box(3e-3, {}, seed, start=50.0, end=300.0).simulate("md", **how))
-                            for seed in range(4)]) for how in ({}, {"method": "verlet", "dt": 3e-3 / 40.0}))
+    boxes = [clumps.box(3e-3, {}, seed, start=50.0, end=300.0) for seed in range(4)]
+    own, steps = (np.array([clumps.spread(one.simulate("md", **options)) for one in boxes])
+                  for options in ({}, {"method": "verlet", "dt": 3e-3 / 40.0}))
     assert steps.mean() == pytest.approx(own.mean(), abs=4.0 * math.hypot(own.std(ddof=1), steps.std(ddof=1)) / 2.0)
 
 
@@ -118,4 +120,4 @@ def test_scipy_leaves_the_same_in_a_row():
     case = clumps.case(scene, 1e-3)
     run = case.simulate("md")
     speeds = by_scipy(scene, case.law, run.contacts["t_end"].max() + 1e-3)
-    assert (speeds[1:] ** 2).sum() == pytest.approx(clumps.hit("md", 1e-6), abs=1e-5)
+    assert (speeds[1:] ** 2).sum() == pytest.approx(clumps.row_energy("md", 1e-6), abs=1e-5)

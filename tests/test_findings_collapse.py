@@ -16,26 +16,27 @@ collapse = script("collapse")
 
 def test_the_formula_of_collapse():
     """7 - 4√3 of three balls is published."""
-    assert collapse.critical(3) == pytest.approx(7.0 - 4.0 * math.sqrt(3.0), rel=1e-13)
+    assert collapse.critical_restitution(3) == pytest.approx(7.0 - 4.0 * math.sqrt(3.0), rel=1e-13)
 
 
 @pytest.mark.parametrize("n", [3, 4])
 def test_three_and_four_balls_collapse_below_the_formula_and_part_above(n):
-    assert {collapse.end(n, -0.001, seed)[0] for seed in range(2)} == {"collapse"}
+    assert {collapse.run_to_end(n, -0.001, seed)[0] for seed in range(2)} == {"collapse"}
     for beyond in (0.003, 0.03):
-        assert collapse.end(n, beyond, 0) == ("quiet", exactly(n, beyond, 0))
+        assert collapse.run_to_end(n, beyond, 0) == ("quiet", exactly(n, beyond, 0))
 
 
 def test_three_balls_collide_so_often():
     """To the one that depends on how they begin."""
     for beyond in (0.003, 0.01, 0.03):
         for seed in range(4):
-            assert collapse.end(3, beyond, seed)[1] == pytest.approx(collapse.of_three(beyond), abs=1.0)
+            expected = pytest.approx(collapse.three_ball_collisions(beyond), abs=1.0)
+            assert collapse.run_to_end(3, beyond, seed)[1] == expected
 
 
 @pytest.mark.exact
 def test_eight_balls_part_below_the_formula():
-    ends = [collapse.end(8, -0.001, seed) for seed in range(4)]
+    ends = [collapse.run_to_end(8, -0.001, seed) for seed in range(4)]
     assert ends == [("quiet", count) for count in (432, 712, 489, 422)]
     assert exactly(8, -0.001, 3) == 422
 
@@ -46,8 +47,8 @@ WORD = (3, 2, 1, 2, 3, 2, 0, 1, 2, 1, 3, 0, 1, 2, 1, 0, 1, 2, 3, 2, 1, 2, 4, 3, 
 def test_six_balls_collapse_above_the_formula():
     """The run says that it is proved. Besides, rates and gaps are had that a word of 32 collisions makes smaller only,
     the gaps more so, and the run that starts from them spells it."""
-    assert collapse.end(6, 0.001, 2)[0] == "collapse"
-    eps = 1.001 * collapse.critical(6)
+    assert collapse.run_to_end(6, 0.001, 2)[0] == "collapse"
+    eps = 1.001 * collapse.critical_restitution(6)
     by_rates, rate = leading(np.array([in_turn(unit, eps)[-1] for unit in np.eye(5)]).T)
     rate *= -np.sign(rate[WORD[0]])
     gaps = np.eye(5)
@@ -83,11 +84,11 @@ def leading(matrix):
 
 def exactly(n, beyond, seed, digits=1200, most=6000):
     """Number of collisions until all balls part, in so many digits; `most` if they go on."""
-    scene = collapse.balls(n, seed)
+    scene = collapse.random_balls(n, seed)
     with localcontext(prec=digits, Emin=-(10**9), Emax=10**9):
         velocity = [Decimal(v) for v in scene.velocity.tolist()]
         gap, rate = [Decimal(g) for g in scene.gap.tolist()], [b - a for a, b in pairwise(velocity)]
-        eps = Decimal(collapse.critical(n) * (1.0 + beyond))
+        eps = Decimal(collapse.critical_restitution(n) * (1.0 + beyond))
         for count in range(most):
             due = [(gap[c] / -rate[c], c) for c in range(n - 1) if rate[c] < 0]
             if not due:
@@ -103,7 +104,7 @@ def exactly(n, beyond, seed, digits=1200, most=6000):
 
 @SOAK
 def test_six_balls_collapse_farther_above():
-    assert collapse.end(6, 0.005, 1)[0] == "collapse"
+    assert collapse.run_to_end(6, 0.005, 1)[0] == "collapse"
     assert exactly(6, 0.005, 1) == 6000
 
 
@@ -113,7 +114,7 @@ def test_every_count_of_collisions_is_exact():
     for n in range(3, 9):
         for beyond in (-0.01, -0.001, 0.001, 0.01, 0.03):
             for seed in range(2):
-                kind, count = collapse.end(n, beyond, seed)
+                kind, count = collapse.run_to_end(n, beyond, seed)
                 if kind != "bounded":
                     assert exactly(n, beyond, seed) == (6000 if kind == "collapse" else count)
 
@@ -123,10 +124,11 @@ def test_every_count_of_collisions_is_exact():
 def test_what_is_not_decided_may_end():
     """Five balls at 0.999 of the formula: so it is not where their collapse ends, either."""
     assert [exactly(5, -0.001, seed) for seed in range(4)] == [1126, 964, 769, 1526]
-    assert {collapse.end(5, -0.001, seed)[0] for seed in range(4)} == {"bounded"}
+    assert {collapse.run_to_end(5, -0.001, seed)[0] for seed in range(4)} == {"bounded"}
 
 
 @pytest.mark.exact
 def test_soft_balls_part_after_some_contacts():
-    ends = [collapse.end(n, beyond, seed, gr.md) for n in (3, 8) for beyond in (-0.01, 0.01) for seed in range(2)]
+    ends = [collapse.run_to_end(n, beyond, seed, gr.md)
+            for n in (3, 8) for beyond in (-0.01, 0.01) for seed in range(2)]
     assert ends == [("quiet", count) for count in (16, 7, 23, 7, 70, 51, 83, 46)]

@@ -45,7 +45,7 @@ def test_every_reference_point(point):
 
 def test_figure_2_has_the_reference_forces():
     scene, samples = gr.scenes.three_balls(), REFERENCE["forces"]
-    law = setting.dashpots(scene, forces.RESTITUTION)
+    law = setting.dashpot_laws(scene, forces.RESTITUTION)
     start = gr.md.simulate(scene, law, until=END).of(0)["t_begin"][0]
     run = gr.md.simulate(scene, law, t_end=1.0, samples=start + np.array(samples["t"]))
     for pair, name in enumerate(("F01", "F12")):
@@ -57,10 +57,10 @@ def test_figure_2_has_the_reference_forces():
 def test_figures_7_and_8_have_the_reference_points(point):
     inputs = point["inputs"]
     universal = inputs["eps"] is not None
-    law = (viscoelastic.law(float(inputs["eps"])) if universal else viscoelastic_material.law(float(inputs["A"])))
-    run = gr.md.simulate(viscoelastic.SCENE, law, until=END)
+    law = (viscoelastic.laws(float(inputs["eps"])) if universal else viscoelastic_material.laws(float(inputs["A"])))
+    run = gr.md.simulate(viscoelastic.LIGHT_SCENE, law, until=END)
     assert run.count(1) == point["n"]
-    touches, _ = setting.contacts(viscoelastic.SCENE, law)
+    touches, _ = setting.contacts(viscoelastic.LIGHT_SCENE, law)
     assert touches == pytest.approx(np.array(point["contacts"]), rel=1e-9, abs=0.0)
     assert run.of(1)["v_out"][-1] == pytest.approx([point["v1"], point["v2"]], rel=0.0, abs=1e-10)
 
@@ -79,19 +79,20 @@ def test_dips_of_figure_5_go_below_its_axis_in_nature_and_are_drawn_so():
         low, high = (middle, high) if count == 2 else (low, middle)
         ratios += [ratio] if count == 2 else []
     assert ratios[-1] == min(ratios) == pytest.approx(2.17e-4, rel=0.01)
-    assert ratios[-1] < gap.LOWEST < 0.6 < found(high)[1]
+    assert ratios[-1] < gap.AXIS_MINIMUM < 0.6 < found(high)[1]
     grid = np.geomspace(1e-7, 1e-1, 40)
     coarse = gap.compute(40)
-    x, y = gap.closed(grid, coarse["eps_ratio"], coarse["contacts"])
-    added = x[y < gap.LOWEST]
+    x, y = gap.curve_with_dips(grid, coarse["eps_ratio"], coarse["contacts"])
+    added = x[y < gap.AXIS_MINIMUM]
     assert ((added > grid[0]) & (added < grid[-1])).all()
     assert (added[-1] < 10.0**high * (grid[1] / grid[0])) & (added[-1] > 10.0**low / (grid[1] / grid[0]))
-    assert gap.closed([1.0, 2.0, 3.0], [0.5, 0.5, 0.5], [2, 1, 1])[0].tolist() == [1.0, 2.0, 3.0]  # nothing jumps
+    flat, _ = gap.curve_with_dips([1.0, 2.0, 3.0], [0.5, 0.5, 0.5], [2, 1, 1])
+    assert flat.tolist() == [1.0, 2.0, 3.0]  # nothing jumps
 
 
 def test_claim_contacts_and_spikes_over_restitution():
     grid = np.linspace(0.3, 1.0, 71)
-    numerical = sequence.numerical(sequence.touches, grid)
+    numerical = sequence.numerical_sequence(sequence.dashpot_contacts, grid)
     found, windows = numerical["numerical"], numerical["spikes"]
     assert len(found[-1]["contacts"]) == 3  # at ε = 1
     assert max(len(stretch["contacts"]) for stretch in found) == 7
@@ -130,7 +131,7 @@ def test_claim_limit_at_large_gap_is_above_one():
     limit = float(cell("eps_ratio", gap=0.05, restitution=0.9)["eps_ratio"])
     assert limit == pytest.approx(1.0009257655540613, abs=1e-12)
     weightless = gr.scenes.three_balls(gap=0.05, gravity=0.0, height=0.1).replace(velocity=[0.0, -3.0, -3.0])
-    run = gr.md.simulate(weightless, setting.dashpots(weightless, 0.9), until=gr.until.separated())
+    run = gr.md.simulate(weightless, setting.dashpot_laws(weightless, 0.9), until=gr.until.separated())
     v_rel = np.diff(run.of(1)["v_out"][-1])[0]
     assert theory.effective_restitution(v_rel, 3.0) == pytest.approx(0.9, abs=1e-12)  # gravity is the reason
 
@@ -146,7 +147,7 @@ def test_claim_peak_over_the_ratio_of_radii():
 def test_claim_adiabatic_solution_agrees(ratio, within):
     scene, worst, differing = gr.scenes.three_balls(radii=(0.01 * ratio, 0.01)), 0.0, 0
     for eps in np.linspace(0.3, 1.0, 29):
-        law = setting.dashpots(scene, float(eps))
+        law = setting.dashpot_laws(scene, float(eps))
         run, theirs = gr.md.simulate(scene, law, until=END), adiabatic.contacts(scene, law)
         differing += run.count(1) != theirs.count
         worst = max(worst, abs(run.of(1)["v_out"][-1][1] - theirs.v2) / abs(theirs.v10))
@@ -156,7 +157,7 @@ def test_claim_adiabatic_solution_agrees(ratio, within):
 
 def test_adiabatic_solution_of_figure_2():
     scene = gr.scenes.three_balls()
-    law = setting.dashpots(scene, 0.7)
+    law = setting.dashpot_laws(scene, 0.7)
     run, theirs = gr.md.simulate(scene, law, until=END), adiabatic.contacts(scene, law)
     assert theirs.count == run.count(1) == 4
     assert theirs.v2 == pytest.approx(run.of(1)["v_out"][-1][1], rel=0.0, abs=1e-3 * abs(theirs.v10))
@@ -173,7 +174,7 @@ def test_stacks_follow_the_closed_formula_only_with_gaps():
     wide, touching = (gr.scenes.ball_stack(3, 1.0 / 3.0, speed=3.0, gap=gap, gravity=0.0) for gap in (1e-2, 1e-6))
     formula = 3.0 * theory.stack_velocities(wide.mass[1:], 1.0)[-1]
     for scene, right in ((wide, True), (touching, False)):
-        law = setting.dashpots(scene, 1.0)
+        law = setting.dashpot_laws(scene, 1.0)
         top = gr.md.simulate(scene, law, until=gr.until.separated()).velocity[-1][-1]
         assert (abs(top / formula - 1.0) < 1e-9) == right
         assert right or top < 0.8 * formula

@@ -44,7 +44,7 @@ def test_a_room_lists_each_of_its_files_once_in_at_most_fifteen_lines(room):
     assert len(text.splitlines()) <= 15
     there = [file.stem for file in room.glob("*.py") if not file.stem.startswith("__")]
     there += [f"{file.parent.name}/" for file in room.glob("*/__init__.py")]
-    main, others = shape.listed(room)
+    main, others = shape.listed_files(room)
     assert sorted([*main, *others]) == sorted(there)
 
 

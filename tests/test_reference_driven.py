@@ -165,7 +165,7 @@ def test_flights_beside_a_wall_may_be_made_at_once(monkeypatch):
     floor = gr.walls.Sine(0.01, 9.0, 2.0)
     scene = gr.Scene([math.inf, 1.0, 2.0], [0.0] * 3, [0.3, 0.2], [0.0, 0.5, -1.0], 9.81, floor=floor)
     one = reference.solve(scene, gr.LinearDashpot(1e5, 20.0), t_end=0.8, digits=20)
-    monkeypatch.setattr(Taylor, "soar", lambda self, end: False)
+    monkeypatch.setattr(Taylor, "advance_free_flight", lambda self, end: False)
     other = reference.solve(scene, gr.LinearDashpot(1e5, 20.0), t_end=0.8, digits=20)
     assert len(one.contacts) > 3
     assert max(abs(a - b) for a, b in zip(one.gap, other.gap, strict=True)) < 1e-24

@@ -204,6 +204,6 @@ def test_misuse_is_one_sentence(monkeypatch):
     scene, law, _ = three_balls(lambda pair: gr.LinearDashpot(5e7))
     with pytest.raises(ValueError, match="digits is 5: a whole number of at least 20"):
         reference.solve(scene, law, digits=5)
-    monkeypatch.setattr("bench.reference.taylor.MOST_STEPS", 3)
+    monkeypatch.setattr("bench.reference.taylor.MAX_STEPS", 3)
     with pytest.raises(ValueError, match="t_end is missing: after 3 steps"):
         reference.solve(scene, law)

@@ -21,7 +21,7 @@ from granular.studies.reference_events import distance
 
 __all__ = ["Reference", "ReferenceContact", "distance", "power_series", "solve"]
 
-FEWER = 10
+DIGIT_REDUCTION = 10
 """The second solution has this many digits fewer."""
 
 
@@ -51,9 +51,9 @@ def solve(
     from mpmath import MPContext  # so that tests can be collected without it
 
     many = MPContext()
-    many.dps = whole + FEWER
+    many.dps = whole + DIGIT_REDUCTION
     best, other = (taylor.solve(problem.scene, forms, until, problem.t_end, few, problem.t_start)
-                   for few in (whole, whole - FEWER))
+                   for few in (whole, whole - DIGIT_REDUCTION))
     v_error, t_error = distance(best, other, many.mpf)
     return replace(best, velocity_error=v_error, time_error=t_error)
 

@@ -19,7 +19,7 @@ def product_term(mp: Any, a: Sequence[Number], b: Sequence[Number], n: int) -> N
     return mp.fdot(a[low:high], b[n - high + 1 : n - low + 1][::-1]) if high > low else mp.zero
 
 
-def work(mp: Any, force: list[Number], v: list[Number], rho: list[Number], x: Number) -> Number:
+def work_done(mp: Any, force: list[Number], v: list[Number], rho: list[Number], x: Number) -> Number:
     """∫ F v dt up to x, dt/dx = ρ."""
     n = len(force)
     power = [product_term(mp, force, v, j) for j in range(n)]
@@ -155,7 +155,7 @@ class Force:
             self.terms.append(product_term(self.mp, self.fronts, self.phi, n))
 
 
-class Course:
+class WallSeries:
     """The power series of a wall's velocity, m', and of the derivatives of that, by a clock dt/dx = ρ."""
 
     def __init__(self, mp: Any, rates: Sequence[Number], last: Number, ahead: int) -> None:
@@ -181,7 +181,7 @@ class Piece:
     rate: list[list[Number]]
     t: list[Number]
     force: dict[int, Force]
-    walls: dict[int, Course]
+    walls: dict[int, WallSeries]
     pair: int
     q: int
     u: list[Number]

@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from bench.reference.series import Course, Force, Piece, Power, first_rise, product_term, touch, work
+from bench.reference.series import Force, Piece, Power, WallSeries, first_rise, product_term, touch, work_done
 from granular import until as stop
 from granular.studies.reference_events import (
     ACTIVE,
@@ -30,13 +30,13 @@ from granular.studies.reference_events import (
 )
 from granular.studies.reference_walls import Number, Path, heats, paths, value
 
-GUARD = 8
+GUARD_DIGITS = 8
 """Digits carried beyond those asked for."""
-TERMS = 3
+SERIES_WINDOWS = 3
 """Order of the series at least, in units of the window of last terms that sets the step: were the window most of the
 series, its low terms would have to be as small as the tolerance, and steps with them."""
-MOST_STEPS = 20_000
-SURE = 0.999
+MAX_STEPS = 20_000
+FLIGHT_FRACTION = 0.999
 """Part of a flight that is made at once where walls are driven."""
 
 
@@ -55,7 +55,7 @@ class Taylor:
         from mpmath import MPContext
 
         self.mp = mp = MPContext()
-        mp.dps = digits + GUARD
+        mp.dps = digits + GUARD_DIGITS
         self.t, self.steps, self.digits, self.tol = mp.mpf(t_start), 0, digits, mp.mpf(10) ** (-digits - 2)
         self.w = [mp.zero if math.isinf(m) else 1 / mp.mpf(m) for m in scene.mass.tolist()]
         self.fall = [-mp.mpf(scene.gravity) if w else mp.zero for w in self.w]
@@ -70,11 +70,11 @@ class Taylor:
         self.touches = [touch(mp, form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
-        self.order = max(round(1.25 * digits), TERMS * self.window)
+        self.order = max(round(1.25 * digits), SERIES_WINDOWS * self.window)
         self.speed = max([mp.zero, *(path.fastest for path in self.paths.values()),
                           *(mp.mpf(scene.pendulum) * abs(y) for y in self.y)])
-        self.guide()
-        self.remember_speed()
+        self.set_wall_velocities()
+        self.update_speed_scale()
         self.stored = self.elastic()
 
     @property
@@ -86,7 +86,7 @@ class Taylor:
         """Lower minus upper body of every pair: rates of overlaps from velocities."""
         return [of_bodies[lower] - of_bodies[upper] for lower, upper in self.joined]
 
-    def guide(self) -> None:
+    def set_wall_velocities(self) -> None:
         """Give driven walls the velocities of their paths."""
         for b, path in self.paths.items():
             self.v[b] = self.own[b] + path.rates(self.t)[0]
@@ -131,7 +131,7 @@ class Taylor:
         """The pair c on whose clock dt = u^(q-1) dx the next step runs, since its overlap is nearest to zero, and the q
         that makes all about as near regular; −1 and 1: the plain clock."""
         away = {  # one just woken that still closes is regular already
-            c: self.away(c) for c, a in enumerate(self.touches)
+            c: self.time_to_zero_overlap(c) for c, a in enumerate(self.touches)
             if a.q > 1 and self.mode[c] in CLOSED and not (a.woken and self.now(c, "rate") > 0)
         }
         if not away:
@@ -139,7 +139,7 @@ class Taylor:
         pair = min(away, key=lambda c: away[c])
         return pair, math.lcm(*(self.touches[c].q for c in away if away[c] <= 2 * away[pair]))
 
-    def away(self, c: int) -> Number:
+    def time_to_zero_overlap(self, c: int) -> Number:
         """Time in s in which the overlap of pair c would go from or to zero at its current rate."""
         xi, rate = self.touches[c].xi, self.now(c, "rate")
         return abs(xi / rate) if rate else self.mp.inf
@@ -151,7 +151,7 @@ class Taylor:
         ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
         here = [a.xi for a in self.touches], self.v, self.y, self.across(self.v)
         x, v, y, rate = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in here)
-        walls = {b: Course(mp, path.rates(self.t), path.last, ahead) for b, path in self.paths.items()}
+        walls = {b: WallSeries(mp, path.rates(self.t), path.last, ahead) for b, path in self.paths.items()}
         piece = Piece(x, v, y, rate, [mp.zero] * ahead, {}, walls, pair, q, u)
         closed = (c for c, mode in enumerate(self.mode) if mode in CLOSED)
         piece.force = {c: Force(mp, self.touches[c], self.mode[c] == ACTIVE, x[c], rate[c]) for c in closed}
@@ -185,7 +185,7 @@ class Taylor:
         for series, (lower, upper) in zip(piece.rate, self.joined, strict=True):
             series.append(piece.v[lower][m] - piece.v[upper][m])
 
-    def reach(self, piece: Piece) -> Number:
+    def step_limit(self, piece: Piece) -> Number:
         """Up to which x the series hold to the tolerance, from their last terms, and nothing is overlooked.
 
         From as many as make sure that one is not zero: in a contact that has just begun only every (q + pq)-th is not.
@@ -202,10 +202,10 @@ class Taylor:
                 if series[j] != 0:
                     limits.append(mp.root(self.tol * scale / abs(series[j]), j))
         if piece.force and ACTIVE not in self.mode:
-            limits.append(2 * piece.q * max(self.away(c) for c in piece.force) / piece.t[1])
+            limits.append(2 * piece.q * max(self.time_to_zero_overlap(c) for c in piece.force) / piece.t[1])
         return min(limits, default=mp.inf)
 
-    def stops(self, piece: Piece, reach: Number, end: Number) -> Number:
+    def step_end(self, piece: Piece, reach: Number, end: Number) -> Number:
         """The x below `reach` at which the time is `end`; `reach` if it is not reached."""
         if reach == end == self.mp.inf:  # all is at rest under forces that balance to the last digit
             raise ValueError("t_end is missing: all balls are at rest, and nothing follows.")
@@ -218,14 +218,14 @@ class Taylor:
 
     def go(self, watches: list[Watch], end: Number) -> Watch | None:
         """Move on to the first event, to the time `end` in s, or as far as the series hold."""
-        if self.steps == MOST_STEPS:
-            raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
+        if self.steps == MAX_STEPS:
+            raise ValueError(f"t_end is missing: after {MAX_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
         self.steps += 1
-        if self.soar(end):
+        if self.advance_free_flight(end):
             return None
         piece, end = self.expand(), min([end, *(path.until(self.t) for path in self.paths.values())])
-        holds, event = self.reach(piece), None
-        reach = limit = self.stops(piece, holds, end)
+        holds, event = self.step_limit(piece), None
+        reach = limit = self.step_end(piece, holds, end)
         for watch in watches:
             x = first_rise(self.mp, self.series(piece, watch), reach)
             if x is not None and x < reach:
@@ -233,7 +233,7 @@ class Taylor:
         self.move(piece, reach)
         if event is None and limit < holds:
             self.t = self.mp.mpf(end)
-        self.guide()
+        self.set_wall_velocities()
         if event is not None and event.quantity == "bracket" and reach > 0:  # at 0 a wall's velocity has jumped
             self.touches[event.pair].exact = True
         return event
@@ -251,21 +251,21 @@ class Taylor:
         if x == 0:
             return
         if self.work:
-            self.book(piece, x)
+            self.add_work(piece, x)
         for a, series in zip(self.touches, piece.x, strict=True):
             a.xi, a.exact = value(series, x), False
         self.v, self.y = ([value(series, x) for series in each] for each in (piece.v, piece.y))
         self.t += value(piece.t, x)
 
-    def book(self, piece: Piece, x: Number) -> None:
+    def add_work(self, piece: Piece, x: Number) -> None:
         """Add what forces do up to x of the piece: on overlaps, and for the walls."""
         rho, last = [j * a for j, a in enumerate(piece.t)][1:], len(self.touches) - 1
         for c, force in piece.force.items():
             if force.active:
-                self.pushed += work(self.mp, force.terms, piece.rate[c], rho, x)
+                self.pushed += work_done(self.mp, force.terms, piece.rate[c], rho, x)
                 for side, b in ((0, 0), (1, last + 1)):
                     if c == side * last and not self.w[b]:
-                        self.work[side] += (1 - 2 * side) * work(self.mp, force.terms, piece.v[b], rho, x)
+                        self.work[side] += (1 - 2 * side) * work_done(self.mp, force.terms, piece.v[b], rho, x)
 
     def elastic(self) -> Number:
         """Σ U(ξ) in J."""
@@ -277,37 +277,37 @@ class Taylor:
         moves or heats."""
         return (*self.work, self.pushed - (self.elastic() - self.stored)) if self.work else None
 
-    def soar(self, end: Number) -> bool:
+    def advance_free_flight(self, end: Number) -> bool:
         """Move on at once, and return true, while no wall comes near flying balls; a good part of a turn at least."""
-        room = [path.above(self.t, side) for _, side, path in self.sides()]
+        room = [path.above(self.t, side) for _, side, path in self.driven_pairs()]
         if not room or self.mp.inf in room or any(mode != OPEN for mode in self.mode):
             return False
-        flights = self.flights()
-        for (c, _, _), above in zip(self.sides(), room, strict=True):
+        flights = self.free_flights()
+        for (c, _, _), above in zip(self.driven_pairs(), room, strict=True):
             flights[c][0] += above
         times = [first_rise_of_parabola(self.mp, p) for p in flights]
-        dt = min([end - self.t, *(self.mp.mpf(SURE) * t for t in times if t is not None)])
-        if not min(path.until(self.t) - self.t for _, _, path in self.sides()) / 4 < dt < self.mp.inf:
+        dt = min([end - self.t, *(self.mp.mpf(FLIGHT_FRACTION) * t for t in times if t is not None)])
+        if not min(path.until(self.t) - self.t for _, _, path in self.driven_pairs()) / 4 < dt < self.mp.inf:
             return False
-        flights = self.flights()
-        for c, side, path in self.sides():
+        flights = self.free_flights()
+        for c, side, path in self.driven_pairs():
             flights[c][0] += side * (path.moved(self.t + dt) - path.moved(self.t))
         for a, (xi, rate, half) in zip(self.touches, flights, strict=True):
             a.xi = xi + dt * (rate + dt * half)
         self.v = [v + g * dt for v, g in zip(self.v, self.fall, strict=True)]
         self.t = self.mp.mpf(end) if dt == end - self.t else self.t + dt
-        self.guide()
+        self.set_wall_velocities()
         return True
 
-    def sides(self) -> list[tuple[int, int, Path]]:
+    def driven_pairs(self) -> list[tuple[int, int, Path]]:
         """The pairs beside driven walls, to which side these push, 1 upwards, and their paths."""
         return [(0, 1, path) if b == 0 else (b - 1, -1, path) for b, path in self.paths.items()]
 
-    def flights(self) -> list[list[Number]]:
+    def free_flights(self) -> list[list[Number]]:
         """The parabolas of overlaps without forces, were driven walls at their constant velocities."""
         halves = [a / 2 for a in self.across(self.fall)]
         out = [[a.xi, self.now(c, "rate"), half] for c, (a, half) in enumerate(zip(self.touches, halves, strict=True))]
-        for c, side, path in self.sides():
+        for c, side, path in self.driven_pairs():
             out[c][1] -= side * path.rates(self.t)[0]
         return out
 
@@ -326,16 +326,16 @@ class Taylor:
         self.v[one.ball] = wall + away * speed
         self.work[one.side] += one.mass * (speed + was) * away * wall
         self.work[2 + one.side] += one.mass * (speed - was) * (speed + was) / 2
-        self.remember_speed()
+        self.update_speed_scale()
 
     def take_note(self, c: int, what: str) -> None:
         """Take note of an event of pair c."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.touches[c].xi = self.mp.zero
         self.touches[c].woken = self.mode[c] == DORMANT
-        self.remember_speed()
+        self.update_speed_scale()
 
-    def remember_speed(self) -> None:
+    def update_speed_scale(self) -> None:
         """Keep the largest speed so far, that of stored energy included: the scale of all tolerances."""
         mp = self.mp
         for c, a in enumerate(self.touches):

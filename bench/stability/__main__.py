@@ -15,22 +15,22 @@ from pathlib import Path
 import granular as gr
 from bench import docs_data
 from bench.stability import AXES, StabilityReport, stability
-from bench.stability.cell import BOTH, FIXED, Result
-from bench.stability.report import BAD, markdown
+from bench.stability.cell import DEFAULT_METHODS, FIXED_METHODS, Result
+from bench.stability.report import BAD_VERDICTS, markdown
 from granular._engine import check
 from granular._engine.progress import shown
 
-PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
-FIGURE = PAGE.parent / "figures" / "stability-three-balls.png"
-SECONDS = {BOTH: 20.0, FIXED: 1.0}
+PAGE_PATH = Path(__file__).parents[2] / "docs" / "stability.md"
+FIGURE_PATH = PAGE_PATH.parent / "figures" / "stability-three-balls.png"
+CELL_SECONDS = {DEFAULT_METHODS: 20.0, FIXED_METHODS: 1.0}
 """Limit of processor time of a cell in s, by methods."""
-SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> StabilityReport:
     """Run the cells of all methods on these axes."""
     parts = []
-    for methods, seconds in SECONDS.items():
+    for methods, seconds in CELL_SECONDS.items():
         with shown(True, None, things="cells") as progress:
             parts.append(stability(methods, axes, quick=quick, seconds=seconds, on_progress=progress))
     own, fixed = parts
@@ -39,31 +39,31 @@ def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> Stabil
     )
 
 
-def text_of(report: StabilityReport) -> str:
+def page_text(report: StabilityReport) -> str:
     """The tables of the page, long ones folded, and what is not right and not flagged."""
     parts = []
     for title, rows in report.tables().items():
-        text = markdown([[readable(cell) for cell in row] for row in rows])
+        text = markdown([[readable_number(cell) for cell in row] for row in rows])
         long = f"<details><summary>{title}: {len(rows) - 1} rows</summary>\n\n{text}\n\n</details>"
         parts.append(long if len(rows) > 8 else f"**{title}**\n\n{text}")
-    left = [f"* {said_of(cell)}" for method in BOTH for cell in report.of(*BAD, method=method)]
+    left = [f"* {failure_line(cell)}" for method in DEFAULT_METHODS for cell in report.of(*BAD_VERDICTS, method=method)]
     if left:
         parts += ["Of the default methods, not right and not flagged:", "\n".join(left)]
     return "\n\n".join(parts)
 
 
-def said_of(cell: Result) -> str:
+def failure_line(cell: Result) -> str:
     """A cell that is not right, in words."""
     error = "" if math.isnan(cell.error) else f", error {cell.error:.2g}, tolerance {cell.tolerance:.2g}"
     return f"{cell.verdict.name}, {cell.method}, {cell.axis}: {cell.case} [{cell.truth}]{error}; {cell.said}"
 
 
-def readable(cell: str) -> str:
+def readable_number(cell: str) -> str:
     """A number as people write it: 1.5·10⁻⁷."""
     found = re.fullmatch(r"(\d\.\d)e([+-]\d+)", cell)
     if not found:
         return cell
-    return "0" if found[1] == "0.0" else f"{found[1]}·10{str(int(found[2])).translate(SUPERSCRIPT)}"
+    return "0" if found[1] == "0.0" else f"{found[1]}·10{str(int(found[2])).translate(SUPERSCRIPT_DIGITS)}"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -79,17 +79,17 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error(str(error))
     whole = not (given.axes or given.quick)
     report = measured(tuple(given.axes) or tuple(AXES), given.quick)
-    print(text_of(report) if whole else report)
+    print(page_text(report) if whole else report)
     if given.json:
         report.to_json(given.json)
     if whole:
-        page = PAGE.read_text(encoding="utf-8")
-        filled = re.sub(r"(<!-- tables -->\n).*?(<!-- end -->)", lambda m: f"{m[1]}{text_of(report)}\n{m[2]}", page,
+        page = PAGE_PATH.read_text(encoding="utf-8")
+        filled = re.sub(r"(<!-- tables -->\n).*?(<!-- end -->)", lambda m: f"{m[1]}{page_text(report)}\n{m[2]}", page,
                         flags=re.DOTALL)
-        PAGE.write_text(filled, encoding="utf-8")
+        PAGE_PATH.write_text(filled, encoding="utf-8")
         docs_data.store("stability")
         extreme = gr.stability("three-balls")
-        extreme.plot(FIGURE)
+        extreme.plot(FIGURE_PATH)
         docs_data.store("stability-three-balls", extreme.table())
 
 

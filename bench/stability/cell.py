@@ -17,15 +17,15 @@ from granular.md.fixed.integrators import INTEGRATORS
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 
-FIXED = tuple(INTEGRATORS)
-SOFT = ("located", *FIXED)
-BOTH = ("located", "edmd")
-METHODS = (*BOTH, *FIXED)
-ELASTIC = ConstantRestitution(1.0)
+FIXED_METHODS = tuple(INTEGRATORS)
+SOFT_METHODS = ("located", *FIXED_METHODS)
+DEFAULT_METHODS = ("located", "edmd")
+ALL_METHODS = (*DEFAULT_METHODS, *FIXED_METHODS)
+ELASTIC_RULE = ConstantRestitution(1.0)
 
 P = ParamSpec("P")
-Again = Callable[..., Trajectory]
-"""``again(scene=..., law=..., **options)``: the cell once more by the same method, with these changes."""
+Rerun = Callable[..., Trajectory]
+"""``rerun(scene=..., law=..., **options)``: the cell once more by the same method, with these changes."""
 
 
 class Verdict(Enum):
@@ -47,16 +47,16 @@ class Truth:
     words : str
         What it is compared with.
     error : callable
-        ``error(trajectory, again)``: the error, dimensionless; nan counts as wrong.
+        ``error(trajectory, rerun)``: the error, dimensionless; nan counts as wrong.
     """
 
     words: str
-    error: Callable[[Trajectory, Again], float]
+    error: Callable[[Trajectory, Rerun], float]
 
 
-def judged_by(words: str) -> Callable[[Callable[Concatenate[Trajectory, Again, P], float]], Callable[P, Truth]]:
-    """Make ``error(run, again, *known)`` a function that returns the `Truth` for what is known."""
-    return lambda error: lambda *known, **named: Truth(words, lambda run, again: error(run, again, *known, **named))
+def compared_with(words: str) -> Callable[[Callable[Concatenate[Trajectory, Rerun, P], float]], Callable[P, Truth]]:
+    """Make ``error(run, rerun, *known)`` a function that returns the `Truth` for what is known."""
+    return lambda error: lambda *known, **named: Truth(words, lambda run, rerun: error(run, rerun, *known, **named))
 
 
 @dataclass(frozen=True)
@@ -122,24 +122,24 @@ class Result:
     seconds: float
 
 
-SHORT = 5_000
+SHORT_RUN_STEPS = 5_000
 """Steps at most of an interpreted run."""
 
 
-def repeat(cell: Cell, method: str, plain: bool = False) -> Again:
+def rerun_function(cell: Cell, method: str, plain: bool = False) -> Rerun:
     """Return the function that runs `cell` by `method`, with changes if asked for; `plain`: interpreted, and short."""
 
-    def again(**changes: Any) -> Trajectory:
+    def rerun(**changes: Any) -> Trajectory:
         options = {"scene": cell.scene, "law": cell.law} | dict(cell.options) | changes
         scene, law, most = options.pop("scene"), options.pop("law"), options.pop("max_steps", None)
         if method == "edmd":
             return edmd.simulate(scene, cell.rule, **options | ({"engine": "sorted"} if plain else {}))
         if plain:
-            options, most = options | {"engine": "plain"}, min(SHORT, most or SHORT)
+            options, most = options | {"engine": "plain"}, min(SHORT_RUN_STEPS, most or SHORT_RUN_STEPS)
         if most is not None:
             options["max_steps"] = most
         if method != "located":
             options = {"method": method, "engine": "compiled" if have_numba() else "plain"} | options
         return md.simulate(scene, law, **options)
 
-    return again
+    return rerun

@@ -9,16 +9,16 @@ from itertools import chain, product
 from typing import Any
 
 from bench.stability import truth
-from bench.stability.cell import FIXED, METHODS, SOFT, Cell, Truth
+from bench.stability.cell import ALL_METHODS, FIXED_METHODS, SOFT_METHODS, Cell, Truth
 from bench.stability.own import Hysteresis, PlainPower, TwoDampings, TwoStiffnesses
 from granular import binary, until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun, dashpot
 from granular.laws.rules import ConstantRestitution
 from granular.scene import Pair, Scene
 
-LINEAR, POWER, TABLE = 2e-14, 1e-12, 1e-9
+LINEAR_TOLERANCE, POWER_TOLERANCE, TABLE_TOLERANCE = 2e-14, 1e-12, 1e-9
 """Tolerances, in units of the impact speed: linear laws, powers, restitution from a table good to that."""
-MADE: dict[str, Callable[[float, float, float, Pair], Any]] = {
+LAW_FACTORIES: dict[str, Callable[[float, float, float, Pair], Any]] = {
     "linear": lambda eps, k, speed, pair: LinearDashpot.from_restitution(eps, k, pair),
     "hertz": lambda eps, k, speed, pair: Hertz(k),
     "viscoelastic": lambda eps, k, speed, pair: ViscoelasticHertz.from_restitution(eps, speed, k, pair),
@@ -27,21 +27,21 @@ MADE: dict[str, Callable[[float, float, float, Pair], Any]] = {
     "parabola": lambda eps, k, speed, pair: PowerLaw(k, 2.0),
 }
 """Laws of restitution `eps` at `speed` in m/s and of stiffness `k`, if they can have it."""
-LAWS = tuple(MADE)[:4]
-WALL, PAIR = BOTH = (math.inf, 1.0), (1.0, 1.0)
+SWEPT_LAWS = tuple(LAW_FACTORIES)[:4]
+WALL_MASSES, PAIR_MASSES = MASS_CASES = (math.inf, 1.0), (1.0, 1.0)
 
 
-def meeting(
+def two_body_cell(
     axis: str, case: str, law: str, *, eps: float = 0.7, k: float = 1e6, speed: float = 1.0, gap: float = 1e-3,
-    masses: Sequence[float] = WALL,
+    masses: Sequence[float] = WALL_MASSES,
 ) -> Cell:
     """Return the cell of two bodies that meet once; the second flies towards the first, at rest (a wall or a ball)."""
     wall, expected = math.isinf(masses[0]), 1.0 if law == "hertz" else eps
     scene = Scene(masses, [0.0 if wall else 0.1, 0.1], [gap], [0.0, -speed])
     return Cell(
         axis, f"{case}, {law}, {'wall' if wall else 'pair'}", scene, truth.restitution(expected, speed),
-        law=MADE[law](eps, k, speed, scene.pairs[0]), rule=ConstantRestitution(expected), methods=METHODS,
-        tolerance={"linear": LINEAR, "viscoelastic": TABLE}.get(law, POWER),
+        law=LAW_FACTORIES[law](eps, k, speed, scene.pairs[0]), rule=ConstantRestitution(expected), methods=ALL_METHODS,
+        tolerance={"linear": LINEAR_TOLERANCE, "viscoelastic": TABLE_TOLERANCE}.get(law, POWER_TOLERANCE),
         options={"until": until.separated(), "max_steps": 50_000},
     )
 
@@ -54,8 +54,9 @@ def possible(law: str, eps: float) -> bool:
 def stiffness() -> Iterator[Cell]:
     """Stiffness from 1 to 1e16."""
     return (
-        meeting("stiffness", f"k = 1e{e}, ε = {eps:g}", law, k=10.0**e, masses=masses, eps=eps)
-        for e, law, masses, eps in product(range(0, 17, 2), LAWS, BOTH, (1.0, 0.7, 0.1)) if possible(law, eps)
+        two_body_cell("stiffness", f"k = 1e{e}, ε = {eps:g}", law, k=10.0**e, masses=masses, eps=eps)
+        for e, law, masses, eps in product(range(0, 17, 2), SWEPT_LAWS, MASS_CASES, (1.0, 0.7, 0.1))
+        if possible(law, eps)
     )
 
 
@@ -63,16 +64,17 @@ def damping() -> Iterator[Cell]:
     """Restitution from 1 to 1e-6, and a dashpot from ζ = 1e-6 to far beyond critical damping."""
     small = (1.0, 1 - 1e-9, 0.999, 0.9, 0.5, 0.1, 0.03, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
     each = chain(
-        product(small, ("linear", "tsuji"), BOTH), product((0.9, 0.5, 0.1, 0.05), ["walton-braun"], [WALL]),
-        product((0.9, 0.5, 0.1, 0.01, 1e-3), ["viscoelastic"], [WALL]),
+        product(small, ("linear", "tsuji"), MASS_CASES),
+        product((0.9, 0.5, 0.1, 0.05), ["walton-braun"], [WALL_MASSES]),
+        product((0.9, 0.5, 0.1, 0.01, 1e-3), ["viscoelastic"], [WALL_MASSES]),
     )
-    yield from (meeting("damping", f"ε = {eps:g}", law, eps=eps, masses=masses) for eps, law, masses in each)
-    yield from (damped(10.0**e, masses) for e, masses in product(range(-6, 7), BOTH))
+    yield from (two_body_cell("damping", f"ε = {eps:g}", law, eps=eps, masses=masses) for eps, law, masses in each)
+    yield from (damping_cell(10.0**e, masses) for e, masses in product(range(-6, 7), MASS_CASES))
 
 
-def damped(zeta: float, masses: Sequence[float]) -> Cell:
+def damping_cell(zeta: float, masses: Sequence[float]) -> Cell:
     """Return the cell of a dashpot of that damping ratio."""
-    cell, eps = meeting("damping", f"ζ = {zeta:g}", "linear", masses=masses), dashpot.restitution(zeta)
+    cell, eps = two_body_cell("damping", f"ζ = {zeta:g}", "linear", masses=masses), dashpot.restitution(zeta)
     law = LinearDashpot(1e6, 2.0 * zeta * math.sqrt(1e6 * cell.scene.pairs[0].m_eff))
     return replace(cell, law=law, rule=ConstantRestitution(eps), truth=truth.restitution(eps, 1.0))
 
@@ -80,34 +82,34 @@ def damped(zeta: float, masses: Sequence[float]) -> Cell:
 def mass_ratios() -> Iterator[Cell]:
     """Mass ratio from 1e-9 to 1e9, and both masses tiny or huge."""
     yield from (
-        meeting("mass ratio", f"1 : 1e{e}, ε = {eps:g}", law, masses=(1.0, 10.0**e), eps=eps)
-        for e, law, eps in product(range(-9, 10, 2), LAWS, (1.0, 0.3)) if possible(law, eps)
+        two_body_cell("mass ratio", f"1 : 1e{e}, ε = {eps:g}", law, masses=(1.0, 10.0**e), eps=eps)
+        for e, law, eps in product(range(-9, 10, 2), SWEPT_LAWS, (1.0, 0.3)) if possible(law, eps)
     )
-    for e, law in product((-30, -9, 9, 30), LAWS):
-        yield meeting("mass ratio", f"both 1e{e} kg", law, masses=(10.0**e, 10.0**e))
+    for e, law in product((-30, -9, 9, 30), SWEPT_LAWS):
+        yield two_body_cell("mass ratio", f"both 1e{e} kg", law, masses=(10.0**e, 10.0**e))
 
 
 def gaps() -> Iterator[Cell]:
     """Gaps of nothing, of the smallest float, of one ulp, up to 1 km."""
     widths = (0.0, 5e-324, 1e-300, 1e-100, 1e-30, 2.0**-52, 1e-12, 1e-8, 1e-4, 1.0, 1e3)
-    each = product(widths, LAWS, BOTH)
-    return (meeting("gap", f"gap = {gap:.3g}", law, gap=gap, masses=masses) for gap, law, masses in each)
+    each = product(widths, SWEPT_LAWS, MASS_CASES)
+    return (two_body_cell("gap", f"gap = {gap:.3g}", law, gap=gap, masses=masses) for gap, law, masses in each)
 
 
 def speeds() -> Iterator[Cell]:
     """Impact speeds from 1e-9 to 1e6 m/s."""
-    each = product(range(-9, 7, 3), LAWS, BOTH)
-    return (meeting("speed", f"v = 1e{e}", law, speed=10.0**e, masses=masses) for e, law, masses in each)
+    each = product(range(-9, 7, 3), SWEPT_LAWS, MASS_CASES)
+    return (two_body_cell("speed", f"v = 1e{e}", law, speed=10.0**e, masses=masses) for e, law, masses in each)
 
 
 def starts() -> Iterator[Cell]:
     """Start times up to 1e12 s."""
-    for e, law, k, methods in product((3, 6, 9, 12), LAWS, (1e6, 1e12), (("located", "edmd"), FIXED)):
-        cell = meeting("start time", f"t = 1e{e}, k = {k:.0e}", law, k=k)
-        yield replace(late(cell, 10.0**e), methods=methods)
+    for e, law, k, methods in product((3, 6, 9, 12), SWEPT_LAWS, (1e6, 1e12), (("located", "edmd"), FIXED_METHODS)):
+        cell = two_body_cell("start time", f"t = 1e{e}, k = {k:.0e}", law, k=k)
+        yield replace(late_cell(cell, 10.0**e), methods=methods)
 
 
-def late(cell: Cell, start: float) -> Cell:
+def late_cell(cell: Cell, start: float) -> Cell:
     """Return the cell begun at another time in s."""
     return replace(cell, options=dict(cell.options) | {"t_start": start})
 
@@ -116,9 +118,9 @@ def exponents() -> Iterator[Cell]:
     """Elastic powers of the overlap from 1 to 3."""
     powers = (1.0, 1.1, 1.25, 1.5, 1.7, 2.0, 2.5, 3.0)
     for p, k, v in product(powers, (1e2, 1e6, 1e12), (1e-3, 1.0, 1e3)):
-        cell = meeting("exponent", "", "hertz", speed=v, masses=PAIR)
+        cell = two_body_cell("exponent", "", "hertz", speed=v, masses=PAIR_MASSES)
         case = f"ξ^{p:g}, k = {k:.0e}, v = {v:g}, power, pair"
-        yield replace(cell, case=case, law=PowerLaw(k, p), methods=SOFT)
+        yield replace(cell, case=case, law=PowerLaw(k, p), methods=SOFT_METHODS)
 
 
 def corners() -> Iterator[Cell]:
@@ -126,24 +128,24 @@ def corners() -> Iterator[Cell]:
     ends = product((1.0, 1e16), (1e-6, 1.0), (1e-9, 1e6), (1e-9, 1e9), (0.0, 1e3), (0.0, 1e12), ("linear", "tsuji"))
     for k, eps, v, ratio, gap, start, law in ends:
         case = f"k = {k:.0e}, ε = {eps:g}, v = {v:.0e}, 1 : {ratio:.0e}, gap = {gap:g}, t = {start:.0e}"
-        yield late(meeting("corners", case, law, k=k, eps=eps, speed=v, masses=(1.0, ratio), gap=gap), start)
+        yield late_cell(two_body_cell("corners", case, law, k=k, eps=eps, speed=v, masses=(1.0, ratio), gap=gap), start)
 
 
-PARTS = (1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.63, 0.65, 1.0, 3.0)
+STEP_SHARES = (1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.63, 0.65, 1.0, 3.0)
 """dt as parts of the duration of the contact; for an elastic spring 2/ω₀ is 0.637 of it."""
 
 
 def steps() -> Iterator[Cell]:
     """One contact, with dt from 1e-3 t_c to 3 t_c and touching at three phases of a step."""
-    for law, eps, part, phase in product(LAWS, (1.0, 0.7, 0.1), PARTS, (0.0, 0.31, 0.83)):
+    for law, eps, part, phase in product(SWEPT_LAWS, (1.0, 0.7, 0.1), STEP_SHARES, (0.0, 0.31, 0.83)):
         if possible(law, eps):
-            cell = meeting("time step", f"dt = {part:g} t_c, ε = {eps:g}, phase {phase:g}", law, eps=eps)
+            cell = two_body_cell("time step", f"dt = {part:g} t_c, ε = {eps:g}, phase {phase:g}", law, eps=eps)
             dt = part * binary.collision(cell.law, cell.scene.pairs[0], 1.0).duration
             options = {"dt": dt, "t_end": phase * dt + 20.0 * max(dt, dt / part)}
-            yield replace(cell, scene=cell.scene.replace(gap=[phase * dt]), methods=FIXED, options=options)
+            yield replace(cell, scene=cell.scene.replace(gap=[phase * dt]), methods=FIXED_METHODS, options=options)
 
 
-def hits(axis: str, case: str, law: Any, expected: Truth, speed: float = 1.0) -> Cell:
+def wall_hit_cell(axis: str, case: str, law: Any, expected: Truth, speed: float = 1.0) -> Cell:
     """Return the cell of a ball of 1 kg that hits a wall."""
     scene = Scene([math.inf, 1.0], [0.0, 0.5], [0.1], [0.0, -speed])
     return Cell(axis, case, scene, expected, law, options={"until": until.separated(), "max_steps": 50_000})
@@ -152,7 +154,7 @@ def hits(axis: str, case: str, law: Any, expected: Truth, speed: float = 1.0) ->
 def powers() -> Iterator[Cell]:
     """Elastic powers n/12 from 1 to 16, with traits and without."""
     for n, law in product(range(12, 193), (PowerLaw, PlainPower)):
-        yield hits("powers", f"ξ^({n}/12), {law.__name__}", law(1.0, n / 12.0), power_contact(1.0, n / 12.0))
+        yield wall_hit_cell("powers", f"ξ^({n}/12), {law.__name__}", law(1.0, n / 12.0), power_contact(1.0, n / 12.0))
 
 
 def power_contact(k: float, p: float) -> Truth:
@@ -168,13 +170,13 @@ def kinks() -> Iterator[Cell]:
     for ratio, part, v in product((0.1, 0.5, 3.0, 30.0), (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99), (1.0, 0.37)):
         bent = TwoStiffnesses(1e4, 1e4 * ratio, part * v / 100.0)
         case = f"stiffness times {ratio:g} at {part:g} of the depth, v = {v:g}"
-        yield hits("own laws", case, bent, bent_contact(bent, v), v)
+        yield wall_hit_cell("own laws", case, bent, bent_contact(bent, v), v)
     for first, then in product((0.0, 1e-3, 0.1, 0.5, 0.9), repeat=2):
         damped = TwoDampings(1e4, 200.0 * first, 200.0 * then)
-        yield hits("own laws", f"ζ = {first:g} loading, {then:g} unloading", damped, damped_contact(damped))
+        yield wall_hit_cell("own laws", f"ζ = {first:g} loading, {then:g} unloading", damped, damped_contact(damped))
     for rest, k in product((0.01, 0.1, 0.3, 0.5, 0.8, 0.99), (1.0, 1e4, 1e8)):
         case = f"unloading to {rest:g} of the depth, k = {k:.0e}"
-        yield hits("own laws", case, Hysteresis(k, rest), plastic_contact(k, rest))
+        yield wall_hit_cell("own laws", case, Hysteresis(k, rest), plastic_contact(k, rest))
 
 
 def bent_contact(law: TwoStiffnesses, v: float) -> Truth:

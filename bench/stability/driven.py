@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bench.stability import truth
-from bench.stability.cell import METHODS, Again, Cell, judged_by
+from bench.stability.cell import ALL_METHODS, Cell, Rerun, compared_with
 from granular import measures, scenes, until
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.rules import ConstantRestitution
@@ -20,15 +20,15 @@ from granular.scene.walls import Piecewise, Sine
 
 G, FREQUENCY = 9.81, 50.0
 OMEGA = 2.0 * math.pi * FREQUENCY
-TURN = 2.0 * math.pi
+FULL_TURN = 2.0 * math.pi
 
 
 def driven() -> Iterator[Cell]:
     """All of them."""
     yield from orbits()
     yield from lift_offs()
-    yield from falling()
-    yield from accounts()
+    yield from equivalent_gravity()
+    yield from energy_accounts()
 
 
 def orbits() -> Iterator[Cell]:
@@ -40,13 +40,13 @@ def orbits() -> Iterator[Cell]:
         phase = math.acos(exists / gamma)
         plate = Sine.from_acceleration(gamma, FREQUENCY, G, phase)
         scene = Scene([math.inf, 1.0], [0.0, 0.0], [0.0], [0.0, k * math.pi * G / OMEGA], G, floor=plate)
-        yield Cell("driven", f"orbit of {k} periods, ε = {eps:g}, Γ = {gamma:.4g}", scene, same_phase(phase / TURN),
-                   rule=ConstantRestitution(eps), methods=("edmd",),
+        yield Cell("driven", f"orbit of {k} periods, ε = {eps:g}, Γ = {gamma:.4g}", scene,
+                   same_phase(phase / FULL_TURN), rule=ConstantRestitution(eps), methods=("edmd",),
                    options={"until": until.contact(0, 200)})
 
 
-@judged_by("its orbit in closed form")
-def same_phase(run: Trajectory, again: Again, phase: float) -> float:
+@compared_with("its orbit in closed form")
+def same_phase(run: Trajectory, rerun: Rerun, phase: float) -> float:
     """All bounces at one phase, in turns."""
     apart = measures.section(run)["phase"] - phase
     return float(np.abs(apart - np.round(apart)).max()) if len(apart) else math.inf
@@ -64,7 +64,7 @@ def lift_offs() -> Iterator[Cell]:
                    rule=ConstantRestitution(0.5), methods=("edmd",), options={"t_end": end})
 
 
-def falling() -> Iterator[Cell]:
+def equivalent_gravity() -> Iterator[Cell]:
     """A floor that rises ever faster without gravity, and forces as heavy as gravity: as a floor at rest with it."""
     floor = Piecewise([0.0, 1.0], [[0.5 * G], [0.0], [0.0]])
     for law, name in ((LinearDashpot(1e4, 5.0), "dashpot"), (Hertz(1e6), "Hertz")):
@@ -74,35 +74,35 @@ def falling() -> Iterator[Cell]:
         forced = plain.replace(gravity=0.0, external_force=[0.0, -G, -0.5 * G])
         for scene, what in ((rising, "floor that rises ever faster"), (forced, "forces as heavy as gravity")):
             yield Cell("driven", f"{what}, {name}", scene, as_under_gravity(plain), law, rule, 1e-11,
-                       options={"t_end": 0.6, "samples": 13}, methods=METHODS)
+                       options={"t_end": 0.6, "samples": 13}, methods=ALL_METHODS)
 
 
-@judged_by("the same with gravity")
-def as_under_gravity(run: Trajectory, again: Again, plain: Scene) -> float:
+@compared_with("the same with gravity")
+def as_under_gravity(run: Trajectory, rerun: Rerun, plain: Scene) -> float:
     """The gaps are those above a floor at rest. Part of the first gap."""
-    return float(np.abs(run.gap - again(scene=plain).gap).max()) / float(plain.gap[0])
+    return float(np.abs(run.gap - rerun(scene=plain).gap).max()) / float(plain.gap[0])
 
 
-def accounts() -> Iterator[Cell]:
+def energy_accounts() -> Iterator[Cell]:
     """Shaken columns, and balls between a shaken floor and a ceiling that comes down: the account is closed."""
     for n, gamma, eps in product((1, 3), (0.8, 2.0, 10.0), (0.5, 0.9)):
         column = scenes.vibrated_column(n, gamma, FREQUENCY)
-        yield accounted(f"column of {n}, Γ = {gamma:g}, ε = {eps:g}", column, eps, slow=gamma < 5.0)
+        yield energy_account_cell(f"column of {n}, Γ = {gamma:g}, ε = {eps:g}", column, eps, slow=gamma < 5.0)
     for eps in (0.5, 0.9):
         box = Scene([math.inf, 1.0, 2.0, math.inf], [0.0, 0.05, 0.05, 0.0], [0.05, 0.02, 0.1], [0.0, 0.0, 0.0, -0.05],
                     G, external_force=[0.0, 3.0, -1.0, 0.0], floor=Sine(1e-3, FREQUENCY), ceiling=Sine(2e-3, 17.0))
-        yield accounted(f"between two shaken walls, ε = {eps:g}", box, eps)
+        yield energy_account_cell(f"between two shaken walls, ε = {eps:g}", box, eps)
 
 
-def accounted(case: str, scene: Scene, eps: float, slow: bool = False) -> Cell:
+def energy_account_cell(case: str, scene: Scene, eps: float, slow: bool = False) -> Cell:
     """A cell that asks for the account of the energy."""
     laws: Any = tuple(LinearDashpot.from_restitution(eps, k=1e5, pair=pair) for pair in scene.pairs)
-    return Cell("driven", case, scene, closed(), laws, ConstantRestitution(eps), methods=METHODS, loose=0.05,
-                options={"t_end": 0.1}, slow=slow)
+    return Cell("driven", case, scene, account_closes(), laws, ConstantRestitution(eps), methods=ALL_METHODS,
+                loose=0.05, options={"t_end": 0.1}, slow=slow)
 
 
-@judged_by("the account of the energy")
-def closed(run: Trajectory, again: Again) -> float:
+@compared_with("the account of the energy")
+def account_closes(run: Trajectory, rerun: Rerun) -> float:
     """Energy - work + dissipated is what it was. Part of all that was turned over."""
     parts = measures.balance(run)
     turned = sum(abs(parts[name]) for name in ("start", "floor", "ceiling", "dissipated"))

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from bench.stability import truth
-from bench.stability.cell import Again, Cell, Truth, judged_by
+from bench.stability.cell import Cell, Rerun, Truth, compared_with
 from granular import scenes, theory
 from granular.laws.rules import ConstantRestitution
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
 
 
-def hard(axis: str, case: str, scene: Scene, expected: Truth, eps: float = 1.0, **more: Any) -> Cell:
+def hard_cell(axis: str, case: str, scene: Scene, expected: Truth, eps: float = 1.0, **more: Any) -> Cell:
     """Return a cell of hard spheres of restitution `eps`."""
     return Cell(axis, case, scene, expected, rule=ConstantRestitution(eps), methods=("edmd",), **more)
 
@@ -26,8 +26,8 @@ def hard(axis: str, case: str, scene: Scene, expected: Truth, eps: float = 1.0, 
 def exact_runs(seeds: int = 60) -> Iterator[Cell]:
     """Random lines without gravity, compared collision by collision with rational arithmetic."""
     return (
-        hard("exact sequence", f"{case}, ε = {eps:g}, {more}", scene, rational(eps), eps, cut=True,
-             options={"max_events": 25})
+        hard_cell("exact sequence", f"{case}, ε = {eps:g}, {more}", scene, rational(eps), eps, cut=True,
+                  options={"max_events": 25})
         for case, more, scene, eps in chain(sticky(), lines(seeds))
     )
 
@@ -57,13 +57,13 @@ def sticky() -> Iterator[tuple[str, str, Scene, float]]:
         yield f"{len(mass)} balls", "rates below rounding", Scene(mass, np.full(len(mass), 0.1), gap, velocity), 1e-6
 
 
-@judged_by("rational arithmetic, collision by collision")
-def rational(run: Trajectory, again: Again, eps: float) -> float:
+@compared_with("rational arithmetic, collision by collision")
+def rational(run: Trajectory, rerun: Rerun, eps: float) -> float:
     """The same collisions in rational arithmetic: pairs in the same order, and velocities at the end."""
     pairs, velocity = rational_run(run.scene, eps, 25 if run.status is Status.quiet else len(run.contacts))
     if pairs != run.contacts["pair"].tolist():
         return math.inf
-    return float(np.abs(velocity - run.velocity[-1]).max()) / truth.speed_of(run)
+    return float(np.abs(velocity - run.velocity[-1]).max()) / truth.largest_speed(run)
 
 
 def rational_run(scene: Scene, eps: float, most: int) -> tuple[list[int], np.ndarray[tuple[int], np.dtype[np.float64]]]:
@@ -84,19 +84,20 @@ def collapse() -> Iterator[Cell]:
     """Zeno's ball to its last bounce; three balls on both sides of the threshold of collapse; columns; sticking."""
     for height, eps in product((1e-6, 1.0, 1e3), (1e-6, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)):
         rest = truth.comes_to_rest(theory.bouncing_ball(height, eps)[0])
-        yield hard("collapse", f"ball from {height:g} m, ε = {eps:g}", scenes.bouncing_ball(height), rest, eps,
-                   tolerance=1e-10, slow=eps > 0.99)
+        yield hard_cell("collapse", f"ball from {height:g} m, ε = {eps:g}", scenes.bouncing_ball(height), rest, eps,
+                        tolerance=1e-10, slow=eps > 0.99)
     triple = Scene(np.ones(3), np.zeros(3), [1.0, 1.0], [1.0, 0.0, -1.0])
     for eps in (0.05, 0.0715, 0.0717, 0.0719, 0.0722, 0.1, 0.5):
         ends = Status.collapse if eps < 7.0 - 4.0 * math.sqrt(3.0) else Status.quiet
-        yield hard("collapse", f"three balls, ε = {eps:g}", triple, ended(ends), eps)
+        yield hard_cell("collapse", f"three balls, ε = {eps:g}", triple, ends_with(ends), eps)
     for n in (3, 10, 100, 1000):
-        yield hard("collapse", f"column of {n}, ε = 0", scenes.column(n, gravity=9.81), ended(Status.quiet), 0.0)
+        column = scenes.column(n, gravity=9.81)
+        yield hard_cell("collapse", f"column of {n}, ε = 0", column, ends_with(Status.quiet), 0.0)
 
 
-def ended(status: Status) -> Truth:
+def ends_with(status: Status) -> Truth:
     """The run ends in that status."""
-    return Truth(f"ends in {status.name}", lambda run, again: 0.0 if run.status is status else math.inf)
+    return Truth(f"ends in {status.name}", lambda run, rerun: 0.0 if run.status is status else math.inf)
 
 
 def ties() -> Iterator[Cell]:
@@ -105,12 +106,13 @@ def ties() -> Iterator[Cell]:
     for rule in ("left", "right", "random", "reflect", "newton", "poisson"):
         after = (-1 / 3, 2 / 3, 2 / 3) if rule in ("newton", "poisson") else (0.0, 0.0, 1.0)
         options = {"ties": rule, "max_events": 20_000}
-        yield hard("ties", f"cradle of 3, {rule}", scenes.newtons_cradle(3), truth.velocities(after), options=options)
-        for (n, eps), kept in product(((5, 1.0), (5, 0.5), (50, 0.5), (50, 0.9)), (truth.momentum(), truth.LOSS)):
-            yield hard("ties", f"cradle of {n}, ε = {eps:g}, {rule}", scenes.newtons_cradle(n, n // 2), kept, eps,
-                       options=options)
+        cradle, cases = scenes.newtons_cradle(3), ((5, 1.0), (5, 0.5), (50, 0.5), (50, 0.9))
+        yield hard_cell("ties", f"cradle of 3, {rule}", cradle, truth.velocities(after), options=options)
+        for (n, eps), kept in product(cases, (truth.momentum(), truth.ENERGY_LOSS)):
+            yield hard_cell("ties", f"cradle of {n}, ε = {eps:g}, {rule}", scenes.newtons_cradle(n, n // 2), kept, eps,
+                            options=options)
         for eps in (1.0, 0.5):
-            yield hard("ties", f"wedged, ε = {eps:g}, {rule}", wedged, truth.LOSS, eps, options=options)
+            yield hard_cell("ties", f"wedged, ε = {eps:g}, {rule}", wedged, truth.ENERGY_LOSS, eps, options=options)
 
 
 def edges() -> Iterator[Cell]:
@@ -118,23 +120,23 @@ def edges() -> Iterator[Cell]:
     ones, radii = [1.0, 1.0], [0.1, 0.1]
     for v in (5e-324, 1e-300, 1e-150, 1e150, 1e300, 1e308):
         passed, turned = truth.velocities((0.0, v), v), truth.velocities((-v, v), v)
-        yield hard("float edges", f"v = {v:g}", Scene(ones, radii, [0.0], [v, 0.0]), passed)
-        yield hard("float edges", f"v = ±{v:g}, gap 1 m", Scene(ones, radii, [1.0], [v, -v]), turned)
+        yield hard_cell("float edges", f"v = {v:g}", Scene(ones, radii, [0.0], [v, 0.0]), passed)
+        yield hard_cell("float edges", f"v = ±{v:g}, gap 1 m", Scene(ones, radii, [1.0], [v, -v]), turned)
     for mass in (5e-324, 1e-300, 1e300, 1e308):
         scene = Scene([mass, mass], radii, [1.0], [1.0, 0.0])
-        yield hard("float edges", f"m = {mass:g}", scene, truth.velocities((0.0, 1.0)))
+        yield hard_cell("float edges", f"m = {mass:g}", scene, truth.velocities((0.0, 1.0)))
     for g in (1e-300, 1e-9, 1e9, 1e300):
         rest = truth.comes_to_rest(math.sqrt(2.0 / g) * 3.0)
-        yield hard("float edges", f"g = {g:g}", scenes.bouncing_ball(1.0, gravity=g), rest, 0.5, tolerance=1e-10)
+        yield hard_cell("float edges", f"g = {g:g}", scenes.bouncing_ball(1.0, gravity=g), rest, 0.5, tolerance=1e-10)
     closing = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [1.0, 1.0], [1.0, 0.0, -1.0])
-    yield hard("float edges", "walls that close", closing, ended(Status.max_events),
-               options={"t_end": 2.0, "max_events": 10_000})
+    yield hard_cell("float edges", "walls that close", closing, ends_with(Status.max_events),
+                    options={"t_end": 2.0, "max_events": 10_000})
     for ratio, count in ((1e2, 31), (1e4, 314), (1e6, 3141), (1e8, 31415), (1e10, 314159), (1e12, 3141592)):
         scene = Scene([math.inf, 1.0, ratio], [0.0, 0.1, 0.1], [1.0, 1.0], [0.0, 0.0, -1.0])
-        yield hard("float edges", f"collisions of 1 : {ratio:g} at a wall", scene, counted(count), slow=ratio > 1e8,
-                   options={"max_events": 10**7, "log": False})
+        yield hard_cell("float edges", f"collisions of 1 : {ratio:g} at a wall", scene, collision_count(count),
+                        slow=ratio > 1e8, options={"max_events": 10**7, "log": False})
 
 
-def counted(n: int) -> Truth:
+def collision_count(n: int) -> Truth:
     """The digits of π: that many collisions in all (Galperin)."""
-    return Truth("digits of π", lambda run, again: float(abs(run.stats["events"] - n)))
+    return Truth("digits of π", lambda run, rerun: float(abs(run.stats["events"] - n)))

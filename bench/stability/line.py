@@ -14,8 +14,18 @@ from typing import Any
 import numpy as np
 
 from bench.stability import own, truth
-from bench.stability.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, at_wall, judged_by
-from bench.stability.contact import MADE
+from bench.stability.cell import (
+    ALL_METHODS,
+    DEFAULT_METHODS,
+    ELASTIC_RULE,
+    FIXED_METHODS,
+    SOFT_METHODS,
+    Cell,
+    Rerun,
+    at_wall,
+    compared_with,
+)
+from bench.stability.contact import LAW_FACTORIES
 from granular import laws as built_in, md, scenes, until
 from granular._engine.check import Array
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
@@ -23,7 +33,7 @@ from granular.laws.rules import ConstantRestitution
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 
-LAWS = ("linear", "linear", "viscoelastic", "tsuji", "hertz", "parabola")
+LINE_LAWS = ("linear", "linear", "viscoelastic", "tsuji", "hertz", "parabola")
 """Laws of the random lines, one after the other."""
 
 
@@ -32,13 +42,14 @@ def symmetries(seeds: int = 40) -> Iterator[Cell]:
     yield from close_in_time()
     for seed in range(seeds):
         scene, laws, eps = random_line(seed)
-        each = [("symmetry", "mirror", truth.mirrored(), BOTH), ("symmetry", "late", truth.late(4.0), BOTH),
-                ("invariants", "energy", truth.LOSS, METHODS),
-                ("symmetry", "as located", as_located(), FIXED)]
+        each = [("symmetry", "mirror", truth.mirrored(), DEFAULT_METHODS),
+                ("symmetry", "late", truth.late_start(4.0), DEFAULT_METHODS),
+                ("invariants", "energy", truth.ENERGY_LOSS, ALL_METHODS),
+                ("symmetry", "as located", as_located(), FIXED_METHODS)]
         if not scene.is_wall.any():
-            each.append(("invariants", "momentum", truth.momentum(), METHODS))
+            each.append(("invariants", "momentum", truth.momentum(), ALL_METHODS))
         if isinstance(laws[0], LinearDashpot):
-            each.append(("invariants", "scaling", truth.scaled(), BOTH))
+            each.append(("invariants", "scaling", truth.scaled(), DEFAULT_METHODS))
         for axis, what, expected, methods in each:
             case = f"line {seed}: {scene.n} bodies, {type(laws[0]).__name__}, {what}"
             yield Cell(axis, case, scene, expected, laws, ConstantRestitution(eps), 0.0 if what == "scaling" else 1e-11,
@@ -48,8 +59,8 @@ def symmetries(seeds: int = 40) -> Iterator[Cell]:
 def close_in_time() -> Iterator[Cell]:
     """Two impacts closer in time than a float resolves at a late start, in an order that matters."""
     scene = Scene(np.ones(3), np.full(3, 0.1), [3e-5, 1e-5], [1.0, 0.0, -1.0])
-    yield Cell("start time", "two impacts 2e-5 s apart at t = 2^40 s", scene, truth.late(1.0), LinearDashpot(1e10),
-               ConstantRestitution(0.5), options={"t_end": 1.0}, methods=BOTH)
+    yield Cell("start time", "two impacts 2e-5 s apart at t = 2^40 s", scene, truth.late_start(1.0),
+               LinearDashpot(1e10), ConstantRestitution(0.5), options={"t_end": 1.0}, methods=DEFAULT_METHODS)
 
 
 def random_line(seed: int) -> tuple[Scene, list[Any], float]:
@@ -62,14 +73,14 @@ def random_line(seed: int) -> tuple[Scene, list[Any], float]:
         mass, radius, velocity = (np.insert(a, 0, x) for a, x in ((mass, math.inf), (radius, 0.0), (velocity, 0.0)))
     scene = Scene(mass, radius, 10.0 ** rng.uniform(-12.0, 0.0, len(mass) - 1), velocity)
     k, eps = 10.0 ** rng.uniform(4.0, 14.0), float(rng.choice([1.0, 0.9, 0.3]))
-    return scene, [MADE[LAWS[seed % len(LAWS)]](eps, k, 1.0, pair) for pair in scene.pairs], eps
+    return scene, [LAW_FACTORIES[LINE_LAWS[seed % len(LINE_LAWS)]](eps, k, 1.0, pair) for pair in scene.pairs], eps
 
 
-@judged_by("the located method")
-def as_located(run: Trajectory, again: Again) -> float:
+@compared_with("the located method")
+def as_located(run: Trajectory, rerun: Rerun) -> float:
     """The outcome of the located method, which its own cells judge. Divided by the condition number."""
     exact = md.simulate(run.scene, run.law, t_end=4.0, max_events=200)
-    return truth.same(run, exact.velocity[-1], exact, again)
+    return truth.outcome_difference(run, exact.velocity[-1], exact, rerun)
 
 
 def touching() -> Iterator[Cell]:
@@ -82,10 +93,10 @@ def touching() -> Iterator[Cell]:
         cell = Cell("touching", case, scene, truth.momentum(), law,
                     options={"until": until.separated(), "max_steps": 2_000})
         yield cell
-        yield replace(cell, truth=truth.beside(scene.replace(gap=[0.0, 0.0])), tolerance=1e-11)
+        yield replace(cell, truth=truth.nearby_scene(scene.replace(gap=[0.0, 0.0])), tolerance=1e-11)
 
 
-KNOWN: tuple[tuple[str, int, int, Any, tuple[float, ...], str, float], ...] = (
+KNOWN_CRADLES: tuple[tuple[str, int, int, Any, tuple[float, ...], str, float], ...] = (
     *((f"3 touching balls, linear{more}", 3, 1, LinearDashpot(k), (-0.1302616951, 0.1502295694, 0.9800321256),
        "piecewise exact solution, 10 digits", 2e-10) for k, more in ((1.0, ""), (1e16, ", k = 1e16"))),
     *((f"5 touching balls, linear{more}", 5, 1, LinearDashpot(k),
@@ -101,17 +112,17 @@ KNOWN: tuple[tuple[str, int, int, Any, tuple[float, ...], str, float], ...] = (
 
 def chains() -> Iterator[Cell]:
     """Cradles, and chains of up to 1e5 balls."""
-    for case, n, arrive, law, after, words, tolerance in KNOWN:
+    for case, n, arrive, law, after, words, tolerance in KNOWN_CRADLES:
         yield Cell("chains", case, scenes.newtons_cradle(n, arrive), truth.velocities(after, words=words), law,
-                   tolerance=tolerance, options={"until": until.separated()}, methods=SOFT)
+                   tolerance=tolerance, options={"until": until.separated()}, methods=SOFT_METHODS)
     for n in (10, 100, 1_000, 10_000, 100_000):
         passed = truth.velocities(np.arange(n) == n - 1, words="equal elastic balls hand the velocity on")
-        yield Cell("chains", f"{n} balls, gaps", scenes.chain(n, gap=1e-3), passed, rule=ELASTIC, slow=n > 1_000,
+        yield Cell("chains", f"{n} balls, gaps", scenes.chain(n, gap=1e-3), passed, rule=ELASTIC_RULE, slow=n > 1_000,
                    options={"log": False, "max_events": 10 * n}, methods=("edmd",))
         for kept in (truth.energy(), truth.momentum()):
-            yield Cell("chains", f"{n} touching balls, Hertz, t = 20", scenes.chain(n), kept, Hertz(1.0), methods=SOFT,
+            yield Cell("chains", f"{n} touching balls, Hertz, t = 20", scenes.chain(n), kept, Hertz(1.0),
                        options={"log": False, "t_end": 20.0, "max_steps": 200_000, "samples": None},
-                       slow=n > 10)
+                       methods=SOFT_METHODS, slow=n > 10)
 
 
 def counts(draws: int = 8) -> Iterator[Cell]:
@@ -133,23 +144,23 @@ def counts(draws: int = 8) -> Iterator[Cell]:
         scene = at_wall(np.full(n, 0.1), [-1.0] * n, [2.0 / (k * (k + 1.0)) for k in range(1, n + 1)])
         each.append((f"each of {n} falling balls hands on all it has", scene, n, n * (np.arange(n + 1.0) == n)))
     for case, scene, many, after in each:
-        yield Cell("counts", case, scene, exactly(many, after), LinearDashpot(1e14), ELASTIC,
-                   options={"max_steps": 50_000}, methods=BOTH)
+        yield Cell("counts", case, scene, known_outcome(many, after), LinearDashpot(1e14), ELASTIC_RULE,
+                   options={"max_steps": 50_000}, methods=DEFAULT_METHODS)
 
 
-@judged_by("the number of contacts of balls that pass through each other")
-def exactly(run: Trajectory, again: Again, many: int, velocity: Array) -> float:
+@compared_with("the number of contacts of balls that pass through each other")
+def known_outcome(run: Trajectory, rerun: Rerun, many: int, velocity: Array) -> float:
     """That many contacts in all, and these velocities in m/s at the end."""
     off = float(np.abs(run.velocity[-1] - velocity).max() / np.abs(velocity).max())
     return off if len(run.contacts) == many else math.inf
 
 
-FIELDS = ("t_begin", "duration", "v_out", "xi_max", "force_max", "impulse")
+COMPARED_FIELDS = ("t_begin", "duration", "v_out", "xi_max", "force_max", "impulse")
 """What is compared of each contact, besides its pair."""
 
 
 @cache
-def stored() -> tuple[dict[str, Any], ...]:
+def stored_scenes() -> tuple[dict[str, Any], ...]:
     """Lines whose outcome the independent solver of tests/fuzz found in long doubles (18 digits).
 
     It shares no code with the engines; ``python bench/stability_recorded.py`` makes the file anew.
@@ -163,20 +174,20 @@ def recorded() -> Iterator[Cell]:
     The plain laws are laws as users write them.
     """
     known = {name: getattr(built_in, name) for name in built_in.__all__} | vars(own)
-    for i, one in enumerate(stored()):
+    for i, one in enumerate(stored_scenes()):
         mass = [math.inf if m is None else m for m in one["mass"]]
         scene = Scene(mass, [0.0 if m == math.inf else 0.5 for m in mass], one["gap"], one["velocity"])
         names = ", ".join(dict.fromkeys(name for name, *_ in one["laws"]))
-        yield Cell("recorded", f"{one['kind']}, scene {i}: {names}", scene, outcome(one),
+        yield Cell("recorded", f"{one['kind']}, scene {i}: {names}", scene, recorded_outcome(one),
                    [known[name](*numbers) for name, *numbers in one["laws"]],
                    options={"t_end": one["t_end"], "max_steps": 50_000})
 
 
-@judged_by("an independent solver in 18 digits")
-def outcome(run: Trajectory, again: Again, one: Mapping[str, Any]) -> float:
+@compared_with("an independent solver in 18 digits")
+def recorded_outcome(run: Trajectory, rerun: Rerun, one: Mapping[str, Any]) -> float:
     """The same contacts, each number of them, and final velocities, in units of scale and condition number."""
     rows = np.sort(run.contacts, order=("pair", "t_begin"))
     if rows["pair"].tolist() != one["pair"]:
         return math.inf
-    found = {"final": run.velocity[-1]} | {name: rows[name].ravel() for name in FIELDS}
+    found = {"final": run.velocity[-1]} | {name: rows[name].ravel() for name in COMPARED_FIELDS}
     return float(max(np.abs(found[name] - one[name]).max() / one["unit"][name] for name in found))

@@ -11,7 +11,17 @@ from itertools import product
 import numpy as np
 
 from bench.stability import truth
-from bench.stability.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, judged_by, repeat
+from bench.stability.cell import (
+    ALL_METHODS,
+    DEFAULT_METHODS,
+    ELASTIC_RULE,
+    FIXED_METHODS,
+    SOFT_METHODS,
+    Cell,
+    Rerun,
+    compared_with,
+    rerun_function,
+)
 from granular import md, scenes
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.kinds import resolved
@@ -24,39 +34,39 @@ from granular.scene import Scene
 def runs() -> Iterator[Cell]:
     """Bounces, drops from 1 km, oscillations, gases."""
     for e in range(1, 8):
-        methods = METHODS if e <= 4 else BOTH if e <= 5 else ("edmd",)
+        methods = ALL_METHODS if e <= 4 else DEFAULT_METHODS if e <= 5 else ("edmd",)
         yield replace(bounces(10**e), methods=methods, slow=e > 2)
     for n, height in product((1, 100, 10_000, 100_000), (1e-6, 1.0, 1e3)):
         options = {"max_events": n + 1, "t_end": math.sqrt(2.0 * height / 9.81) * 2.0 * n, "log": False}
         yield Cell("long runs", f"{n} bounces from {height:g} m", scenes.bouncing_ball(height), back_at(height),
-                   rule=ELASTIC, tolerance=1e-13 * (1 + n), options=options, methods=("edmd",),
+                   rule=ELASTIC_RULE, tolerance=1e-13 * (1 + n), options=options, methods=("edmd",),
                    slow=n > 10)
     for e in range(2, 7):
         yield from oscillations(10**e)
     for free, spread in product((1e2, 1e4, 1e6), (1.0, 100.0)):
         yield Cell("long runs", f"gas over {free:g} mean free times, masses 1 : {spread:g}",
                    scenes.gas(10, mass_spread=spread, packing=0.1), truth.energy() if spread > 1.0 else speeds_kept(),
-                   Hertz(1e8), ELASTIC, tolerance=1e-11, methods=BOTH if free < 1e3 else ("edmd",), slow=True,
-                   options={"t_end": 4.5 * free, "log": False, "max_events": 10**8})
+                   Hertz(1e8), ELASTIC_RULE, tolerance=1e-11, methods=DEFAULT_METHODS if free < 1e3 else ("edmd",),
+                   options={"t_end": 4.5 * free, "log": False, "max_events": 10**8}, slow=True)
 
 
 def bounces(n: int, law: LinearDashpot | Hertz | None = None) -> Cell:
     """A ball between two walls 1 m apart: `n` contacts, without gravity."""
     scene = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [0.3, 0.5], [0.0, 1.0, 0.0])
     options = {"max_events": n, "t_end": 0.8 * n, "log": False, "max_steps": 10**8}
-    return Cell("long runs", f"{n} bounces between walls", scene, truth.energy(), law or LinearDashpot(1e6), ELASTIC,
-                tolerance=1e-14 + 1e-15 * n, options=options, methods=METHODS)
+    return Cell("long runs", f"{n} bounces between walls", scene, truth.energy(), law or LinearDashpot(1e6),
+                ELASTIC_RULE, tolerance=1e-14 + 1e-15 * n, options=options, methods=ALL_METHODS)
 
 
-@judged_by("back at its height after n bounces")
-def back_at(run: Trajectory, again: Again, height: float) -> float:
+@compared_with("back at its height after n bounces")
+def back_at(run: Trajectory, rerun: Rerun, height: float) -> float:
     """An elastic ball on a floor: its n-th bounce is known in closed form."""
     return float(abs(run.gap[-1, 0] / height - 1.0))
 
 
 def oscillations(n: int) -> Iterator[Cell]:
     """Three pre-compressed balls between walls; shaken gently (all contacts stay closed) and violently (they open)."""
-    methods = SOFT if n <= 1_000 else ("located", "verlet") if n <= 100_000 else ("verlet",)
+    methods = SOFT_METHODS if n <= 1_000 else ("located", "verlet") if n <= 100_000 else ("verlet",)
     fast = ((LinearDashpot(1e6), math.sqrt(2e6)), (Hertz(1e8), math.sqrt(2 * 1.5e8 * math.sqrt(1e-3))))
     for (name, speed), (law, omega) in product((("closed", 1e-3), ("opening", 3.0)), fast):
         scene = Scene([math.inf, 1.0, 2.0, 1.0, math.inf], [0.0, 1.0, 1.0, 1.0, 0.0], -np.full(4, 1e-3),
@@ -67,11 +77,11 @@ def oscillations(n: int) -> Iterator[Cell]:
                    tolerance=1e-12 + 1e-15 * n, options=options, methods=methods, slow=n > 10)
 
 
-@judged_by("the set of speeds is kept (md: the energy)")
-def speeds_kept(run: Trajectory, again: Again) -> float:
+@compared_with("the set of speeds is kept (md: the energy)")
+def speeds_kept(run: Trajectory, rerun: Rerun) -> float:
     """Equal elastic hard balls only exchange velocities; soft ones keep their energy."""
     if run.rule is None:
-        return truth.energy().error(run, again)
+        return truth.energy().error(run, rerun)
     first, last = np.sort(np.abs(run.velocity[[0, -1]]))
     return float(np.abs(first - last).max())
 
@@ -88,7 +98,7 @@ class Drift:
     reversal: float
 
 
-def drifts(methods: Sequence[str] = METHODS, most: int = 10_000) -> list[Drift]:
+def drifts(methods: Sequence[str] = ALL_METHODS, most: int = 10_000) -> list[Drift]:
     """Measure drift of energy and loss of reversibility by powers of ten up to `most` contacts."""
     laws: tuple[LinearDashpot | Hertz, ...] = (LinearDashpot(1e6), Hertz(1e8))
     each = product(methods, laws, range(1, 1 + round(math.log10(most))))
@@ -98,14 +108,14 @@ def drifts(methods: Sequence[str] = METHODS, most: int = 10_000) -> list[Drift]:
 def drift(method: str, law: LinearDashpot | Hertz, n: int) -> Drift:
     """Measure it after `n` contacts."""
     cell = bounces(n, law)
-    few = {"engine": "plain"} if method in FIXED and n <= 10 else {}  # that does not pay for machine code
-    again = repeat(replace(cell, options=dict(cell.options) | {"max_events": n + 10} | few), method)
-    run = again()
-    kept, returns = (target.error(run, again) for target in (truth.energy(), truth.reversal()))
+    few = {"engine": "plain"} if method in FIXED_METHODS and n <= 10 else {}  # that does not pay for machine code
+    rerun = rerun_function(replace(cell, options=dict(cell.options) | {"max_events": n + 10} | few), method)
+    run = rerun()
+    kept, returns = (target.error(run, rerun) for target in (truth.energy(), truth.reversal()))
     return Drift(method, "" if method == "edmd" else type(law).__name__, n, kept, returns)
 
 
-SPRING = LinearDashpot(1.0)
+UNIT_SPRING = LinearDashpot(1.0)
 
 
 @dataclass(frozen=True)
@@ -120,16 +130,16 @@ class StabilityLimit:
     reported: float
 
 
-IMAGINARY = {"verlet": 2.0, "symplectic-euler": 2.0, "rk4": 2.0 * math.sqrt(2.0)}
+OSCILLATOR_LIMITS = {"verlet": 2.0, "symplectic-euler": 2.0, "rk4": 2.0 * math.sqrt(2.0)}
 """Largest stable dt·ω of an undamped oscillator, of methods for which a textbook has it."""
 
 
-def limits(balls: Sequence[int] = (1, 2, 20), methods: Sequence[str] = FIXED) -> list[StabilityLimit]:
+def limits(balls: Sequence[int] = (1, 2, 20), methods: Sequence[str] = FIXED_METHODS) -> list[StabilityLimit]:
     """Measure the stability limit of balls held between two walls by compressed springs, for each method.
 
     One ball has ω = √(2k/m), a long chain 2√(k/m): hence dt < √(m/k) for Verlet inside a chain.
     """
-    return [limit(n, method) for n, method in product(balls, FIXED) if method in methods]
+    return [limit(n, method) for n, method in product(balls, FIXED_METHODS) if method in methods]
 
 
 def limit(n: int, method: str) -> StabilityLimit:
@@ -141,8 +151,8 @@ def limit(n: int, method: str) -> StabilityLimit:
     while unstable - stable > 2e-3 * stable:
         dt = 0.5 * (stable + unstable)
         stable, unstable = (stable, dt) if grows(scene, method, dt) else (dt, unstable)
-    bound = sharpest_rate(scene, resolved([SPRING] * scene.n_pairs, scene), np.ones(scene.n_pairs))
-    theory = IMAGINARY.get(method, math.nan) / (2.0 * math.cos(0.5 * math.pi / (n + 1)))
+    bound = sharpest_rate(scene, resolved([UNIT_SPRING] * scene.n_pairs, scene), np.ones(scene.n_pairs))
+    theory = OSCILLATOR_LIMITS.get(method, math.nan) / (2.0 * math.cos(0.5 * math.pi / (n + 1)))
     return StabilityLimit(method, n, stable, theory, INTEGRATORS[method].limit / bound)
 
 
@@ -150,6 +160,6 @@ def grows(scene: Scene, method: str, dt: float) -> bool:
     """Whether the shaking, 1e-6 m/s, has grown a thousandfold after 200 steps."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        run = md.simulate(scene, SPRING, method=method, dt=dt, t_end=200 * dt, log=False)
+        run = md.simulate(scene, UNIT_SPRING, method=method, dt=dt, t_end=200 * dt, log=False)
     speed = np.abs(run.velocity[-1]).max()
     return bool(not speed < 1e-3) or (run.status is Status.unstable and not math.isfinite(speed))

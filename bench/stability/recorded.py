@@ -21,15 +21,15 @@ from fuzz.judge import Truth, truth
 from fuzz.laws import Spec
 from fuzz.scenes import Case
 
-from bench.stability.line import FIELDS
+from bench.stability.line import COMPARED_FIELDS
 
-FILE = Path(__file__).with_suffix(".json")
-DRAWS = 14
-MOST = 10
+OUTPUT_PATH = Path(__file__).with_suffix(".json")
+DRAWS_PER_KIND = 14
+MAX_CONTACTS = 10
 """Contacts of a scene."""
 
 
-def found() -> Iterator[tuple[str, Case]]:
+def chosen_cases() -> Iterator[tuple[str, Case]]:
     """The scenes in which the defects were found."""
     yield "second contact inside an overlap", case([1.0] * 3, [-0.1, 0.0], [-0.2497, 0.0, -1.0],
                                                    [Spec("TsujiHertz", (1.0, 0.5))] * 2, 5.0)
@@ -47,9 +47,9 @@ def case(mass: list[float], gap: list[float], velocity: list[float], laws: list[
     return Case(tuple(mass), tuple(gap), tuple(velocity), 0.0, tuple(laws), t_end)
 
 
-def drawn(kind: str, seed: int) -> Case:
+def drawn_case(kind: str, seed: int) -> Case:
     """A scene of that kind: three to five balls that come together nearly at once."""
-    rng = np.random.default_rng([KINDS.index(kind), seed])
+    rng = np.random.default_rng([SCENE_KINDS.index(kind), seed])
     n = int(rng.integers(3, 6))
     mass = [round(x, 2) for x in 10.0 ** rng.uniform(-0.5, 0.5, n)]
     if rng.random() < 0.3:
@@ -98,19 +98,19 @@ def law_of(kind: str, rng: Any) -> Spec:
     return some[int(rng.integers(len(some)))]
 
 
-KINDS = ["second contact inside an overlap", "own law", "own laws beside built-in ones", "reloading",
-         "touched at once", "steep law", "kinked law"]
+SCENE_KINDS = ["second contact inside an overlap", "own law", "own laws beside built-in ones", "reloading",
+               "touched at once", "steep law", "kinked law"]
 
 
-def wanted(kind: str, one: Truth | None) -> bool:
+def is_suitable(kind: str, one: Truth | None) -> bool:
     """Whether a drawn scene is fit: well conditioned, ended, no contact of rounding, and of the kind."""
-    if one is None or one.status != "quiet" or len(one.pairs) > MOST or one.condition > 300.0:
+    if one is None or one.status != "quiet" or len(one.pairs) > MAX_CONTACTS or one.condition > 300.0:
         return False
     closing, parting = one.numbers["v_in"] @ [1.0, -1.0], one.numbers["v_out"] @ [-1.0, 1.0]
     if min(abs(closing).min(), abs(parting).min()) < 1e-4:
         return False
-    again = (closing < 0.0) & (one.numbers["t_begin"] > 0.0)
-    return bool(again.any()) if kind.startswith("second") else len(one.pairs) > 2
+    second = (closing < 0.0) & (one.numbers["t_begin"] > 0.0)
+    return bool(second.any()) if kind.startswith("second") else len(one.pairs) > 2
 
 
 def entry(kind: str, one: Case) -> dict[str, Any]:
@@ -118,29 +118,29 @@ def entry(kind: str, one: Case) -> dict[str, Any]:
     exact = truth(one, LONG)
     assert exact is not None
     unit = {}
-    for name in ("velocity", *FIELDS):
+    for name in ("velocity", *COMPARED_FIELDS):
         allowed = np.fmax(exact.scale[name] * max(1.0, exact.condition), exact.response[name])
         unit["final" if name == "velocity" else name] = float(f"{np.max(allowed):.3g}")
     return {
         "kind": kind, "mass": [None if m == math.inf else m for m in one.mass], "gap": list(one.gap),
         "velocity": list(one.velocity), "laws": [[law.name, *law.numbers] for law in one.laws], "t_end": one.t_end,
         "unit": unit, "final": exact.numbers["velocity"][-1].tolist(), "pair": exact.pairs,
-        **{name: exact.numbers[name].ravel().tolist() for name in FIELDS},
+        **{name: exact.numbers[name].ravel().tolist() for name in COMPARED_FIELDS},
     }
 
 
 def main() -> None:
-    entries = [entry(kind, one) for kind, one in found()]
-    for kind in KINDS:
+    entries = [entry(kind, one) for kind, one in chosen_cases()]
+    for kind in SCENE_KINDS:
         made = seed = 0
-        while made < DRAWS:
-            one, seed = drawn(kind, seed), seed + 1
-            if wanted(kind, truth(one)):
+        while made < DRAWS_PER_KIND:
+            one, seed = drawn_case(kind, seed), seed + 1
+            if is_suitable(kind, truth(one)):
                 entries.append(entry(kind, one))
                 made += 1
                 print(kind, seed, flush=True)
     lines = ",\n".join(json.dumps(one, allow_nan=False) for one in entries)
-    FILE.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+    OUTPUT_PATH.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -6,12 +6,12 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from bench.stability.cell import BOTH, Result, Verdict
+from bench.stability.cell import DEFAULT_METHODS, Result, Verdict
 from bench.stability.long import Drift, StabilityLimit
 from granular._engine.reports import Report, Rows, aligned, number
 
-BAD = (Verdict.wrong, Verdict.crashed, Verdict.limit)
-SHOWN = 20
+BAD_VERDICTS = (Verdict.wrong, Verdict.crashed, Verdict.limit)
+PRINTED_CELLS = 20
 """Bad cells that the printed report lists."""
 
 
@@ -104,11 +104,12 @@ class StabilityReport(Report):
 
     def __str__(self) -> str:
         parts = [f"{title}\n{aligned(rows, indent='  ')}" for title, rows in self.tables().items()]
-        bad = self.of(*BAD)
-        own = [cell for cell in bad if cell.method in BOTH] or bad
+        bad = self.of(*BAD_VERDICTS)
+        own = [cell for cell in bad if cell.method in DEFAULT_METHODS] or bad
         if own:
             lines = [f"  {c.verdict.name:8} {c.method:17} {c.axis}: {c.case} [{c.truth}] error {c.error:.2g} > "
-                     f"{c.tolerance:.2g}; {c.said}"[:240] for c in own[:SHOWN]]
-            more = [f"  … and {len(own) - SHOWN} more (see cells, or the JSON file)"] * (len(own) > SHOWN)
+                     f"{c.tolerance:.2g}; {c.said}"[:240] for c in own[:PRINTED_CELLS]]
+            hidden = len(own) - PRINTED_CELLS
+            more = [f"  … and {hidden} more (see cells, or the JSON file)"] * (hidden > 0)
             parts.append("\n".join(["not right and not flagged", *lines, *more]))
         return "\n\n".join(parts)

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from bench.stability.cell import BOTH, ELASTIC, Again, Cell, Truth, at_wall, judged_by
+from bench.stability.cell import DEFAULT_METHODS, ELASTIC_RULE, Cell, Rerun, Truth, at_wall, compared_with
 from granular import scenes, until
 from granular._engine.check import Array
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
 
-G, LONG = 9.81, 1e3
-ROWS = 11
-SHORT = 4
+G, LONG_TIME = 9.81, 1e3
+SAMPLE_COUNT = 11
+QUICK_BODIES = 4
 """Bodies up to which a cell takes part in a quick study."""
-LAWS: dict[str, tuple[Any, float]] = {
+PILE_LAWS: dict[str, tuple[Any, float]] = {
     "linear": (LinearDashpot(1e6, 500.0), 1.0),
     "viscoelastic": (ViscoelasticHertz(1e8, 3e4), 1.5),
     "tsuji": (TsujiHertz(1e8, 1.0), 1.5),
@@ -33,46 +33,48 @@ def rests() -> Iterator[Cell]:
     for zeta, k, span in product((0.01, 0.1, 0.5, 0.9), (1e3, 1e6), (1.0, 1e3)):
         w = math.sqrt(k)
         end, scene = span * 2.0 / (zeta * w), at_wall([-1.5 * (G / k)], [0.0], gravity=G)
-        yield still(f"one ball oscillates, ζ = {zeta:g}, k = {k:.0e}, {span:g} decay times", scene,
-                    LinearDashpot(k, 2.0 * zeta * w), oscillates(end, zeta, k), end, 1e-12)
-    for n, (name, (law, power)), drop in product((1, 2, 5), LAWS.items(), (0.0, 1e-4, 1e-2)):
+        yield rest_cell(f"one ball oscillates, ζ = {zeta:g}, k = {k:.0e}, {span:g} decay times", scene,
+                        LinearDashpot(k, 2.0 * zeta * w), oscillates(end, zeta, k), end, 1e-12)
+    for n, (name, (law, power)), drop in product((1, 2, 5), PILE_LAWS.items(), (0.0, 1e-4, 1e-2)):
         scene = at_wall([drop, *np.zeros(n - 1)], np.zeros(n), gravity=G)
-        lie = lies(LONG, (G * np.arange(n, 0, -1.0) / law.k) ** (1.0 / power))
-        yield still(f"{n} balls from {drop:g} m, {name}", scene, law, lie)
-    for n, (name, (law, power)), g in product((1, 3, 6), LAWS.items(), (0.0, G)):
+        lie = lies(LONG_TIME, (G * np.arange(n, 0, -1.0) / law.k) ** (1.0 / power))
+        yield rest_cell(f"{n} balls from {drop:g} m, {name}", scene, law, lie)
+    for n, (name, (law, power)), g in product((1, 3, 6), PILE_LAWS.items(), (0.0, G)):
         press = 2e-3 * (1.0 + 0.3 * np.cos(np.arange(n + 1.0)))
         scene = Scene([math.inf, *np.ones(n), math.inf], [0.0, *np.full(n, 0.1), 0.0], -press, np.zeros(n + 2), g)
-        lie = lies(LONG, pressed(law.k, power, g * np.arange(n, -1.0, -1.0), float(press.sum())))
-        yield still(f"{n} balls pressed between walls, g = {g:g}, {name}", scene, law, lie)
+        lie = lies(LONG_TIME, pressed(law.k, power, g * np.arange(n, -1.0, -1.0), float(press.sum())))
+        yield rest_cell(f"{n} balls pressed between walls, g = {g:g}, {name}", scene, law, lie)
 
 
-def still(case: str, scene: Scene, law: Any, expected: Truth, end: float = LONG, tolerance: float = 1e-11) -> Cell:
+def rest_cell(
+    case: str, scene: Scene, law: Any, expected: Truth, end: float = LONG_TIME, tolerance: float = 1e-11
+) -> Cell:
     """Return the cell of a scene that comes to rest before `end` in s."""
-    return Cell("rest", case, scene, expected, law, tolerance=tolerance, options={"t_end": end, "samples": ROWS},
-                slow=scene.n > SHORT)
+    return Cell("rest", case, scene, expected, law, tolerance=tolerance,
+                options={"t_end": end, "samples": SAMPLE_COUNT}, slow=scene.n > QUICK_BODIES)
 
 
-@judged_by("damped oscillation, and momentum of the log")
-def oscillates(run: Trajectory, again: Again, end: float, zeta: float, k: float) -> float:
+@compared_with("damped oscillation, and momentum of the log")
+def oscillates(run: Trajectory, rerun: Rerun, end: float, zeta: float, k: float) -> float:
     """1 kg that lies 1.5 times as deep as it will: a damped oscillation that never opens the contact."""
     w, depth, root = math.sqrt(k), G / k, math.sqrt(1.0 - zeta * zeta)
     decay, phase = np.exp(-zeta * w * run.time), root * w * run.time
     xi = depth + 0.5 * depth * decay * (np.cos(phase) + zeta / root * np.sin(phase))
     rate = -0.5 * depth * w / root * decay * np.sin(phase)
-    return settled(run, end, -run.gap[:, 0] / xi - 1.0, (-run.velocity[:, 1] - rate) / (w * depth))
+    return rest_error(run, end, -run.gap[:, 0] / xi - 1.0, (-run.velocity[:, 1] - rate) / (w * depth))
 
 
-@judged_by("the equilibrium of the pile, and momentum of the log")
-def lies(run: Trajectory, again: Again, end: float, overlap: Array) -> float:
+@compared_with("the equilibrium of the pile, and momentum of the log")
+def lies(run: Trajectory, rerun: Rerun, end: float, overlap: Array) -> float:
     """At `end` in s all lie still at these overlaps in m; rows and momentum of the log are kept."""
-    off = settled(run, end, -run.gap[-1] / overlap - 1.0, run.velocity[-1])
+    off = rest_error(run, end, -run.gap[-1] / overlap - 1.0, run.velocity[-1])
     return off if run.stats["resting"] else math.inf
 
 
-def settled(run: Trajectory, end: float, *errors: Array) -> float:
-    """Return the largest of the errors and of `unbalanced`, if the run went on to `end` and has the rows asked for."""
-    kept = run.status is Status.time and run.time.tolist() == np.linspace(0.0, end, ROWS).tolist()
-    return float(max([unbalanced(run), *(np.abs(error).max() for error in errors)])) if kept else math.inf
+def rest_error(run: Trajectory, end: float, *errors: Array) -> float:
+    """Largest of the errors and `momentum_defect`; infinite unless the run reached `end` with all samples."""
+    kept = run.status is Status.time and run.time.tolist() == np.linspace(0.0, end, SAMPLE_COUNT).tolist()
+    return float(max([momentum_defect(run), *(np.abs(error).max() for error in errors)])) if kept else math.inf
 
 
 def pressed(k: float, power: float, weight: Array, total: float) -> Array:
@@ -85,7 +87,7 @@ def pressed(k: float, power: float, weight: Array, total: float) -> Array:
     return found
 
 
-def unbalanced(run: Trajectory) -> float:
+def momentum_defect(run: Trajectory) -> float:
     """Return how far each ball's momentum is from the impulses of the log and its weight, as a part of the largest."""
     impulse, balls = np.zeros(run.scene.n_pairs), ~run.scene.is_wall
     np.add.at(impulse, run.contacts["pair"], run.contacts["impulse"])
@@ -110,14 +112,13 @@ def last_rows() -> Iterator[Cell]:
         hit = ("a wall that moves", moving, 1.0, 0.0, [0.5, -0.5], [0.0], until.contact(0, 1))
         for case, scene, flown, pause, velocity, gap, stop in (*each, parted, hit):
             yield Cell("last row", f"{case}, k = {k:.0e}, {rows} rows", scene,
-                       ends_at(flown, pause, rows, velocity, gap), LinearDashpot(k), ELASTIC, methods=BOTH,
-                       options={"t_end": 30.0, "samples": rows, "until": stop})
-    for method, rows in product(BOTH, (2, 10)):
+                       ends_at(flown, pause, rows, velocity, gap), LinearDashpot(k), ELASTIC_RULE,
+                       options={"t_end": 30.0, "samples": rows, "until": stop}, methods=DEFAULT_METHODS)
+    for method, rows in product(DEFAULT_METHODS, (2, 10)):
         end = 2.5 * math.sqrt(2.0)  # at rest above the floor in between: after one bounce of 1 m at g = 1 m/s²
         yield Cell("last row", f"bounces counted by max_events, {rows} rows, {method}",
-                   scenes.bouncing_ball(1.0, gravity=1.0), in_order(rows, 10.0 * end), LinearDashpot(1e8), ELASTIC,
-                   options={"t_end": 10.0 * end, "samples": rows, "max_events": 2}, methods=(method,), cut=True,
-                   )
+                   scenes.bouncing_ball(1.0, gravity=1.0), in_order(rows, 10.0 * end), LinearDashpot(1e8), ELASTIC_RULE,
+                   options={"t_end": 10.0 * end, "samples": rows, "max_events": 2}, methods=(method,), cut=True)
     touching = Scene(np.ones(4), np.full(4, 0.5), [0.1, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
     for c, rows in product((0, 1, 2), (2, 10)):
         yield Cell("last row", f"before the touch of row {c} of a chain at rest, {rows} rows", touching,
@@ -125,9 +126,9 @@ def last_rows() -> Iterator[Cell]:
                    options={"t_end": 30.0, "samples": rows, "until": until.contact(c, 1)})
 
 
-@judged_by("free flight up to the contact that ends the run")
+@compared_with("free flight up to the contact that ends the run")
 def ends_at(
-    run: Trajectory, again: Again, flown: float, pause: float, rows: int, velocity: list[float], gap: list[float]
+    run: Trajectory, rerun: Rerun, flown: float, pause: float, rows: int, velocity: list[float], gap: list[float]
 ) -> float:
     """The run ends after that much flight and, if soft, that much contact in s, with these velocities and gaps.
 
@@ -140,8 +141,8 @@ def ends_at(
     return float(max(np.abs(d).max() for d in differences)) if rows_kept(run, rows, 30.0, end) else math.inf
 
 
-@judged_by("each row at its own time, with the energy of the start")
-def in_order(run: Trajectory, again: Again, rows: int, last: float) -> float:
+@compared_with("each row at its own time, with the energy of the start")
+def in_order(run: Trajectory, rerun: Rerun, rows: int, last: float) -> float:
     """The rows that were asked for, up to the end, and the end once, where the ball is by energy."""
     off = float(np.abs(run.energy() / run.energy()[0] - 1.0).max())
     return off if rows_kept(run, rows, last, run.time[-1]) else math.inf

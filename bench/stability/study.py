@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from bench.stability import contact, driven, hard, line, long, rest
-from bench.stability.cell import FIXED, METHODS, SOFT, Cell, Result, Verdict, repeat
+from bench.stability.cell import ALL_METHODS, FIXED_METHODS, SOFT_METHODS, Cell, Result, Verdict, rerun_function
 from bench.stability.report import StabilityReport
 from granular import edmd, md
 from granular._engine import check
@@ -49,12 +49,12 @@ AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "long runs": long.runs,
 }
 """The axes and what makes their cells; "symmetry" also makes the cells of "invariants"."""
-QUICK = 2
+QUICK_CELLS = 2
 """Cells of an axis and a method in a quick study, which CI runs."""
 
 
 def stability(
-    methods: str | Sequence[str] = METHODS,
+    methods: str | Sequence[str] = ALL_METHODS,
     axes: str | Sequence[str] = tuple(AXES),
     *,
     quick: bool = False,
@@ -88,7 +88,7 @@ def stability(
     ValueError
         For a method or an axis that does not exist.
     """
-    who = _named("methods", methods, METHODS)
+    who = _named("methods", methods, ALL_METHODS)
     where = _named("axes", axes, tuple(AXES))
     check.callback("on_progress", on_progress, "reached", "count")
     limit = check.number("seconds", seconds, above=0.0)
@@ -97,7 +97,7 @@ def stability(
     chosen = [pair for axis in where for pair in _chosen(AXES[axis](), who, quick)]
     results = []
     for done, (cell, method) in enumerate(chosen, 1):
-        results.append(judge(cell, method, limit, plain=quick))
+        results.append(run_cell(cell, method, limit, plain=quick))
         if on_progress is not None:
             on_progress(done / len(chosen), done)
     limits = long.limits((1,) if quick else (1, 2, 20), who) if "time step" in where else []
@@ -114,7 +114,7 @@ def _chosen(cells: Iterable[Cell], methods: Sequence[str], quick: bool) -> list[
     for cell, method in pairs:
         if not cell.slow:
             kinds.setdefault((method, cell.axis), []).append((cell, method))
-    return [pair for mine in kinds.values() for pair in mine[:: 1 + len(mine) // QUICK]]
+    return [pair for mine in kinds.values() for pair in mine[:: 1 + len(mine) // QUICK_CELLS]]
 
 
 def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
@@ -129,17 +129,17 @@ class OutOfTime(Exception):
     """The limit of processor time was reached."""
 
 
-def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Result:
+def run_cell(cell: Cell, method: str, seconds: float, plain: bool = False) -> Result:
     """Return the verdict on `cell` run by `method`, in at most about `seconds`; `plain`: interpreted, and short."""
-    tolerance = cell.loose if method in FIXED else cell.tolerance
+    tolerance = cell.loose if method in FIXED_METHODS else cell.tolerance
     error, start, late = math.nan, time.process_time(), f"no end within {seconds:g} s"
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
             with deadline(seconds):
-                again = repeat(cell, method, plain)
-                run = again()
-                error = float(cell.truth.error(run, again))
+                rerun = rerun_function(cell, method, plain)
+                run = rerun()
+                error = float(cell.truth.error(run, rerun))
             said = f"{run.status.name}: {run.message}"
             early = run.status in EARLY and not (cell.cut and run.status is Status.max_events)
             flagged = early or any(warning.category is RuntimeWarning for warning in heard)
@@ -166,7 +166,7 @@ def warm_up(methods: Sequence[str], shaken: bool) -> None:
     for scene in (row, plate)[: 1 + shaken]:
         if "edmd" in methods:
             edmd.simulate(scene, ConstantRestitution(0.5), engine="compiled", t_end=0.1, collapse="merge")
-        for method in (method for method in SOFT if method in methods):
+        for method in (method for method in SOFT_METHODS if method in methods):
             for law in (LinearDashpot(1e4, 1.0), Hertz(1e4), TsujiHertz(1e4, 0.1), PowerLaw(1e4, 2.0)):
                 md.simulate(scene, law, t_end=0.005, method=method, engine="compiled")
 

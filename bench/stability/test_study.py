@@ -18,15 +18,15 @@ import granular as gr
 from bench import docs_data
 from bench.stability import AXES, StabilityReport, contact, line, rest, stability
 from bench.stability.__main__ import main
-from bench.stability.cell import FIXED, METHODS, Cell, Truth, Verdict, repeat
-from bench.stability.contact import meeting
+from bench.stability.cell import ALL_METHODS, FIXED_METHODS, Cell, Truth, Verdict, rerun_function
+from bench.stability.contact import two_body_cell
 from bench.stability.hard import rational_run
 from bench.stability.long import limits
-from bench.stability.study import deadline, judge as judge_any
+from bench.stability.study import deadline, run_cell as run_cell_at_full_length
 from granular.run.trajectory import Trajectory
 from granular.studies import extremes
 
-judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
+run_cell = partial(run_cell_at_full_length, plain=True)  # a deadline must not interrupt a compiler
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def quick() -> StabilityReport:
 
 
 def test_quick_study_of_every_axis_and_method(quick: StabilityReport) -> None:
-    assert set(quick.methods) == set(METHODS)
+    assert set(quick.methods) == set(ALL_METHODS)
     assert set(AXES) <= set(quick.axes)
     assert len(quick.cells) > 150
 
@@ -47,7 +47,7 @@ def test_default_methods_are_never_silently_wrong(quick: StabilityReport) -> Non
 
 
 def test_verdicts_are_those_of_the_docs(quick: StabilityReport) -> None:
-    stored = json.loads((docs_data.DATA / "stability.json").read_text("utf-8"))
+    stored = json.loads((docs_data.DATA_FOLDER / "stability.json").read_text("utf-8"))
     assert sorted(docs_data.verdicts(quick)) == sorted(stored), "stale: python bench/docs_data.py stability"
 
 
@@ -89,46 +89,46 @@ def test_a_long_chain_tends_to_the_step_of_two_contacts() -> None:
 
 
 def sample(error: float) -> Cell:
-    return replace(meeting("a", "b", "linear"), truth=Truth("test", lambda run, again: error))
+    return replace(two_body_cell("a", "b", "linear"), truth=Truth("test", lambda run, rerun: error))
 
 
 @pytest.mark.parametrize(("error", "verdict"), [(0.0, "right"), (1.0, "wrong"), (math.nan, "wrong")])
 def test_verdict_on_an_error(error: float, verdict: str) -> None:
-    assert judge(sample(error), "located", 5.0).verdict is Verdict[verdict]
+    assert run_cell(sample(error), "located", 5.0).verdict is Verdict[verdict]
 
 
 def test_a_limit_on_work_is_a_flag() -> None:
     cell = replace(sample(1.0), options={"max_events": 0})
-    result = judge(cell, "located", 5.0)
+    result = run_cell(cell, "located", 5.0)
     assert result.verdict is Verdict.flagged
     assert "limit on the amount of work" in result.said
 
 
 def test_a_warning_is_a_flag() -> None:
-    cell = replace(meeting("a", "b", "linear"), methods=FIXED)
+    cell = replace(two_body_cell("a", "b", "linear"), methods=FIXED_METHODS)
     dt = 0.5 / math.sqrt(1e6)
-    result = judge(replace(cell, options={"dt": dt, "t_end": 0.1}, loose=0.0), "verlet", 5.0)
+    result = run_cell(replace(cell, options={"dt": dt, "t_end": 0.1}, loose=0.0), "verlet", 5.0)
     assert result.verdict is Verdict.flagged
     assert "expect visible errors" in result.said
 
 
 def test_a_sentence_is_a_flag_and_any_other_error_a_crash() -> None:
-    def fails(run: object, again: object) -> float:
+    def fails(run: object, rerun: object) -> float:
         raise ZeroDivisionError("float division by zero")
 
-    result = judge(replace(sample(0.0), truth=Truth("test", fails)), "located", 5.0)
+    result = run_cell(replace(sample(0.0), truth=Truth("test", fails)), "located", 5.0)
     assert result.verdict is Verdict.crashed
     touching = gr.Scene([math.inf, 1, 1, math.inf], [0, 0.1, 0.1, 0], [0, 0, 0], [0, 1, -1, 0])
     refused = replace(sample(0.0), scene=touching, options={"ties": "reflect"})
-    assert judge(refused, "edmd", 5.0).verdict is Verdict.flagged
+    assert run_cell(refused, "edmd", 5.0).verdict is Verdict.flagged
 
 
 def test_no_cell_hangs() -> None:
-    def waits(run: object, again: object) -> float:
+    def waits(run: object, rerun: object) -> float:
         while True:
             pass
 
-    result = judge(replace(sample(0.0), truth=Truth("test", waits)), "located", 0.05)
+    result = run_cell(replace(sample(0.0), truth=Truth("test", waits)), "located", 0.05)
     assert result.verdict is Verdict.limit
 
 
@@ -177,7 +177,7 @@ def twice(run: Trajectory) -> Trajectory:
 def some(cells: Callable[[], Any]) -> list[tuple[Cell, Trajectory]]:
     """Some cells and their runs, each made once for all changes."""
     every = [cell for cell in cells() if not cell.slow and "max_events" not in cell.options]
-    return [(cell, repeat(cell, "located", plain=True)()) for cell in every[:: 1 + len(every) // 4]]
+    return [(cell, rerun_function(cell, "located", plain=True)()) for cell in every[:: 1 + len(every) // 4]]
 
 
 @pytest.mark.parametrize(("cells", "change"), [
@@ -201,7 +201,7 @@ def test_a_small_change_of_a_run_is_found(
 
 def test_a_row_of_the_next_sample_is_found() -> None:
     cell = next(cell for cell in rest.last_rows() if "10 rows" in cell.case)
-    run = repeat(cell, "edmd", plain=True)()
+    run = rerun_function(cell, "edmd", plain=True)()
     asked = np.linspace(0.0, 30.0, 10)
     late = replace(run, time=asked[: len(run.time)])
     assert cell.truth.error(run, None) <= cell.tolerance < cell.truth.error(late, None)
@@ -209,7 +209,7 @@ def test_a_row_of_the_next_sample_is_found() -> None:
 
 def test_a_run_that_ends_at_rest_before_its_end_is_found() -> None:
     cell = next(cell for cell in rest.rests() if "balls from" in cell.case)
-    run = repeat(replace(cell, options={}), "located", plain=True)()
+    run = rerun_function(replace(cell, options={}), "located", plain=True)()
     assert run.status.name == "resting"
     assert cell.truth.error(run, None) == math.inf
 
@@ -217,8 +217,8 @@ def test_a_run_that_ends_at_rest_before_its_end_is_found() -> None:
 @pytest.mark.parametrize("tol", [1e-4, 1e-9])
 def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
     estimates = []
-    for one, cell in [*zip(line.stored(), line.recorded(), strict=True)][3:90:12]:
-        run = repeat(cell, "located", plain=True)(tol=tol)
+    for one, cell in [*zip(line.stored_scenes(), line.recorded(), strict=True)][3:90:12]:
+        run = rerun_function(cell, "located", plain=True)(tol=tol)
         estimates.append(run.stats["error_estimate"])
         error = float(np.abs(run.velocity[-1] - one["final"]).max()) / one["unit"]["final"]
         assert error <= estimates[-1] + 2e-14, cell.case
@@ -226,21 +226,22 @@ def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
 
 
 def test_every_kind_of_recorded_scene_is_there() -> None:
-    kinds = {one["kind"] for one in line.stored()}
+    kinds = {one["kind"] for one in line.stored_scenes()}
     assert len(kinds) == 7
-    assert len(line.stored()) > 90
-    again = [one for one in line.stored() if one["kind"].startswith("second")]
-    assert all(any(b > 0.0 for b in one["t_begin"]) for one in again)
+    assert len(line.stored_scenes()) > 90
+    second = [one for one in line.stored_scenes() if one["kind"].startswith("second")]
+    assert all(any(b > 0.0 for b in one["t_begin"]) for one in second)
 
 
 @pytest.mark.soak
 def test_recorded_scenes_are_those_of_the_independent_solver() -> None:
     from bench.stability import recorded
 
-    for kind, one in recorded.found():
+    for kind, one in recorded.chosen_cases():
         fresh = recorded.entry(kind, one)
-        stored = next(e for e in line.stored() if e["gap"] == fresh["gap"] and e["velocity"] == fresh["velocity"])
-        for name in ("pair", "final", *line.FIELDS):
+        start = fresh["gap"], fresh["velocity"]
+        stored = next(e for e in line.stored_scenes() if (e["gap"], e["velocity"]) == start)
+        for name in ("pair", "final", *line.COMPARED_FIELDS):
             assert fresh[name] == pytest.approx(stored[name], rel=1e-13)
 
 
@@ -256,7 +257,7 @@ def test_misuse_is_one_sentence() -> None:
 
 
 def test_the_command(capsys: pytest.CaptureFixture[str], tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("bench.stability.__main__.PAGE", tmp_path / "a part of it is no page")
+    monkeypatch.setattr("bench.stability.__main__.PAGE_PATH", tmp_path / "a part of it is no page")
     path = tmp_path / "table.json"
     main(["--quick", "--json", str(path), "time step"])
     out = capsys.readouterr().out
@@ -276,9 +277,9 @@ def test_the_command_explains_misuse(capsys: pytest.CaptureFixture[str]) -> None
 def test_the_page_holds_the_tables(monkeypatch, tmp_path) -> None:
     page, stored = tmp_path / "stability.md", []
     page.write_text("# Title\n<!-- tables -->\nold\n<!-- end -->\nafter\n", "utf-8")
-    monkeypatch.setattr("bench.stability.__main__.PAGE", page)
+    monkeypatch.setattr("bench.stability.__main__.PAGE_PATH", page)
     monkeypatch.setattr("bench.stability.__main__.measured", lambda *_: stability("edmd", "ties", quick=True))
-    monkeypatch.setattr("bench.stability.__main__.FIGURE", tmp_path / "figure.png")
+    monkeypatch.setattr("bench.stability.__main__.FIGURE_PATH", tmp_path / "figure.png")
     monkeypatch.setattr(gr, "stability", lambda scene: extremes.stability(scene, axes=(), methods="located"), False)
     monkeypatch.setattr(docs_data, "store", lambda name, data=None: stored.append(name))
     main([])

@@ -42,22 +42,22 @@ def spread(run):
     return run.position[:, 2:-1].std(axis=1).mean()
 
 
-def first(run):
+def first_share(run):
     """Share of the energy that the ball beside the hot wall has."""
     return (run.velocity[:, 1] ** 2).sum() / (run.velocity[:, 1:-1] ** 2).sum()
 
 
-def hit(engine, gap, n=20, lasts=1e-3, **remedy):
+def row_energy(engine, gap=1e-6, n=20, lasts=1e-3, **remedy):
     """Share of its energy that a ball leaves in a row before a wall; gaps in ways of the ball in a contact."""
     scene = gr.Scene([1.0] * n + [np.inf], [0.0] * (n + 1), [gap * lasts] * n, [1.0] + [0.0] * n)
     return (case(scene, lasts).simulate(engine, **remedy).velocity[-1, 1:] ** 2).sum()
 
 
 if __name__ == "__main__":
-    print("left in a row: soft", hit("md", 1e-6), "hard", hit("edmd", 1e-6), "TC", hit("edmd", 1e-6, tc=1e-3))
+    print("energy left in the row: soft, hard, TC:", row_energy("md"), row_energy("edmd"), row_energy("edmd", tc=1e-3))
     cases = [(3e-4, {}), (3e-4, {"elastic_below": 0.01}), (3e-4, {"collapse": "merge", "merge_below": 0.01}),
              *((lasts, {"tc": lasts}) for lasts in (3e-2, 3e-3, 3e-4, 3e-5, 3e-6, 3e-7))]
-    found = [gr.ensemble(box, 8, "seed", [spread, first], lasts=lasts, remedy=remedy) for lasts, remedy in cases]
+    found = [gr.ensemble(box, 8, "seed", [spread, first_share], lasts=lasts, remedy=remedy) for lasts, remedy in cases]
     print(*(f"contacts of {x[0]:g} s, hard {x[1]}: {one}" for x, one in zip(cases, found, strict=True)), sep="\n\n")
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 2.5, "legend.frameon": False})
     figure, axes = plt.subplot_mosaic("ac;bc", figsize=(12.5, 5.6), width_ratios=(1.0, 1.1), layout="constrained")
@@ -71,8 +71,8 @@ if __name__ == "__main__":
         axes["c"].axhline(one.quantities[0].means[0], color="#c1440e", ls=style)
         axes["c"].text(4e-2, place * one.quantities[0].means[0], name, color="#c1440e", ha="right")
     for which, name, colour in ((0, "TC model", "#c8963e"), (1, "Newton", "#1f4e79")):
-        told = [(one.quantities[0].means[which], one.quantities[0].errors[which]) for one in found[3:]]
-        axes["c"].errorbar([lasts for lasts, _ in cases[3:]], *np.array(told).T, fmt="o-", color=colour, label=name)
+        means = [(one.quantities[0].means[which], one.quantities[0].errors[which]) for one in found[3:]]
+        axes["c"].errorbar([lasts for lasts, _ in cases[3:]], *np.array(means).T, fmt="o-", color=colour, label=name)
     axes["c"].set(xscale="log", yscale="log", xlabel="duration of a contact, s", ylabel="spread, m", ylim=(1e-3, 0.4))
     axes["c"].legend()
     figure.savefig("clumps.png")

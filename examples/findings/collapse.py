@@ -23,31 +23,31 @@ import numpy as np
 
 import granular as gr
 
-KINDS = {"collapse": ("#c1440e", "collapse"), "bounded": ("#d9d4cc", "not known"), "quiet": ("#1f4e79", "all part")}
+STATUS_LOOKS = {"collapse": ("#c1440e", "collapse"), "bounded": ("#d9d4cc", "open"), "quiet": ("#1f4e79", "separate")}
 
 
-def critical(n):
+def critical_restitution(n):
     """Coefficient of restitution of the formula."""
     return math.tan(math.pi / 4.0 * (1.0 - 2.0 / n)) ** 2
 
 
-def balls(n, seed):
+def random_balls(n, seed):
     """Points at random places, which all approach their neighbours."""
     draw = np.random.default_rng([seed, n])
     return gr.Scene([1.0] * n, [0.0] * n, draw.uniform(0.5, 1.5, n - 1), np.sort(draw.normal(size=n))[::-1])
 
 
-def end(n, beyond, seed, engine=gr.edmd):
+def run_to_end(n, beyond, seed, engine=gr.edmd):
     """How they end at ε = (1 + beyond) ε_N, and after how many collisions or, of soft balls, contacts."""
-    scene, eps = balls(n, seed), critical(n) * (1.0 + beyond)
+    scene, eps = random_balls(n, seed), critical_restitution(n) * (1.0 + beyond)
     soft = [gr.LinearDashpot.from_restitution(eps, 1e6, pair) for pair in scene.pairs]
     run = engine.simulate(scene, soft if engine is gr.md else gr.ConstantRestitution(eps))
     return run.status.name, len(run.contacts)
 
 
-def of_three(beyond):
+def three_ball_collisions(beyond):
     """Number of collisions of three balls above ε_3, to one or two."""
-    eps = critical(3) * (1.0 + beyond)
+    eps = critical_restitution(3) * (1.0 + beyond)
     return 2.0 * math.pi / np.arccos((1.0 + eps) ** 2 / (8.0 * eps) - 1.0)
 
 
@@ -57,20 +57,20 @@ if __name__ == "__main__":
     figure, axes = plt.subplots(1, 2, figsize=(12.5, 4.8), layout="constrained")
     for n in range(3, 9):
         for place, beyond in enumerate(steps):
-            ends = [end(n, beyond, seed) for seed in range(4)]
+            ends = [run_to_end(n, beyond, seed) for seed in range(4)]
             print(f"N = {n}, {1.0 + beyond:.3f} ε_N:", *(f"{count} ({name})" for name, count in ends))
             for turn, (name, _) in enumerate(sorted(ends)):
-                axes[0].plot(place + 0.18 * (turn - 1.5), n, "s", color=KINDS[name][0], ms=9)
-    for colour, name in KINDS.values():
+                axes[0].plot(place + 0.18 * (turn - 1.5), n, "s", color=STATUS_LOOKS[name][0], ms=9)
+    for colour, name in STATUS_LOOKS.values():
         axes[0].plot([], [], "s", color=colour, ms=9, label=name)
     axes[0].set(xticks=range(6), xticklabels=[f"{100.0 * x:+g}" for x in steps], ylim=(2.5, 8.5), ylabel="balls")
     axes[0].axvline(2.5, color="black", lw=1.0, ls="--")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     above = np.geomspace(3e-3, 0.3, 15)
     for n, colour in ((8, "#c8963e"), (4, "#6f9fc8"), (3, "#1f4e79")):
-        counts = [end(n, beyond, 0)[1] for beyond in above]
+        counts = [run_to_end(n, beyond, 0)[1] for beyond in above]
         axes[1].loglog(100.0 * above, counts, "o", color=colour, ms=8, label=f"{n} balls")
-    axes[1].loglog(100.0 * above, of_three(above), color="#1f4e79", label="2π/θ")
+    axes[1].loglog(100.0 * above, three_ball_collisions(above), color="#1f4e79", label="2π/θ")
     axes[1].set(xticks=(1, 10), xticklabels=(1, 10), ylabel="collisions until all part")
     axes[1].legend()
     figure.supxlabel("ε above the formula, %", fontsize=14)

@@ -20,8 +20,8 @@ import numpy as np
 
 import granular as gr
 
-SLOWEST = 3e-3
-TIMES = (1.0, 2.0, 4.0, 8.0, 16.0)
+ELASTIC_SPEED = 3e-3
+OUTPUT_TIMES = (1.0, 2.0, 4.0, 8.0, 16.0)
 
 
 def ring(n, seed):
@@ -29,17 +29,17 @@ def ring(n, seed):
     return gr.scenes.ring_gas(n, float(n), packing=1e-9, seed=seed)
 
 
-def sticking(n, seed, times):
+def sticking_energy(n, seed, times):
     """Energy at these times in units of the first, of points that stick together."""
     run = gr.edmd.simulate(ring(n, seed), gr.ConstantRestitution(0.0), t_end=times[-1], samples=[0.0, *times],
                            log=False, max_events=10**7)
     return run.energy()[1:] / run.energy()[0]
 
 
-def exponent(n, seed, last):
+def cooling_exponent(n, seed, last):
     """δ of E ~ t^δ from t = 10 to the last time, of sticking points."""
     times = np.geomspace(10.0, last, 25)
-    return np.polyfit(np.log(times), np.log(sticking(n, seed, times)), 1)[0]
+    return np.polyfit(np.log(times), np.log(sticking_energy(n, seed, times)), 1)[0]
 
 
 def gas(seed, n=60, end=16.0):
@@ -47,29 +47,29 @@ def gas(seed, n=60, end=16.0):
     scene = ring(n, seed)
     laws = [gr.LinearDashpot.from_restitution(0.5, 1e6, pair) for pair in scene.pairs]
     return gr.Case(scene, laws, gr.ConstantRestitution(0.5), t_end=end,
-                   run={"elastic_below": SLOWEST, "max_events": 10**7})
+                   run={"elastic_below": ELASTIC_SPEED, "max_events": 10**7})
 
 
-def both(end, draws=24):
+def cooling_ensemble(end, draws=24):
     """Ensemble of the energy left, of soft and of hard points."""
     return gr.ensemble(gas, draws, "seed", "energy_left", end=end)
 
 
 if __name__ == "__main__":
-    found = [exponent(30_000, seed, 2000.0) for seed in range(8)]
+    found = [cooling_exponent(30_000, seed, 2000.0) for seed in range(8)]
     print(f"sticking: exponent {np.mean(found):.3f} ± {np.std(found, ddof=1) / len(found) ** 0.5:.3f}")
-    ensembles = [both(end) for end in TIMES]
+    ensembles = [cooling_ensemble(end) for end in OUTPUT_TIMES]
     print(ensembles[-1])
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axis = plt.subplots(figsize=(8.5, 5.2), layout="constrained")
     times = np.geomspace(0.3, 300.0, 40)
-    axis.loglog(times, sticking(30_000, 0, times), color="#c8963e", label="hard, sticking, 30 000 points")
+    axis.loglog(times, sticking_energy(30_000, 0, times), color="#c8963e", label="hard, sticking, 30 000 points")
     axis.loglog(times[18:], 0.30 * times[18:] ** (-2.0 / 3.0), ":", color="black", lw=2.0)
     axis.text(20.0, 0.018, "$t^{-2/3}$")
     for name, colour, shift, mark in (("hard", "#c1440e", 0.96, "s"), ("soft", "#1f4e79", 1.04, "o")):
         which = ("hard", "soft").index(name)
-        told = np.array([[one.worst.means[which], one.worst.errors[which]] for one in ensembles])
-        axis.errorbar(shift * np.array(TIMES), *told.T, fmt=mark, ms=9, color=colour, label=f"{name}, ε = 0.5")
+        rows = np.array([[one.worst.means[which], one.worst.errors[which]] for one in ensembles])
+        axis.errorbar(shift * np.array(OUTPUT_TIMES), *rows.T, fmt=mark, ms=9, color=colour, label=f"{name}, ε = 0.5")
     axis.set(xlabel="time, mean distance / speed", ylabel="energy left, E / E₀")
     axis.legend(loc="lower left")
     figure.savefig("cooling.png")

@@ -22,14 +22,14 @@ import numpy as np
 
 import granular as gr
 
-SPEED, MASS = 0.15, 0.0673
-PERIOD = 2.0 * math.pi / math.sqrt(9.81)
+IMPACT_SPEED, BALL_MASS = 0.15, 0.0673
+SWING_PERIOD = 2.0 * math.pi / math.sqrt(9.81)
 STEEL = gr.materials.steel
 
 
-def after(gap, speed=SPEED):
+def speeds_after_impact(gap, speed=IMPACT_SPEED):
     """Speeds of five balls after the impact, in units of the striker's."""
-    scene = gr.scenes.newtons_cradle(5, gap=gap, speed=speed, mass=MASS)
+    scene = gr.scenes.newtons_cradle(5, gap=gap, speed=speed, mass=BALL_MASS)
     run = gr.md.simulate(scene, gr.Hertz.from_material(*STEEL, scene.pairs[0]), until=gr.until.separated())
     return run.velocity[-1] / speed
 
@@ -40,29 +40,31 @@ def long_row(n):
     return run.velocity[-1]
 
 
-def swinging(gap, periods, engine=gr.md):
+def swing_energy(gap, periods, engine=gr.md):
     """Energy at every half of so many periods of pendula 1 m long with ε = 0.98, in units of the first."""
-    scene = gr.scenes.pendulum_cradle(5, amplitude=SPEED * PERIOD / (2.0 * math.pi), mass=MASS, rest_gap=gap)
-    soft = gr.ViscoelasticHertz.from_material(*STEEL, restitution=0.98, speed=SPEED, pair=scene.pairs[0])
+    amplitude = IMPACT_SPEED * SWING_PERIOD / (2.0 * math.pi)
+    scene = gr.scenes.pendulum_cradle(5, amplitude=amplitude, mass=BALL_MASS, rest_gap=gap)
+    soft = gr.ViscoelasticHertz.from_material(*STEEL, restitution=0.98, speed=IMPACT_SPEED, pair=scene.pairs[0])
     law = soft if engine is gr.md else gr.ConstantRestitution(0.98)
-    run = engine.simulate(scene, law, t_end=periods * PERIOD, samples=2 * periods + 1)
+    run = engine.simulate(scene, law, t_end=periods * SWING_PERIOD, samples=2 * periods + 1)
     return run.energy() / run.energy()[0]
 
 
 if __name__ == "__main__":
     for gap in (0.0, 1e-6, 3e-6, 1e-5):
-        print(f"gaps {1e6 * gap:2.0f} µm: speeds", *(f"{speed:8.4f}" for speed in after(gap)))
+        print(f"gaps {1e6 * gap:2.0f} µm: speeds", *(f"{speed:8.4f}" for speed in speeds_after_impact(gap)))
     print("30 touching balls: first", long_row(30)[0].round(6), "last", long_row(30)[-2:].round(6))
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
     gaps, blue = np.geomspace(1e-7, 4e-5, 21), ("#1f4e79", "#6f9fc8")
-    for speed, line, colour in zip((1.0, SPEED), ("--", "-"), blue[::-1], strict=True):
-        axes[0].semilogx(1e6 * gaps, [after(gap, speed)[3] for gap in gaps], line, color=colour, label=f"{speed:g} m/s")
+    for speed, line, colour in zip((1.0, IMPACT_SPEED), ("--", "-"), blue[::-1], strict=True):
+        fourth = [speeds_after_impact(gap, speed)[3] for gap in gaps]
+        axes[0].semilogx(1e6 * gaps, fourth, line, color=colour, label=f"{speed:g} m/s")
     axes[0].set(xlabel="gaps between steel balls, µm", ylabel="speed of the last but one, part of all")
-    for gap, colour in zip((0.0, 1e-6), blue, strict=True):
-        axes[1].plot(np.arange(0, 20.5, 0.5), swinging(gap, 20), color=colour, label=f"soft, gaps {1e6 * gap:.0f} µm")
-    axes[1].plot(np.arange(0, 20.5, 0.5), swinging(1e-5, 20), color="#c8963e", label="soft, gaps 10 µm")
-    axes[1].plot(np.arange(0, 20.5, 0.5), swinging(0.0, 20, gr.edmd), ":", color="#c1440e", label="hard")
+    for gap, colour in zip((0.0, 1e-6, 1e-5), (*blue, "#c8963e"), strict=True):
+        name = f"soft, gaps {1e6 * gap:.0f} µm"
+        axes[1].plot(np.arange(0, 20.5, 0.5), swing_energy(gap, 20), color=colour, label=name)
+    axes[1].plot(np.arange(0, 20.5, 0.5), swing_energy(0.0, 20, gr.edmd), ":", color="#c1440e", label="hard")
     axes[1].set(xlabel="periods", ylabel="energy, part of the first", ylim=(0.0, 1.02))
     for axis in axes:
         axis.set_xticks(*(((0.1, 1, 10), ("0.1", "1", "10")) if axis is axes[0] else (range(0, 21, 5),)))

@@ -19,8 +19,8 @@ import numpy as np
 import granular as gr
 
 N, EPS, K = 10, 0.9, 1e6
-RULE = gr.ConstantRestitution(EPS)
-COLOURS = {"Newton": "#1f4e79", "TC model": "#c8963e", "hard spheres": "#c1440e"}
+HARD_RULE = gr.ConstantRestitution(EPS)
+MODEL_COLOURS = {"Newton": "#1f4e79", "TC model": "#c8963e", "hard spheres": "#c1440e"}
 
 
 def laws(scene):
@@ -28,34 +28,35 @@ def laws(scene):
     return [gr.LinearDashpot.from_restitution(EPS, k=K, pair=pair) for pair in scene.pairs]
 
 
-BALLS = gr.scenes.column(N)
-T_C = gr.binary.collision(laws(BALLS)[-1], BALLS.pairs[-1], speed=1.0).duration
+COLUMN_SCENE = gr.scenes.column(N)
+T_C = gr.binary.collision(laws(COLUMN_SCENE)[-1], COLUMN_SCENE.pairs[-1], speed=1.0).duration
 
 
-def left(gaps):
+def energy_left(gaps):
     """Energy left of Newton's balls, TC ones and hard ones, as parts of the first; gaps in v t_c, the floor's first."""
     scene = gr.scenes.column(N, gap=np.broadcast_to(gaps, N) * T_C)
-    runs = [gr.md.simulate(scene, laws(scene)), gr.edmd.simulate(scene, RULE, tc=T_C), gr.edmd.simulate(scene, RULE)]
+    hard = [gr.edmd.simulate(scene, HARD_RULE, **options) for options in ({"tc": T_C}, {})]
+    runs = [gr.md.simulate(scene, laws(scene)), *hard]
     return [run.energy()[-1] / run.energy()[0] for run in runs]
 
 
 if __name__ == "__main__":
     print("s0 / v t_c   Newton     TC    hard")
     for gap in (1e-6, 0.1, 0.3, 1.0, 3.0, 10.0):
-        print(f"{gap:10g}", *(f"{part:8.4f}" for part in left(gap)))
+        print(f"{gap:10g}", *(f"{part:8.4f}" for part in energy_left(gap)))
     equal, apart = np.geomspace(0.03, 30.0, 31), np.geomspace(0.1, 30.0, 6)
-    of_equal, draws = np.array([left(gap) for gap in equal]), np.random.default_rng(1).exponential(size=(12, N))
-    of_drawn = np.array([[left(gap * draw) for draw in draws] for gap in apart])
+    of_equal, draws = np.array([energy_left(gap) for gap in equal]), np.random.default_rng(1).exponential(size=(12, N))
+    of_drawn = np.array([[energy_left(gap * draw) for draw in draws] for gap in apart])
     print(f"TC is nearer to Newton than hard spheres up to s0 = {np.interp(-0.544, -of_equal[:, 0], equal):.2f} v t_c")
 
     plt.rcParams.update({"font.size": 13, "lines.linewidth": 3.0})
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.4), sharey=True, layout="constrained")
-    for column, colour in enumerate(COLOURS.values()):
+    for column, colour in enumerate(MODEL_COLOURS.values()):
         axes[0].plot(equal, of_equal[:, column], color=colour)
         error = of_drawn[:, :, column].std(axis=1, ddof=1) / len(draws) ** 0.5
         axes[1].errorbar(apart, of_drawn[:, :, column].mean(axis=1), error, color=colour, fmt="o-", lw=2.0, ms=7)
     for text, *place in (("Newton", 0.035, 0.8), ("TC model", 0.45, 1.01), ("hard spheres", 0.035, 0.03)):
-        axes[0].text(*place, text, color=COLOURS[text], weight="bold")
+        axes[0].text(*place, text, color=MODEL_COLOURS[text], weight="bold")
     axes[0].set(title="equal gaps s₀", ylabel="energy left, E / E₀", ylim=(0.0, 1.08))
     axes[1].set(title="gaps at random, mean s₀, 12 draws")
     plt.setp(axes, xscale="log", xticks=(0.1, 1.0, 10.0), xticklabels=("0.1", "1", "10"))

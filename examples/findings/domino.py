@@ -21,26 +21,26 @@ import numpy as np
 
 import granular as gr
 
-LAWS = {"springs": (gr.LinearDashpot(k=1e6, gamma=0.0), "-"), "Hertz contacts": (gr.Hertz(k=1e6), "--")}
-MAGIC = {k: 1.0 / (1.0 / math.cos(math.pi / (2 * k + 1)) - 1.0) for k in (1, 2, 3)}
+SOFT_LAWS = {"springs": (gr.LinearDashpot(k=1e6, gamma=0.0), "-"), "Hertz contacts": (gr.Hertz(k=1e6), "--")}
+MAGIC_RATIOS = {k: 1.0 / (1.0 / math.cos(math.pi / (2 * k + 1)) - 1.0) for k in (1, 2, 3)}
 
 
-def hard(ratio, n, **options):
+def hard_run(ratio, n, **options):
     """Run of n hard balls of which every second is lighter by `ratio`; gaps are 1 m, the kick is 1 m/s."""
     return gr.edmd.simulate(gr.scenes.chain(n, dimer=1 / ratio, gap=1.0), gr.ConstantRestitution(1.0), **options)
 
 
-def newton(law, k, softness, n, disturbed="resolve"):
+def soft_run(law, k, softness, n, disturbed="resolve"):
     """Run of n soft balls, with contacts of v t_c/d = `softness`, until the last but one is hit."""
-    t_c = gr.binary.collision(law, gr.scenes.chain(n, dimer=1 / MAGIC[k]).pairs[0], speed=1.0).duration
-    scene = gr.scenes.chain(n, dimer=1 / MAGIC[k], gap=t_c / softness)
+    t_c = gr.binary.collision(law, gr.scenes.chain(n, dimer=1 / MAGIC_RATIOS[k]).pairs[0], speed=1.0).duration
+    scene = gr.scenes.chain(n, dimer=1 / MAGIC_RATIOS[k], gap=t_c / softness)
     return gr.md.simulate(scene, law, until=gr.until.contact(n - 2), disturbed=disturbed)
 
 
-def softest(law, k, digits=6):
+def isolation_limit(law, k, digits=6):
     """Largest v t_c/d at which no contact of the first five balls is disturbed by another."""
     grid = np.linspace(0.0, 1.0, 10**digits + 1)[1:]
-    return grid[bisect_left(grid, True, key=lambda x: newton(law, k, x, 5, "stop").status is gr.Status.disturbed) - 1]
+    return grid[bisect_left(grid, True, key=lambda x: soft_run(law, k, x, 5, "stop").status is gr.Status.disturbed) - 1]
 
 
 def front(run):
@@ -52,19 +52,19 @@ def front(run):
 if __name__ == "__main__":
     plt.rcParams.update({"font.size": 14, "axes.titlesize": 15})
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.6), layout="constrained")
-    for axis, ratio in zip(axes, (2.0, MAGIC[2]), strict=False):
-        run = hard(ratio, 401, until=gr.until.contact(399))
+    for axis, ratio in zip(axes, (2.0, MAGIC_RATIOS[2]), strict=False):
+        run = hard_run(ratio, 401, until=gr.until.contact(399))
         delta = np.polyfit(np.log(front(run)[0][20:]), np.log(np.arange(41, 400, 2)), 1)[0]
         print(f"hard, m/μ = {ratio:.3f}: exponent {delta:.4f}, {np.sum(abs(run.velocity[-1]) > 1e-9)} balls moving")
-        few = hard(ratio, 14, t_end=16.0, samples=1001)
+        few = hard_run(ratio, 14, t_end=16.0, samples=1001)
         paths = few.position[:, :1] - few.position[0, 0] + np.cumsum(np.pad(few.gap, [(0, 0), (1, 0)]), axis=1)
         axis.plot(few.time, paths[:, 1::2], color="#c8963e", lw=1.5)
         axis.plot(few.time, paths[:, ::2], color="#c1440e", lw=3.0)
         axis.set(title=f"hard, m/μ = {ratio:.4g}", xlabel="time, d/v", ylabel="place, d", ylim=(-1.5, 13.5))
-    for name, (law, line) in LAWS.items():
-        ends, softness = [softest(law, k) for k in (2, 3)], np.linspace(0.1, 1.0, 19)
+    for name, (law, line) in SOFT_LAWS.items():
+        ends, softness = [isolation_limit(law, k) for k in (2, 3)], np.linspace(0.1, 1.0, 19)
         print(f"Newton, {name}: isolated up to v t_c/d = {ends[0]:.6f} (k = 2), {ends[1]:.6f} (k = 3)")
-        speed = [front(newton(law, 2, x, 25))[1][-1] for x in softness]
+        speed = [front(soft_run(law, 2, x, 25))[1][-1] for x in softness]
         axes[2].plot(softness, speed, line, color="#1f4e79", lw=3.0, label=name)
     axes[2].text(0.1, 0.93, "all contacts\nisolated", color="#1f4e79")
     axes[2].set(title="soft, m/μ = 4.236", xlabel="duration of a contact, d/v", ylabel="front ball's speed, v",

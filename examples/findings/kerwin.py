@@ -19,9 +19,9 @@ import numpy as np
 
 import granular as gr
 
-LAWS = {"steel, Hertz": lambda pair: gr.Hertz.from_material(*gr.materials.steel, pair),
-        "Hertz, one k": lambda pair: gr.Hertz(k=1e9), "springs": lambda pair: gr.LinearDashpot(k=1e6, gamma=0.0)}
-LAST, GRID = 1.0 / 27.0, np.geomspace(1.0 / 27.0, 1.0, 31)
+SOFT_LAWS = {"steel, Hertz": lambda pair: gr.Hertz.from_material(*gr.materials.steel, pair),
+             "Hertz, one k": lambda pair: gr.Hertz(k=1e9), "springs": lambda pair: gr.LinearDashpot(k=1e6, gamma=0.0)}
+LAST_MASS, MASS_GRID = 1.0 / 27.0, np.geomspace(1.0 / 27.0, 1.0, 31)
 
 
 def row(masses, gap):
@@ -30,43 +30,43 @@ def row(masses, gap):
     return gr.Scene(masses, radii, [gap] * (len(masses) - 1), [1.0] + [0.0] * (len(masses) - 1))
 
 
-def hard(*masses):
+def hard_share(*masses):
     """Part of the energy that the last of some balls takes, one collision after the other."""
     run = gr.edmd.simulate(row(masses, 1e-3), gr.ConstantRestitution(1.0), until=gr.until.separated())
     return masses[-1] * run.velocity[-1][-1] ** 2
 
 
-def newton(law, *masses):
+def soft_share(law, *masses):
     """The same if they touch."""
     scene = row(masses, 0.0)
     run = gr.md.simulate(scene, [law(pair) for pair in scene.pairs], until=gr.until.separated())
     return masses[-1] * run.velocity[-1][-1] ** 2
 
 
-def best(share):
+def best_mass(share):
     """The mass between the two at which their share is largest, to half a per cent."""
-    near = max(GRID, key=lambda mass: share(1.0, mass, LAST))
-    return max(np.geomspace(0.92 * near, 1.087 * near, 35), key=lambda mass: share(1.0, mass, LAST))
+    near = max(MASS_GRID, key=lambda mass: share(1.0, mass, LAST_MASS))
+    return max(np.geomspace(0.92 * near, 1.087 * near, 35), key=lambda mass: share(1.0, mass, LAST_MASS))
 
 
 if __name__ == "__main__":
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0})
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
-    ways = {"hard spheres": (hard, "#c1440e")}
-    for (name, law), colour in zip(LAWS.items(), ("#1f4e79", "#6f9fc8", "#c8963e"), strict=True):
-        ways[name] = partial(newton, law), colour
+    ways = {"hard spheres": (hard_share, "#c1440e")}
+    for (name, law), colour in zip(SOFT_LAWS.items(), ("#1f4e79", "#6f9fc8", "#c8963e"), strict=True):
+        ways[name] = partial(soft_share, law), colour
     print("                best m    its share   at 0.1925   8 balls")
     for name, (share, colour) in ways.items():
-        mass, rows = best(share), [share(*np.geomspace(1.0, LAST, n)) for n in range(2, 9)]
-        print(f"{name:14} {mass:8.3f} {share(1.0, mass, LAST):11.4f} {rows[1]:11.4f} {rows[-1]:10.4f}")
-        axes[0].semilogx(GRID, [share(1.0, m, LAST) for m in GRID], color=colour)
-        axes[0].plot(mass, share(1.0, mass, LAST), "o", color=colour, ms=10)
+        mass, rows = best_mass(share), [share(*np.geomspace(1.0, LAST_MASS, n)) for n in range(2, 9)]
+        print(f"{name:14} {mass:8.3f} {share(1.0, mass, LAST_MASS):11.4f} {rows[1]:11.4f} {rows[-1]:10.4f}")
+        axes[0].semilogx(MASS_GRID, [share(1.0, m, LAST_MASS) for m in MASS_GRID], color=colour)
+        axes[0].plot(mass, share(1.0, mass, LAST_MASS), "o", color=colour, ms=10)
         axes[1].plot(range(2, 9), rows, "o-", color=colour, label=name)
-    axes[0].axhline(hard(1.0, LAST), color="black", lw=1.0, ls="--")
+    axes[0].axhline(hard_share(1.0, LAST_MASS), color="black", lw=1.0, ls="--")
     axes[0].text(0.038, 0.127, "no ball between")
-    axes[0].axvline(LAST**0.5, color="black", lw=1.0, ls=":")
+    axes[0].axvline(LAST_MASS**0.5, color="black", lw=1.0, ls=":")
     axes[0].set(xlabel="mass of the ball between, kg", ylabel="energy of the last ball, part of all")
-    axes[0].set_xticks([LAST, 0.1, LAST**0.5, 1.0], ["1/27", "0.1", "0.19", "1"])
+    axes[0].set_xticks([LAST_MASS, 0.1, LAST_MASS**0.5, 1.0], ["1/27", "0.1", "0.19", "1"])
     axes[1].set(xlabel="balls in a row, masses geometric")
     axes[1].legend(frameon=False)
     figure.savefig("kerwin.png")

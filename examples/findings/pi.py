@@ -20,7 +20,7 @@ import numpy as np
 
 import granular as gr
 
-STIFF = (1e2, 1e4, 1e6, 1e8)
+STIFFNESSES = (1e2, 1e4, 1e6, 1e8)
 
 
 def balls(digits):
@@ -28,7 +28,7 @@ def balls(digits):
     return gr.Scene([math.inf, 1.0, 100.0**digits], [0.0] * 3, [1.0, 1.0], [0.0, 0.0, -1.0])
 
 
-def counted(digits, k=math.inf):
+def collision_count(digits, k=math.inf):
     """Number of collisions of hard balls, or of contacts of springs, and the speed at which the heavy one leaves."""
     if k < math.inf:
         run = gr.md.simulate(balls(digits), gr.LinearDashpot(k, gamma=0.0), log=False)
@@ -37,12 +37,11 @@ def counted(digits, k=math.inf):
     return run.stats["contacts" if k < math.inf else "events"], run.velocity[-1, -1]
 
 
-def most(k):
-    """Number of contacts of a very heavy ball: u/V on the way in while the light one flies between contacts, until
-    u² = 2 V x₀ ω/π; then ∫ 2/T ds/V while the springs overlap by s, until it leaves neither; twice, for the way back.
+def contact_limit(k):
+    """Largest number of contacts, reached with a very heavy ball; units: ω and the ball's speed in the middle.
 
-    In units of ω and of the ball's speed at the middle: there the stiffness is double, beyond s/2 only one spring acts.
-    """
+    The way in has u/V contacts, with flights between, until u² = 2 V x₀ ω/π. Then the springs overlap by s, which
+    adds ∫ 2/T ds/V. The way back doubles both. The stiffness is 2 k in the overlap and k beyond s/2 from the middle."""
     s = np.linspace(0.0, math.sqrt(2.0), 4001)
     half, far = s / math.sqrt(2.0), np.sqrt(1.0 + 0.5 * s**2)
     within = (np.arcsin(half) + half * np.sqrt(1.0 - half**2)) / math.sqrt(8.0)
@@ -54,20 +53,22 @@ def most(k):
 
 
 if __name__ == "__main__":
-    print("hard:", *(counted(digits)[0] for digits in range(6)))
-    for k in STIFF:
-        count, speed = counted(3, k)
-        print(f"k = {k:g} N/m: {count} contacts, {most(k):.1f} by the law; parts at {speed:.6f} m/s")
+    print("hard:", *(collision_count(digits)[0] for digits in range(6)))
+    for k in STIFFNESSES:
+        count, speed = collision_count(3, k)
+        print(f"k = {k:g} N/m: {count} contacts, {contact_limit(k):.1f} by the law; parts at {speed:.6f} m/s")
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
     digits = np.arange(0.0, 3.01, 0.25)
-    axes[0].loglog(100.0**digits, [counted(d)[0] for d in digits], color="#c1440e", label="hard, π √(M/m)")
-    for k, colour, name in zip(STIFF, ("#bcd3ea", "#8fb4d9", "#4f81b0", "#1f4e79"), "²⁴⁶⁸", strict=True):
-        axes[0].loglog(100.0**digits, [counted(d, k)[0] for d in digits], color=colour, label=f"soft, k = 10{name} N/m")
+    axes[0].loglog(100.0**digits, [collision_count(d)[0] for d in digits], color="#c1440e", label="hard, π √(M/m)")
+    for k, colour, name in zip(STIFFNESSES, ("#bcd3ea", "#8fb4d9", "#4f81b0", "#1f4e79"), "²⁴⁶⁸", strict=True):
+        counts = [collision_count(d, k)[0] for d in digits]
+        axes[0].loglog(100.0**digits, counts, color=colour, label=f"soft, k = 10{name} N/m")
     axes[0].set(xlabel="mass ratio M/m", ylabel="collisions", ylim=(2.0, 6e3))
     axes[0].legend(fontsize=12)
-    axes[1].loglog(STIFF, [counted(3, k)[0] for k in STIFF], "o", color="#1f4e79", ms=11, label="Newton, M/m = 10⁶")
-    axes[1].loglog(STIFF, [most(k) for k in STIFF], color="#c8963e", label="2.656 √(x₀ ω/V)", zorder=0)
+    counts, limits = [collision_count(3, k)[0] for k in STIFFNESSES], [contact_limit(k) for k in STIFFNESSES]
+    axes[1].loglog(STIFFNESSES, counts, "o", color="#1f4e79", ms=11, label="soft, M/m = 10⁶")
+    axes[1].loglog(STIFFNESSES, limits, color="#c8963e", label="2.656 √(x₀ ω/V)", zorder=0)
     axes[1].set(xlabel="stiffness k, N/m", ylabel="contacts, however heavy the ball")
     axes[1].legend()
     figure.savefig("pi.png")

@@ -24,21 +24,21 @@ import numpy as np
 import granular as gr
 
 STEEL = gr.materials.steel
-LAWS = {"steel, Hertz": lambda pair: gr.Hertz.from_material(*STEEL, pair),
-        "springs": lambda pair: gr.LinearDashpot(k=1e6, gamma=0.0)}
-HEIGHT, FALL = 1.0, math.sqrt(2.0 * 9.81)
+SOFT_LAWS = {"steel, Hertz": lambda pair: gr.Hertz.from_material(*STEEL, pair),
+             "springs": lambda pair: gr.LinearDashpot(k=1e6, gamma=0.0)}
+DROP_HEIGHT, FALL_SPEED = 1.0, math.sqrt(2.0 * 9.81)
 
 
-def textbook(mu):
+def textbook_speeds(mu):
     """Speeds of both balls after one collision with the floor and then one of the balls, in units of the fall's."""
     return np.array([1.0 - 3.0 * mu, 3.0 - mu]) / (1.0 + mu)
 
 
-def touching(mu, law="steel, Hertz"):
+def touching_speeds(mu, law="steel, Hertz"):
     """Speeds of both balls, which touch and have masses of 1 and mu kg, after their fall at 1 m/s."""
     radii = np.cbrt(0.75 / math.pi * np.array([1.0, mu]) / STEEL.density)
     scene = gr.Scene([math.inf, 1.0, mu], [0.0, *radii], [1e-3, 0.0], [0.0, -1.0, -1.0])
-    run = gr.md.simulate(scene, [LAWS[law](pair) for pair in scene.pairs], until=gr.until.separated())
+    run = gr.md.simulate(scene, [SOFT_LAWS[law](pair) for pair in scene.pairs], until=gr.until.separated())
     return run.velocity[-1, 1:]
 
 
@@ -46,26 +46,26 @@ def bounces(gap, engine=gr.md):
     """Speed of a table-tennis ball, so far behind a basketball, after its last contact before the basketball meets the
     floor a second and a third time, in units of the fall's; and how many contacts it had by then."""
     lower, upper = gr.balls.BALLS["basketball"], gr.balls.BALLS["table-tennis ball"]
-    scene = gr.Scene([math.inf, lower.mass, upper.mass], [0.0, lower.radius, upper.radius], [HEIGHT, gap], [0.0] * 3,
-                     gravity=9.81)
+    scene = gr.Scene([math.inf, lower.mass, upper.mass], [0.0, lower.radius, upper.radius], [DROP_HEIGHT, gap],
+                     [0.0] * 3, gravity=9.81)
     law = [gr.LinearDashpot.from_restitution(eps, k, pair) if engine is gr.md else gr.ConstantRestitution(eps)
            for eps, k, pair in zip((0.80, 0.85), (4e4, 3e4), scene.pairs, strict=True)]
-    run = engine.simulate(scene, law, until=gr.until.contact(0, 3), t_end=3.0 * FALL / 9.81)
+    run = engine.simulate(scene, law, until=gr.until.contact(0, 3), t_end=3.0 * FALL_SPEED / 9.81)
     met = [run.of(1)[run.of(1)["t_begin"] < end] for end in (*run.of(0)["t_begin"][1:2], run.time[-1])]
-    return [(part["v_out"][-1, 1] / FALL, len(part)) for part in met]
+    return [(part["v_out"][-1, 1] / FALL_SPEED, len(part)) for part in met]
 
 
 if __name__ == "__main__":
     for mu in (0.01, 1.0 / 3.0, 3.0):
-        print(f"μ = {mu:.3g}: textbook", textbook(mu).round(4), "steel", touching(mu).round(5))
+        print(f"μ = {mu:.3g}: textbook", textbook_speeds(mu).round(4), "steel", touching_speeds(mu).round(5))
     for gap in (0.0, 1e-4, 1e-3, 5e-3, 5e-2):
         print(f"{1e3 * gap:4.1f} mm behind:", *(f"{speed:.3f} after {count}" for speed, count in bounces(gap)))
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
     mu, gaps = np.geomspace(0.01, 10.0, 25), np.geomspace(2e-5, 0.1, 180)
-    axes[0].semilogx(mu, textbook(mu)[1], color="#c1440e", label="hard, upper")
-    for law, line in zip(LAWS, ("-", "--"), strict=True):
-        axes[0].semilogx(mu, [touching(m, law)[1] for m in mu], line, color="#1f4e79", label=f"{law}, touching")
+    axes[0].semilogx(mu, textbook_speeds(mu)[1], color="#c1440e", label="hard, upper")
+    for law, line in zip(SOFT_LAWS, ("-", "--"), strict=True):
+        axes[0].semilogx(mu, [touching_speeds(m, law)[1] for m in mu], line, color="#1f4e79", label=f"{law}, touching")
     axes[0].set(xlabel="upper mass / lower mass", ylabel="speed of the upper ball / fall")
     for nth, colour in enumerate(("#1f4e79", "#6f9fc8")):
         speeds = [bounces(gap)[nth][0] for gap in gaps]

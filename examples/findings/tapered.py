@@ -20,9 +20,9 @@ import numpy as np
 import granular as gr
 
 N = 20
-LAWS = {"steel, Hertz": (lambda pair: gr.Hertz.from_material(*gr.materials.steel, pair), "#1f4e79"),
-        "Hertz, one k": (lambda pair: gr.Hertz(k=1e9), "#6f9fc8"),
-        "springs": (lambda pair: gr.LinearDashpot(k=1e6, gamma=0.0), "#c8963e")}
+SOFT_LAWS = {"steel, Hertz": (lambda pair: gr.Hertz.from_material(*gr.materials.steel, pair), "#1f4e79"),
+             "Hertz, one k": (lambda pair: gr.Hertz(k=1e9), "#6f9fc8"),
+             "springs": (lambda pair: gr.LinearDashpot(k=1e6, gamma=0.0), "#c8963e")}
 
 
 def chain(q, gap):
@@ -30,13 +30,13 @@ def chain(q, gap):
     return gr.scenes.chain(N, mass_ratio=(1.0 - q) ** 3, gap=gap)
 
 
-def hard(q):
+def hard_share(q):
     """Part of the energy that the last hard ball leaves with."""
     run = gr.edmd.simulate(chain(q, 1e-3), gr.ConstantRestitution(1.0), until=gr.until.separated())
     return run.scene.mass[-1] * run.velocity[-1][-1] ** 2
 
 
-def newton(q, law):
+def soft_share(q, law):
     """The same of soft balls that touch."""
     scene = chain(q, 0.0)
     run = gr.md.simulate(scene, [law(pair) for pair in scene.pairs], until=gr.until.separated())
@@ -47,10 +47,10 @@ if __name__ == "__main__":
     tapering = np.linspace(0.0, 0.1, 6)
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "lines.markersize": 8.0})
     figure, axis = plt.subplots(figsize=(7.5, 4.8), layout="constrained")
-    shares = {"hard spheres": [hard(q) for q in tapering]}
+    shares = {"hard spheres": [hard_share(q) for q in tapering]}
     axis.plot(100.0 * tapering, shares["hard spheres"], "o-", color="#c1440e")
-    for name, (law, colour) in LAWS.items():
-        shares[name] = [newton(q, law) for q in tapering]
+    for name, (law, colour) in SOFT_LAWS.items():
+        shares[name] = [soft_share(q, law) for q in tapering]
         axis.plot(100.0 * tapering, shares[name], "o-", color=colour)
     print("q, %          ", *(f"{100.0 * q:8.0f}" for q in tapering))
     for name, values in shares.items():

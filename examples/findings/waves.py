@@ -20,56 +20,57 @@ import numpy as np
 
 import granular as gr
 
-SPRING, RULE, RADIUS = gr.Hertz(k=1e9), gr.ConstantRestitution(1.0), 0.05
+HERTZ_LAW, HARD_RULE, BEAD_RADIUS = gr.Hertz(k=1e9), gr.ConstantRestitution(1.0), 0.05
 
 
-def waves(n, engine=gr.md, **asked):
+def crossing_waves(n, engine=gr.md, **options):
     """A run of n beads that are struck at both ends."""
     gap = 0.0 if engine is gr.md else 1e-6
-    scene = gr.Scene([1.0] * n, [RADIUS] * n, [gap] * (n - 1), [1.0, *[0.0] * (n - 2), -1.0])
-    return engine.simulate(scene, SPRING if engine is gr.md else RULE, **asked)
+    scene = gr.Scene([1.0] * n, [BEAD_RADIUS] * n, [gap] * (n - 1), [1.0, *[0.0] * (n - 2), -1.0])
+    return engine.simulate(scene, HERTZ_LAW if engine is gr.md else HARD_RULE, **options)
 
 
-def force(n, samples=1501, end=0.015):
+def quarter_force(n, samples=1501, end=0.015):
     """Times, and the force between beads a quarter of the way along the chain."""
-    run = waves(n, t_end=end, samples=samples)
-    overlap = 2.0 * RADIUS + run.position[:, n // 4] - run.position[:, n // 4 + 1]
-    return run.time, SPRING.k * np.maximum(overlap, 0.0) ** 1.5
+    run = crossing_waves(n, t_end=end, samples=samples)
+    overlap = 2.0 * BEAD_RADIUS + run.position[:, n // 4] - run.position[:, n // 4 + 1]
+    return run.time, HERTZ_LAW.k * np.maximum(overlap, 0.0) ** 1.5
 
 
-def secondary(n):
+def secondary_wave(n):
     """Peak of the secondary wave, the third to come by, in units of the first; rounding has peaks of its own."""
-    push = force(n)[1]
+    push = quarter_force(n)[1]
     peaks = push[1:-1][(push[1:-1] > push[:-2]) & (push[1:-1] >= push[2:]) & (push[1:-1] > 1.0)]
     return peaks[2] / peaks[0]
 
 
-def intruder(mu, engine=gr.md, n=40):
+def intruder_outcome(mu, engine=gr.md, n=40):
     """Energy sent back by a bead of mass mu amid n equal ones, and its contacts with the beads before and after it."""
     mass = np.where(np.arange(n) == n // 2, mu, 1.0)
     gap = 0.0 if engine is gr.md else 1e-6
-    scene = gr.Scene(mass, RADIUS * np.cbrt(mass), [gap] * (n - 1), [1.0] + [0.0] * (n - 1))
-    run = engine.simulate(scene, SPRING if engine is gr.md else RULE, until=gr.until.separated())
+    scene = gr.Scene(mass, BEAD_RADIUS * np.cbrt(mass), [gap] * (n - 1), [1.0] + [0.0] * (n - 1))
+    run = engine.simulate(scene, HERTZ_LAW if engine is gr.md else HARD_RULE, until=gr.until.separated())
     return float(np.sum(run.velocity[-1, : n // 2] ** 2)), run.count(n // 2 - 1), run.count(n // 2)
 
 
 if __name__ == "__main__":
-    print("hard, 40 beads: fastest between the ends", abs(waves(40, gr.edmd).velocity[-1, 1:-1]).max())
+    print("hard, 40 beads: fastest between the ends", abs(crossing_waves(40, gr.edmd).velocity[-1, 1:-1]).max())
     for n in (40, 41):
-        print(f"secondary wave of {n} beads: {secondary(n):.4f}")
+        print(f"secondary wave of {n} beads: {secondary_wave(n):.4f}")
     for mu in (0.1, 0.5, 1.0, 2.0):
-        print(f"intruder of {mu:g}: sent back, contacts before and after:", intruder(mu), intruder(mu, gr.edmd), "hard")
+        soft, hard = intruder_outcome(mu), intruder_outcome(mu, gr.edmd)
+        print(f"intruder of mass {mu:g}: energy sent back, contacts before and after: soft", soft, "hard", hard)
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
     for n, colour in ((40, "#1f4e79"), (41, "#c8963e")):
-        time, push = force(n)
+        time, push = quarter_force(n)
         axes[0].semilogy(1e3 * time, np.maximum(push, 1e-3) / push.max(), color=colour, label=f"{n} beads")
     axes[0].set(xlabel="time, ms", ylabel="force a quarter along / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
     axes[0].text(9.9, 0.045, "secondary waves")
     axes[0].legend(loc="upper right", ncols=2)
     for engine, c, name, many, mark in ((gr.edmd, "#c1440e", "hard", 301, "-"), (gr.md, "#1f4e79", "soft", 15, "o-")):
         masses = np.geomspace(0.05, 20.0, many)
-        axes[1].loglog(masses, [intruder(mu, engine)[0] for mu in masses], mark, color=c, label=name)
+        axes[1].loglog(masses, [intruder_outcome(mu, engine)[0] for mu in masses], mark, color=c, label=name)
     axes[1].set(xlabel="mass of the intruder / of the others", ylabel="energy sent back, part of all", ylim=(1e-3, 1.0))
     axes[1].legend(loc="upper left")
     figure.savefig("waves.png")

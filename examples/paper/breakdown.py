@@ -8,16 +8,16 @@ import math
 import matplotlib
 import numpy as np
 from matplotlib.colors import LogNorm
-from setting import HARD, PAGE, canvas, columns, letter, main
-from validity import WRONG
+from setting import HARD_COLOUR, PAGE_WIDTH, add_letter, main, new_figure, prefixed_arrays
+from validity import ERROR_LIMIT
 
 import granular as gr
 
 MEASURES = ("error", "shared_impulse", "crowding", "occupation", "distance", "predictability", "mass_centre_ratio")
-ERROR = r"error  $\max |\Delta u_i|\,/\,U$"
+ERROR_LABEL = r"error  $\max |\Delta u_i|\,/\,U$"
 """Label of `gr.Comparison.error`: largest difference of a velocity with which a ball leaves an episode of contacts."""
-STACK = {"mass_ratio": 1.0 / 3.0, "speed": 3.0, "gravity": 0.0, "restitution": 0.95, "t_end": 100.0}
-COLUMN = {"speed": 1.0, "restitution": 0.95, "t_end": 100.0}
+STACK_PARAMETERS = {"mass_ratio": 1.0 / 3.0, "speed": 3.0, "gravity": 0.0, "restitution": 0.95, "t_end": 100.0}
+COLUMN_PARAMETERS = {"speed": 1.0, "restitution": 0.95, "t_end": 100.0}
 """What is held of Kerwin's stacks, and of columns of equal balls that fall on a floor; neither has gravity."""
 
 
@@ -38,26 +38,26 @@ def compute(points):
     """All measures over two parameters of each scene."""
     gaps, half = np.geomspace(3e-6, 3e-2, points), max(2, points // 2)
     maps = {
-        "stack": gr.sweep("ball-stack", {"n": [2, 3, 4, 5, 6, 7], "gap": gaps}, MEASURES, **STACK),
+        "stack": gr.sweep("ball-stack", {"n": [2, 3, 4, 5, 6, 7], "gap": gaps}, MEASURES, **STACK_PARAMETERS),
         "cradle": gr.sweep(cradle, {"exponent": [1.0, 1.25, 1.5, 2.0, 2.5, 3.0], "gap": gaps * 1e-2}, MEASURES),
-        "column": gr.sweep("column", {"n": [2, 3, 5, 8, 12, 20][:half], "gap": gaps}, MEASURES, **COLUMN),
+        "column": gr.sweep("column", {"n": [2, 3, 5, 8, 12, 20][:half], "gap": gaps}, MEASURES, **COLUMN_PARAMETERS),
         "gas": gr.sweep(gas, {"packing": np.linspace(0.05, 0.9, half), "duration": np.geomspace(1e-4, 0.3, half)},
                         MEASURES),
     }
-    return {key: values for name, data in maps.items() for key, values in columns(name, data).items()}
+    return {key: values for name, data in maps.items() for key, values in prefixed_arrays(name, data).items()}
 
 
 def draw(data):
     """Errors of stack and cradle, bounce of the column, share of impulse that is not binary in the gas."""
-    figure, axes = canvas(PAGE, 4.6, 2, 2)
-    curves(axes[0, 0], data, "stack_n", "error", "balls")
-    curves(axes[0, 1], data, "cradle_exponent", "error", "$p$ of $F\\sim\\xi^p$")
+    figure, axes = new_figure(PAGE_WIDTH, 4.6, 2, 2)
+    draw_curves(axes[0, 0], data, "stack_n", "error", "balls")
+    draw_curves(axes[0, 1], data, "cradle_exponent", "error", "$p$ of $F\\sim\\xi^p$")
     for axis in axes[0]:
-        axis.set(yscale="log", ylim=(1e-4, 30.0), ylabel=ERROR)
-        axis.axhline(WRONG, color=HARD, lw=0.7, ls="--")
-        axis.annotate(f"{100 * WRONG:g} %: limit of Yes", (0.98, WRONG), (0, 2), xycoords=("axes fraction", "data"),
-                      textcoords="offset points", color=HARD, fontsize=7, ha="right")
-    curves(axes[1, 0], data, "column_n", "mass_centre_ratio", "balls")
+        axis.set(yscale="log", ylim=(1e-4, 30.0), ylabel=ERROR_LABEL)
+        axis.axhline(ERROR_LIMIT, color=HARD_COLOUR, lw=0.7, ls="--")
+        axis.annotate(f"{100 * ERROR_LIMIT:g} %: limit of Yes", (0.98, ERROR_LIMIT), (0, 2), fontsize=7, ha="right",
+                      xycoords=("axes fraction", "data"), textcoords="offset points", color=HARD_COLOUR)
+    draw_curves(axes[1, 0], data, "column_n", "mass_centre_ratio", "balls")
     axes[1, 0].set_ylabel("bounce of the whole, soft/hard")
     shared = data["gas_shared_impulse"]
     image = axes[1, 1].pcolormesh(data["gas_duration"], data["gas_packing"], np.maximum(shared, 1e-6),
@@ -66,11 +66,11 @@ def draw(data):
     axes[1, 1].set_title(" × ".join(map(str, shared.shape)) + " runs", fontsize=7, loc="right")
     figure.colorbar(image, ax=axes[1, 1], label=r"impulse not binary, $\varphi$", extend="min")
     for axis, tag in zip(axes.flat, "abcd", strict=True):
-        letter(axis, f"({tag})", x=0.93, color="white" if tag == "d" else "black")
+        add_letter(axis, f"({tag})", x=0.93, color="white" if tag == "d" else "black")
     return figure
 
 
-def curves(axis, data, name, measure, title):
+def draw_curves(axis, data, name, measure, title):
     """A measure over the gap, one line a value of the parameter called `name`."""
     kind, values = name.partition("_")[0], data[name]
     colours = matplotlib.colormaps["viridis"](np.linspace(0.9, 0.0, len(values)))

@@ -7,27 +7,27 @@ import matplotlib
 import numpy as np
 from forces import RESTITUTION
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from setting import PAGE, canvas, columns, letter, main
+from setting import PAGE_WIDTH, add_letter, main, new_figure, prefixed_arrays
 
 import granular as gr
 
-UPPER = 0.01
+UPPER_RADIUS = 0.01
 """Radius R2 in m."""
-NAMES = {"restitution": r"$\varepsilon$", "gap": r"$\Delta h$  (m)", "ratio": "$R_1/R_2$"}
+AXIS_LABELS = {"restitution": r"$\varepsilon$", "gap": r"$\Delta h$  (m)", "ratio": "$R_1/R_2$"}
 
 
 def compute(points):
     """Contacts over (ε, Δh) and (ε, R1/R2)."""
     eps, gaps = np.linspace(0.1, 1.0, points), np.geomspace(1e-7, 1e-2, points)
     over_gap = {"gap": gaps, "restitution": eps}
-    over_radii = {"radii[0]": UPPER * np.linspace(1.0, 20.0, points), "restitution": eps}
+    over_radii = {"radii[0]": UPPER_RADIUS * np.linspace(1.0, 20.0, points), "restitution": eps}
     gap, radii = (gr.sweep("three-balls", over, "contacts") for over in (over_gap, over_radii))
-    return columns("gap", gap) | columns("radii", ratio(radii))
+    return prefixed_arrays("gap", gap) | prefixed_arrays("radii", with_ratio_axis(radii))
 
 
-def ratio(data):
+def with_ratio_axis(data):
     """The axis of R1 as one of R1/R2."""
-    return data.assign_coords({"radii[0]": data["radii[0]"] / UPPER}).rename({"radii[0]": "ratio"})
+    return data.assign_coords({"radii[0]": data["radii[0]"] / UPPER_RADIUS}).rename({"radii[0]": "ratio"})
 
 
 def draw(data):
@@ -52,14 +52,14 @@ def draw(data):
 
 def draw_maps(maps, title, **colours):
     """Arrays side by side, each over its two axes, the first upwards; the figure and its bar of colours."""
-    figure, (axes,) = canvas(PAGE, 2.7, 1, 2)
+    figure, (axes,) = new_figure(PAGE_WIDTH, 2.7, 1, 2)
     for axis, (values, (up, y), (across, x)), tag in zip(axes, maps, "ab", strict=True):
         image = axis.pcolormesh(x, y, values, rasterized=True, shading="nearest", **colours)
-        axis.set(xlabel=NAMES[across], ylabel=NAMES[up], yscale="log" if up == "gap" else "linear")
+        axis.set(xlabel=AXIS_LABELS[across], ylabel=AXIS_LABELS[up], yscale="log" if up == "gap" else "linear")
         for name, ticks in ((up, axis.yaxis), (across, axis.xaxis)):
             if name == "ratio":
                 ticks.set_ticks([1, 5, 10, 15, 20])
-        letter(axis, f"({tag})", bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5})
+        add_letter(axis, f"({tag})", bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5})
     return figure, figure.colorbar(image, ax=axes, label=title, pad=0.015)
 
 

@@ -4,13 +4,13 @@
 """
 
 import numpy as np
-from counts import NAMES
-from setting import COLUMN, GREY, SOFT, canvas, letter, main
+from counts import AXIS_LABELS
+from setting import COLUMN_WIDTH, GREY_COLOUR, SOFT_COLOUR, add_letter, main, new_figure
 
 import granular as gr
 
-RATIO = r"$\varepsilon_{\mathrm{eff}}/\varepsilon$"
-LOWEST, JUMP = 5e-4, 0.2
+RATIO_LABEL = r"$\varepsilon_{\mathrm{eff}}/\varepsilon$"
+AXIS_MINIMUM, JUMP_SHARE = 5e-4, 0.2
 """Where the logarithmic axis begins; a ratio that changes by this share as a contact appears has jumped."""
 
 
@@ -22,52 +22,52 @@ def compute(points):
             "contacts": data["contacts"].values[:, 1]}
 
 
-def closed(x, ratio, contacts):
-    """The curve with its dips drawn on to below `LOWEST`, however coarse the grid: a point beside each jump.
+def curve_with_dips(x, ratio, contacts):
+    """The curve with its dips drawn on to below `AXIS_MINIMUM`, however coarse the grid: a point beside each jump.
 
     Towards a gap at which the last contact vanishes it comes later and later, up to the second floor contact, and the
     ratio falls to 2e-8 (Δh = 2.7e-6 m) … 2.2e-4 (Δh = 4.7e-4 m).
     """
     x, ratio, contacts = (np.asarray(values, float) for values in (x, ratio, contacts))
-    jumps = np.sign(np.diff(contacts)) * np.diff(np.log(np.maximum(ratio, 1e-300))) < -JUMP
+    jumps = np.sign(np.diff(contacts)) * np.diff(np.log(np.maximum(ratio, 1e-300))) < -JUMP_SHARE
     at = np.flatnonzero(jumps)
-    return np.insert(x, at + 1, np.sqrt(x[at] * x[at + 1])), np.insert(ratio, at + 1, 0.5 * LOWEST)
+    return np.insert(x, at + 1, np.sqrt(x[at] * x[at + 1])), np.insert(ratio, at + 1, 0.5 * AXIS_MINIMUM)
 
 
 def draw(data):
     """Ratio with its small values magnified, and contacts below."""
-    figure, axes = canvas(COLUMN, 4.0, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 0.8])
+    figure, axes = new_figure(COLUMN_WIDTH, 4.0, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 0.8])
     gap, ratio = data["gap_m"], data["eps_ratio"]
-    inset = magnified(axes[0, 0], gap, ratio, (0.09, 0.36, 0.3, 0.44), ratio[-1])
+    inset = draw_with_inset(axes[0, 0], gap, ratio, (0.09, 0.36, 0.3, 0.44), ratio[-1])
     inset.yaxis.tick_right()  # beside the axis on the left they would read as one
     inset.set(xscale="log", xlim=(2e-3, 1e-1), ylim=(0.9985, 1.0015))
     inset.set_yticks([0.999, 1.0, ratio[-1]], ["0.999", "1", f"{ratio[-1]:.6f}"])
     axes[0, 0].set_ylim(-0.03, 1.2)
-    axes[1, 0].plot(*closed(gap, ratio, data["contacts"]), color=SOFT)
-    axes[1, 0].set(yscale="log", ylim=(LOWEST, 2.0), ylabel=RATIO)
-    steps(axes[2, 0], gap, data["contacts"])
-    axes[2, 0].set(xscale="log", xlabel=NAMES["gap"])
+    axes[1, 0].plot(*curve_with_dips(gap, ratio, data["contacts"]), color=SOFT_COLOUR)
+    axes[1, 0].set(yscale="log", ylim=(AXIS_MINIMUM, 2.0), ylabel=RATIO_LABEL)
+    draw_staircase(axes[2, 0], gap, data["contacts"])
+    axes[2, 0].set(xscale="log", xlabel=AXIS_LABELS["gap"])
     for axis, tag in zip(axes[:, 0], "abc", strict=True):
-        letter(axis, f"({tag})")
+        add_letter(axis, f"({tag})")
     figure.align_ylabels(axes)
     return figure
 
 
-def magnified(axis, x, ratio, place, level):
+def draw_with_inset(axis, x, ratio, place, level):
     """The ratio, with 1 marked, and an inset for a part of it, with a level marked."""
     inset = axis.inset_axes(place)
     for one, marked in ((axis, 1.0), (inset, level)):
-        one.axhline(marked, color=GREY, lw=0.5, ls="--")
-        one.plot(x, ratio, color=SOFT)
-    axis.set_ylabel(RATIO)
+        one.axhline(marked, color=GREY_COLOUR, lw=0.5, ls="--")
+        one.plot(x, ratio, color=SOFT_COLOUR)
+    axis.set_ylabel(RATIO_LABEL)
     inset.tick_params(labelsize=6)
     return inset
 
 
-def steps(axis, x, contacts):
+def draw_staircase(axis, x, contacts):
     """Contacts as a staircase."""
     most = max(contacts)
-    axis.step(x, contacts, where="mid", color=SOFT)
+    axis.step(x, contacts, where="mid", color=SOFT_COLOUR)
     axis.set(ylabel="contacts", xlim=(x[0], x[-1]), ylim=(0.0, most + 1.5))
     axis.set_yticks(range(0, most + 2, 2 if most < 10 else 4))
 

@@ -6,21 +6,21 @@ The error over six measures of many scenes: a measure is good if the marks fall 
 import math
 
 import numpy as np
-from breakdown import COLUMN, ERROR, MEASURES, STACK, cradle, gas
+from breakdown import COLUMN_PARAMETERS, ERROR_LABEL, MEASURES, STACK_PARAMETERS, cradle, gas
 from scipy.stats import spearmanr
-from setting import PAGE, canvas, letter, main
+from setting import PAGE_WIDTH, add_letter, main, new_figure
 
 import granular as gr
 
-LEAST = 1e-8
+MIN_DRAWN_VALUE = 1e-8
 """Smaller values are drawn there."""
-CANDIDATES = {
+CANDIDATE_LABELS = {
     "shared_impulse": r"impulse not binary, $\varphi$", "crowding": "crowded collisions, $p$",
     "occupation": r"share of time in contact, $\Lambda$", "distance": "distance of velocities, $D$",
     "mass_centre": r"bounce of the whole, $|1-K_{\mathrm{cm}}|$",
     "restitution": r"$|1-\varepsilon_{\mathrm{eff}}/\varepsilon|$  (1 where none exists)",
 }
-MARKS = {"two balls": "o", "stack": "^", "cradle": "s", "column": "v", "gas": "x"}
+SCENE_MARKERS = {"two balls": "o", "stack": "^", "cradle": "s", "column": "v", "gas": "x"}
 
 
 def compute(points):
@@ -28,16 +28,16 @@ def compute(points):
     gaps, found = np.geomspace(1e-7, 1e-1, points), {}
     kinds = {
         "two balls": ("three-balls", {"gap": gaps, "radii[0]": [0.015, 0.04, 0.1]}, {}),
-        "stack": ("ball-stack", {"n": [3, 5], "gap": gaps}, STACK),
+        "stack": ("ball-stack", {"n": [3, 5], "gap": gaps}, STACK_PARAMETERS),
         "cradle": (cradle, {"exponent": [1.0, 1.5], "gap": gaps * 1e-2}, {}),
-        "column": ("column", {"n": [3, 6], "gap": gaps}, COLUMN),
+        "column": ("column", {"n": [3, 6], "gap": gaps}, COLUMN_PARAMETERS),
         "gas": (gas, {"packing": [0.1, 0.5], "duration": np.geomspace(1e-5, 0.3, points)}, {}),
     }
-    for kind, (scene, over, held) in kinds.items():
-        data = gr.sweep(scene, over, (*MEASURES, restitution), **held)
+    for kind, (scene, over, fixed) in kinds.items():
+        data = gr.sweep(scene, over, (*MEASURES, restitution), **fixed)
         found[kind] = {name: data[name].values.ravel() for name in (*MEASURES, "restitution")}
         found[kind]["mass_centre"] = np.abs(1.0 - found[kind].pop("mass_centre_ratio"))
-    return {"scenes": found, "rank_correlation": {name: correlation(found, name) for name in CANDIDATES}}
+    return {"scenes": found, "rank_correlation": {name: rank_correlation(found, name) for name in CANDIDATE_LABELS}}
 
 
 def restitution(case):
@@ -49,26 +49,26 @@ def restitution(case):
     return min((abs(1.0 - eps / spec) for eps in report.effective_restitution(resolution=21)), default=1.0)
 
 
-def correlation(found, name):
+def rank_correlation(found, name):
     """Spearman's rank correlation of a measure with the error, over all scenes that have it."""
     x, y = (np.concatenate([columns[key] for columns in found.values()]) for key in (name, "error"))
     known = np.isfinite(x) & np.isfinite(y)
-    return float(spearmanr(np.maximum(x[known], LEAST), np.maximum(y[known], LEAST)).statistic)
+    return float(spearmanr(np.maximum(x[known], MIN_DRAWN_VALUE), np.maximum(y[known], MIN_DRAWN_VALUE)).statistic)
 
 
 def draw(data):
     """Error over each measure."""
-    figure, axes = canvas(PAGE, 4.7, 2, 3, sharey=True)
-    for axis, tag, (name, title) in zip(axes.flat, "abcdef", CANDIDATES.items(), strict=True):
+    figure, axes = new_figure(PAGE_WIDTH, 4.7, 2, 3, sharey=True)
+    for axis, tag, (name, title) in zip(axes.flat, "abcdef", CANDIDATE_LABELS.items(), strict=True):
         for kind, columns in data["scenes"].items():
-            x, y = (np.maximum(columns[key], LEAST) for key in (name, "error"))
-            axis.plot(x, y, MARKS[kind], ms=2.8, mew=0.6, mfc="none", label=kind)
-        axis.set(xscale="log", yscale="log", xlabel=title, ylim=(0.5 * LEAST, 30.0))
-        letter(axis, f"({tag})  rank correlation {data['rank_correlation'][name]:.2f}")
+            x, y = (np.maximum(columns[key], MIN_DRAWN_VALUE) for key in (name, "error"))
+            axis.plot(x, y, SCENE_MARKERS[kind], ms=2.8, mew=0.6, mfc="none", label=kind)
+        axis.set(xscale="log", yscale="log", xlabel=title, ylim=(0.5 * MIN_DRAWN_VALUE, 30.0))
+        add_letter(axis, f"({tag})  rank correlation {data['rank_correlation'][name]:.2f}")
         axis.set_xticks(*ticks(axis.get_xlim()))
     for axis in axes[:, 0]:
         axis.set_yticks(*ticks(axis.get_ylim()))
-        axis.set_ylabel(ERROR)
+        axis.set_ylabel(ERROR_LABEL)
     figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)
     return figure
 
@@ -77,7 +77,7 @@ def ticks(limits):
     """Every other power of ten between limits, and their names: the least stands for all that is smaller."""
     low, high = math.ceil(math.log10(limits[0])), math.floor(math.log10(limits[1]))
     powers = range(low + low % 2, high + 1, 2)
-    least = round(math.log10(LEAST))
+    least = round(math.log10(MIN_DRAWN_VALUE))
     return [10.0**p for p in powers], [rf"$\leq 10^{{{p}}}$" if p <= least else f"$10^{{{p}}}$" for p in powers]
 
 

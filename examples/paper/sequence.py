@@ -5,11 +5,23 @@ A vertical cut is a run: bands are contacts of the two balls. Broken lines are t
 
 import numpy as np
 from forces import RESTITUTION
-from setting import COLUMN, FLOOR, GREY, HARD, SOFT, canvas, contacts, dashpots, follow, kind, main
+from setting import (
+    COLUMN_WIDTH,
+    FLOOR_COLOUR,
+    GREY_COLOUR,
+    HARD_COLOUR,
+    SOFT_COLOUR,
+    contacts,
+    dashpot_laws,
+    main,
+    new_figure,
+    sequence_kind,
+    stretches_of_one_kind,
+)
 
 import granular as gr
 
-SCENE = gr.scenes.three_balls()
+BASE_SCENE = gr.scenes.three_balls()
 
 
 def compute(points):
@@ -17,43 +29,44 @@ def compute(points):
     grid = np.linspace(0.3, 1.0, points)
 
     def adiabatic(restitution):
-        theory = gr.adiabatic.contacts(SCENE, dashpots(SCENE, restitution))
+        theory = gr.adiabatic.contacts(BASE_SCENE, dashpot_laws(BASE_SCENE, restitution))
         return theory.contacts, theory.floor_end
 
-    return {"restitution": grid, **numerical(touches, grid), "adiabatic": follow(adiabatic, grid)}
+    return {"restitution": grid, **numerical_sequence(dashpot_contacts, grid),
+            "adiabatic": stretches_of_one_kind(adiabatic, grid)}
 
 
-def touches(restitution):
+def dashpot_contacts(restitution):
     """Contacts of linear dashpots of one ε."""
-    return contacts(SCENE, dashpots(SCENE, restitution))
+    return contacts(BASE_SCENE, dashpot_laws(BASE_SCENE, restitution))
 
 
-def numerical(row, grid):
+def numerical_sequence(row, grid):
     """Stretches of runs, and "spikes": [from, to, number] where the last contact comes after that of the floor."""
-    stretches = follow(row, grid)
-    kinds = [(one["parameter"], *kind((one["contacts"][..., 0], one["floor_end"][0]))) for one in stretches]
+    stretches = stretches_of_one_kind(row, grid)
+    kinds = [(one["parameter"], *sequence_kind((one["contacts"][..., 0], one["floor_end"][0]))) for one in stretches]
     return {"numerical": stretches,
             "spikes": [[float(x[0]), float(x[-1]), count] for x, count, late in kinds if count > 1 and late]}
 
 
 def draw(data, label=r"$\varepsilon$", top=1.2, unit=1.0, marked=RESTITUTION):
     """Time over a parameter in a unit; the fat line is the run of figure 2."""
-    figure, ((axis,),) = canvas(COLUMN, 2.9)
+    figure, ((axis,),) = new_figure(COLUMN_WIDTH, 2.9)
     for one in data["numerical"]:
         x = one["parameter"] * unit
         for onset, end in one["contacts"] * 1e3:
-            axis.fill_between(x, onset, end, facecolor=SOFT, alpha=0.3, lw=0)
-            axis.plot(x, np.transpose([onset, end]), color=SOFT, lw=0.5)
-        axis.plot(x, one["floor_end"] * 1e3, color=FLOOR, lw=1.4)
-    axis.fill_between([], [], facecolor=SOFT, alpha=0.3, edgecolor=SOFT, label="contacts 1–2")
-    axis.plot([], [], color=FLOOR, lw=1.4, label="end of contact 0–1")
-    theory = {"color": HARD, "lw": 0.6, "ls": (0, (4, 2))}
+            axis.fill_between(x, onset, end, facecolor=SOFT_COLOUR, alpha=0.3, lw=0)
+            axis.plot(x, np.transpose([onset, end]), color=SOFT_COLOUR, lw=0.5)
+        axis.plot(x, one["floor_end"] * 1e3, color=FLOOR_COLOUR, lw=1.4)
+    axis.fill_between([], [], facecolor=SOFT_COLOUR, alpha=0.3, edgecolor=SOFT_COLOUR, label="contacts 1–2")
+    axis.plot([], [], color=FLOOR_COLOUR, lw=1.4, label="end of contact 0–1")
+    theory = {"color": HARD_COLOUR, "lw": 0.6, "ls": (0, (4, 2))}
     for one in data.get("adiabatic", ()):
         axis.plot(one["parameter"], one["contacts"].reshape(-1, len(one["parameter"])).T * 1e3, **theory)
     if "adiabatic" in data:
         axis.plot([], [], label="adiabatic theory", **theory)
     if marked is not None:
-        axis.axvline(marked, color=GREY, lw=2.5, alpha=0.5, zorder=0)
+        axis.axvline(marked, color=GREY_COLOUR, lw=2.5, alpha=0.5, zorder=0)
         axis.annotate("figure 2", (marked, 0.03), (4, 0), xycoords=("data", "axes fraction"),
                       textcoords="offset points", color="#555555")
     first, last = data["numerical"][0], data["numerical"][-1]

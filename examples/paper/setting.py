@@ -17,14 +17,14 @@ from matplotlib.figure import Figure
 
 import granular as gr
 
-END = gr.until.contact(pair=0, nth=2)
+SECOND_BOUNCE = gr.until.contact(pair=0, nth=2)
 """Contacts of the two balls count until the lower ball meets the floor again."""
-YOUNG, POISSON = 5e7, 0.45
+YOUNG_MODULUS, POISSON_RATIO = 5e7, 0.45
 """Of viscoelastic balls, the first in Pa."""
-SOFT, HARD, FLOOR, GREY = "#1f4e79", "#c1440e", "#c8963e", "#8a8a8a"
-COLUMN, PAGE = 3.4, 7.0
+SOFT_COLOUR, HARD_COLOUR, FLOOR_COLOUR, GREY_COLOUR = "#1f4e79", "#c1440e", "#c8963e", "#8a8a8a"
+COLUMN_WIDTH, PAGE_WIDTH = 3.4, 7.0
 """Widths in inches."""
-STYLE = {
+FIGURE_STYLE = {
     "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0, "legend.frameon": False,
     "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
     "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.top": True, "ytick.right": True,
@@ -34,31 +34,31 @@ STYLE = {
 """As in Physical Review."""
 
 
-def dashpots(scene, restitution):
+def dashpot_laws(scene, restitution):
     """Linear dashpots of one ε in all contacts."""
     return [gr.LinearDashpot.from_restitution(restitution, k=5e7, pair=pair) for pair in scene.pairs]
 
 
-def hertz(scene):
+def hertz_laws(scene):
     """Elastic contacts of all pairs, of one material."""
-    return [gr.Hertz.from_material(YOUNG, POISSON, pair) for pair in scene.pairs]
+    return [gr.Hertz.from_material(YOUNG_MODULUS, POISSON_RATIO, pair) for pair in scene.pairs]
 
 
 def contacts(scene, law):
     """Onset and end in s of every contact of the two balls (count, 2), and the end of the first floor contact."""
-    run = gr.md.simulate(scene, law, until=END)
+    run = gr.md.simulate(scene, law, until=SECOND_BOUNCE)
     floor, balls = run.of(0)[0], run.of(1)
     start = floor["t_begin"]
     return np.column_stack([balls["t_begin"] - start, balls["t_end"] - start]), float(floor["t_end"] - start)
 
 
-def kind(row):
+def sequence_kind(row):
     """Number of contacts, and whether the last of them begins after the end of the floor contact."""
     touches, floor_end = row
     return len(touches), bool(len(touches) and touches[-1, 0] > floor_end)
 
 
-def follow(row, grid, reach=24):
+def stretches_of_one_kind(row, grid, reach=24):
     """Stretches of one kind: parameter, contacts (count, 2, S) and floor end, up to their very ends.
 
     Between two points of different kinds the boundary is bisected; the points of the bisection are kept.
@@ -66,7 +66,7 @@ def follow(row, grid, reach=24):
     known = {x: row(x) for x in grid.tolist()}
 
     def bisect(low, high, depth):
-        if depth and kind(known[low]) != kind(known[high]):
+        if depth and sequence_kind(known[low]) != sequence_kind(known[high]):
             middle = 0.5 * (low + high)
             known[middle] = row(middle)
             bisect(low, middle, depth - 1)
@@ -74,23 +74,23 @@ def follow(row, grid, reach=24):
 
     for low, high in pairwise(grid.tolist()):
         bisect(low, high, reach)
-    alike = [list(xs) for _, xs in groupby(sorted(known), lambda x: kind(known[x]))]
+    alike = [list(xs) for _, xs in groupby(sorted(known), lambda x: sequence_kind(known[x]))]
     return [{"parameter": np.array(xs), "contacts": np.stack([known[x][0] for x in xs], axis=-1),
              "floor_end": np.array([known[x][1] for x in xs])} for xs in alike]
 
 
-def columns(name, data):
+def prefixed_arrays(name, data):
     """The arrays of a sweep, each under its name and that of its map."""
     return {f"{name}_{key}": array.values for key, array in data.variables.items() if key not in ("pair", "body")}
 
 
-def canvas(width, height, rows=1, columns=1, **options):
+def new_figure(width, height, rows=1, across=1, **options):
     """Return a figure of this size in inches, and its axes as an array (rows, columns)."""
     figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+    return figure, figure.subplots(rows, across, squeeze=False, **options)
 
 
-def letter(axis, text, x=0.02, **how):
+def add_letter(axis, text, x=0.02, **how):
     """Put a letter such as (a) into the upper left corner."""
     axis.text(x, 0.97, text, transform=axis.transAxes, va="top", ha="left", **how)
 
@@ -105,7 +105,7 @@ def main(compute, draw, points):
                         help="along the longest axis; what is finer than these is not resolved [%(default)s]")
     given = parser.parse_args()
     data = compute(given.points)
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(FIGURE_STYLE):
         draw(data).savefig(given.output, dpi=300)
     if given.json:
         text = json.dumps(data | {"granular": gr.__version__}, default=lambda array: array.tolist())

@@ -5,7 +5,7 @@ Two balls above a floor; bodies are numbered from the floor up. Nothing is compu
 
 import numpy as np
 from matplotlib.patches import Circle
-from setting import COLUMN, GREY, SOFT, canvas, main
+from setting import COLUMN_WIDTH, GREY_COLOUR, SOFT_COLOUR, main, new_figure
 
 
 def compute(points):
@@ -15,14 +15,14 @@ def compute(points):
 
 def draw(data):
     """Balls, lengths, and gravity."""
-    figure, ((axis,),) = canvas(COLUMN, 3.6)
+    figure, ((axis,),) = new_figure(COLUMN_WIDTH, 3.6)
     r1, r2, gap, z1 = data["R1"], data["R2"], data["gap"], data["z1"]
     top = z1 + r1 + gap
     z2 = top + r2
-    axis.fill_between([-2.0, 2.2], -0.28, 0.0, facecolor="white", hatch="////", edgecolor=GREY, lw=0)
+    axis.fill_between([-2.0, 2.2], -0.28, 0.0, facecolor="white", hatch="////", edgecolor=GREY_COLOUR, lw=0)
     axis.plot([-2.0, 2.2], [0.0, 0.0], color="black", lw=1.2)
     for z, r, name in ((z1, r1, "1"), (z2, r2, "2")):
-        axis.add_patch(Circle((0.0, z), r, facecolor=SOFT + "2e", edgecolor=SOFT, lw=1.0))
+        axis.add_patch(Circle((0.0, z), r, facecolor=SOFT_COLOUR + "2e", edgecolor=SOFT_COLOUR, lw=1.0))
         axis.plot([0.0], [z], ".", color="black", ms=3)
         axis.text(-0.08, z + 0.08, name, ha="right", va="bottom", fontsize=10)
         arrow(axis, (0.0, z), (0.87 * r, z - 0.5 * r))
@@ -32,7 +32,7 @@ def draw(data):
         arrow(axis, (x, low), (x, high), "<|-|>")
         axis.text(x + np.copysign(0.08, x), 0.5 * (low + high), name, ha="right" if x < 0.0 else "left", va="center")
     for z, left, right in ((z1, r1 + 0.05, 1.35), (z2, r2 + 0.05, 1.85), (z1 + r1, -0.85, 0.0), (top, -0.85, 0.0)):
-        axis.plot([left, right], [z, z], color=GREY, lw=0.5, ls=(0, (4, 3)))
+        axis.plot([left, right], [z, z], color=GREY_COLOUR, lw=0.5, ls=(0, (4, 3)))
     arrow(axis, (-1.6, 2.6), (-1.6, 1.9))
     axis.text(-1.5, 2.2, "$g$", ha="left", va="center")
     axis.text(-1.9, 0.06, "0 (floor)", ha="left", va="bottom")

@@ -4,21 +4,22 @@
 """
 
 import numpy as np
-from counts import UPPER, draw_maps, ratio
-from setting import HARD, columns, main
+from counts import UPPER_RADIUS, draw_maps, with_ratio_axis
+from setting import HARD_COLOUR, main, prefixed_arrays
 
 import granular as gr
 
-WRONG = 0.01
+ERROR_LIMIT = 0.01
 """Where ε_eff differs from ε by more than this share, the scene may not be event-driven."""
 
 
 def compute(points):
     """ε_eff/ε over (ε, Δh), and over (Δh, R1/R2) at ε = 0.8."""
-    gaps, radii = np.geomspace(1e-7, 1e-2, points), UPPER * np.linspace(1.0, 20.0, points)
+    gaps, radii = np.geomspace(1e-7, 1e-2, points), UPPER_RADIUS * np.linspace(1.0, 20.0, points)
     over = {"gap": gaps, "restitution": np.linspace(0.1, 1.0, points)}
-    return columns("gap", gr.sweep("three-balls", over, "eps_ratio")) | columns("radii", ratio(
-        gr.sweep("three-balls", {"gap": gaps, "radii[0]": radii}, "eps_ratio", restitution=0.8)))
+    over_gap = gr.sweep("three-balls", over, "eps_ratio")
+    over_radii = gr.sweep("three-balls", {"gap": gaps, "radii[0]": radii}, "eps_ratio", restitution=0.8)
+    return prefixed_arrays("gap", over_gap) | prefixed_arrays("radii", with_ratio_axis(over_radii))
 
 
 def draw(data):
@@ -29,8 +30,8 @@ def draw(data):
     shown = [(np.clip(one, 0.0, 1.0), up, across) for one, up, across in maps]
     figure, _ = draw_maps(shown, title, cmap="cividis", vmin=0.0, vmax=1.0)
     for axis, (one, (_, y), (_, x)) in zip(figure.axes, maps, strict=False):
-        axis.contour(x, y, np.abs(one - 1.0), [WRONG], colors=[HARD], linewidths=1.0)
-    figure.axes[0].plot([], [], color=HARD, lw=1.0, label=f"{100 * WRONG:g} % from 1")
+        axis.contour(x, y, np.abs(one - 1.0), [ERROR_LIMIT], colors=[HARD_COLOUR], linewidths=1.0)
+    figure.axes[0].plot([], [], color=HARD_COLOUR, lw=1.0, label=f"{100 * ERROR_LIMIT:g} % from 1")
     figure.axes[0].legend(loc="lower left", labelcolor="white")
     return figure
 

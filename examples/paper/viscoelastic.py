@@ -7,26 +7,26 @@ from functools import partial
 
 import numpy as np
 import sequence
-from setting import contacts, hertz, main
+from setting import contacts, hertz_laws, main
 
 import granular as gr
 
-SPEED = 3.0
+IMPACT_SPEED = 3.0
 """Of both balls as the lower one meets the floor, in m/s."""
-SCENE = gr.scenes.three_balls(radii=(0.1, 0.0025), height=0.1).replace(velocity=[0.0, -SPEED, -SPEED])
+LIGHT_SCENE = gr.scenes.three_balls((0.1, 0.0025), height=0.1).replace(velocity=[0.0, -IMPACT_SPEED, -IMPACT_SPEED])
 """The lower ball meets the floor at t = 0."""
 
 
 def compute(points):
     """Contacts over an ε that both pairs have at 3 m/s; γ/k then differs from pair to pair."""
-    found = sequence.numerical(lambda eps: contacts(SCENE, law(eps)), np.linspace(0.3, 1.0, points))
+    found = sequence.numerical_sequence(lambda eps: contacts(LIGHT_SCENE, laws(eps)), np.linspace(0.3, 1.0, points))
     return {"parameter": "restitution at 3 m/s", **found}
 
 
-def law(restitution):
+def laws(restitution):
     """Laws of both pairs with one ε at 3 m/s."""
-    return [gr.ViscoelasticHertz.from_restitution(restitution, k=elastic.k, speed=SPEED, pair=pair)
-            for elastic, pair in zip(hertz(SCENE), SCENE.pairs, strict=True)]
+    return [gr.ViscoelasticHertz.from_restitution(restitution, k=elastic.k, speed=IMPACT_SPEED, pair=pair)
+            for elastic, pair in zip(hertz_laws(LIGHT_SCENE), LIGHT_SCENE.pairs, strict=True)]
 
 
 draw = partial(sequence.draw, label=r"$\varepsilon$ of both contacts, each at an impact speed of 3 m/s", top=10.0,
