@@ -1,1 +1,1 @@
-"""Measurements of the package: tables and figures of the docs, ratios, and the study of stiff and extreme cases."""
+"""Benchmarks: figures and tables of the documentation, run times, extreme cases."""

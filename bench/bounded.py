@@ -1,7 +1,8 @@
-"""Rings, thermal walls and pendula: Haff's law, heat flow, what cradles come to, and balls above a hot floor.
+"""Figure of docs/bounded.md: ring gases, thermal walls, pendula, a hot floor.
 
-Run with ``python bench/bounded.py``; writes docs/figures/bounded.png: with numba in some minutes, without it,
-to the same bits, in many hours.
+`python bench/bounded.py` writes docs/figures/bounded.png. Its panels show Haff's law, the heat flow between two walls,
+the energy of a cradle and the density above a hot floor. The run takes some minutes with numba. Without numba it takes
+many hours, and the result is bitwise identical.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
 HOT_TEMPERATURE, COLD_TEMPERATURE = 2.0, 1.0
 KNUDSEN_HEAT_FLOW = (HOT_TEMPERATURE - COLD_TEMPERATURE) / (
     math.sqrt(math.pi / 2.0) * (HOT_TEMPERATURE**-0.5 + COLD_TEMPERATURE**-0.5))
-"""Heat flow of hard balls of 1 kg, one for each metre."""
+"""Heat flow in W carried by hard balls of 1 kg, one ball per metre."""
 TOTAL_LOSSES, CONTACT_STIFFNESSES = (0.2, 2.0, 10.0), (1e4, 1e3, 1e2)
 RUN_LIMITS = {"max_events": 10**9, "log": False}
 COLOUR_SHADES = [0.5, 0.25, 0.0]
 
 
 def cooling_curves(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
-    """Energy left of gases on a ring over t/τ for some N (1 - ε), mean over some seeds."""
+    """Energy over t/τ of ring gases for several N (1 - ε), averaged over the seeds."""
     found: dict[str, Any] = {"time": np.linspace(0.0, end, rows).tolist(), "hard": [], "soft": []}
     for model in ("hard", "soft"):
         for loss in TOTAL_LOSSES[: None if model == "hard" else 1]:
@@ -39,7 +40,7 @@ def cooling_curves(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
 
 
 def energy_left(model: str, n: int, loss: float, seed: int, end: float, rows: int) -> np.ndarray:
-    """Energy left in one of them."""
+    """Energy of one gas at the sample times, as a share of its initial energy."""
     scene, eps = gr.scenes.ring_gas(n, float(n), packing=0.0, seed=seed), 1.0 - loss / n
     options = {"t_end": end * math.sqrt(math.pi) / (1.0 - eps * eps), "samples": rows} | RUN_LIMITS
     if model == "hard":
@@ -51,14 +52,15 @@ def energy_left(model: str, n: int, loss: float, seed: int, end: float, rows: in
 
 
 def heat_flow_ratios(numbers: tuple[int, ...], end: float, seeds: int) -> dict[str, Any]:
-    """J/J_hard and its standard error for each number of balls, by stiffness."""
+    """Soft-to-hard ratio of the heat flow over the number of balls, per stiffness."""
     return {f"{k:g}": [heat_flow_ratio(n, k, end, seeds) for n in numbers] for k in CONTACT_STIFFNESSES}
 
 
 def heat_flow_ratio(n: int, k: float, end: float, seeds: int) -> list[float]:
-    """One of them, from so many gases.
+    """Number of balls, soft-to-hard ratio of the heat flow, and its standard error.
 
-    Hard and soft balls draw the same speeds, hit by hit, so that most of the noise is in both and falls out.
+    Hard and soft gases of one seed draw the same speeds at each wall hit. Most of the noise therefore cancels in the
+    difference of their heat flows.
     """
     law = gr.LinearDashpot(k)
     differences = [heat_flow(n, law, end, seed) - heat_flow(n, None, end, seed) for seed in range(seeds)]
@@ -67,7 +69,10 @@ def heat_flow_ratio(n: int, k: float, end: float, seeds: int) -> list[float]:
 
 
 def heat_flow(n: int, law: Any, end: float, seed: int) -> float:
-    """Mean heat flow in W through one gas, hard without a law; the first fifth of the time is left out."""
+    """Mean heat flow in W through one gas, of hard spheres if `law` is None.
+
+    The first fifth of the run is discarded.
+    """
     scene = gr.scenes.heated_gas(n, float(n), packing=0.0, lower=HOT_TEMPERATURE, upper=COLD_TEMPERATURE, seed=seed)
     engine = "compiled" if end > 100.0 and have_numba() else "auto"
     options = {"t_end": end, "samples": [0.2 * end, end], "engine": engine} | RUN_LIMITS
@@ -79,7 +84,10 @@ def heat_flow(n: int, law: Any, end: float, seed: int) -> float:
 
 
 def cradle_energy(halves: int) -> dict[str, list[float]]:
-    """Energy left after each half period of five touching pendula, one of them pulled aside by 1 m; ε = 0.9."""
+    """Energy left after each half period of a cradle of five touching pendula.
+
+    One pendulum starts 1 m beside its rest position. All contacts have ε = 0.9.
+    """
     scene = gr.Scene([1.0] * 5, [0.1] * 5, [1.0, 0.0, 0.0, 0.0], [0.0] * 5, origin=-1.0, pendulum=1.0)
     law = gr.LinearDashpot.from_restitution(0.9, k=1e6, pair=scene.pairs[0])
     options = {"t_end": halves * math.pi, "samples": halves + 1} | RUN_LIMITS
@@ -89,7 +97,7 @@ def cradle_energy(halves: int) -> dict[str, list[float]]:
 
 
 def height_densities(n: int, end: float, rows: int) -> dict[str, list[float]]:
-    """Heights at which balls are above a floor of T = 2 J under g = 4 m/s², as shares of those in each bin."""
+    """Density in 1/m of ball heights above a floor of T = 2 J under g = 4 m/s²."""
     scene = gr.scenes.heated_gas(n, lower=HOT_TEMPERATURE, gravity=4.0, packing=0.0, seed=1)
     options = {"t_end": end, "samples": rows} | RUN_LIMITS
     runs = {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **options),
@@ -100,7 +108,7 @@ def height_densities(n: int, end: float, rows: int) -> dict[str, list[float]]:
 
 
 def compute(points: int) -> dict[str, Any]:
-    """All numbers; at few points short runs."""
+    """All numbers of the figure, from short runs if `points` < 10."""
     if points < 10:
         return {"haff": cooling_curves(40, 1, 0.02, 3), "heat": heat_flow_ratios((2,), 10.0, 2),
                 "cradle": cradle_energy(2), "floor": height_densities(2, 4.0, 5)}
@@ -109,7 +117,7 @@ def compute(points: int) -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any]) -> Any:
-    """Four panels."""
+    """Draw the four panels."""
     figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
     (cooling, heat), (swinging, floor) = axes
     blues, oranges = (matplotlib.colormaps[name](COLOUR_SHADES) for name in ("Blues_r", "Oranges_r"))
@@ -142,7 +150,7 @@ def draw(data: dict[str, Any]) -> Any:
 
 
 def draw_cooling(axis: Any, data: dict[str, Any], colours: Any) -> None:
-    """Energy left over time."""
+    """Draw the energy of the ring gases over time."""
     t = np.array(data["time"])
     for loss, left_over, colour in zip(TOTAL_LOSSES, data["hard"], colours, strict=True):
         axis.plot(t, left_over, color=colour, label=f"hard, N(1 - ε) = {loss:g}")

@@ -1,4 +1,4 @@
-"""Benchmarks run as tests have the environment and the limits of the tests."""
+"""Give benchmarks that run as tests the environment and limits of the tests."""
 
 import sys
 from pathlib import Path

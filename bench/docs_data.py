@@ -1,10 +1,11 @@
-"""The data behind the figures and tables of the docs, at few points, so that none goes stale unseen.
+"""Stored data of all figures and tables of the documentation.
 
-    python bench/docs_data.py             store all of it anew in docs/figures/data (some minutes)
-    python bench/docs_data.py paper-gap   some of it
+    python bench/docs_data.py             recompute and store all data in docs/figures/data (some minutes)
+    python bench/docs_data.py paper-gap   recompute and store one entry
 
-tests/test_docs_figures.py computes it again and compares. Where it differs, draw the figure anew (bench/regenerate.py,
-which stores the data too) and look at it. A new figure needs a line in `PAPER_POINTS` or `DATA_ENTRIES`.
+The data are computed at few points. tests/test_docs_figures.py recomputes and compares them, so that an outdated figure
+is noticed. If they differ, redraw the figure with bench/regenerate.py, which also stores the data, and inspect it. A
+new figure needs a line in `PAPER_POINTS` or `DATA_ENTRIES`.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ from typing import Any
 
 REPO_ROOT = Path(__file__).parents[1]
 DATA_FOLDER, PAPER_FOLDER = REPO_ROOT / "docs" / "figures" / "data", REPO_ROOT / "examples" / "paper"
-sys.path.append(str(REPO_ROOT))  # for `bench.stability`
+sys.path.append(str(REPO_ROOT))  # makes `bench.stability` importable
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One figure or table.
+    """Data of one figure or table.
 
     Attributes
     ----------
     compute : callable
-        Its data at few points: numbers, words, and lists and dicts of them.
+        Returns the data at few points: numbers, strings, and lists and dicts of them.
     quick : bool
-        Whether that takes less than 3 s, and is done in CI.
+        Whether `compute` takes less than 3 s and runs in CI.
     relative, absolute : float
-        How far numbers may be from the stored ones; the larger of the two counts.
+        Tolerances of numbers. The larger of the two applies.
     """
 
     compute: Callable[[], Any]
@@ -44,56 +45,59 @@ class Entry:
 
 
 def paper(name: str, points: int) -> Any:
-    """Data of a figure of the paper with `points` points along its longest axis."""
+    """Data of a figure of the paper, with `points` points along its longest axis."""
     if str(PAPER_FOLDER) not in sys.path:
         sys.path.append(str(PAPER_FOLDER))
     return json_values(import_module(name.replace("-", "_")).compute(points))
 
 
 def frontier(name: str) -> Any:
-    """Setting, error and whether a contact is missed of every run of a scene of docs/frontier.md; no times."""
+    """Settings, errors and contact-count flags of a scene in docs/frontier.md.
+
+    A flag is True if the run misses a contact. Run times are left out.
+    """
     from frontier import SCENE_REPORTS
 
     return frontier_rows(SCENE_REPORTS[name][1]())
 
 
 def isolation() -> Any:
-    """Data of the figure of docs/threshold.md at few gaps."""
+    """Data of the figure in docs/threshold.md at few gaps."""
     from isolation import compute
 
     return compute(7)
 
 
 def driven() -> Any:
-    """Data of the figure of docs/driven.md at few points."""
+    """Data of the figure in docs/driven.md at few points."""
     from driven import compute
 
     return compute(3)
 
 
 def bounded() -> Any:
-    """Data of the figure of docs/bounded.md at few points."""
+    """Data of the figure in docs/bounded.md at few points."""
     from bounded import compute
 
     return compute(3)
 
 
 def waves() -> Any:
-    """Data of the figure of docs/waves.md at few points."""
+    """Data of the figure in docs/waves.md at few points."""
     from waves import compute
 
     return compute(3)
 
 
 def first_minute() -> Any:
-    """Numbers of the film on the start page."""
+    """Numbers shown in the film on the start page."""
     from first_minute import film_numbers
 
     return film_numbers()
 
 
 def frontier_rows(report: Any) -> Any:
-    """The same of a `Frontier` that is measured already."""
+    """Like `frontier`, for a `Frontier` that is already measured."""
     return {
         method: [[json_values(row.setting), json_values(row.velocity_error), bool(row.wrong_count)]
                  for row in report.of(method)]
@@ -102,27 +106,27 @@ def frontier_rows(report: Any) -> Any:
 
 
 def stability() -> Any:
-    """Verdicts of the default methods on some cells of every axis of docs/stability.md."""
+    """Verdicts of the default methods on some cells per axis of docs/stability.md."""
     from bench.stability import stability
 
     return verdicts(stability(methods=("located", "edmd"), quick=True))
 
 
 def extremes() -> Any:
-    """The table of three balls on docs/stability.md."""
+    """Table of three balls in docs/stability.md."""
     import granular as gr
 
     return gr.stability("three-balls").table()
 
 
 def verdicts(report: Any) -> Any:
-    """The same of a study that is done already."""
+    """Verdicts of the default methods in a finished study."""
     return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name]
             for cell in report.cells if cell.method in ("located", "edmd")]
 
 
 def json_values(value: Any) -> Any:
-    """The same for JSON: lists for arrays, None for what is no finite number."""
+    """Convert arrays and tuples to lists, and non-finite numbers to None, for JSON."""
     if isinstance(value, dict):
         return {str(key): json_values(entry) for key, entry in value.items()}
     if hasattr(value, "tolist"):
@@ -143,18 +147,18 @@ DATA_ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": 
                  "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
                  "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}
 TIMES_ONLY = {"edmd-scaling"}
-"""Figures of run times, which differ from machine to machine."""
+"""Figures of run times, which depend on the machine and are not compared."""
 
 
 def store(name: str, data: Any = None) -> None:
-    """Write the data of one figure or table, computed here if it is not given."""
+    """Write the data of one figure or table, computed here if `data` is None."""
     text = json.dumps(DATA_ENTRIES[name].compute() if data is None else data, ensure_ascii=False, allow_nan=False)
     DATA_FOLDER.mkdir(exist_ok=True)
     (DATA_FOLDER / f"{name}.json").write_text(text + "\n", encoding="utf-8")
 
 
 def differences(stored: Any, fresh: Any, entry: Entry, where: str = "") -> list[str]:
-    """Places where two sets of data are not the same, in words."""
+    """Descriptions of all places where two sets of data differ."""
     if isinstance(stored, dict) and isinstance(fresh, dict) and stored.keys() == fresh.keys():
         return [d for key in stored for d in differences(stored[key], fresh[key], entry, f"{where}.{key}")]
     if isinstance(stored, list) and isinstance(fresh, list) and len(stored) == len(fresh):

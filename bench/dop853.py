@@ -1,13 +1,15 @@
-"""A compiled peer for the located method: DOP853 by numba on chains of balls, and both beside each other.
+"""Compiled DOP853 for chains of balls, compared with the located method.
 
     python bench/dop853.py
 
-Explicit Runge–Kutta of order 8 with error estimates of order 5 and 3 (Hairer, Nørsett & Wanner 1993, II.5; the
-coefficients are scipy's), steps by the usual controller, no events: it steps over onsets and ends of contacts, which
-costs it order and steps, and is what one would write first. For each tolerance the table gives the error of the final
-velocities beside the located method at 1e-16, as a part of the largest, and microseconds of processor time, the least
-of interleaved rounds. The peer is a bare function; of ours the public call is told, and what it takes beyond one that
-ends after a thousandth of the time.
+DOP853 is an explicit Runge–Kutta method of order 8 with error estimates of order 5 and 3 (Hairer, Nørsett & Wanner
+1993, II.5). The coefficients are scipy's, the step-size controller is the usual one, and numba compiles the loop. It
+has no event location: steps cross onsets and ends of contacts, which reduces the order and the step size. Such a loop
+is the first implementation that most people would write.
+
+For each tolerance the table lists errors of the final velocities in units of the initial speed, relative to the located
+method at 1e-16. Times are processor times in µs, minima of interleaved rounds. The peer is a bare function. The public
+call is timed for the located method. "beyond" is its excess over a call that ends after a thousandth of the time.
 """
 
 from __future__ import annotations
@@ -33,7 +35,10 @@ TIMING_ROUNDS = 15
 
 @numba.njit(error_model="numpy")
 def rates(y: np.ndarray, k: float, gamma: float, p: float, inverse: np.ndarray, out: np.ndarray) -> None:
-    """Write the time derivatives of gaps and velocities, F = k ξ^p + γ ξ̇ clipped at 0."""
+    """Write the time derivatives of gaps and velocities into `out`.
+
+    The force of a pair is F = k ξ^p + γ ξ̇, clipped at 0.
+    """
     n = len(inverse)
     below = 0.0
     for i in range(n):
@@ -52,10 +57,13 @@ def rates(y: np.ndarray, k: float, gamma: float, p: float, inverse: np.ndarray, 
 def solve(
     y: np.ndarray, end: float, tol: float, least: float, k: float, gamma: float, p: float, inverse: np.ndarray
 ) -> int:
-    """Take gaps and velocities `y` to the time `end`; return the number of evaluations. `least` is the size below which
-    errors are absolute."""
+    """Advance gaps and velocities `y` in place to the time `end`.
+
+    Errors of values smaller than `least` are absolute. Return the number of evaluations of `rates`.
+    """
     m = len(y)
-    stage, trial, now, h, evaluations = np.zeros((STAGE_COUNT + 1, m)), np.zeros(m), 0.0, 1e-6 * end, 1
+    stage, trial, now, evaluations = np.zeros((STAGE_COUNT + 1, m)), np.zeros(m), 0.0, 1
+    h = 1e-6 * end  # a short first step, which the controller lengthens
     rates(y, k, gamma, p, inverse, stage[0])
     while now < end:
         h = min(h, end - now)
@@ -83,22 +91,22 @@ def solve(
             fifth, third = fifth + (e5 / scale) ** 2, third + (e3 / scale) ** 2
         error = 0.0
         if fifth > 0.0:
-            error = h * fifth / math.sqrt((fifth + 0.01 * third) * m)
+            error = h * fifth / math.sqrt((fifth + 0.01 * third) * m)  # Hairer's blend of both estimates
         factor = MAX_STEP_FACTOR
         if error > 0.0:
-            factor = min(MAX_STEP_FACTOR, max(MIN_STEP_FACTOR, SAFETY_FACTOR * error ** -0.125))
+            factor = min(MAX_STEP_FACTOR, max(MIN_STEP_FACTOR, SAFETY_FACTOR * error ** -0.125))  # order 8
         if error <= 1.0:
             now += h
             for i in range(m):
                 y[i], stage[0, i] = trial[i], stage[STAGE_COUNT, i]
         else:
-            factor = min(1.0, factor)
+            factor = min(1.0, factor)  # a rejected step must not grow
         h *= factor
     return evaluations
 
 
 def dop853(scene: gr.Scene, law: Any, end: float, tol: float) -> np.ndarray:
-    """Return the final velocities of a scene of balls without gravity."""
+    """Final velocities of balls without gravity, computed by the compiled DOP853."""
     gamma, p = (0.0, 1.5) if isinstance(law, gr.Hertz) else (law.gamma, 1.0)
     y = np.concatenate([scene.gap, scene.velocity])
     solve(y, end, tol, 1e-3 * float(np.abs(scene.velocity).max()), law.k, gamma, p, 1.0 / scene.mass)
@@ -106,13 +114,13 @@ def dop853(scene: gr.Scene, law: Any, end: float, tol: float) -> np.ndarray:
 
 
 def located(scene: gr.Scene, law: Any, end: float, tol: float) -> np.ndarray:
-    """Return the final velocities by the located method."""
+    """Final velocities of the same balls, computed by the located method."""
     run = gr.md.simulate(scene, law, t_end=end, tol=max(tol, 1e-16), engine="compiled", log=False)
     return np.asarray(run.velocity[-1])
 
 
 def cpu_microseconds(work: Callable[[], Any]) -> float:
-    """Microseconds of processor time of one go."""
+    """Processor time of one call in µs."""
     begin = time.process_time_ns()
     work()
     return (time.process_time_ns() - begin) / 1e3

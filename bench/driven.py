@@ -1,6 +1,6 @@
-"""A ball on a shaken plate, and a shaken column: hard and soft spheres side by side.
+"""Figure of docs/driven.md: a ball on a shaken plate, and a shaken column.
 
-Run with ``python bench/driven.py``; writes docs/figures/driven.png.
+`python bench/driven.py` writes docs/figures/driven.png, which compares hard and soft spheres.
 """
 
 from __future__ import annotations
@@ -19,21 +19,23 @@ FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "driven.png"
 EPS, G, FREQUENCY, FREQUENCY_RATIO = 0.5, 9.81, 50.0, 100.0
 OMEGA = 2.0 * math.pi * FREQUENCY
 ORBIT_THRESHOLD = math.pi * (1.0 - EPS) / (1.0 + EPS)
+"""Acceleration amplitude over g from which the bounce of one period exists."""
 DOUBLING_THRESHOLD = math.hypot(ORBIT_THRESHOLD, 2.0 * (1.0 + EPS**2) / (1.0 + EPS) ** 2)
+"""Acceleration amplitude over g at which the period doubles."""
 PLOTTED_BOUNCES, CHAOTIC_ACCELERATION, CHAOTIC_EPS = 16, 6.0, 0.8
 COLUMN_BALLS, COLUMN_ACCELERATION = 10, 20.0
-"""Balls of the column, and how hard it is shaken."""
+"""Number of balls in the column, and acceleration amplitude of its floor over g."""
 
 
 def periodic_orbit(gamma: float) -> gr.Scene:
-    """A point ball that has just left the plate about on the orbit of one period."""
+    """Point ball that has just left the plate, close to the orbit of one period."""
     plate = gr.walls.Sine.from_acceleration(gamma, FREQUENCY, G, math.acos(ORBIT_THRESHOLD / gamma))
     off = 1e-3 * plate.amplitude
     return gr.Scene([math.inf, 1.0], [0.0, 0.0], [off], [0.0, math.pi * G / OMEGA], G, floor=plate)
 
 
 def hard_and_soft_runs(scene: gr.Scene, eps: float, bounces: int) -> dict[str, Any]:
-    """The scene as hard and as soft spheres."""
+    """Runs of the scene as hard and as soft spheres, up to a number of bounces."""
     law = gr.LinearDashpot.from_restitution(eps, k=(FREQUENCY_RATIO * OMEGA) ** 2, pair=scene.pairs[0])
     end = gr.until.contact(pair=0, nth=bounces)
     return {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(eps), until=end),
@@ -41,7 +43,7 @@ def hard_and_soft_runs(scene: gr.Scene, eps: float, bounces: int) -> dict[str, A
 
 
 def period_doubling(points: int, bounces: int) -> dict[str, Any]:
-    """The last phases over Γ."""
+    """Phases of the last bounces over Γ."""
     gammas = np.linspace(0.95 * DOUBLING_THRESHOLD, 1.05 * DOUBLING_THRESHOLD, points).tolist()
     each = [hard_and_soft_runs(periodic_orbit(gamma), EPS, bounces) for gamma in gammas]
     return {"gamma": gammas} | {
@@ -50,7 +52,7 @@ def period_doubling(points: int, bounces: int) -> dict[str, Any]:
 
 
 def chaotic_bounces(bounces: int) -> dict[str, Any]:
-    """Phase and speed after each bounce, in turns and Aω."""
+    """Phase in turns and speed in Aω after each bounce."""
     found: dict[str, Any] = {}
     for model, run in hard_and_soft_runs(periodic_orbit(CHAOTIC_ACCELERATION), CHAOTIC_EPS, bounces).items():
         section, plate = gr.measures.section(run), run.scene.floor
@@ -59,13 +61,16 @@ def chaotic_bounces(bounces: int) -> dict[str, Any]:
 
 
 def column_heights(points: int, periods: int) -> dict[str, Any]:
-    """Mean height of the centre of mass of a column of hard spheres above that at rest, in (Aω)²/g."""
+    """Mean height of the centre of mass of a hard column above its rest position.
+
+    Heights are in units of (Aω)²/g, over N (1 - ε).
+    """
     losses = np.geomspace(0.1, 2.0, points).tolist()
     return {"loss": losses, "height": [column_height(1.0 - loss / COLUMN_BALLS, periods) for loss in losses]}
 
 
 def column_height(eps: float, periods: int) -> float:
-    """One of them; the first quarter of the time is left out."""
+    """Mean height for one ε, with the first quarter of the run discarded."""
     scene = gr.scenes.vibrated_column(COLUMN_BALLS, COLUMN_ACCELERATION, FREQUENCY)
     plate = scene.floor
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(eps), t_end=periods / FREQUENCY, samples=7 * periods + 1,
@@ -75,14 +80,14 @@ def column_height(eps: float, periods: int) -> float:
 
 
 def compute(points: int) -> dict[str, Any]:
-    """All of it; at few points short runs."""
+    """All numbers of the figure, from short runs if `points` < 10."""
     few = points < 10
     return {"doubling": period_doubling(points, 100 if few else 1000), "chaos": chaotic_bounces(10 if few else 4000),
             "column": column_heights(2 if few else 7, 10 if few else 1500)}
 
 
 def draw(data: dict[str, Any]) -> Any:
-    """Three panels."""
+    """Draw the three panels."""
     figure, axes = canvas(2.0 * COLUMN, 0.9 * COLUMN, 1, 3)
     left, middle, right = axes[0]
     for model, colour in (("hard", HARD), ("soft", SOFT)):

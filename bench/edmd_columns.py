@@ -1,4 +1,4 @@
-"""Columns that fall on a floor: when they collapse, how long it takes to find out, and how they go on with a remedy."""
+"""Columns falling on a floor: time to detect a collapse, and runs with a remedy."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ RESTITUTION_RULE = gr.ConstantRestitution(0.9)
 
 
 def column(n: int) -> gr.Scene:
-    """Return `n` balls dropped from rest at random distances, g = 1."""
+    """Column of `n` balls dropped from rest at random distances, g = 1 m/s²."""
     gap = np.random.default_rng(1).uniform(0.5, 1.5, n)
     return gr.Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), gap, [0.0] * (n + 1), gravity=1.0)
 
 
 def print_run(name: str, n: int, **options: object) -> None:
-    """Run a column and print how it ended and how long that took."""
+    """Run a column and print its final message and the elapsed time."""
     begin = time.perf_counter()
     run = gr.edmd.simulate(column(n), RESTITUTION_RULE, log=False, **options)  # type: ignore[arg-type]
     print(f"{name}, N = {n}: {time.perf_counter() - begin:.2f} s, {run.stats['engine']}: {run.message}", flush=True)
@@ -32,7 +32,7 @@ def main() -> None:
     for n in (100, 1000):
         print_run("collapse='merge'", n, collapse="merge", t_end=60.0, max_events=10**8)
     print_run("tc=1e-2", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
-    print_run("tc=1e-2, again", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
+    print_run("tc=1e-2, second run", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
 
 
 if __name__ == "__main__":

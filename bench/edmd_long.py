@@ -1,6 +1,7 @@
-"""Long elastic runs: do energy, momentum and order hold, and do equal balls follow their exact solution?
+"""Conservation of energy, momentum and order in long elastic runs.
 
-Run with ``python bench/edmd_long.py [collisions]`` (1e8 unless said; about 20 s for each line of a gas).
+`python bench/edmd_long.py [collisions]` runs 1e8 collisions by default, which takes about 20 s per gas. Equal balls are
+also compared with their exact solution.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ ELASTIC_RULE = gr.ConstantRestitution(1.0)
 
 
 def gas(n: int, spread: float = 0.0, tiny: float = 0.0, walls: bool = True, seed: int = 1) -> gr.Scene:
-    """Return balls of masses e^±spread in equipartition, a share `tiny` of the gaps 1e-15, between walls or free."""
+    """Balls of masses e^±spread in equipartition, between walls or free.
+
+    A share `tiny` of the gaps is 1e-15 m.
+    """
     random = np.random.default_rng(seed)
     mass = np.exp(random.uniform(-spread, spread, n))
     v = random.normal(size=n) / np.sqrt(mass)
@@ -29,7 +33,7 @@ def gas(n: int, spread: float = 0.0, tiny: float = 0.0, walls: bool = True, seed
 
 
 def energy(scene: gr.Scene, velocity: np.ndarray) -> float:
-    """Return the kinetic energy, summed without rounding."""
+    """Kinetic energy, summed without rounding."""
     balls = ~scene.is_wall
     return math.fsum((0.5 * scene.mass[balls] * velocity[balls] ** 2).tolist())
 
@@ -43,7 +47,7 @@ def run_in_tenths(scene: gr.Scene, collisions: int, t_start: float = 0.0) -> Ite
 
 
 def print_drift(name: str, scene: gr.Scene, collisions: int, t_start: float = 0.0) -> None:
-    """Print what became of energy, length and order."""
+    """Print the changes of energy, length and order."""
     before, worst, ordered, begin = energy(scene, scene.velocity), 0.0, True, time.perf_counter()
     for run in run_in_tenths(scene, collisions, t_start):
         worst = max(worst, abs(energy(scene, run.velocity[-1]) / before - 1.0))
@@ -55,7 +59,10 @@ def print_drift(name: str, scene: gr.Scene, collisions: int, t_start: float = 0.
 
 
 def print_momentum_change(spread: float, collisions: int) -> None:
-    """Print the change of momentum of balls between two heavy ones, which are no walls."""
+    """Print the change of momentum of balls between two heavy balls.
+
+    The end balls of 1e12 kg are not walls, so the total momentum is conserved.
+    """
     inner = gas(1000, spread, walls=False)
     gap, v = [1.0, *inner.gap, 1.0], [0.0, *inner.velocity, 0.0]
     scene = gr.Scene([1e12, *inner.mass, 1e12], np.zeros(1002), gap, v)
@@ -68,7 +75,10 @@ def print_momentum_change(spread: float, collisions: int) -> None:
 
 
 def print_flight_error(collisions: int, t_start: float = 0.0) -> None:
-    """Print the error of equal balls between walls against free flight folded at the walls and sorted."""
+    """Print the error of equal balls between walls against their exact positions.
+
+    Equal elastic balls exchange velocities. The exact positions are free flights, folded at the walls and sorted.
+    """
     scene = gas(1000)
     place = np.cumsum(scene.gap)
     double = 2 * np.longdouble(place[-1])

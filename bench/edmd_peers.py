@@ -1,7 +1,8 @@
-"""Bare loops to measure the engines against: gaps, elastic balls, no gravity, no log, no checks, no re-basing.
+"""Bare event loops, with which the engines are compared.
 
-`bare_sorted` is the shortest loop on a `SortedList`, `bare_tree` the shortest on a compiled winner tree. What they
-leave out is what the engines add; their ratio to the engines in one run is what a figure from another machine means.
+The loops handle gaps of elastic balls without gravity, contact log, checks and re-basing of the clock. `bare_sorted` is
+the shortest loop on a `SortedList`, `bare_tree` the shortest loop on a compiled tournament tree. The ratio between an
+engine and its bare loop, both measured in one run, can be compared between machines.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from sortedcontainers import SortedList
 
 
 def bare_sorted(gap: list[float], u: list[float], low: list[float], high: list[float], events: int) -> float:
-    """Let `events` collisions happen; return the time of the last."""
+    """Process `events` collisions and return the time of the last collision."""
     n = len(gap)
     at, slot, now = [0.0] * n, [math.inf] * n, 0.0
     for c in range(n):
@@ -47,7 +48,7 @@ def bare_sorted(gap: list[float], u: list[float], low: list[float], high: list[f
 
 @numba.njit(error_model="numpy")
 def bare_tree(gap: np.ndarray, u: np.ndarray, low: np.ndarray, high: np.ndarray, events: int) -> float:
-    """Let `events` collisions happen; return the time of the last."""
+    """Process `events` collisions and return the time of the last collision."""
     n = len(gap)
     size = 1
     while size < n:

@@ -1,7 +1,8 @@
-"""Cost of a collision: both queues and blocks against the number of balls, and what each thing left out saves.
+"""Processor time per collision over the number of balls, and cost of features.
 
-Run with ``python bench/edmd_scaling.py``; writes docs/figures/edmd-scaling.png and prints the tables. Each figure is
-the best of several runs, in turns, so that another load on the machine disturbs all of them alike.
+`python bench/edmd_scaling.py` writes docs/figures/edmd-scaling.png and prints the tables for both queues, blocks and
+bare loops. Each number is the minimum of several interleaved runs, so that other load on the machine affects all of
+them equally.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from granular.edmd import compiled_queue as blocks
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.png"
 ELASTIC_RULE = gr.ConstantRestitution(1.0)
 Timer = Callable[[float], tuple[int, float]]
-"""Runs something until a time; returns collisions and seconds of the processor."""
+"""Runs until a given time and returns the collisions and processor seconds."""
 LARGE = blocks.LARGE
 
 
 def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
-    """Return `n` equal balls in a box, in equilibrium."""
+    """`n` equal balls in equilibrium, between walls or between balls of 1e9 kg."""
     random = np.random.default_rng(n)
     end = [math.inf] if walls else [1e9]
     v = [0.0, *random.normal(size=n), 0.0]
@@ -36,7 +37,10 @@ def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
 def engine_timer(
     scene: gr.Scene, name: str, rule: object = ELASTIC_RULE, one: bool = False, **options: object
 ) -> Timer:
-    """Return a timer of the engine until a time, `one` block or not; the state is warm."""
+    """Timer of an engine that starts from a warm state.
+
+    `one` forces a single block of balls.
+    """
     physics = {k: v for k, v in options.items() if k in ("tc", "collapse", "merge_below", "ties")}
     more = {k: v for k, v in options.items() if k not in physics}
     start = gr.edmd.simulate(scene, rule, engine=name, max_events=1, log=False, **physics)  # type: ignore[arg-type]
@@ -56,7 +60,10 @@ def engine_timer(
 
 
 def bare_loop_timer(scene: gr.Scene, loop: Callable[..., float]) -> Timer:
-    """Return a timer of a bare loop, which is told the time as the number of collisions to expect until then."""
+    """Timer of a bare loop.
+
+    The end time is converted to the expected number of collisions.
+    """
 
     def timed(t_end: float) -> tuple[int, float]:
         events = int(t_end * len(scene.gap) / math.sqrt(math.pi))
@@ -73,10 +80,12 @@ def bare_loop_timer(scene: gr.Scene, loop: Callable[..., float]) -> Timer:
 
 
 def collision_costs(timers: dict[str, Timer], events: dict[str, float], n: int, turns: int = 5) -> dict[str, float]:
-    """Return ns per collision of each timer: what doubling a run that has begun adds, the best of several turns.
+    """Processor time in ns per collision of each timer.
 
-    `events` is about how many collisions that is.
+    The cost is the increase when the length of a run is doubled, from minima over several turns. `events` is the
+    approximate number of collisions of the shorter run.
     """
+    # index 0 is the run up to `events`, index 1 the run of twice that length
     best: dict[str, list[float]] = {name: [math.inf, math.inf] for name in timers}
     done: dict[str, list[int]] = {name: [0, 0] for name in timers}
     for _ in range(turns):
@@ -88,7 +97,7 @@ def collision_costs(timers: dict[str, Timer], events: dict[str, float], n: int, 
 
 
 def measure_scaling() -> dict[str, dict[int, float]]:
-    """Return ns per collision over the number of balls, of both queues, of blocks and of the bare loops."""
+    """Cost in ns per collision over the number of balls, per queue and bare loop."""
     table: dict[str, dict[int, float]] = {}
     for n in (100, 1000, 10_000, 100_000, 1_000_000):
         scene = gas(n)
@@ -110,7 +119,7 @@ def measure_scaling() -> dict[str, dict[int, float]]:
 
 
 def draw(table: dict[str, dict[int, float]]) -> None:
-    """Plot cost against the number of balls."""
+    """Plot the cost over the number of balls."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -129,27 +138,27 @@ def draw(table: dict[str, dict[int, float]]) -> None:
 
 
 def print_feature_costs() -> None:
-    """Print what each thing that can be left out costs where it is not, at 1000 balls."""
+    """Print the cost of each optional feature with 1000 balls."""
     n, table = 1000, gr.TabulatedRestitution([0.0, 20.0], [1.0, 1.0])
     scene, walls = gas(n), "walls at the ends"
     nearly = gr.ConstantRestitution(1.0 - 2.0**-40)
     timers = {
-        "everything left out": engine_timer(scene, "compiled"), "with gravity": engine_timer(gas(n, 0.001), "compiled"),
+        "no optional feature": engine_timer(scene, "compiled"), "with gravity": engine_timer(gas(n, 0.001), "compiled"),
         "with the log": engine_timer(scene, "compiled", log=True),
         "with watch=, dashpot": engine_timer(scene, "compiled", watch=gr.LinearDashpot(1e6)),
         "with watch=, viscoelastic": engine_timer(scene, "compiled", watch=gr.ViscoelasticHertz(1e8, 1e4)),
-        "with dissipation (watched for a collapse)": engine_timer(scene, "compiled", nearly),
+        "with dissipation (collapse detection)": engine_timer(scene, "compiled", nearly),
         "with tc=": engine_timer(scene, "compiled", nearly, tc=1e-6),
         "with collapse='merge'": engine_timer(scene, "compiled", nearly, collapse="merge", merge_below=1e-9),
         f"without {walls}": engine_timer(gas(n, walls=False), "compiled"),
     }
     sorted_timers = {
-        "everything left out": engine_timer(scene, "sorted"), "with gravity": engine_timer(gas(n, 0.001), "sorted"),
+        "no optional feature": engine_timer(scene, "sorted"), "with gravity": engine_timer(gas(n, 0.001), "sorted"),
         "with the log": engine_timer(scene, "sorted", log=True),
         "with watch=, dashpot": engine_timer(scene, "sorted", watch=gr.LinearDashpot(1e6)),
         "with watch=, viscoelastic": engine_timer(scene, "sorted", watch=gr.ViscoelasticHertz(1e8, 1e4)),
         "with on_event": engine_timer(scene, "sorted", on_event=lambda row: None),
-        "with dissipation (watched for a collapse)": engine_timer(scene, "sorted", nearly),
+        "with dissipation (collapse detection)": engine_timer(scene, "sorted", nearly),
         "with a table ε(v)": engine_timer(scene, "sorted", table),
         "with a function ε(v)": engine_timer(scene, "sorted", lambda speed, pair: 1.0),
         "with ties='poisson'": engine_timer(scene, "sorted", ties="poisson"),
@@ -157,7 +166,7 @@ def print_feature_costs() -> None:
     }
     for queue, kinds, events in (("compiled", timers, 1e6), ("SortedList", sorted_timers, 3e4)):
         found = collision_costs(kinds, dict.fromkeys(kinds, events), n, 7)
-        least = found["everything left out"]
+        least = found["no optional feature"]
         for name, cost in found.items():
             print(f"| {queue} | {name} | {cost / least:.2f} | {cost:.0f} ns |", flush=True)
 

@@ -1,10 +1,10 @@
-"""What the start page shows: the film of the paper's scene, its first picture, and a screen of the teaching page.
+"""Film, picture and screenshot of the start page.
 
     python bench/first_minute.py        write docs/_static/two-balls.gif, two-balls.png and page.png (needs Chromium)
-    python bench/first_minute.py film   write the first two of them
+    python bench/first_minute.py film   write only two-balls.gif and two-balls.png
 
-The film is made by `Comparison.animate`, balls and a ruler only, and the picture is its last one;
-tests/test_docs_figures.py holds its numbers against fresh ones.
+`Comparison.animate` draws the film of the paper's base scene, with balls and a ruler only. The picture is the last
+frame. tests/test_docs_figures.py compares the stored numbers of the film with recomputed numbers.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ FILM_OPTIONS: dict[str, Any] = {"seconds": 5.0, "fps": 12, "charts": False}
 
 
 def report() -> Any:
-    """The scene of the paper under both engines."""
+    """Comparison of both engines on the base scene of the paper."""
     scene = gr.scenes.three_balls(gap=1e-4)
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     return gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
 
 
 def film_numbers() -> Any:
-    """What is to be seen in the film: its sentence, and contacts with their times."""
+    """Numbers shown in the film: the verdict, the contact times and the rises."""
     seen = report()
     log = [run.contacts[["pair", "t_begin", "duration"]].tolist() for run in seen.counted]
     return docs_data.json_values({"verdict": seen.verdict, "contacts": log, "rises": seen.rises})
 
 
 def screenshot(path: Path, width: int = 1280, height: int = 1130) -> None:
-    """Draw the fourth screen of the teaching page: real balls, and what Newton says of them."""
+    """Save the fourth screen of the teaching page, which is about real balls."""
     sys.path.insert(0, str(REPO_ROOT / "tests" / "page"))
     from browser import Browser
 
@@ -53,6 +53,7 @@ def screenshot(path: Path, width: int = 1280, height: int = 1130) -> None:
 
 
 def main() -> None:
+    """Write the film and the picture, and the screenshot unless "film" is given."""
     from PIL import Image
 
     film = STATIC_FOLDER / "two-balls.gif"

@@ -1,7 +1,7 @@
-"""Figures and tables of docs/frontier.md: error against run time of every method on six scenes.
+"""Figures and tables of docs/frontier.md: error against run time in six scenes.
 
-    python bench/frontier.py            all of them, a few minutes
-    python bench/frontier.py chain      one of them
+    python bench/frontier.py            all scenes, a few minutes
+    python bench/frontier.py chain      one scene
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import docs_data  # before `bench`, which it makes importable
+import docs_data  # must precede `bench`, because it extends sys.path
 
 from bench.reference import solve
 from granular import Hertz, LinearDashpot, Scene, ViscoelasticHertz, cases, scenes, until
@@ -29,26 +29,26 @@ ALL_SEPARATED = until.separated()
 
 
 def frontier(scene: Scene, law: Any, **end: Any) -> Frontier:
-    """Compare all methods with a reference of 34 digits."""
+    """Compare all methods with a reference solution of 34 digits."""
     return with_any_reference(scene, law, **end, reference=solve(scene, law, **end))
 
 
 def three_balls(restitution: float) -> Frontier:
-    """The paper's scene with a clipped dashpot."""
+    """Base scene of the paper with clipped dashpots."""
     scene = scenes.three_balls()
     law = [LinearDashpot.from_restitution(restitution, k=5e7, pair=pair) for pair in scene.pairs]
     return frontier(scene, law, until=SECOND_BOUNCE)
 
 
 def viscoelastic() -> Frontier:
-    """The paper's scene with viscoelastic spheres, ε = 0.7 at the speed of impact."""
+    """Base scene of the paper with viscoelastic spheres, ε = 0.7 at impact."""
     scene = scenes.three_balls()
     law = [ViscoelasticHertz.from_restitution(0.7, speed=3.13, k=1e9, pair=pair) for pair in scene.pairs]
     return frontier(scene, law, until=SECOND_BOUNCE)
 
 
 def column() -> Frontier:
-    """Ten balls in a column that falls on the floor, ε = 0.9."""
+    """Column of ten balls that falls on a floor, ε = 0.9."""
     case = cases.make("column", n=10)
     return frontier(case.scene, case.law, until=case.until)
 
@@ -64,16 +64,16 @@ SCENE_REPORTS: dict[str, tuple[str, Callable[[], Frontier]]] = {
 }
 
 
-ALT_TEXT = "Error of velocities and of contact times against run time, one line a method"
+ALT_TEXT = "Error of velocities and of contact times against run time, one line per method"
 SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def section(name: str, title: str, report: Frontier) -> str:
-    """The part of the page about one scene."""
+    """Section of the page about one scene: figure, caption, table and orders."""
     truth = report.reference
-    caption = (f"{title}: errors against run time; {len(truth.contacts)} contacts. Reference: {truth.solver}, good to "
-               f"{scientific_notation(truth.velocity_error)} of the impact speed; rounding of the scene's own numbers: "
-               f"{scientific_notation(report.rounding_level)}.")
+    caption = (f"{title}: errors against run time for {len(truth.contacts)} contacts. Reference: {truth.solver}, "
+               f"estimated error {scientific_notation(truth.velocity_error)} of the impact speed. Effect of rounding "
+               f"the inputs: {scientific_notation(report.rounding_level)}.")
     lines = [
         f"## {title}", "",
         ":::{figure-md}", f"![{ALT_TEXT}: {title}](figures/frontier-{name}.png)", "", caption, ":::", "",
@@ -84,26 +84,27 @@ def section(name: str, title: str, report: Frontier) -> str:
         mine, other = report.fastest(goal, without=alone), report.fastest(goal, without=("located",))
         ratio = f"{other.seconds / mine.seconds:.2g}" if mine and other else "–"
         shown = [duration(mine.seconds) if mine else "–"]
-        shown += [f"{method_label(other.method)}, {duration(other.seconds)}" if other else "none reaches it", ratio]
+        shown += [f"{method_label(other.method)}, {duration(other.seconds)}" if other else "no other method", ratio]
         lines.append(f"| {scientific_notation(goal)} | {' | '.join(shown)} |")
     orders = "; ".join(_order(report, method) for method in report.orders if math.isfinite(report.order(method)))
     least = min(row.velocity_error for row in report.of("located") if row.good)
-    lines += ["", f"Order in dt as measured, and min(p, 1+s): {orders}. Smallest error of the located method: "
-              f"{scientific_notation(least)}."]
+    lines += ["", f"Measured order in dt, and min(p, 1+s) in parentheses: {orders}. "
+              f"Smallest error of the located method: {scientific_notation(least)}."]
     return "\n".join([*lines, ""])
 
 
 def _order(report: Frontier, method: str) -> str:
+    """Measured order of a method, and the expected order in parentheses."""
     return f"{method_label(method)} {report.order(method):.2f} ({report.orders[method][1]:.2f})"
 
 
 def method_label(method: str) -> str:
-    """The name of a method as in the figure."""
+    """Name of a method as in the figure."""
     return str(LOOKS[method]["label"])
 
 
 def scientific_notation(x: float) -> str:
-    """A number with one digit as people write it: 6·10⁻¹⁷; – if it is none."""
+    """Number with one digit, such as 6·10⁻¹⁷, or – if it is not finite."""
     if not math.isfinite(x):
         return "–"
     digit, _, exponent = f"{x:.0e}".partition("e")
@@ -112,7 +113,7 @@ def scientific_notation(x: float) -> str:
 
 
 def main(names: list[str]) -> None:
-    """Measure, draw, and put the tables into the page."""
+    """Measure the scenes, draw the figures and write the tables into the page."""
     for name in names or list(SCENE_REPORTS):
         title, measure = SCENE_REPORTS[name]
         report = measure()

@@ -1,6 +1,7 @@
-"""Three balls over the gap: hard spheres, every contact as if it were isolated, and the exact answer.
+"""Figure of docs/threshold.md: two balls on a floor, over the gap between them.
 
-Run with ``python bench/isolation.py``; writes docs/figures/isolation.png.
+`python bench/isolation.py` writes docs/figures/isolation.png. It compares hard spheres, soft spheres with every contact
+treated as isolated, and the exact soft result.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ LINE_STYLES: dict[str, dict[str, Any]] = {
     "ignore": {"color": "black", "lw": 1.0, "ls": "--", "label": "soft, event-driven"},
     "resolve": {"color": SOFT, "lw": 1.2, "marker": "o", "ms": 2.0, "label": "soft, exact"},
 }
-"""How each answer looks."""
+"""Line style of each model."""
 
 
 def separation_speed(gap: float, model: str) -> float:
@@ -33,7 +34,7 @@ def separation_speed(gap: float, model: str) -> float:
 
 
 def compute(points: int) -> dict[str, Any]:
-    """Separation speeds over the gap, and from which gap on every contact is isolated."""
+    """Separation speeds over the gap, and the minimum gap of isolated contacts."""
     gaps = np.geomspace(*GAP_RANGE, points).tolist()
     found = gr.threshold("three-balls", "gap", GAP_RANGE, points=20, restitution=RESTITUTION)
     return {"gap": gaps, "threshold": found.holds[0][0],
@@ -41,7 +42,7 @@ def compute(points: int) -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any]) -> Any:
-    """Separation speeds above, differences to the exact answer below."""
+    """Draw separation speeds above, and differences to the exact result below."""
     figure, axes = canvas(1.5 * COLUMN, 1.4 * COLUMN, 2, 1, sharex=True, height_ratios=(3, 2))
     (speeds,), (errors,) = axes
     exact = np.array(data["resolve"])

@@ -1,7 +1,7 @@
-"""What leaving something out of a run saves: the same run with it and without it, in turns.
+"""Cost of features: the same run with and without a feature, interleaved.
 
-Run as a script: ``python bench/leaving_out.py [ROUNDS]`` prints a table. CPU time per run, the least of the rounds.
-`test_leaving_out.py` hands the same pairs to pytest-benchmark.
+`python bench/leaving_out.py [ROUNDS]` prints a table of processor times per run, each the minimum of all rounds.
+`test_leaving_out.py` passes the same pairs of runs to pytest-benchmark.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ BALL_COUNT, TIME_STEP = 1000, 1e-3
 
 
 def ignore_event(_row: object) -> None:
-    """Hear of an event."""
+    """Ignore an event."""
 
 
 def compressed_chain(gravity: float = 0.0, floor: bool = False) -> gr.Scene:
-    """Return a chain whose contacts stay closed."""
+    """Chain whose contacts stay closed."""
     random = np.random.default_rng(1)
     mass, radius, speed = np.ones(BALL_COUNT), np.full(BALL_COUNT, 0.5), random.uniform(-1e-3, 1e-3, BALL_COUNT)
     if floor:
@@ -34,7 +34,7 @@ def compressed_chain(gravity: float = 0.0, floor: bool = False) -> gr.Scene:
 
 
 def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
-    """Return equal balls between two walls, or between two balls so heavy that they do as well."""
+    """Equal balls between two walls, or between two balls of 1e9 kg."""
     random = np.random.default_rng(n)
     end = [math.inf] if walls else [1e9]
     v = [0.0, *random.normal(size=n), 0.0]
@@ -42,14 +42,14 @@ def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
 
 
 def fixed_step_pairs() -> Iterator[tuple[str, Run, Run]]:
-    """Verlet, compiled: 1000 balls, 10 000 steps, all contacts closed, and neither log nor anything else."""
+    """Compiled Verlet runs of 1000 balls and 10 000 steps with all contacts closed."""
     go = partial(gr.md.simulate, t_end=10_000 * TIME_STEP, dt=TIME_STEP, engine="compiled", log=False)
     hertz, scene = gr.Hertz(1e4), compressed_chain()
     bare = partial(go, scene, hertz)
     yield "gravity", bare, partial(go, compressed_chain(gravity=1e-6), hertz)
     yield "floor", bare, partial(go, compressed_chain(floor=True), hertz)
     yield "damping", bare, partial(go, scene, gr.ViscoelasticHertz(1e4, 0.1))
-    yield "a law not of the form √ξ(kξ+γξ')", bare, partial(go, scene, gr.TsujiHertz(1e4, 0.1))
+    yield "law not of the form √ξ(kξ+γξ')", bare, partial(go, scene, gr.TsujiHertz(1e4, 0.1))
     yield "memory", bare, partial(go, scene, gr.WaltonBraun(1e2, 2e2))
     yield "log", bare, partial(go, scene, hertz, log=True)
     yield "samples (20)", bare, partial(go, scene, hertz, samples=20)
@@ -57,7 +57,7 @@ def fixed_step_pairs() -> Iterator[tuple[str, Run, Run]]:
 
 
 def located_pairs() -> Iterator[tuple[str, Run, Run]]:
-    """The located engine, compiled: a soft gas of 100 balls, some 1600 contacts."""
+    """Compiled located runs of a soft gas of 100 balls, with about 1600 contacts."""
     go = partial(gr.md.simulate, t_end=30.0, engine="compiled", log=False)
     spring, scene = gr.LinearDashpot(1e6, 0.0), gas(100)
     bare = partial(go, scene, spring)
@@ -71,7 +71,7 @@ def located_pairs() -> Iterator[tuple[str, Run, Run]]:
 
 
 def edmd_pairs() -> Iterator[tuple[str, Run, Run]]:
-    """Hard spheres, compiled: a gas of 1000 balls, 20 000 collisions."""
+    """Compiled hard-sphere runs of a gas of 1000 balls, with 20 000 collisions."""
     go = partial(gr.edmd.simulate, max_events=20_000, engine="compiled", log=False)
     elastic, scene = gr.ConstantRestitution(1.0), gas(BALL_COUNT)
     bare = partial(go, scene, elastic)
@@ -85,22 +85,22 @@ def edmd_pairs() -> Iterator[tuple[str, Run, Run]]:
 ENGINE_PAIRS = {"fixed": fixed_step_pairs, "located": located_pairs, "edmd": edmd_pairs}
 RUN_PAIRS = {f"{engine}: {feature}": (without, with_it)
              for engine, pairs in ENGINE_PAIRS.items() for feature, without, with_it in pairs()}
-"""Engine and what is left out, with the run without it and with it."""
+"""Runs without and with a feature, by engine and feature."""
 
 
 def main(rounds: int = 7) -> None:
     """Print the table."""
-    print("| what is there or not | without, ms | with, ms | ratio |\n|---|---|---|---|")
+    print("| feature | without, ms | with, ms | ratio |\n|---|---|---|---|")
     for name, pair in RUN_PAIRS.items():
         times: list[list[float]] = [[], []]
         for turn in range(rounds + 1):
-            for run, seen in zip(pair, times, strict=True):
+            for run, seconds in zip(pair, times, strict=True):
                 begin = time.process_time()
                 run()
-                if turn:  # the first compiles
-                    seen.append(time.process_time() - begin)
-        lean, rich = (1e3 * min(seen) for seen in times)
-        print(f"| {name} | {lean:.2f} | {rich:.2f} | {rich / lean:.2f} |", flush=True)
+                if turn:  # the first round compiles
+                    seconds.append(time.process_time() - begin)
+        without, with_it = (1e3 * min(seconds) for seconds in times)
+        print(f"| {name} | {without:.2f} | {with_it:.2f} | {with_it / without:.2f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""Make the reference answers for other people's codes: ``python -m bench.make_verification`` (some minutes).
+"""Write the reference answers for other programs to verification.json.
 
-Writes ``granular/studies/verification.json``: every answer from a solver of 34 digits, printed
-with 17 (`bench.reference`), and its condition number κ = Σ |∂ln answer / ∂ln input| over all
-inputs that are not 0, by central differences of the engine.
-The solitary wave is the fixed point of `granular.waves`, right to 13 digits.
+`python -m bench.make_verification` takes some minutes and writes ``granular/studies/verification.json``. Each
+answer comes from a solver of 34 digits (`bench.reference`) and is printed with 17 digits. The condition number of an
+answer is κ = Σ |∂ln answer / ∂ln input| over all non-zero inputs, from central differences of the engine. The solitary
+wave is the fixed point of `granular.waves`, correct to 13 digits.
 """
 
 from __future__ import annotations
@@ -24,39 +24,42 @@ from granular.studies import verification
 
 OUTPUT_PATH = Path(verification.__file__).with_suffix(".json")
 RELATIVE_STEP = 1e-5
-"""Relative step of the differences for condition numbers."""
+"""Relative step of the central differences for condition numbers."""
 ANSWER_DIGITS, WAVE_DIGITS = 17, 13
 Numbers = dict[str, tuple[str, Any]]
-"""Answers: the unit and the value of each quantity."""
+"""Unit and value of each answer, by quantity."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a case: where it starts, its laws, when it ends, and what is asked of it."""
+    """One run of a case: initial state, laws, end time, and kind of answers."""
 
     scene: gr.Scene
     laws: tuple[Any, ...]
     t_end: float
-    asked: str
+    kind: str
 
     def answers(self, contacts: Any, gap: Any, velocity: Any) -> Numbers:
-        """What is asked, of a solution by the reference or by an engine."""
-        return dict(ANSWER_KINDS[self.asked](self, contacts, gap, velocity))
+        """Answers from a solution by the reference or by an engine."""
+        return dict(ANSWER_KINDS[self.kind](self, contacts, gap, velocity))
 
     def by_engine(self) -> Numbers:
-        """The answers of `granular.md`."""
+        """Answers of `granular.md`."""
         run = gr.md.simulate(self.scene, self.laws, t_end=self.t_end)
         return self.answers(rows(run), run.gap[-1], run.velocity[-1])
 
     def by_reference(self) -> Numbers:
-        """The answers of the solver with 34 digits; with 28 they agree to 20."""
+        """Answers of the solver with 34 digits.
+
+        A second solution with 28 digits must agree to 20 digits.
+        """
         solutions = (reference.solve(self.scene, self.laws, t_end=self.t_end, digits=digits) for digits in (34, 28))
         best, other = (self.answers(one.contacts, one.gap, one.velocity) for one in solutions)
         assert all(abs(value - other[name][1]) <= 1e-20 * abs(value) for name, (_, value) in best.items())
         return best
 
     def varied(self) -> Iterator[tuple[Run, Run]]:
-        """This run with each of its numbers a little larger, and a little smaller."""
+        """Yield this run with each input increased and decreased by `RELATIVE_STEP`."""
         for name in ("mass", "gap", "velocity", "gravity"):
             value = np.atleast_1d(getattr(self.scene, name))
             for i in np.flatnonzero((value != 0.0) & np.isfinite(value)):
@@ -75,7 +78,7 @@ class Run:
                     yield replace(self, laws=up), replace(self, laws=down)
 
     def conditions(self) -> dict[str, float]:
-        """κ of every answer."""
+        """Condition number κ of every answer."""
         here, total = self.by_engine(), dict.fromkeys(self.by_engine(), 0.0)
         for up, down in self.varied():
             one, other = up.by_engine(), down.by_engine()
@@ -87,7 +90,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Row:
-    """A contact of an engine, as the reference has them."""
+    """Contact of an engine, with the field names of the reference."""
 
     pair: int
     t_begin: float
@@ -96,7 +99,7 @@ class Row:
 
 
 def rows(run: gr.Trajectory) -> list[Row]:
-    """The contacts of a run, by the names of the reference."""
+    """Contacts of a run, with the field names of the reference."""
     ended = np.isfinite(run.contacts["t_end"])
     return [Row(int(row["pair"]), float(row["t_begin"]), float(row["t_end"]) if done else None,
                 tuple(map(float, row["v_out"])) if done else None)
@@ -104,7 +107,7 @@ def rows(run: gr.Trajectory) -> list[Row]:
 
 
 def sequence(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
-    """Onset and end of every contact, and the velocities after it."""
+    """Onset and end of every contact, and the velocities after each contact."""
     seen: dict[int, int] = {}
     for row in contacts:
         nth = seen[row.pair] = seen.get(row.pair, 0) + 1
@@ -119,14 +122,17 @@ def sequence(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple
 
 
 def last_contact(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
-    """The end of the last contact, and all velocities then."""
+    """End of the last contact, and all velocities at that time."""
     yield "end of the last contact", ("s", max(row.t_end for row in contacts))
     for i, v in enumerate(velocity):
         yield f"velocity of ball {i} after it", ("m/s", v)
 
 
 def bounce(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
-    """What a ball dropped on a floor does, and how much lower it rises than after an instantaneous bounce."""
+    """Contact and rise of a ball dropped on a floor.
+
+    The rise is also compared with the rise after an instantaneous bounce.
+    """
     (row,), scene = contacts, run.scene
     g, r, v, law = scene.gravity, float(scene.radius[1]), velocity[1], run.laws[0]
     eps = dashpot.restitution(law.gamma / (2.0 * math.sqrt(law.k * float(scene.mass[1]))))
@@ -141,7 +147,7 @@ def bounce(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[s
 
 
 def final_state(run: Run, contacts: Any, gap: Any, velocity: Any) -> Iterator[tuple[str, tuple[str, Any]]]:
-    """Heights and velocities at the end."""
+    """Heights and velocities at the end of the run."""
     height = run.scene.origin
     for i in range(1, len(run.scene.mass) - 1):
         height = height + run.scene.radius[i - 1] + gap[i - 1] + run.scene.radius[i]
@@ -153,17 +159,20 @@ ANSWER_KINDS = {"sequence": sequence, "last": last_contact, "bounce": bounce, "s
 
 
 def dashpots(scene: gr.Scene, restitution: float, k: float) -> tuple[Any, ...]:
-    """Clipped dashpots of one k and ε in all pairs."""
+    """Clipped dashpots with one k and one ε in all pairs."""
     return tuple(gr.LinearDashpot.from_restitution(restitution, k=k, pair=pair) for pair in scene.pairs)
 
 
 def unclipped_damping(restitution: float) -> float:
-    """ζ = -ln ε / √(π² + ln² ε), by which codes without clipping choose a dashpot."""
+    """Damping ratio ζ = -ln ε / √(π² + ln² ε) of a dashpot without clipping.
+
+    Codes that do not clip the force choose their dashpots by this formula.
+    """
     return -math.log(restitution) / math.hypot(math.pi, math.log(restitution))
 
 
 def three_balls() -> Run:
-    """The base scene of Müller & Pöschel, from the instant at which the lower ball touches the floor."""
+    """Base scene of Müller & Pöschel, from the first floor contact on."""
     radius, v = np.array([0.0, 0.1, 0.01]), -math.sqrt(2.0 * 9.81 * 0.5)
     mass = [math.inf, *(900.0 * 4.0 / 3.0 * math.pi * r**3 for r in radius[1:])]
     scene = gr.Scene(mass, radius, [0.0, 1e-4], [0.0, v, v], 9.81)
@@ -171,14 +180,14 @@ def three_balls() -> Run:
 
 
 def dropped_ball(restitution: float, k: float) -> Run:
-    """A ball of 0.2 m and 2600 kg/m³ whose centre is 0.5 m above a floor."""
+    """Ball of diameter 0.2 m and 2600 kg/m³ with its centre 0.5 m above a floor."""
     mass = 2600.0 * math.pi / 6.0 * 0.2**3
     scene = gr.Scene([math.inf, mass], [0.0, 0.1], [0.4], [0.0, 0.0], 9.81)
     return Run(scene, dashpots(scene, restitution, k), 0.4, "bounce")
 
 
 def squeezed_balls() -> Run:
-    """Two balls of 1 mm between walls 1.8 mm apart, one above the other."""
+    """Two balls of diameter 1 mm, one above the other, between walls 1.8 mm apart."""
     r, k, zeta = 5e-4, 1000.0, unclipped_damping(0.8)
     mass = [math.inf, *(rho * 4.0 / 3.0 * math.pi * r**3 for rho in (20000.0, 10000.0)), math.inf]
     scene = gr.Scene(mass, [0.0, r, r, 0.0], [-5e-5, -1e-4, -5e-5], [0.0] * 4, 9.81)
@@ -187,7 +196,10 @@ def squeezed_balls() -> Run:
 
 
 def ring() -> Run:
-    """Two balls of 1 kg on a ring with 1 m of room, one at 1 m/s: ε = 0.9, k = 1e4 N/m, ten contacts."""
+    """Two balls of 1 kg on a ring with a free length of 1 m, one ball at 1 m/s.
+
+    The run has ε = 0.9, k = 1e4 N/m and ten contacts.
+    """
     scene = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.3, 0.7], [1.0, 0.0], ring=True)
     return Run(scene, dashpots(scene, 0.9, 1e4), 16.0, "sequence")
 
@@ -203,37 +215,37 @@ CASES: dict[str, tuple[str, str, dict[str, Run]]] = {
         "A basketball and a tennis ball fall on a floor, 0.1 mm apart: the sequence of contacts.",
         "Müller & Pöschel, Phys. Rev. E 83, 041304 (2011), base scene", {"restitution 0.7": three_balls()}),
     "bouncing-sphere": (
-        "A ball is dropped on a floor: how much lower it rises because its contact lasts.",
+        "A ball dropped on a floor: loss of rebound height by the finite contact duration.",
         "set-up: MFIX verification case DEM02", {
             **{f"k 5e5, restitution {eps}": dropped_ball(eps, 5e5) for eps in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)},
             "k 5e4, restitution 0.5": dropped_ball(0.5, 5e4)}),
     "squeezed-balls": (
-        "Two balls squeezed between a floor and a ceiling: three contacts at once.",
+        "Two balls squeezed between a floor and a ceiling: three simultaneous contacts.",
         "set-up: MFIX verification case DEM03", {"after 1 ms": squeezed_balls()}),
     "solitary-wave": (
-        "The wave in a long row of touching Hertz balls, F = A ξ^(3/2), m = A = 1: exact for the discrete row.",
-        "English & Pego, Proc. Am. Math. Soc. 133, 1763 (2005), equation solved anew", {}),
+        "Solitary wave in a long row of touching Hertz balls, F = A ξ^(3/2), m = A = 1: exact for the discrete row.",
+        "English & Pego, Proc. Am. Math. Soc. 133, 1763 (2005), equation solved again", {}),
     "ring-of-two": (
-        "Two balls on a ring meet ten times, on either side in turn.",
-        "set-up: our own", {"restitution 0.9": ring()}),
+        "Two balls on a ring collide ten times, alternately on either side.",
+        "set-up: this project", {"restitution 0.9": ring()}),
     "touching-cradle": (
-        "Newton's cradle of five balls that touch: who leaves how fast depends on the law.",
+        "Newton's cradle of five touching balls: the final velocities depend on the force law.",
         "set-up: Herrmann & Schmälzle, Am. J. Phys. 49, 761 (1981)", {
             "springs": cradle(gr.LinearDashpot(1e6)), "Hertz": cradle(gr.Hertz(1e9))}),
 }
 CONVENTIONS = [
-    "SI units; heights and velocities are positive upwards (to the right); body 0 is the lowest (the left one).",
-    "A mass of Infinity is a wall. Gaps are between surfaces, negative where balls overlap; they are exact.",
-    "F acts on a pair of overlap ξ > 0: LinearDashpot k ξ + γ ξ̇, Hertz k ξ^(3/2), where ξ̇ > 0 on approach.",
-    "Forces are clipped: F < 0 counts as 0, so a damped contact ends before its overlap does.",
+    "SI units. Heights and velocities are positive upwards (to the right). Body 0 is the lowest (leftmost) body.",
+    "A mass of Infinity denotes a wall. Gaps are distances between surfaces, negative for overlaps, and exact.",
+    "A pair with overlap ξ > 0 has the force k ξ + γ ξ̇ (LinearDashpot) or k ξ^(3/2) (Hertz), with ξ̇ > 0 on approach.",
+    "Forces are clipped: F < 0 is replaced by 0, so a damped contact ends before its overlap ends.",
     "k and γ belong to the pair, not to a ball: no division by the effective mass, no springs in series.",
-    "Walls pull on nobody and do not move; time 0 is that of the set-up; pair c joins bodies c and c + 1 (on a ring "
-    "the last pair joins the last body and body 0).",
+    "Walls do not attract and do not move. Time 0 is the time of the set-up. Pair c joins bodies c and c + 1 (on a "
+    "ring the last pair joins the last body and body 0).",
 ]
 
 
 def set_up(run: Run) -> dict[str, Any]:
-    """What another code needs to run it; read by `tests/test_verification.py` too."""
+    """Input of a run for another program, also read by `tests/test_verification.py`."""
     scene = run.scene
     out: dict[str, Any] = {name: getattr(scene, name).tolist() for name in ("mass", "radius", "gap", "velocity")}
     laws = [{"type": type(law).__name__, **asdict(law)} for law in run.laws]
@@ -241,7 +253,7 @@ def set_up(run: Run) -> dict[str, Any]:
 
 
 def solved_answers(run: Run) -> list[dict[str, Any]]:
-    """Answers with their conditions."""
+    """Answers with their condition numbers."""
     import mpmath
 
     conditions = run.conditions()
@@ -251,7 +263,7 @@ def solved_answers(run: Run) -> list[dict[str, Any]]:
 
 
 def wave() -> list[dict[str, Any]]:
-    """What is asked of the solitary wave."""
+    """Answers about the solitary wave."""
     found = gr.waves.SolitaryWave(1.5)
     answers = {"speed (balls a second) over (largest overlap)^(1/4)": found.speed,
                "speed (balls a second) over (largest velocity)^(1/5)":

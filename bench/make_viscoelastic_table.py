@@ -1,14 +1,15 @@
-"""Write `granular/laws/viscoelastic_restitution.json`: the isolated viscoelastic collision to 17 digits.
+"""Tabulate the isolated viscoelastic collision to 17 digits.
 
     python bench/make_viscoelastic_table.py
 
-In u = sqrt(y) and ds = dt/u the equation y'' = -y^1.5 - b sqrt(y) y' becomes the polynomial system
+The script writes `granular/laws/viscoelastic_restitution.json`. It needs mpmath and five minutes. With u = sqrt(y) and
+ds = dt/u the equation y'' = -y^1.5 - b sqrt(y) y' becomes the polynomial system
 
-    du/ds = v/2,   dv/ds = -u^4 - b u^2 v,   dt/ds = u,   u(0) = t(0) = 0, v(0) = 1,
+    du/ds = v/2,   dv/ds = -u^4 - b u^2 v,   dt/ds = u,   u(0) = t(0) = 0, v(0) = 1.
 
-regular at first touch, so that a Taylor method takes it to any number of digits. Contact ends where
-u = x sqrt(-v), x = sqrt(b), which is the force bracket y + b y' = 0 without its root before touch; it continues
-analytically to x < 0. Needs mpmath and five minutes.
+The system is regular at first touch, so a Taylor method solves it to any number of digits. The contact ends at
+u = x sqrt(-v) with x = sqrt(b). This is the condition y + b y' = 0 of zero force without its root before touch. The
+solution continues analytically to x < 0.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from typing import Any
 from mpmath import mp  # type: ignore[import-untyped]
 
 OUTPUT_PATH = Path(__file__).parents[1] / "granular" / "laws" / "viscoelastic_restitution.json"
-PIECE_COUNT = 10  # of equal length in q = sqrt(ln(1 + b)) ...
-Q_END = 5.0  # ... up to b = exp(25) = 7e10, beyond which the asymptotes hold to 3e-17
+PIECE_COUNT = 10  # pieces of equal length in q = sqrt(ln(1 + b))
+Q_END = 5.0  # up to b = exp(25) = 7e10, beyond which the asymptotes are accurate to 3e-17
 SERIES_ORDER = 20
 
 FILE_NOTE = (
@@ -35,7 +36,7 @@ FILE_NOTE = (
 
 
 def taylor(u0: Any, v0: Any, b: Any, order: int) -> tuple[list[Any], list[Any]]:
-    """Return the Taylor coefficients of u(s) and v(s) about a point."""
+    """Taylor coefficients of u(s) and v(s) about a point."""
     u, v, square = [u0], [v0], []
     for n in range(order):
         square.append(mp.fdot(u, reversed(u)))
@@ -46,6 +47,7 @@ def taylor(u0: Any, v0: Any, b: Any, order: int) -> tuple[list[Any], list[Any]]:
 
 
 def polynomial_value(coefficients: list[Any], s: Any) -> Any:
+    """Value of a polynomial at s."""
     total = mp.mpf(0)
     for c in reversed(coefficients):
         total = total * s + c
@@ -53,18 +55,24 @@ def polynomial_value(coefficients: list[Any], s: Any) -> Any:
 
 
 def end_condition(x: Any, u: Any, v: Any) -> Any:
-    """Return what falls to 0 at the end of contact: u - x sqrt(-v), or simply 1 while the overlap grows."""
+    """Function that falls to 0 at the end of contact: u - x sqrt(-v).
+
+    While the overlap grows, the function is 1.
+    """
     return u - x * mp.sqrt(-v) if v < 0 else mp.mpf(1)
 
 
 def end_of_contact(x: Any, us: list[Any], vs: list[Any], high: Any) -> Any:
-    """Locate the end within a step of length `high`: halving to where Newton's method converges, then that."""
+    """Time of the end of contact within a step of length `high`.
+
+    Bisection narrows the step to the convergence range of Newton's method.
+    """
     low = mp.mpf(0)
-    for _ in range(20):
+    for _ in range(20):  # to 1e-6 of the step, within the convergence range of Newton's method
         s = (low + high) / 2
         low, high = (s, high) if end_condition(x, polynomial_value(us, s), polynomial_value(vs, s)) > 0 else (low, s)
     s = high
-    for _ in range(6):
+    for _ in range(6):  # each iteration doubles the digits: from 6 to more than 300
         u, v = polynomial_value(us, s), polynomial_value(vs, s)
         slope = v / 2 - x * u * u * (u * u + x * x * v) / (2 * mp.sqrt(-v))
         s -= end_condition(x, u, v) / slope
@@ -72,7 +80,7 @@ def end_of_contact(x: Any, us: list[Any], vs: list[Any], high: Any) -> Any:
 
 
 def collide(x: Any, digits: int = 30) -> tuple[Any, Any]:
-    """Return (eps, t_c) for b = x^2 by Taylor steps in s."""
+    """Restitution and duration (eps, t_c) for b = x^2, by Taylor steps in s."""
     with mp.workdps(int(digits + 15 + 8 * mp.log10(1 + abs(x)))):
         b, order = x * x, mp.dps
         u, v, t = mp.mpf(0), mp.mpf(1), mp.mpf(0)
@@ -88,7 +96,7 @@ def collide(x: Any, digits: int = 30) -> tuple[Any, Any]:
 
 
 def value_at_maximum(function: Callable[[Any], Any], slope: Callable[[Any], Any], high: Any) -> Any:
-    """Return a function where its slope falls through zero within a step of length `high`."""
+    """Value of a function where its slope falls through zero, within [0, `high`]."""
     low = mp.mpf(0)
     for _ in range(30):
         s = (low + high) / 2
@@ -97,7 +105,10 @@ def value_at_maximum(function: Callable[[Any], Any], slope: Callable[[Any], Any]
 
 
 def peaks(x: Any, digits: int = 30) -> tuple[Any, Any]:
-    """Return (xi_max, F_max) for b = x^2, in L and k L^1.5; F = u (u^2 + b v)."""
+    """Largest overlap and force (xi_max, F_max) for b = x^2, in L and k L^1.5.
+
+    The force is F = u (u^2 + b v).
+    """
     with mp.workdps(int(digits + 15 + 8 * mp.log10(1 + abs(x)))):
         b, order = x * x, mp.dps
         u, v = mp.mpf(0), mp.mpf(1)
@@ -124,7 +135,10 @@ def peaks(x: Any, digits: int = 30) -> tuple[Any, Any]:
 
 
 def power_coefficients(function: Callable[[Any], Any], low: Any, high: Any, nodes: int, least: float) -> list[Any]:
-    """Interpolate at Chebyshev nodes, drop terms below `least` of the first; return powers of z in [-1, 1]."""
+    """Coefficients of powers of z in [-1, 1], from values at Chebyshev nodes.
+
+    Chebyshev terms below `least` times the first term are dropped.
+    """
     angles = [mp.pi * (2 * j + 1) / (2 * nodes) for j in range(nodes)]
     values = [function((low + high + (high - low) * mp.cos(a)) / 2) for a in angles]
     cheb = [2 * mp.fdot(values, [mp.cos(n * a) for a in angles]) / nodes for n in range(nodes)]
@@ -141,14 +155,17 @@ def power_coefficients(function: Callable[[Any], Any], low: Any, high: Any, node
 
 
 def series() -> list[float]:
-    """Return h_k of eps = sum of h_k x^k from values on -1/4 < x < 1/4."""
+    """Coefficients h_k of eps = Σ h_k x^k, from values on -1/4 < x < 1/4."""
     quarter = mp.mpf(1) / 4
     h = power_coefficients(lambda x: collide(x, digits=50)[0], -quarter, quarter, nodes=64, least=0.0)
     return [float(mp.chop(c * 4**k, 1e-25)) for k, c in enumerate(h[: SERIES_ORDER + 1])]
 
 
 def table(function: Callable[[Any], Any], nodes: int = 24, least: float = 3e-18) -> list[list[float]]:
-    """Return one row of powers per piece, all of one length so that a compiler can take them as one type."""
+    """One row of coefficients per piece, all padded to the same length.
+
+    Equal lengths allow a compiler to treat the rows as one type.
+    """
     width = mp.mpf(Q_END) / PIECE_COUNT
     rows = [power_coefficients(function, i * width, (i + 1) * width, nodes=nodes, least=least)
             for i in range(PIECE_COUNT)]
@@ -157,6 +174,7 @@ def table(function: Callable[[Any], Any], nodes: int = 24, least: float = 3e-18)
 
 
 def main() -> None:
+    """Compute the tables and write the file."""
     known: dict[Any, tuple[Any, Any]] = {}
     tops: dict[Any, tuple[Any, Any]] = {}
 

@@ -1,12 +1,12 @@
-"""Forty one-line mistakes, and the test files that have to find them: ``python bench/mutants.py [NUMBER ...]``.
+"""Forty one-line mutations, and the test files that must detect them.
 
-    python bench/mutants.py            make each of them in a copy of the package: is it found?
-    python bench/mutants.py 3 17       these two
-    python bench/mutants.py --check    whether each of them can still be made, and its test files exist
+    python bench/mutants.py            apply each mutation to a copy of the package and run its test files
+    python bench/mutants.py 3 17       apply these two mutations only
+    python bench/mutants.py --check    check that each mutation can be applied and that its test files exist
 
-The test files named for a mistake run until the first failure; a run above `CPU_SECONDS` of processor
-time counts as a failure, for a mistake may make a loop that never ends. Exit code 1 if a mistake is not found. Run it
-before and after tests are taken out or put together: what no test finds any more has to come back.
+The test files of a mutation run until their first failure. A run above `CPU_SECONDS` of processor time counts as a
+failure, because a mutation may cause an endless loop. The exit code is 1 if a mutation survives. Run the script before
+and after tests are removed or merged. If a mutation survives only afterwards, restore the test that detected it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 
 REPO_ROOT = Path(__file__).resolve().parent.parent
 CPU_SECONDS = 120
-"""Seconds of processor time of the tests of one mistake."""
+"""Limit of processor time in s for the tests of one mutation."""
 HARD_TESTS, TIE_TESTS, COLLAPSE_TESTS = "test_edmd test_edmd_invariants", "test_edmd_ties", "test_edmd_collapse"
 SOFT_TESTS, REST_TESTS = "test_located_reference", "test_located_rest"
 ISOLATED_TESTS = "test_isolated test_isolated_scenes"
@@ -44,7 +44,7 @@ MUTANTS = [
      "back = [p for e, p in zip(eps, compression, strict=True)]", TIE_TESTS),
     ("edmd", "return c - run.pairs if RING and c >= run.pairs else c", "return c", "test_edmd_rings"),
     ("edmd", "body.sway -= change * sine", "body.sway += change * sine", "test_edmd_pendula"),
-    # the located method
+    # located method
     ("md/located", "push -= field.square * pair.x[n]", "push += field.square * pair.x[n]",
      "test_located_pendula"),
     ("md/located", "push = pair.lower * below - pair.inverse * force + pair.upper * above",
@@ -83,7 +83,7 @@ MUTANTS = [
      "test_edmd_driven test_edmd_ride test_edmd_thermal test_heat_flow"),
     ("md/located", "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push",
      "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull", DRIVEN_TESTS),
-    # what is said of two runs
+    # comparison of two runs
     ("comparison/outcome.py", 'order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))',
      'order = np.argsort(key, kind="stable")', COMPARISON_TESTS),
     ("comparison/outcome.py", 'log["impulse"] / run.scene.pairs.m_eff[log["pair"]]', "approach(run)", COMPARISON_TESTS),
@@ -99,30 +99,33 @@ MUTANTS = [
 
 
 def source_file(package: Path, place: str, old: str) -> Path:
-    """Return the one file in a folder, or the file, of the package in which a text stands, once."""
+    """File of the package, at or below `place`, that contains the text `old` once."""
     files = sorted((package / place).rglob("*.py")) or [package / place]
     found = [file for file in files for _ in range(file.read_text(encoding="utf-8").count(old))]
     if len(found) != 1:
-        raise ValueError(f"granular/{place} has {len(found)} times {old!r}: one is needed.")
+        raise ValueError(f"{old!r} must occur once in granular/{place}, got {len(found)} times.")
     return found[0]
 
 
 def checked_files() -> list[Path]:
-    """Return the file of every mistake.
+    """Source file of every mutation.
 
     Raises
     ------
     ValueError
-        If a mistake has no file or several, or names a test file that does not exist.
+        If a text does not occur exactly once, or a test file does not exist.
     """
     named = {name for *_, tests in MUTANTS for name in tests.split()}
     if lost := sorted(name for name in named if not (REPO_ROOT / "tests" / f"{name}.py").is_file()):
-        raise ValueError(f"tests/ has no {', '.join(lost)}.")
+        raise ValueError(f"test files that do not exist: {', '.join(lost)}.")
     return [source_file(REPO_ROOT / "granular", place, old) for place, old, *_ in MUTANTS]
 
 
 def failing_test(copy: Path, place: str, old: str, new: str, tests: str) -> str:
-    """Make one mistake in a copy of the repository, and mend it; return what failed first, nothing if no test did."""
+    """Apply one mutation to a copy of the repository, and restore the file.
+
+    Return the first test that fails, or an empty string if all tests pass.
+    """
     file = source_file(copy / "granular", place, old)
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace(old, new), encoding="utf-8")
@@ -133,15 +136,17 @@ def failing_test(copy: Path, place: str, old: str, new: str, tests: str) -> str:
 
 
 def limit_cpu_time() -> None:
+    """Limit the processor time of this process."""
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
 
 
 def first_failure(copy: Path, files: list[str]) -> str:
+    """First test that fails in the given files, or an empty string."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *files]
     run = subprocess.run(command, cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, check=False,
                          capture_output=True, text=True, preexec_fn=limit_cpu_time)
     if run.returncode < 0:
-        return f"by the limit, or a crash (signal {-run.returncode})"
+        return f"ended by signal {-run.returncode}: limit of processor time, or a crash"
     if run.returncode > 2:
         raise RuntimeError(f"no tests were run:\n{run.stdout}{run.stderr}")
     failed = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
@@ -149,8 +154,8 @@ def first_failure(copy: Path, files: list[str]) -> str:
 
 
 def main(numbers: list[int]) -> int:
-    """Print one line for each mistake, as it is done."""
-    alive = 0
+    """Print one line per mutation, and return 1 if a mutation survives."""
+    survivors = 0
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for name in ("granular", "tests", "docs", "examples", "bench"):
@@ -158,11 +163,11 @@ def main(numbers: list[int]) -> int:
         shutil.copy(REPO_ROOT / "pyproject.toml", copy)
         for number in numbers or range(len(MUTANTS)):
             place, old, _, tests = MUTANTS[number]
-            by = failing_test(copy, *MUTANTS[number])
-            alive += not by
-            print(f"{number:3} {place:22} {by or f'ALIVE: {old} ({tests})'}", flush=True)
-    print(f"{alive} alive")
-    return int(alive > 0)
+            failure = failing_test(copy, *MUTANTS[number])
+            survivors += not failure
+            print(f"{number:3} {place:22} {failure or f'SURVIVED: {old} ({tests})'}", flush=True)
+    print(f"{survivors} survived")
+    return int(survivors > 0)
 
 
 if __name__ == "__main__":

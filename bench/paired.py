@@ -1,7 +1,8 @@
-"""Whether a version is slower than another: ``python bench/paired.py REF``; ratios of times, this tree over REF.
+"""Run times of this tree, divided by the run times of another commit.
 
-Both trees run the same scenes through the public face, each in a process of its own that stays, in turns: one round of
-the one, one of the other. The table shows the least time of each and their ratio. Machine code is made before.
+`python bench/paired.py REF` runs the same scenes through the public functions of both trees. Each tree has its own
+process, which stays alive. Rounds alternate between the two processes. The table shows the minimum time of each tree
+and the ratio of this tree to REF. Kernels are compiled before the measurement.
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ import granular as gr
 
 TIMING_ROUNDS = 9
 SCHEDULE_MODULES = ("granular.studies.sweeps.schedule", "granular.sweeps.schedule")
-"""Where the limits of sweeps are defined, by version; a tree without any of these modules cannot be timed."""
+"""Modules that define the limits of sweeps, by version.
+
+A tree without any of these modules cannot be timed.
+"""
 Workload = Callable[[], Any]
 
 
 def gas(n: int, walls: bool = True) -> gr.Scene:
-    """Unequal balls with some room, between walls."""
+    """Unequal balls with random gaps, between walls by default."""
     rng = np.random.default_rng(n)
     end = [math.inf] if walls else []
     mass = [*end, *rng.uniform(0.5, 2.0, n), *end]
@@ -38,17 +42,17 @@ def gas(n: int, walls: bool = True) -> gr.Scene:
 
 
 def stacked(n: int, gap: float = 0.0) -> gr.Scene:
-    """Balls that fall on a floor."""
+    """Balls that fall on a floor at 1 m/s."""
     return gr.Scene([math.inf, *[1.0] * n], [0.0, *[0.05] * n], [0.0, *[gap] * (n - 1)], [0.0, *[-1.0] * n], 9.81)
 
 
 def row(n: int) -> gr.Scene:
-    """Balls that touch, the first of them moving."""
+    """Touching balls, the first of which moves."""
     return gr.Scene([1.0] * n, [0.05] * n, [0.0] * (n - 1), [1.0] + [0.0] * (n - 1))
 
 
 def repeated(work: Workload, times: int = 30) -> Workload:
-    """A short work, so many times."""
+    """Workload that repeats a short workload `times` times."""
     return lambda: [work() for _ in range(times)]
 
 
@@ -58,16 +62,16 @@ def module_path(name: str) -> Path:
 
 
 def remove_sweep_limits() -> None:
-    """Have sweeps solve many cells in one compiled call at once, whatever machine code has to be made."""
+    """Make sweeps solve many cells per compiled call, whatever has to be compiled."""
     name = next(name for name in SCHEDULE_MODULES if module_path(name).exists())
     schedule: Any = import_module(name)
     for limit in ("LOADING", "MAKING"):
-        getattr(schedule, limit)  # an `AttributeError` here, rather than limits that are lifted in one tree only
+        getattr(schedule, limit)  # AttributeError, so that limits are never removed in one tree only
         setattr(schedule, limit, 0.0)
 
 
 def call_workloads() -> dict[str, Workload]:
-    """The base scene, 30 times a go, and maps of it, 900 cells a go."""
+    """Base scene, 30 calls per run, and maps of it with 25 and 900 cells."""
     remove_sweep_limits()
     scene, end = gr.scenes.three_balls(gap=1e-4), gr.until.contact(0, 2)
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
@@ -91,7 +95,7 @@ def call_workloads() -> dict[str, Workload]:
 
 
 def workloads() -> dict[str, Workload]:
-    """What is timed, by name."""
+    """All workloads by name."""
     hard, soft = gr.edmd.simulate, gr.md.simulate
     elastic, lossy = gr.ConstantRestitution(1.0), gr.ConstantRestitution(0.9)
     dashpot, hertz, damped = gr.LinearDashpot(1e7, 30.0), gr.Hertz(1e8), gr.ViscoelasticHertz(1e8, 1e3)
@@ -123,7 +127,7 @@ def workloads() -> dict[str, Workload]:
 
 
 def serve_workloads() -> None:
-    """Run works by name as they are asked for, and answer with their seconds."""
+    """Read names of workloads from stdin, run them and print their times in s."""
     known = workloads()
     for line in sys.stdin:
         work = known[line.strip()]
@@ -131,19 +135,19 @@ def serve_workloads() -> None:
         try:
             work()
             print(time.process_time() - begin, flush=True)
-        except Exception as error:  # REF may not know it
+        except Exception as error:  # REF may lack the feature
             print(f"nan {error!r}".replace("\n", " "), flush=True)
 
 
 def start_server(tree: Path) -> subprocess.Popen[str]:
-    """Return a process that serves a tree."""
+    """Start a process that runs workloads with the package of a tree."""
     paths = {"PYTHONPATH": os.pathsep.join([str(tree), str(REPO_ROOT / "bench")]), "OMP_NUM_THREADS": "1"}
     return subprocess.Popen([sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                             text=True, env=os.environ | paths, cwd=tree)
 
 
 def time_workload(process: subprocess.Popen[str], name: str) -> float:
-    """Seconds of one run; nan if it cannot be run there."""
+    """Processor time of one run in s, or nan if the tree cannot run it."""
     assert process.stdin is not None
     assert process.stdout is not None
     process.stdin.write(name + "\n")
@@ -154,9 +158,9 @@ def time_workload(process: subprocess.Popen[str], name: str) -> float:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("ref", nargs="?", help="commit to compare with")
-    parser.add_argument("--only", default="", help="works whose names contain this")
-    parser.add_argument("--rounds", type=int, default=TIMING_ROUNDS)
+    parser.add_argument("ref", nargs="?", help="commit to compare with this tree")
+    parser.add_argument("--only", default="", help="run only workloads whose names contain this text")
+    parser.add_argument("--rounds", type=int, default=TIMING_ROUNDS, help="rounds per workload [%(default)s]")
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.serve:
@@ -164,7 +168,7 @@ def main() -> None:
     here, there = start_server(REPO_ROOT), start_server(unpacked_tree(given.ref))
     print(f"{'':38}{given.ref[:10]:>12}{'this tree':>12}{'ratio':>8}")
     for name in (one for one in workloads() if given.only in one):
-        time_workload(there, name), time_workload(here, name)  # compiles
+        time_workload(there, name), time_workload(here, name)  # the first call compiles
         times = [(time_workload(there, name), time_workload(here, name)) for _ in range(given.rounds)]
         before, now = map(min, zip(*times, strict=True))
         print(f"{name:38}{1e3 * before:9.2f} ms{1e3 * now:9.2f} ms{now / before:8.2f}", flush=True)

@@ -1,7 +1,9 @@
-"""Measure every table and figure of the docs anew, one after the other: ``python bench/regenerate.py`` (about an hour).
+"""Recompute every table and figure of the documentation, in about an hour.
 
-The paper's figures come from the scripts in ``examples/paper``; their data is stored last. `edmd_long`, `leaving_out`
-and the like print their tables.
+    python bench/regenerate.py
+
+The paper's figures come from the scripts in ``examples/paper``, and their data are stored last. `edmd_long`,
+`leaving_out` and similar scripts print their tables.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ SCRIPT_NAMES = (
 
 
 def main() -> None:
+    """Run all scripts."""
     for name in SCRIPT_NAMES:
         print(f"\n{name}\n{'=' * len(name)}", flush=True)
         subprocess.run([sys.executable, str(BENCH_FOLDER / f"{name}.py")], check=True)

@@ -1,11 +1,12 @@
-"""Whether two versions of the package give the same numbers: ``python bench/same_bits.py REF``; exit code 1 if not.
+"""Compare the results of two versions of the package bit by bit.
 
-The same random scenes run in this working tree and in the commit REF, each in its own process, through the public face
-alone: hard spheres, the located method, fixed steps, and what is built upon them. Every time, velocity, gap, force, row
-of the log, status, message and count of work is compared bit for bit. The table says for each family how many runs are
-the same, how many differ by rounding only (relative to the largest entry of their column, up to 1e-9), and how many
-differ, with their seeds. An exception that both raise would count as the same, so exceptions are counted too: there
-must be none. REF is unpacked in the folder for temporary files and kept there with what it compiled.
+`python bench/same_bits.py REF` runs the same random scenes in this working tree and in the commit REF, each in its own
+process, through public functions only. The scenes cover hard spheres, the located method, fixed steps, and functions
+built on these engines. Every time, velocity, gap, force, row of the contact log, status, message and counter is
+compared. For each family the table lists the numbers of identical runs, of runs that differ by rounding only, and of
+other runs, with their seeds. Rounding means up to 1e-9 relative to the largest entry of the array. Exceptions are
+counted too and must not occur, because the same exception in both trees would count as identical. REF is unpacked into
+the temporary folder and kept there with its compiled kernels. The exit code is 1 if a run differs or raises.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ NUMBER_PATTERN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan|inf")
 
 
 def run_outcome(run: Callable[[], Any]) -> dict[str, Any]:
-    """What a run gives, by name; what it raises."""
+    """Values of a run by name, or the exception that it raises."""
     try:
         got = run()
     except Exception as error:
@@ -56,7 +57,7 @@ def results(only: list[str], seeds: int) -> list[tuple[str, int, dict[str, Any]]
 
 
 def _plain(value: Any) -> Any:
-    """Something that every process can read back."""
+    """Value in a form that every process can unpickle."""
     if value is None or isinstance(value, str):
         return value
     array = np.asarray(value)
@@ -64,7 +65,7 @@ def _plain(value: Any) -> Any:
 
 
 def results_of_tree(tree: Path, given: Any) -> Any:
-    """`results` by the package of `tree`."""
+    """Results computed with the package of `tree` in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "results"
         subprocess.run([sys.executable, __file__, "--into", str(file), "--seeds", str(given.seeds), "--only",
@@ -73,7 +74,7 @@ def results_of_tree(tree: Path, given: Any) -> Any:
 
 
 def unpacked_tree(ref: str) -> Path:
-    """The package as it was at `ref`, in a folder that stays."""
+    """Folder with the package of commit `ref`, unpacked once and kept."""
     parsed = subprocess.run(["git", "rev-parse", ref], check=True, capture_output=True, text=True, cwd=REPO_ROOT)
     folder = Path(tempfile.gettempdir()) / f"granular-{parsed.stdout.strip()[:12]}"
     if not folder.exists():
@@ -84,7 +85,10 @@ def unpacked_tree(ref: str) -> Path:
 
 
 def difference(a: Any, b: Any) -> float:
-    """0 for the same bits, the largest relative difference for rounding, inf otherwise."""
+    """0 for bitwise identical values, the largest relative difference, or inf.
+
+    Strings that differ only in their numbers are compared by these numbers.
+    """
     if isinstance(a, str) and isinstance(b, str):
         if a == b:
             return 0.0
@@ -105,7 +109,7 @@ def difference(a: Any, b: Any) -> float:
 
 @dataclass
 class FamilyRow:
-    """What became of a family."""
+    """Counts of identical and different runs of a family."""
 
     same: int = 0
     rounding: int = 0
@@ -114,27 +118,27 @@ class FamilyRow:
     raised: list[str] = field(default_factory=list)
 
     def add(self, seed: int, here: dict[str, Any], there: dict[str, Any]) -> None:
-        """Judge one run."""
-        if said := [one[RAISED_KEY] for one in (here, there) if RAISED_KEY in one]:
-            self.raised.append(f"seed {seed} raised {said[0]}")
-        far = {name: difference(here.get(name), there.get(name)) for name in here | there}
-        worst = max(far, key=far.__getitem__)
-        if far[worst] == 0.0:
+        """Add the outcomes of one run in both trees."""
+        if errors := [one[RAISED_KEY] for one in (here, there) if RAISED_KEY in one]:
+            self.raised.append(f"seed {seed} raised {errors[0]}")
+        distances = {name: difference(here.get(name), there.get(name)) for name in here | there}
+        worst = max(distances.values())
+        if worst == 0.0:
             self.same += 1
-        elif far[worst] <= ROUNDING_LIMIT:
+        elif worst <= ROUNDING_LIMIT:
             self.rounding += 1
-            self.largest = max(self.largest, far[worst])
+            self.largest = max(self.largest, worst)
         else:
-            names = " ".join(name for name, x in far.items() if x > ROUNDING_LIMIT)
+            names = " ".join(name for name, x in distances.items() if x > ROUNDING_LIMIT)
             self.different.append(f"seed {seed}: {names}")
 
 
 def main() -> int:
-    """Run both trees, print the table."""
+    """Run both trees, print the table and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("ref", nargs="?", default="HEAD", metavar="REF")
-    parser.add_argument("--only", nargs="+", choices=FAMILIES, default=list(FAMILIES))
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("ref", nargs="?", default="HEAD", metavar="REF", help="commit to compare with [%(default)s]")
+    parser.add_argument("--only", nargs="+", choices=FAMILIES, default=list(FAMILIES), help="families to run [all]")
+    parser.add_argument("--seeds", type=int, default=20, help="seeds per family [%(default)s]")
     parser.add_argument("--into", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.into:

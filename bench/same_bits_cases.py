@@ -1,4 +1,4 @@
-"""The random scenes, laws and options that `same_bits` runs, and what it compares of each run."""
+"""Random scenes, laws and options of `same_bits`, and the values it compares."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from typing import Any
 import numpy as np
 
 REPO_ROOT = Path(__file__).resolve().parent.parent
-sys.path += [str(REPO_ROOT / "tests"), str(REPO_ROOT)]  # `bench.reference` is not in the unpacked old tree
+sys.path += [str(REPO_ROOT / "tests"), str(REPO_ROOT)]  # the unpacked tree of REF has no `bench.reference`
 WORK_LIMITS = {"max_events": 80, "max_steps": 3000}
 GAS_SIZES = (60, 1000, 120_000)
-"""Numbers of balls; from 1e5 on compiled hard spheres run in blocks."""
-POWERS = 6
-"""How many of the laws the located method can compile: the first ones."""
+"""Numbers of balls. From 1e5 balls on, compiled hard spheres run in blocks."""
+COMPILED_LAWS = 6
+"""Number of laws, counted from the first, that the located method can compile."""
 REFERENCE_MODULES = ("granular.reference.taylor", "bench.reference.taylor")
-"""Where the solver of 34 digits is, by version; its package has `solve`."""
+"""Module of the 34-digit solver, by version. Its package defines `solve`."""
 FIXED_METHODS = ("verlet", "symplectic-euler", "rk4", "gear5")
 Case = tuple[str, int, Callable[[], Any]]
-"""Family, seed, and what to run."""
+"""Family, seed, and function to run."""
 
 
 def own_rule(speed: float, pair: Any) -> float:
-    """A rule as a user writes it."""
+    """Collision rule as a user writes it."""
     return 1.0 / (1.0 + 0.3 * speed + 0.01 * float(pair.index))
 
 
-# --- scenes, laws, and ways to run them
+# --- scenes, laws and options
 
 
 def random_scene(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any:
-    """A scene of one to six balls: ties, touching rows, piles, moving walls, gravity."""
+    """Scene of one to six balls: ties, touching rows, piles, moving walls, gravity."""
     from scenes_at_random import ALL, HARD, scene
 
     gaps = (*(ALL if overlaps else HARD), "uneven")
@@ -42,7 +42,7 @@ def random_scene(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any
 
 
 def soft_laws(rng: Any) -> dict[str, Any]:
-    """One law of every kind, of stiffnesses from 1e2 to 1e6."""
+    """One law of every kind, with stiffnesses from 1e2 to 1e6."""
     from scenes_at_random import LAWS, POWERS
 
     k, zeta = float(10.0 ** rng.uniform(2.0, 6.0)), float(rng.choice([0.02, 0.2, 1.0]))
@@ -50,7 +50,7 @@ def soft_laws(rng: Any) -> dict[str, Any]:
 
 
 def run_options(rng: Any, pairs: int) -> dict[str, Any]:
-    """How far to run, and what to keep."""
+    """Random options of a run: its end, its samples and its log."""
     from granular import until
 
     end = float(rng.choice([0.1, 0.5, 1.0]))
@@ -64,7 +64,7 @@ def run_options(rng: Any, pairs: int) -> dict[str, Any]:
 
 
 def compared_values(run: Any) -> dict[str, Any]:
-    """What is compared of a trajectory."""
+    """Values of a trajectory that are compared."""
     return {name: getattr(run, name) for name in ("time", "position", "velocity", "gap", "force", "message")} | {
         "status": run.status.name} | {f"contacts.{name}": run.contacts[name] for name in run.contacts.dtype.names} | {
         f"stats.{name}": value for name, value in run.stats.items()}
@@ -74,7 +74,7 @@ def compared_values(run: Any) -> dict[str, Any]:
 
 
 def edmd(seeds: int) -> Iterator[Case]:
-    """Hard spheres: rules, queues, ties, remedies, resumed runs, rows handed on."""
+    """Hard spheres: rules, queues, ties, remedies, resumed runs, event callbacks."""
     import granular as gr
 
     options: list[dict[str, Any]] = [
@@ -111,7 +111,7 @@ def edmd(seeds: int) -> Iterator[Case]:
 
 
 def resumed_run(scene: Any, rule: Any, queue: str) -> Any:
-    """Half a run, and the other half."""
+    """Run that is interrupted half-way and resumed."""
     import granular as gr
 
     first = gr.edmd.simulate(scene, rule, t_end=0.3, engine=queue, max_events=200)
@@ -119,14 +119,14 @@ def resumed_run(scene: Any, rule: Any, queue: str) -> Any:
 
 
 def run_with_events(simulate: Any, scene: Any, physics: Any, **options: Any) -> Any:
-    """A run, and the rows that it handed on."""
+    """Values of a run, with the rows passed to `on_event`."""
     rows: list[Any] = []
     run = simulate(scene, physics, on_event=lambda batch: rows.extend(np.atleast_1d(batch).tolist()), **options)
     return compared_values(run) | {"rows": repr(rows)}
 
 
 def located(seeds: int) -> Iterator[Case]:
-    """Every law under the method that finds every event, interpreted and compiled."""
+    """Every law under the located method, interpreted and compiled."""
     import granular as gr
 
     for seed in range(seeds):
@@ -134,9 +134,9 @@ def located(seeds: int) -> Iterator[Case]:
         scene, laws = random_scene(rng, overlaps=True), soft_laws(rng)
         settings, mixed = WORK_LIMITS | run_options(rng, scene.n - 1), rng.integers(len(laws), size=scene.n - 1)
         laws["mixed"] = [list(laws.values())[int(i)] for i in mixed]
-        laws["mixed powers"] = [list(laws.values())[int(i)] for i in mixed % POWERS]
+        laws["mixed powers"] = [list(laws.values())[int(i)] for i in mixed % COMPILED_LAWS]
         for number, (name, law) in enumerate(laws.items()):
-            for engine in ("plain", "compiled") if number < POWERS or name == "mixed powers" else ("plain",):
+            for engine in ("plain", "compiled") if number < COMPILED_LAWS or name == "mixed powers" else ("plain",):
                 yield f"located {name}, {engine}", seed, lambda s=scene, w=law, o=settings | {"engine": engine}: (
                     gr.md.simulate(s, w, **o))
         coarse, chosen = settings | {"tol": 1e-10}, laws["viscoelastic"]
@@ -169,7 +169,7 @@ def fixed(seeds: int) -> Iterator[Case]:
 
 
 def soft_gases(family: str, settings: dict[str, Any]) -> Iterator[Case]:
-    """Gases that collide a few times."""
+    """Soft gases with a few collisions."""
     import granular as gr
 
     for n in GAS_SIZES[:2]:
@@ -179,7 +179,10 @@ def soft_gases(family: str, settings: dict[str, Any]) -> Iterator[Case]:
 
 
 def compare(seeds: int) -> Iterator[Case]:
-    """What is built upon the engines: comparisons, sweeps, the light ball, isolated contacts, the slow solver."""
+    """Functions built on the engines.
+
+    These are comparisons, isolated contacts, the 34-digit solver, the adiabatic theory and sweeps.
+    """
     import granular as gr
 
     for seed in range(seeds):
@@ -217,7 +220,7 @@ def sweep_values(over: Any, options: Any) -> Any:
 
 
 def reference_solution(scene: Any, law: Any) -> Any:
-    """The solution of the slow solver, in few digits."""
+    """Solution of the 34-digit solver, with 20 digits."""
     from granular import until
 
     reference = import_module(next(filter(is_module, REFERENCE_MODULES)).rpartition(".")[0])
@@ -225,13 +228,16 @@ def reference_solution(scene: Any, law: Any) -> Any:
 
 
 def is_module(name: str) -> bool:
-    """Whether a module can be found; its packages are looked up first, as `find_spec` would import them."""
+    """Whether a module can be found.
+
+    Its packages are checked first, because `find_spec` imports them.
+    """
     folders = [".".join(name.split(".")[: i + 1]) for i in range(name.count("."))]
     return all(map(find_spec, folders)) and find_spec(name) is not None
 
 
 def adiabatic_values(ratio: float, eps: float) -> Any:
-    """The light ball on the heavy one."""
+    """Adiabatic theory of a light ball on a heavy ball."""
     import granular as gr
 
     scene = gr.scenes.three_balls((0.01 * ratio, 0.01), 1e-5, 0.6)

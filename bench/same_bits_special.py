@@ -1,4 +1,4 @@
-"""The random scenes of `same_bits` that are not plain: driven and thermal walls, forces, rings and pendula."""
+"""Scenes of `same_bits` with driven or thermal walls, forces, rings or pendula."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LAW_NAMES = ("dashpot", "viscoelastic", "own Hertz")
 
 
 def driven_scene(rng: Any) -> Any:
-    """A scene beside walls that move as a function of time, forces on its balls, or both."""
+    """Scene with driven walls, external forces, or both."""
     from scenes_at_random import driven
 
     scene = random_scene(rng)
@@ -35,7 +35,7 @@ def thermal_scene(rng: Any) -> Any:
 
 
 def ring_scene(rng: Any) -> Any:
-    """Balls on a ring; some touch."""
+    """Balls on a ring, some of which touch."""
     import granular as gr
 
     n = int(rng.integers(2, 7))
@@ -45,7 +45,7 @@ def ring_scene(rng: Any) -> Any:
 
 
 def pendulum_scene(rng: Any) -> Any:
-    """Pendula, apart, touching or with a wall."""
+    """Pendula, apart or touching."""
     import granular as gr
 
     n = int(rng.integers(2, 6))
@@ -54,7 +54,10 @@ def pendulum_scene(rng: Any) -> Any:
 
 
 def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> Iterator[Case]:
-    """Both engines and fixed steps on scenes of some kinds, interpreted and compiled."""
+    """Runs of both engines and of fixed steps on several kinds of scenes.
+
+    Each run is interpreted and compiled where both exist.
+    """
     import granular as gr
 
     for which, (kind, make) in enumerate(kinds.items()):
@@ -74,7 +77,7 @@ def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> I
 
 
 def driven(seeds: int) -> Iterator[Case]:
-    """Driven walls, forces, thermal walls."""
+    """Driven walls, external forces and thermal walls."""
     yield from family(7, seeds, {"driven": driven_scene, "thermal": thermal_scene})
 
 

@@ -1,15 +1,15 @@
-"""The shape of the code: how much of it there is, and how far one has to walk through it.
+"""Size and structure of the code.
 
-``python bench/shape.py [REF]`` prints this working tree, beside the commit REF if one is named. Rows:
+``python bench/shape.py [REF]`` prints the figures of this working tree, and of the commit REF if it is given. Rows:
 
-* statements: nodes of the syntax tree that are statements, docstrings apart; code lines: without docstrings, comments
-  and blank lines; docstrings: their share of all lines. Functions are measured without their docstrings too.
-* longest chain: modules of which each imports the next, imports inside functions and names that a package loads lazily
-  counted, those for types alone not; what `granular` itself loads lazily is left out.
-* rings: groups of modules that import each other, imports inside functions and for types alone counted.
-* on the way of …: files that the interpreted run of a scene of `walks` goes through, from the public call on.
-* loaded: statements of all files of the package that `compare` of three dashpot balls imports.
-* path: the main-line files that the docstrings of the rooms list. ``--reading`` writes the rooms into docs/reading.md.
+* statements: statements in the syntax tree without docstrings. Code lines exclude docstrings, comments and blank lines.
+  The row docstrings is their share of all lines. Functions are measured without their docstrings.
+* longest chain of imports: number of modules. Imports inside functions and names that a package loads lazily count.
+  Imports for type checking and names that `granular` itself loads lazily do not count.
+* import cycles: groups of modules that import each other. All imports count.
+* files executed by …: files that an interpreted run of a scene of `walks` executes, from the public call on.
+* statements loaded by compare: statements of all files that `compare` of three dashpot balls imports.
+* reading path: main-line files in the docstrings of the rooms. ``--reading`` writes the rooms into docs/reading.md.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from walks import SMALL_RUNS, executed_files, loaded_files
 
 MAX_PARAMETERS, MAX_FUNCTION_LINES = 8, 45
-"""Parameters and lines that a function may have."""
+"""Maximum numbers of parameters and of lines of a function."""
 SHORT_FILE_LINES, LONG_FILE_LINES = 60, 360
-"""Lines of files that are no room of their own, and of those that are too much for one reading."""
+"""Numbers of lines below which a file is short, and above which it is long."""
 REPO_ROOT = Path(__file__).resolve().parent.parent
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def measure(tree: Path) -> dict[str, Any]:
-    """All figures of the package below `tree`, which must be the one that Python imports."""
+    """All figures of the package below `tree`, which Python must import from there."""
     files = {path.relative_to(tree).as_posix(): path.read_text() for path in sorted((tree / "granular").rglob("*.py"))}
     parsed = {name: ast.parse(text) for name, text in files.items()}
     code = {name: code_lines(text, parsed[name]) for name, text in files.items()}
@@ -69,8 +69,8 @@ def measure(tree: Path) -> dict[str, Any]:
             lines < SHORT_FILE_LINES for name, lines in length.items() if not name.endswith("__init__.py")),
         f"  above {LONG_FILE_LINES} lines": sum(lines > LONG_FILE_LINES for lines in length.values()),
         "longest chain of imports": len(chain := longest_chain(imports(parsed, types=False))),
-        "rings of imports": len(rings := list(import_cycles(imports(parsed)))),
-        **{f"files on the way of {what}": len(executed_files(prepare, tree)) for what, prepare in SMALL_RUNS.items()},
+        "import cycles": len(cycles := list(import_cycles(imports(parsed)))),
+        **{f"files executed by {run}": len(executed_files(prepare, tree)) for run, prepare in SMALL_RUNS.items()},
         "statements loaded by compare": sum(statement_counts[name] for name in loaded_files(tree)),
         "entries of granular/": len(entries),
         "  rooms among them": sum(one.is_dir() for one in entries),
@@ -87,19 +87,19 @@ def measure(tree: Path) -> dict[str, Any]:
         "wide": {name + (" (public)" if name in faces else ""): n for name, n in wide.items()},
         "long": long,
         "chain": chain,
-        "rings": [" ".join(sorted(ring)) for ring in rings],
+        "cycles": [" ".join(sorted(cycle)) for cycle in cycles],
     }
 
 
 def body_lines(node: Function) -> int:
-    """Lines of a function, its docstring apart."""
+    """Number of lines of a function without its docstring."""
     first = node.body[0]
     docstring = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
     return len(span(node)) - (len(range(first.lineno, (first.end_lineno or 0) + 1)) if docstring else 0)
 
 
 def reading_path(tree: Path) -> list[str]:
-    """The main-line files that the docstrings of the rooms list, in reading order."""
+    """Main-line files that the docstrings of the rooms list, in reading order."""
     return [file.relative_to(tree).as_posix() for file in main_line(tree / "granular")]
 
 
@@ -113,7 +113,10 @@ def main_line(folder: Path) -> Iterator[Path]:
 
 
 def listed_files(folder: Path) -> tuple[list[str], list[str]]:
-    """Names of the main line and of the other files, as the docstring of a room lists them; folders end in /."""
+    """Names of the main-line files and of the other files in the docstring of a room.
+
+    Names of folders end in /.
+    """
     text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
     found = (re.search(rf"^{head}: (.*?)\.$", text, re.M | re.S) for head in ("Main line", "A first reader may skip"))
     main, others = (re.findall(r"`([\w/]+)`", one[1]) if one else [] for one in found)
@@ -128,7 +131,10 @@ def first_sentence(file: Path) -> str:
 
 
 def tree_lines(folder: Path, depth: int = 0) -> Iterator[str]:
-    """The rooms as a tree, one line per file: main-line files with an arrow and their lines, then the others."""
+    """Rooms as a tree, one line per file.
+
+    Main-line files come first, with an arrow and their number of lines.
+    """
     main, others = listed_files(folder)
     for name in [*main, *others]:
         inner = folder / name
@@ -142,7 +148,7 @@ def tree_lines(folder: Path, depth: int = 0) -> Iterator[str]:
 
 
 def reading_page(text: str, tree: Path) -> str:
-    """docs/reading.md with the tree of today."""
+    """Text of docs/reading.md with the current tree."""
     path = reading_path(tree)
     lines = sum(len((tree / name).read_text(encoding="utf-8").splitlines()) for name in path)
     body = "\n".join(tree_lines(tree / "granular"))
@@ -152,7 +158,7 @@ def reading_page(text: str, tree: Path) -> str:
 
 
 def docstrings(module: ast.Module) -> Iterator[range]:
-    """Lines of every docstring, those below the assignment of a name too."""
+    """Lines of every docstring, including strings below assignments."""
     for node in ast.walk(module):
         for one in getattr(node, "body", []) if not isinstance(node, ast.Lambda | ast.IfExp) else []:
             if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str):
@@ -161,12 +167,12 @@ def docstrings(module: ast.Module) -> Iterator[range]:
 
 
 def statements(module: ast.Module) -> int:
-    """Statements, docstrings apart."""
+    """Number of statements without docstrings."""
     return sum(isinstance(node, ast.stmt) for node in ast.walk(module)) - sum(1 for _ in docstrings(module))
 
 
 def code_lines(text: str, module: ast.Module) -> set[int]:
-    """Numbers of the lines that hold code."""
+    """Numbers of the lines that contain code."""
     nothing = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
     lines: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -176,19 +182,22 @@ def code_lines(text: str, module: ast.Module) -> set[int]:
 
 
 def span(node: Function) -> set[int]:
-    """Lines of a function."""
+    """Line numbers of a function."""
     assert node.end_lineno is not None
     return set(range(node.lineno, node.end_lineno + 1))
 
 
 def parameters(node: Function) -> int:
-    """Number of parameters, `self` counted."""
+    """Number of parameters, including `self`."""
     given = node.args
     return len([*given.posonlyargs, *given.args, *given.kwonlyargs, *filter(None, (given.vararg, given.kwarg))])
 
 
 def public_faces(tree: Path) -> set[str]:
-    """"file:name" of the functions that `granular` and its public modules name in ``__all__``."""
+    """Public functions, each as "file:name".
+
+    They are named in ``__all__`` of `granular` or of its public modules.
+    """
     import granular as gr
 
     imported = Path(str(gr.__file__))
@@ -204,10 +213,10 @@ def public_faces(tree: Path) -> set[str]:
 
 
 def imports(parsed: dict[str, ast.Module], types: bool = True) -> dict[str, set[str]]:
-    """Which modules every module imports, wherever the import stands.
+    """Modules that each module imports, anywhere in its code.
 
-    Without `types`, imports below TYPE_CHECKING do not count. The modules of a call of `attributes`, by which a package
-    loads names lazily, do, but for those of `granular` itself.
+    Without `types`, imports below TYPE_CHECKING do not count. Modules in a call of `attributes`, by which a package
+    loads names lazily, count for all packages except `granular` itself.
     """
     modules = {name.removesuffix(".py").removesuffix("/__init__").replace("/", "."): tree
                for name, tree in parsed.items()}
@@ -228,7 +237,7 @@ def imports(parsed: dict[str, ast.Module], types: bool = True) -> dict[str, set[
 
 
 def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
-    """Nodes of a syntax tree that are executed, those below TYPE_CHECKING left out."""
+    """Executed nodes of a syntax tree, without the blocks below TYPE_CHECKING."""
     yield node
     skipped = node.body if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING" else []
     for child in ast.iter_child_nodes(node):
@@ -237,7 +246,7 @@ def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def longest_chain(graph: dict[str, set[str]]) -> list[str]:
-    """The longest chain of modules without a repetition, of a graph without rings."""
+    """Longest chain of modules in an import graph without cycles."""
     below: dict[str, list[str]] = {}
 
     def chain(name: str) -> list[str]:
@@ -254,14 +263,14 @@ def import_cycles(graph: dict[str, set[str]]) -> Iterator[set[str]]:
     left = set(graph)
     while left:
         one = left.pop()
-        ring = {other for other in reach[one] if one in reach[other]} | {one}
-        left -= ring
-        if len(ring) > 1:
-            yield ring
+        cycle = {other for other in reach[one] if one in reach[other]} | {one}
+        left -= cycle
+        if len(cycle) > 1:
+            yield cycle
 
 
 def reachable(graph: dict[str, set[str]], start: str) -> set[str]:
-    """Everything that `start` imports, in one step or many."""
+    """Modules that `start` imports directly or indirectly."""
     seen: set[str] = set()
     todo = [start]
     while todo:
@@ -272,7 +281,7 @@ def reachable(graph: dict[str, set[str]], start: str) -> set[str]:
 
 
 def measured(tree: Path) -> dict[str, Any]:
-    """`measure` in a process that imports the package of `tree`."""
+    """Result of `measure` in a process that imports the package of `tree`."""
     shown = subprocess.run([sys.executable, __file__, "--measure", str(tree)], check=True, capture_output=True,
                            text=True, env=os.environ | {"PYTHONPATH": str(tree)})
     figures: dict[str, Any] = json.loads(shown.stdout)
@@ -280,7 +289,7 @@ def measured(tree: Path) -> dict[str, Any]:
 
 
 def figures_of_commit(ref: str) -> dict[str, Any]:
-    """`measure` of the package as it was at `ref`."""
+    """Result of `measure` for the package of commit `ref`."""
     packed = subprocess.run(["git", "archive", ref, "granular"], check=True, capture_output=True,
                             cwd=REPO_ROOT).stdout
     with tempfile.TemporaryDirectory() as folder:
@@ -290,9 +299,9 @@ def figures_of_commit(ref: str) -> dict[str, Any]:
 
 
 def table(columns: dict[str, dict[str, Any]]) -> str:
-    """The figures side by side, then what is wide and what is a ring."""
+    """Figures side by side, then wide and long functions, the chain and the cycles."""
     lines = [f"{'':46}" + "".join(f"{title:>14}" for title in columns)]
-    rows = [name for name in next(iter(columns.values())) if name not in ("wide", "long", "rings", "chain")]
+    rows = [name for name in next(iter(columns.values())) if name not in ("wide", "long", "cycles", "chain")]
     lines += [f"{name:46}" + "".join(f"{column[name]!s:>14}" for column in columns.values()) for name in rows]
     for title, column in columns.items():
         lines += ["", f"{title}: functions with more than {MAX_PARAMETERS} parameters"]
@@ -300,14 +309,14 @@ def table(columns: dict[str, dict[str, Any]]) -> str:
         lines += ["", f"{title}: functions of more than {MAX_FUNCTION_LINES} lines"]
         lines += [f"  {n:3} {name}" for name, n in sorted(column["long"].items(), key=lambda item: -item[1])]
         lines += ["", f"{title}: longest chain of imports", *(f"  {name}" for name in column["chain"])]
-        lines += ["", f"{title}: rings of imports", *(f"  {ring}" for ring in column["rings"])]
+        lines += ["", f"{title}: import cycles", *(f"  {cycle}" for cycle in column["cycles"])]
     return "\n".join(lines)
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, or write docs/reading.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("ref", nargs="?", metavar="REF")
+    parser.add_argument("ref", nargs="?", metavar="REF", help="commit to compare with")
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--reading", action="store_true", help="write docs/reading.md")
     given = parser.parse_args()

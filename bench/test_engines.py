@@ -1,6 +1,7 @@
-"""Speed of the engines (run with: pytest bench --benchmark-only). Sizes are geometric; compare within one run.
+"""Speed of the engines (run with `pytest bench --benchmark-only`).
 
-One benchmark is one run: events/s, solves/s and ball-steps/s follow from `extra_info`.
+Sizes are geometric. Compare numbers within one run only. One benchmark is one run, and `extra_info` contains the
+counters from which events/s, solves/s and ball-steps/s follow.
 """
 
 import math
@@ -16,14 +17,14 @@ RARE_METHODS = ("symplectic-euler", "gear5")
 
 @pytest.fixture(autouse=True)
 def skip_rare_kernels(request):
-    """What is not timed makes no machine code of its own."""
+    """Skip compiled runs of rarely used methods unless they are timed."""
     timed, given = request.config.getoption("benchmark_only"), getattr(request.node, "callspec", None)
     if not timed and given and given.params.get("method") in RARE_METHODS and given.params["engine"] == "compiled":
-        pytest.skip("its machine code is made where it is timed, and in the soak")
+        pytest.skip("compiled only in timed runs and in the soak")
 
 
 def timed(benchmark, run):
-    """Time `run` once it is warm, and note what it did."""
+    """Time `run` after a first call, and record its counters."""
     run()
     result = benchmark(run)
     kept = ("events", "contacts", "steps", "evaluations", "engine")

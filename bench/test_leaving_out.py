@@ -1,13 +1,16 @@
-"""What leaving out saves: each group is a run without one thing and one with it; `leaving_out.py` prints ratios."""
+"""Cost of features: each group is a run without and with one feature.
+
+`leaving_out.py` prints the ratios.
+"""
 
 import pytest
 
 from bench.leaving_out import RUN_PAIRS
 
 
-@pytest.mark.parametrize("there", [False, True], ids=["without", "with"])
-@pytest.mark.parametrize("what", RUN_PAIRS)
-def test_leaving_out(benchmark, what, there):
-    benchmark.group = what
-    run = benchmark(RUN_PAIRS[what][there])
+@pytest.mark.parametrize("present", [False, True], ids=["without", "with"])
+@pytest.mark.parametrize("feature", RUN_PAIRS)
+def test_leaving_out(benchmark, feature, present):
+    benchmark.group = feature
+    run = benchmark(RUN_PAIRS[feature][present])
     assert run.status.name in ("time", "max_events")

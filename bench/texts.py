@@ -1,9 +1,9 @@
-"""Compare the docstrings and messages of this tree with those of an earlier commit.
+"""List the contents that rewritten docstrings and messages have lost.
 
-``python bench/texts.py REF [PATH ...]`` lists, for each docstring and message of REF, the items that do not occur in
-the text at the same place any more: names in backticks, numbers, symbols of formulas and exceptions. Each listed item
-has to be read against the code. PATH restricts the list to files whose name contains it. ``--renames FILE`` names a
-file with one pair ``old new`` per line, which is applied to the old text first.
+``python bench/texts.py REF [PATH ...]`` compares each docstring and message of the commit REF with the text at the same
+place in this tree. It lists names in backticks, numbers, symbols of formulas and exceptions that occur in the old text
+only. Check each listed item against the code. PATH restricts the list to files whose name contains it.
+``--renames FILE`` names a file with one pair ``old new`` per line, which is applied to the old text first.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def texts(source: str) -> Iterator[tuple[str, str]]:
 
 
 def sources_of_commit(ref: str) -> dict[str, str]:
-    """Sources of the Python files of a commit by their paths."""
+    """Sources of the Python files of a commit, by their paths."""
     packed = subprocess.run(["git", "archive", ref, *SOURCE_FOLDERS], cwd=REPO_ROOT, capture_output=True, check=True)
     with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
         return {one.name: archive.extractfile(one).read().decode()  # type: ignore[union-attr]
@@ -63,7 +63,7 @@ def sources_of_commit(ref: str) -> dict[str, str]:
 
 
 def texts_by_place(sources: dict[str, str]) -> dict[str, dict[str, str]]:
-    """Texts by file and place; several strings of one place are joined."""
+    """Texts by file and place, with several strings of one place joined."""
     found: dict[str, dict[str, str]] = {}
     for name, source in sources.items():
         for place, text in texts(source):
@@ -72,12 +72,12 @@ def texts_by_place(sources: dict[str, str]) -> dict[str, dict[str, str]]:
 
 
 def lost_items(old: str, new: str) -> list[str]:
-    """Items of the old text that do not occur in the new one."""
+    """Items of the old text that do not occur in the new text."""
     return sorted({item for item in ITEM_PATTERN.findall(old) if item.strip("`,.;:()") not in new})
 
 
 def main() -> None:
-    """Print the items that were lost."""
+    """Print the lost items."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("ref", help="commit to compare with")
     parser.add_argument("paths", nargs="*", help="parts of file names")

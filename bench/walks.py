@@ -1,4 +1,4 @@
-"""Ways through the package: runs of the smallest scenes, and the files that each of them goes through."""
+"""Small runs through the package, and the files that each run executes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ print(json.dumps([getattr(one, "__file__", None) for name, one in sys.modules.it
 
 
 def two_balls(gr: Any) -> Any:
-    """Two balls that meet in free flight."""
+    """Two balls that collide in free flight."""
     return gr.Scene([1.0, 0.5], [0.1, 0.1], [0.1], [1.0, 0.0])
 
 
@@ -35,13 +35,13 @@ def hard_collision(gr: Any) -> Run:
 
 
 def isolated_contact(gr: Any) -> Run:
-    """One contact of soft spheres that nobody disturbs."""
+    """One isolated contact of soft spheres."""
     scene, law = two_balls(gr), gr.LinearDashpot(1e6, 10.0)
     return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
 
 
 def own_law(gr: Any) -> Run:
-    """The same under the law of docs/your-own-law.md."""
+    """One isolated contact under the law of docs/your-own-law.md."""
 
     @dataclass(frozen=True)
     class Stiffening:
@@ -58,20 +58,20 @@ def own_law(gr: Any) -> Run:
 
 
 def island(gr: Any) -> Run:
-    """Three soft balls that touch together."""
+    """Three soft balls that touch at the same time."""
     scene, law = gr.Scene([1.0] * 3, [0.1] * 3, [0.1, 0.0], [1.0, 0.0, 0.0]), gr.LinearDashpot(1e6, 10.0)
     return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
 
 
 def driven_contact(gr: Any) -> Run:
-    """A soft ball that bounces on a shaken floor."""
+    """Soft ball that bounces on a shaken floor."""
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.1], [0.0, 0.0], 9.81, floor=gr.walls.Sine(1e-3, 20.0))
     law = gr.LinearDashpot(1e6, 10.0)
     return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
 
 
 def comparison(gr: Any) -> Run:
-    """Both engines on two balls, with the report as text."""
+    """Comparison of both engines on two balls, with the report as text."""
     scene, law = two_balls(gr), gr.LinearDashpot(1e6, 10.0)
     return lambda: str(gr.compare(scene, law=law))
 
@@ -82,7 +82,10 @@ SMALL_RUNS: dict[str, Callable[[Any], Run]] = {
 
 
 def executed_files(prepare: Callable[[Any], Run], tree: Path) -> set[str]:
-    """Files of the package below `tree` whose functions a run calls, once imports and tables are made."""
+    """Files of the package below `tree` whose functions a run calls.
+
+    A first run performs all imports and creates all tables.
+    """
     import granular as gr
 
     run, called, package = prepare(gr), set(), str(tree / "granular") + "/"
@@ -102,7 +105,10 @@ def executed_files(prepare: Callable[[Any], Run], tree: Path) -> set[str]:
 
 
 def loaded_files(tree: Path) -> list[str]:
-    """Files below `tree` that `compare` of three dashpot balls imports, without machine code."""
+    """Files below `tree` that `compare` of three dashpot balls imports.
+
+    Numba is disabled.
+    """
     script = "import sys; sys.modules['numba'] = None\n" + COMPARE_SCRIPT
     shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, cwd=tree)
     paths = [Path(one) for one in json.loads(shown.stdout.splitlines()[-1]) if one]

@@ -1,6 +1,6 @@
-"""Bands and the gap of a driven chain, and the solitary wave: runs of the located engine beside closed forms.
+"""Figure of docs/waves.md: bands of a driven chain, and the solitary wave.
 
-Run with ``python bench/waves.py``; writes docs/figures/waves.png.
+`python bench/waves.py` writes docs/figures/waves.png, which compares runs of the located engine with closed forms.
 """
 
 from __future__ import annotations
@@ -18,17 +18,20 @@ from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
 CHAIN_LAW, COMPRESSION_FORCE, MASS_RATIO = gr.Hertz(9.75758e9), 20.0, 0.5
 SAMPLES_PER_PERIOD = 8
-"""Rows in a period of the highest frequency."""
+"""Samples per period of the highest frequency."""
 
 
 def diatomic_chain(n: int, **options: Any) -> tuple[gr.Scene, float, np.ndarray]:
-    """A chain of two masses, the stiffness of its contacts, and the masses of a cell."""
+    """Compressed diatomic chain, its contact stiffness and the masses of a cell."""
     scene = gr.scenes.compressed_chain(n, COMPRESSION_FORCE, law=CHAIN_LAW, dimer=MASS_RATIO, **options)
     return scene, float(gr.waves.stiffness(scene, CHAIN_LAW)[1]), scene.mass[1:3]
 
 
 def spectral_density(cells: int, periods: int) -> dict[str, Any]:
-    """Spectral density of the velocities in a chain between walls that starts with random ones."""
+    """Spectral density of velocities in a chain between walls.
+
+    The initial velocities are random.
+    """
     scene, k, mass = diatomic_chain(2 * cells)
     top = gr.waves.band_edges(k, mass)[-1, 1]
     start = np.zeros(scene.n)
@@ -45,7 +48,7 @@ def spectral_density(cells: int, periods: int) -> dict[str, Any]:
 
 
 def decay_rates(points: int, periods: int) -> dict[str, list[float]]:
-    """Decay from ball to ball in the gap and above the bands, measured with a shaken floor."""
+    """Decay per ball in the band gap and above the bands, with a shaken floor."""
     scene, k, mass = diatomic_chain(16)
     edges = gr.waves.band_edges(k, mass)
     inside = [0.2, 0.8] if points < 3 else np.linspace(0.15, 0.85, points)
@@ -56,7 +59,10 @@ def decay_rates(points: int, periods: int) -> dict[str, list[float]]:
 
 
 def measured_decay(scene: gr.Scene, omega: float, periods: int) -> float:
-    """One of them: the floor sets in softly, so that only its own frequency is there."""
+    """Decay per ball at one frequency.
+
+    The amplitude of the floor grows slowly, so that the floor excites only its own frequency.
+    """
     turn = 2.0 * math.pi / omega
 
     def path(t: float) -> float:
@@ -70,7 +76,7 @@ def measured_decay(scene: gr.Scene, omega: float, periods: int) -> float:
 
 
 def solitary(balls: int) -> dict[str, Any]:
-    """Force at three contacts of a run over the distance of the exact wave from them, and its farthest from it."""
+    """Forces at three contacts over the distance from the peak of the exact wave."""
     scene, wave = gr.waves.solitary(balls, 0.1, law=CHAIN_LAW), gr.waves.SolitaryWave(1.5)
     m = scene.mass[0]
     deepest = (0.1 * math.sqrt(m / CHAIN_LAW.k) / wave.peak_velocity) ** 0.8
@@ -89,13 +95,13 @@ def solitary(balls: int) -> dict[str, Any]:
 
 
 def struck_chain(n: int, rows: int) -> gr.Trajectory:
-    """A chain of equal balls under a force, struck from the left."""
+    """Chain of equal balls under a constant force, struck from the left."""
     scene = gr.scenes.compressed_chain(n, COMPRESSION_FORCE, law=CHAIN_LAW, ends="forces", striker=0.03, speed=2e-3)
     return gr.md.simulate(scene, CHAIN_LAW, t_end=1.3 * gr.waves.crossing_time(scene, CHAIN_LAW), samples=rows)
 
 
 def compute(points: int) -> dict[str, Any]:
-    """All numbers; at few points short runs."""
+    """All numbers of the figure, from short runs if `points` < 10."""
     few = points < 10
     return {"noise": spectral_density(4, 8) if few else spectral_density(32, 128),
             "decays": decay_rates(2 if few else 8, 24 if few else 160),
@@ -103,7 +109,7 @@ def compute(points: int) -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any]) -> Any:
-    """Four panels."""
+    """Draw the four panels."""
     figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
     (bands, gaps), (pulse, picture) = axes
     _, k, mass = diatomic_chain(4)

@@ -25,7 +25,7 @@ def told(name: str, run: str) -> maker.Run:
     given = dict(verification.case(name)["runs"][run]["set-up"])
     laws = tuple(LAWS[law.pop("type")](**law) for law in map(dict, given.pop("law")))
     t_end = given.pop("t_end")
-    return maker.Run(gr.Scene(**given), laws, t_end, maker.CASES[name][2][run].asked)
+    return maker.Run(gr.Scene(**given), laws, t_end, maker.CASES[name][2][run].kind)
 
 
 @pytest.mark.parametrize(("name", "run"), RUNS)

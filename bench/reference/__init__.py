@@ -1,4 +1,4 @@
-"""A reference solution in 34 digits, with an estimate of its own error.
+"""Reference solution in 34 digits, with an estimate of its own error.
 
 Power laws F = k ξ^p + γ ξ^d ξ̇ are solved by Taylor series with mpmath. Any other law is solved in double precision by
 `granular.studies.reference`. Pass the result to `granular.frontier(reference=...)`.
@@ -22,21 +22,23 @@ from granular.studies.reference_events import distance
 __all__ = ["Reference", "ReferenceContact", "distance", "power_series", "solve"]
 
 DIGIT_REDUCTION = 10
-"""The second solution has this many digits fewer."""
+"""Number of digits by which the second solution is shorter."""
 
 
 def solve(
     scene: Scene, law: Any, *, until: stop.Until | None = None, t_end: float | None = None, digits: int = 34,
     t_start: float = 0.0,
 ) -> Reference:
-    """Solve a scene as `granular.studies.reference.solve` does, in `digits` digits where every law has a power series.
+    """Solve a scene in `digits` digits if every law has a power series.
+
+    Any other scene is solved by `granular.studies.reference.solve`.
 
     Parameters
     ----------
     scene, law, until, t_end, t_start
         As in `granular.studies.reference.solve`.
     digits : int
-        Working digits for power laws. The cost grows about as their cube.
+        Working digits for power laws. The cost grows with about the cube of the digits.
 
     Returns
     -------
@@ -59,7 +61,7 @@ def solve(
 
 
 def power_series(law: PairLaw) -> Form | None:
-    """(k, p, γ, d) of a law whose force has a power series in a root of ξ, else None."""
+    """Coefficients (k, p, γ, d) of a law with a power series in a root of ξ, or None."""
     try:
         return law.form if law.form and [fraction(power) for power in law.form[1::2]] else None
     except ValueError:

@@ -1,5 +1,6 @@
-"""Power series as lists of mpmath numbers, the first root of a polynomial, certified; the series of a step: of
-overlaps, velocities, forces and walls.
+"""Power series as lists of mpmath numbers, and certified roots of polynomials.
+
+The classes hold the series of one step: overlaps, velocities, forces and walls.
 """
 
 from __future__ import annotations
@@ -14,23 +15,26 @@ from granular.studies.reference_walls import Number, value
 
 
 def product_term(mp: Any, a: Sequence[Number], b: Sequence[Number], n: int) -> Number:
-    """Coefficient `n` of the product of two series; each may be known to lower order (shorter) than `n`."""
+    """Coefficient `n` of the product of two series.
+
+    Each series can end before order `n`.
+    """
     low, high = max(0, n + 1 - len(b)), min(n + 1, len(a))
     return mp.fdot(a[low:high], b[n - high + 1 : n - low + 1][::-1]) if high > low else mp.zero
 
 
 def work_done(mp: Any, force: list[Number], v: list[Number], rho: list[Number], x: Number) -> Number:
-    """∫ F v dt up to x, dt/dx = ρ."""
+    """Work ∫ F v dt up to x, with dt/dx = ρ."""
     n = len(force)
     power = [product_term(mp, force, v, j) for j in range(n)]
     return value([mp.zero, *(product_term(mp, rho, power, j) / (j + 1) for j in range(n))], x)
 
 
 class Power:
-    """The series ξ^α, order by order as those of ξ become known.
+    """Series of ξ^α, extended order by order with the series of ξ.
 
-    ξ = τ^m y with y(0) ≠ 0, so that ξ^α = τ^(αm) y^α; αm must be whole. From f = y^α follows y f' = α y' f, hence
-    n y_0 f_n = Σ_(j=1..n) ((α+1) j - n) y_j f_(n-j).
+    Write ξ = τ^m y with y(0) ≠ 0, so that ξ^α = τ^(αm) y^α. The product αm must be whole. From f = y^α follows y f' = α
+    y' f, hence n y_0 f_n = Σ_(j=1..n) ((α+1) j - n) y_j f_(n-j).
     """
 
     def __init__(self, mp: Any, x: list[Number], alpha: Number, m: int) -> None:
@@ -39,7 +43,7 @@ class Power:
         self.y, self.jy, self.f = list[Number](), list[Number](), list[Number]()
 
     def term(self, n: int) -> Number:
-        """Coefficient `n` of ξ^α, after all lower ones."""
+        """Coefficient `n` of ξ^α, after all lower coefficients."""
         mp, j = self.mp, n - self.offset
         if self.alpha == 1:
             return self.x[n]
@@ -57,17 +61,18 @@ class Power:
 
 
 def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
-    """First x in [0, end] at which a polynomial comes from below zero to zero, or None.
+    """First x in [0, `end`] at which a polynomial rises to zero from below, or None.
 
-    Exact zeros at the front are a root already dealt with and are divided out. Certified: an interval [a, b] of centre
-    c and half width r is dismissed only if p(c) + |p'(c)| r + M r²/2 < 0 with M ≥ |p''| on [0, b], and searched only
-    where p provably rises. A hump that stays below zero to working precision is no root.
+    Exact zeros at the front belong to a root that has been handled, and are divided out. The result is certified. Let
+    [a, b] be an interval with centre c and half width r, and let M ≥ |p''| on [0, b]. The interval is dismissed only if
+    p(c) + |p'(c)| r + M r²/2 < 0. It is searched only where p provably rises. A maximum that stays below zero to
+    working precision is not a root.
     """
     lead = next((j for j, a in enumerate(p) if a != 0), None)
     if lead is None:
         return None
     p = p[lead:]
-    if p[0] > 0:
+    if p[0] > 0:  # already above zero
         return mp.zero
     if p[0] + value([mp.zero, *(max(a, mp.zero) for a in p[1:])], end) < 0:
         return None
@@ -82,7 +87,7 @@ def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
         rest = bend * r * r / 2
         if at + abs(rate) * r + rest < 0:
             continue
-        if rate > bend * r:
+        if rate > bend * r:  # p rises on the whole interval
             if value(p, a) >= 0:
                 return a
             if value(p, b) >= 0:
@@ -90,7 +95,7 @@ def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
         elif -rate > bend * r or at - abs(rate) * r - rest > 0:
             if value(p, a) >= 0:
                 return a
-        elif rest > tiny:
+        elif rest > tiny:  # undecided: bisect, and search the lower half first
             stack += [(c, b), (a, c)]
     return None
 
@@ -98,9 +103,9 @@ def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
 def _newton(
     mp: Any, f: Callable[[Number], Number], slope: Callable[[Number], Number], a: Number, b: Number
 ) -> Number:
-    """The root of a rising function between `a` and `b`, by Newton's method kept within the bracket."""
+    """Root of a rising function between `a` and `b`, by bracketed Newton iteration."""
     x = (a + b) / 2
-    for _ in range(10 * mp.prec):
+    for _ in range(10 * mp.prec):  # bisection alone needs `mp.prec` iterations
         y = f(x)
         a, b = (x, b) if y < 0 else (a, x)
         new = x - y / slope(x)
@@ -113,7 +118,10 @@ def _newton(
 
 @dataclass
 class Touch:
-    """One pair: its law F = k ξ^p + γ ξ^d ξ̇ = ξ^d φ, the root `q` of ξ in which that is analytic, and its overlap."""
+    """One pair: its law, its overlap, and flags of its state.
+
+    The law is F = k ξ^p + γ ξ^d ξ̇ = ξ^d φ. Its bracket φ is analytic in the `q`-th root of ξ.
+    """
 
     k: Number
     p: Number
@@ -122,13 +130,16 @@ class Touch:
     q: int
     xi: Number
     exact: bool = False
-    """φ is exactly zero now: the event just dealt with."""
+    """Whether φ is exactly zero now, because its zero was the last event."""
     woken: bool = False
-    """It was pushed open from a touch at rest, with a high power of time: no root of ξ is regular there."""
+    """Whether the overlap began at rest and grows with a high power of time.
+
+    No root of ξ is then regular.
+    """
 
 
 def touch(mp: Any, form: Sequence[float], gap: float) -> Touch:
-    """The pair of a law (k, p, γ, d) with its gap in m at the start."""
+    """Pair with a law (k, p, γ, d) and its initial gap in m."""
     k, p, gamma, d = form
     powers = [fraction(p), fraction(d) if gamma else Fraction(0)]
     exact = [mp.mpf(power.numerator) / power.denominator for power in powers]
@@ -137,7 +148,7 @@ def touch(mp: Any, form: Sequence[float], gap: float) -> Touch:
 
 
 class Force:
-    """The series of F = ξ^d φ, φ = k ξ^(p-d) + γ ξ̇, of one pair."""
+    """Series of the force F = ξ^d φ of one pair, with φ = k ξ^(p-d) + γ ξ̇."""
 
     def __init__(self, mp: Any, touch: Touch, active: bool, x: list[Number], rate: list[Number]) -> None:
         self.mp, self.a, self.active, m = mp, touch, active, 0 if touch.xi else len(x)
@@ -145,7 +156,7 @@ class Force:
         self.rate, self.phi, self.fronts, self.terms = rate, list[Number](), list[Number](), list[Number]()
 
     def extend(self, n: int) -> None:
-        """Append coefficient `n`; of a clipped force, whose bracket alone goes on, to that."""
+        """Append coefficient `n`, for a clipped force only to the bracket φ."""
         a = self.a
         bracket = a.k * self.elastic.term(n) + a.gamma * self.rate[n]
         self.phi.append(self.mp.zero if n == 0 and a.exact else bracket)
@@ -156,14 +167,14 @@ class Force:
 
 
 class WallSeries:
-    """The power series of a wall's velocity, m', and of the derivatives of that, by a clock dt/dx = ρ."""
+    """Series of the velocity m' of a wall and of its derivatives, with dt/dx = ρ."""
 
     def __init__(self, mp: Any, rates: Sequence[Number], last: Number, ahead: int) -> None:
         self.mp, self.last = mp, last
         self.y = [[rate, *[mp.zero] * (ahead - 1)] for rate in rates]
 
     def extend(self, rho: list[Number], m: int) -> Number:
-        """Append coefficient `m` to each; return that of the velocity."""
+        """Append coefficient `m` to each series, and return the velocity coefficient."""
         for one, rate in zip(self.y, self.y[1:], strict=False):
             one.append(product_term(self.mp, rho, rate, m - 1) / m)
         self.y[-1].append(self.last * product_term(self.mp, rho, self.y[0], m - 1) / m if self.last else self.mp.zero)
@@ -172,8 +183,10 @@ class WallSeries:
 
 @dataclass
 class Piece:
-    """The series of a step: ξ, v, displacements of pendula, ξ̇, time, forces, walls; u = ξ^(1/q) of the pair whose clock
-    it is."""
+    """Series of one step: ξ, v, displacements of pendula, ξ̇, time, forces, walls.
+
+    `u` is ξ^(1/q) of the pair that sets the clock.
+    """
 
     x: list[list[Number]]
     v: list[list[Number]]
@@ -188,14 +201,14 @@ class Piece:
 
 
 def fraction(x: float) -> Fraction:
-    """A law's exponent as a simple fraction.
+    """Exponent of a law as a simple fraction.
 
     Raises
     ------
     ValueError
-        If it is none with a denominator up to 12: such a force has no power series.
+        If no fraction with a denominator up to 12 equals the exponent. Such a force has no power series.
     """
     simple = Fraction(x).limit_denominator(12)
     if float(simple) != x and abs(float(simple) - x) > 1e-15:
-        raise ValueError(f"exponent is {x!r}: a fraction with a denominator of at most 12 is needed.")
+        raise ValueError(f"`exponent` must be a fraction with a denominator of at most 12, got {x!r}.")
     return simple

@@ -1,13 +1,14 @@
-"""Newton's equation by Taylor series in many digits: slow, and written without a look at the engines it judges.
+"""Newton's equation solved by Taylor series in many digits.
 
-State: overlaps ξ of the pairs and velocities v of the bodies, as mpmath numbers in SI units. A step is a power series
-in x, the time by the clock of one pair: dt/dx = u^(q-1) with u = ξ^(1/q). Then du/dx = ξ̇/q: u goes through zero
-linearly, and a force like a fractional power of ξ is a power series in x, where it begins (there t ∼ x^q), where it
-ends, and between. The clock is that of the pair whose overlap is nearest to zero; to the zeros of others, steps shrink
-and grow like their distance. Without fractional powers x is the time.
+The solver is slow, and independent of the engines that it checks. Its state consists of the overlaps ξ of the pairs and
+the velocities v of the bodies, as mpmath numbers in SI units. A step is a power series in x. The clock of one pair maps
+x to time: dt/dx = u^(q-1) with u = ξ^(1/q). Then du/dx = ξ̇/q, so that u passes through zero linearly. A force with a
+fractional power of ξ is then a power series in x throughout a contact: where it begins (there t ∼ x^q), where it ends,
+and between. The pair whose overlap is nearest to zero sets the clock. Near zeros of other overlaps, the steps shrink
+and grow with the distance from the zero. Without fractional powers x is the time.
 
-A pair that touches at rest sleeps until its overlap is a small part of that of an impact; what it leaves out is below
-the tolerance.
+A pair that touches at rest stays dormant up to a small fraction of the overlap of an impact. The neglected effect is
+below the tolerance.
 """
 
 from __future__ import annotations
@@ -31,25 +32,31 @@ from granular.studies.reference_events import (
 from granular.studies.reference_walls import Number, Path, heats, paths, value
 
 GUARD_DIGITS = 8
-"""Digits carried beyond those asked for."""
+"""Digits carried in addition to the requested digits."""
 SERIES_WINDOWS = 3
-"""Order of the series at least, in units of the window of last terms that sets the step: were the window most of the
-series, its low terms would have to be as small as the tolerance, and steps with them."""
+"""Minimum order of the series, in units of the window of last terms.
+
+The terms in the window set the step size. If the window were most of the series, its low terms would have to be as
+small as the tolerance, and the steps would be short.
+"""
 MAX_STEPS = 20_000
 FLIGHT_FRACTION = 0.999
-"""Part of a flight that is made at once where walls are driven."""
+"""Share of a flight that is covered in one step beside driven walls."""
 
 
 def solve(
     scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: float | None, digits: int, t_start: float = 0.0
 ) -> Reference:
-    """Solve a scene of laws F = k ξ^p + γ ξ^d ξ̇, given as (k, p, γ, d) per pair, to about that many digits."""
+    """Solve a scene of laws F = k ξ^p + γ ξ^d ξ̇ to about `digits` digits.
+
+    `forms` contains (k, p, γ, d) of each pair.
+    """
     motion = Taylor(scene, forms, digits, t_start)
     return Run(motion, until, t_end).solve(f"Taylor series of order {motion.order}, {digits} digits")
 
 
 class Taylor:
-    """The bodies under their forces: expands the current state into a `Piece` and moves along it."""
+    """Motion of the bodies, expanded from the current state into a `Piece`."""
 
     def __init__(self, scene: Any, forms: Sequence[Any], digits: int, t_start: float = 0.0) -> None:
         from mpmath import MPContext
@@ -79,28 +86,31 @@ class Taylor:
 
     @property
     def curved(self) -> bool:
-        """Whether a wall moves otherwise than at constant speed, or all are pendula."""
+        """Whether a wall is driven, or all balls are pendula."""
         return bool(self.paths or self.y)
 
     def across(self, of_bodies: Sequence[Number]) -> list[Number]:
-        """Lower minus upper body of every pair: rates of overlaps from velocities."""
+        """Lower minus upper body of every pair: rates of overlap from velocities."""
         return [of_bodies[lower] - of_bodies[upper] for lower, upper in self.joined]
 
     def set_wall_velocities(self) -> None:
-        """Give driven walls the velocities of their paths."""
+        """Set the velocities of driven walls from their paths."""
         for b, path in self.paths.items():
             self.v[b] = self.own[b] + path.rates(self.t)[0]
 
     @property
     def pull(self) -> list[Number]:
-        """Closing acceleration of every pair in m/s² without contacts."""
+        """Closing acceleration of every pair in m/s² without contact forces."""
         fall = [a - self.square * y for a, y in zip(self.fall, self.y, strict=True)] if self.y else list(self.fall)
         for b, path in self.paths.items():
             fall[b] = path.rates(self.t)[1]
         return self.across(fall)
 
     def now(self, c: int, quantity: str) -> Number:
-        """The overlap of pair c in m, its rate in m/s, or its bracket φ, which has the sign of its force."""
+        """Overlap in m, rate in m/s or bracket φ of pair c.
+
+        The bracket has the sign of the force.
+        """
         a, (lower, upper) = self.touches[c], self.bodies(c)
         rate = lower - upper
         if quantity == "bracket":
@@ -118,19 +128,28 @@ class Taylor:
         return self.w[lower] + self.w[upper]
 
     def asleep(self, c: int) -> Number:
-        """The part of the overlap at which pair c alone would stop from the largest speed that is below tolerance."""
+        """Overlap in m up to which a pair that touched at rest stays dormant.
+
+        It is a fraction, below the tolerance, of the overlap at which pair c alone would stop from the largest speed.
+        """
         mp, a, w = self.mp, self.touches[c], self.mobility(c)
         depth = mp.power((a.p + 1) * self.speed**2 / (2 * a.k * w), 1 / (a.p + 1))
         return mp.mpf(10) ** (-self.digits / (min(a.p, a.d + 1) if a.gamma else a.p)) * depth
 
     def ends(self, c: int) -> list[Watch]:
-        """A damped force falls to zero while there is still overlap; an elastic one ends with it."""
+        """Events that can end the force of pair c.
+
+        A damped force reaches zero while the pair still overlaps. An elastic force ends with the overlap.
+        """
         return [Watch(c, "release", "bracket", -1) if self.touches[c].gamma else Watch(c, "part", "overlap", -1)]
 
     def clock_pair(self) -> tuple[int, int]:
-        """The pair c on whose clock dt = u^(q-1) dx the next step runs, since its overlap is nearest to zero, and the q
-        that makes all about as near regular; −1 and 1: the plain clock."""
-        away = {  # one just woken that still closes is regular already
+        """Pair c and root order q of the clock dt = u^(q-1) dx of the next step.
+
+        The overlap of pair c is nearest to zero. The order q also makes overlaps regular that are almost as near. The
+        values −1 and 1 denote the plain clock.
+        """
+        away = {  # a pair that just began at rest and still closes is already regular
             c: self.time_to_zero_overlap(c) for c, a in enumerate(self.touches)
             if a.q > 1 and self.mode[c] in CLOSED and not (a.woken and self.now(c, "rate") > 0)
         }
@@ -140,15 +159,15 @@ class Taylor:
         return pair, math.lcm(*(self.touches[c].q for c in away if away[c] <= 2 * away[pair]))
 
     def time_to_zero_overlap(self, c: int) -> Number:
-        """Time in s in which the overlap of pair c would go from or to zero at its current rate."""
+        """Time in s from or to zero overlap of pair c at its current rate."""
         xi, rate = self.touches[c].xi, self.now(c, "rate")
         return abs(xi / rate) if rate else self.mp.inf
 
     def expand(self) -> Piece:
-        """The series of the current state."""
+        """Series of the current state."""
         mp, (pair, q) = self.mp, self.clock_pair()
         u = [mp.root(self.touches[pair].xi, q) if pair >= 0 else mp.one]
-        ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
+        ahead = 1 if u[0] else q  # orders by which velocities and overlaps lead the forces
         here = [a.xi for a in self.touches], self.v, self.y, self.across(self.v)
         x, v, y, rate = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in here)
         walls = {b: WallSeries(mp, path.rates(self.t), path.last, ahead) for b, path in self.paths.items()}
@@ -164,8 +183,8 @@ class Taylor:
         return piece
 
     def extend(self, piece: Piece, rho: list[Number], m: int, ahead: int) -> None:
-        """Append coefficient `m` to the series, by the clock ρ = dt/dx."""
-        mp, impulse = self.mp, [self.mp.zero] * (len(piece.v) + 1)  # of the pair below each body
+        """Append coefficient `m` to all series, with the clock ρ = dt/dx."""
+        mp, impulse = self.mp, [self.mp.zero] * (len(piece.v) + 1)  # from the pair below each body
         piece.t.append(rho[m - 1] / m if m <= len(rho) else mp.zero)
         for series, rate in zip(piece.x, piece.rate, strict=True):
             series.append(product_term(mp, rho, rate, m - 1) / m)
@@ -186,10 +205,11 @@ class Taylor:
             series.append(piece.v[lower][m] - piece.v[upper][m])
 
     def step_limit(self, piece: Piece) -> Number:
-        """Up to which x the series hold to the tolerance, from their last terms, and nothing is overlooked.
+        """Largest x at which the last terms of all series are below the tolerance.
 
-        From as many as make sure that one is not zero: in a contact that has just begun only every (q + pq)-th is not.
-        Where no force acts, up to twice the way of the pairs that still overlap: they fly apart.
+        The window of last terms is wide enough to contain a non-zero term. In a contact that has just begun, only every
+        (q + pq)-th term is not zero. Without an active force, a step lasts at most twice the time until all overlapping
+        pairs have separated.
         """
         mp, limits = self.mp, []
         watched = [*((b, self.speed) for b in piece.v),
@@ -206,9 +226,9 @@ class Taylor:
         return min(limits, default=mp.inf)
 
     def step_end(self, piece: Piece, reach: Number, end: Number) -> Number:
-        """The x below `reach` at which the time is `end`; `reach` if it is not reached."""
-        if reach == end == self.mp.inf:  # all is at rest under forces that balance to the last digit
-            raise ValueError("t_end is missing: all balls are at rest, and nothing follows.")
+        """x at which the time is `end`, or `reach` if that is smaller."""
+        if reach == end == self.mp.inf:  # all balls rest under forces that balance exactly
+            raise ValueError("`t_end` must be given, got None. All balls are at rest, and no event follows.")
         if piece.pair < 0:
             return min(reach, end - self.t)
         if reach == self.mp.inf:
@@ -217,9 +237,10 @@ class Taylor:
         return reach if x is None else x
 
     def go(self, watches: list[Watch], end: Number) -> Watch | None:
-        """Move on to the first event, to the time `end` in s, or as far as the series hold."""
+        """Advance to the first event, to the time `end` in s, or to the step limit."""
         if self.steps == MAX_STEPS:
-            raise ValueError(f"t_end is missing: after {MAX_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
+            raise ValueError("`t_end` must be given, or be smaller. "
+                             f"The scene is at t = {float(self.t):.6g} s after {MAX_STEPS} steps.")
         self.steps += 1
         if self.advance_free_flight(end):
             return None
@@ -234,12 +255,16 @@ class Taylor:
         if event is None and limit < holds:
             self.t = self.mp.mpf(end)
         self.set_wall_velocities()
-        if event is not None and event.quantity == "bracket" and reach > 0:  # at 0 a wall's velocity has jumped
+        # at x = 0 the velocity of a wall has jumped, and the bracket need not be zero
+        if event is not None and event.quantity == "bracket" and reach > 0:
             self.touches[event.pair].exact = True
         return event
 
     def series(self, piece: Piece, watch: Watch) -> list[Number]:
-        """What rises through zero when that happens: where ξ has a multiple zero, its root has a simple one."""
+        """Series that rises through zero at the watched event.
+
+        For the clock pair it is the series of u, which has a simple zero where ξ has a multiple zero.
+        """
         c, sign, level = watch.pair, watch.sign, watch.level
         if watch.quantity == "bracket":
             return [sign * a for a in piece.force[c].phi]
@@ -258,7 +283,7 @@ class Taylor:
         self.t += value(piece.t, x)
 
     def add_work(self, piece: Piece, x: Number) -> None:
-        """Add what forces do up to x of the piece: on overlaps, and for the walls."""
+        """Add the work of the forces up to x of the piece, on overlaps and by walls."""
         rho, last = [j * a for j, a in enumerate(piece.t)][1:], len(self.touches) - 1
         for c, force in piece.force.items():
             if force.active:
@@ -268,17 +293,23 @@ class Taylor:
                         self.work[side] += (1 - 2 * side) * work_done(self.mp, force.terms, piece.v[b], rho, x)
 
     def elastic(self) -> Number:
-        """Σ U(ξ) in J."""
+        """Elastic energy Σ U(ξ) in J."""
         closed = [a for a in self.touches if a.xi > 0]
         return sum((a.k * self.mp.power(a.xi, a.p + 1) / (a.p + 1) for a in closed), self.mp.zero)
 
     def account(self) -> tuple[Number, ...] | None:
-        """Work of the floor and of the ceiling, heat of both, and what was dissipated, in J; None where no wall
-        moves or heats."""
+        """Work of floor and ceiling, heat of both, and dissipated energy, in J.
+
+        Return None if no wall moves or heats.
+        """
         return (*self.work, self.pushed - (self.elastic() - self.stored)) if self.work else None
 
     def advance_free_flight(self, end: Number) -> bool:
-        """Move on at once, and return true, while no wall comes near flying balls; a good part of a turn at least."""
+        """Advance the flying balls in one step while they are far from all walls.
+
+        Return whether the step was taken. It must cover at least a quarter of a period of a wall, or of the time until
+        the path of a wall changes.
+        """
         room = [path.above(self.t, side) for _, side, path in self.driven_pairs()]
         if not room or self.mp.inf in room or any(mode != OPEN for mode in self.mode):
             return False
@@ -300,11 +331,14 @@ class Taylor:
         return True
 
     def driven_pairs(self) -> list[tuple[int, int, Path]]:
-        """The pairs beside driven walls, to which side these push, 1 upwards, and their paths."""
+        """Pairs beside driven walls, the side to which each wall pushes, and its path.
+
+        Side 1 is upwards, side -1 downwards.
+        """
         return [(0, 1, path) if b == 0 else (b - 1, -1, path) for b, path in self.paths.items()]
 
     def free_flights(self) -> list[list[Number]]:
-        """The parabolas of overlaps without forces, were driven walls at their constant velocities."""
+        """Parabolas of overlaps without forces, for walls at constant velocities."""
         halves = [a / 2 for a in self.across(self.fall)]
         out = [[a.xi, self.now(c, "rate"), half] for c, (a, half) in enumerate(zip(self.touches, halves, strict=True))]
         for c, side, path in self.driven_pairs():
@@ -312,14 +346,17 @@ class Taylor:
         return out
 
     def fly(self, dt: Number) -> None:
-        """Move on without forces for `dt` in s."""
+        """Advance by `dt` in s without forces."""
         for c, a in enumerate(self.touches):
             a.xi += dt * (self.now(c, "rate") + dt * self.pull[c] / 2)
         self.v = [v + g * dt for v, g in zip(self.v, self.fall, strict=True)]
         self.t += dt
 
     def kick(self, c: int) -> None:
-        """Let the ball of pair c leave a thermal wall with a speed drawn anew; book its work and heat."""
+        """Give the ball of pair c a random speed away from its thermal wall.
+
+        The work and the heat of the wall are added to the energy account.
+        """
         one, wall = self.heat[c], self.v[self.heat[c].wall]
         speed, was = self.mp.mpf(one.next_speed()), abs(self.v[one.ball] - wall)
         away = 1 - 2 * one.side
@@ -329,14 +366,17 @@ class Taylor:
         self.update_speed_scale()
 
     def take_note(self, c: int, what: str) -> None:
-        """Take note of an event of pair c."""
+        """Update the state of pair c after an event."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.touches[c].xi = self.mp.zero
         self.touches[c].woken = self.mode[c] == DORMANT
         self.update_speed_scale()
 
     def update_speed_scale(self) -> None:
-        """Keep the largest speed so far, that of stored energy included: the scale of all tolerances."""
+        """Update the largest speed so far, which scales all tolerances.
+
+        The speed that corresponds to stored energy is included.
+        """
         mp = self.mp
         for c, a in enumerate(self.touches):
             w, g = self.mobility(c), self.pull[c]
@@ -347,7 +387,7 @@ class Taylor:
 
 
 def displacements(mp: Any, scene: Any) -> list[Number]:
-    """Of pendula, from where they rest; none without pendula."""
+    """Displacements of pendula from their rest positions, or an empty list."""
     if scene.rest_gap is None:
         return []
     walls, out = scene.is_wall.tolist(), [mp.mpf(scene.origin)]

@@ -1,6 +1,6 @@
-"""Stiff and extreme cases: does each method survive, and does it say so when it does not?
+"""Stiff and extreme cases: is a method right, and is a wrong result flagged?
 
-``python -m bench.stability [--quick] [--json FILE] [AXIS ...]``; docs/stability.md is the page it makes.
+``python -m bench.stability [--quick] [--json FILE] [AXIS ...]`` writes docs/stability.md.
 """
 
 from bench.stability.report import StabilityReport

@@ -1,7 +1,8 @@
-"""Run the study of stiff and extreme cases: ``python -m bench.stability [--quick] [--json FILE] [AXIS ...]``.
+"""Run the study of stiff and extreme cases.
 
-Prints the tables, and the cells of the default methods that are not right and not flagged. The whole of it takes some
-twenty minutes, puts the tables into docs/stability.md, and draws its figure.
+``python -m bench.stability [--quick] [--json FILE] [AXIS ...]`` prints the tables, and the cells of the default methods
+that are neither right nor flagged. The whole study takes about twenty minutes. It also writes the tables into
+docs/stability.md and draws the figure of that page.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from granular._engine.progress import shown
 PAGE_PATH = Path(__file__).parents[2] / "docs" / "stability.md"
 FIGURE_PATH = PAGE_PATH.parent / "figures" / "stability-three-balls.png"
 CELL_SECONDS = {DEFAULT_METHODS: 20.0, FIXED_METHODS: 1.0}
-"""Limit of processor time of a cell in s, by methods."""
+"""Limit of processor time per cell in s, by methods."""
 SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> StabilityReport:
-    """Run the cells of all methods on these axes."""
+    """Run the cells of all methods on the given axes."""
     parts = []
     for methods, seconds in CELL_SECONDS.items():
         with shown(True, None, things="cells") as progress:
@@ -40,7 +41,10 @@ def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> Stabil
 
 
 def page_text(report: StabilityReport) -> str:
-    """The tables of the page, long ones folded, and what is not right and not flagged."""
+    """Tables of the page, and the cells that are neither right nor flagged.
+
+    Long tables are folded.
+    """
     parts = []
     for title, rows in report.tables().items():
         text = markdown([[readable_number(cell) for cell in row] for row in rows])
@@ -48,18 +52,18 @@ def page_text(report: StabilityReport) -> str:
         parts.append(long if len(rows) > 8 else f"**{title}**\n\n{text}")
     left = [f"* {failure_line(cell)}" for method in DEFAULT_METHODS for cell in report.of(*BAD_VERDICTS, method=method)]
     if left:
-        parts += ["Of the default methods, not right and not flagged:", "\n".join(left)]
+        parts += ["Cells of the default methods that are neither right nor flagged:", "\n".join(left)]
     return "\n\n".join(parts)
 
 
 def failure_line(cell: Result) -> str:
-    """A cell that is not right, in words."""
+    """Description of a cell that is not right."""
     error = "" if math.isnan(cell.error) else f", error {cell.error:.2g}, tolerance {cell.tolerance:.2g}"
     return f"{cell.verdict.name}, {cell.method}, {cell.axis}: {cell.case} [{cell.truth}]{error}; {cell.said}"
 
 
 def readable_number(cell: str) -> str:
-    """A number as people write it: 1.5·10⁻⁷."""
+    """Number with a power of ten, such as 1.5·10⁻⁷."""
     found = re.fullmatch(r"(\d\.\d)e([+-]\d+)", cell)
     if not found:
         return cell
@@ -67,11 +71,11 @@ def readable_number(cell: str) -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure, print, and write what was asked for."""
+    """Run the study, print the tables, and write the requested files."""
     parser = argparse.ArgumentParser(prog="python -m bench.stability", description=__doc__.partition("\n\n")[2])
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"one of: {', '.join(AXES)}")
-    parser.add_argument("--quick", action="store_true", help="only some short cells of each axis and method")
-    parser.add_argument("--json", metavar="FILE", help="write every cell")
+    parser.add_argument("--quick", action="store_true", help="run only some short cells per axis and method")
+    parser.add_argument("--json", metavar="FILE", help="write every cell to FILE")
     given = parser.parse_args(arguments)
     try:
         check.known(given.axes, AXES, "axis")

@@ -1,4 +1,4 @@
-"""A cell of the table: what is run, what truth it is judged by, and to what tolerance."""
+"""Cell of the study: a case, its reference and its tolerance."""
 
 from __future__ import annotations
 
@@ -25,29 +25,32 @@ ELASTIC_RULE = ConstantRestitution(1.0)
 
 P = ParamSpec("P")
 Rerun = Callable[..., Trajectory]
-"""``rerun(scene=..., law=..., **options)``: the cell once more by the same method, with these changes."""
+"""``rerun(scene=..., law=..., **options)`` repeats the cell with these changes.
+
+The method stays the same.
+"""
 
 
 class Verdict(Enum):
-    """How a cell ended; the value is the sentence that explains it."""
+    """Verdict on a cell. The value is a sentence that explains it."""
 
     right = "within the tolerance"
-    flagged = "wrong or unfinished, and a status or a warning says so"
-    wrong = "wrong, and nothing says so"
-    crashed = "ended in an error that is not a sentence about its arguments"
+    flagged = "wrong or unfinished, with a status or a warning"
+    wrong = "wrong, without a status or a warning"
+    crashed = "ended with an error that is not a message about misuse"
     limit = "did not end within the limit of processor time"
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What a run is judged by.
+    """Reference with which a run is compared.
 
     Attributes
     ----------
     words : str
-        What it is compared with.
+        Description of the reference.
     error : callable
-        ``error(trajectory, rerun)``: the error, dimensionless; nan counts as wrong.
+        ``error(trajectory, rerun)`` returns the dimensionless error. The value nan counts as wrong.
     """
 
     words: str
@@ -55,7 +58,10 @@ class Truth:
 
 
 def compared_with(words: str) -> Callable[[Callable[Concatenate[Trajectory, Rerun, P], float]], Callable[P, Truth]]:
-    """Make ``error(run, rerun, *known)`` a function that returns the `Truth` for what is known."""
+    """Turn ``error(run, rerun, *known)`` into a function that makes a `Truth`.
+
+    The function takes the values in `known`.
+    """
     return lambda error: lambda *known, **named: Truth(words, lambda run, rerun: error(run, rerun, *known, **named))
 
 
@@ -66,25 +72,25 @@ class Cell:
     Attributes
     ----------
     axis, case : str
-        The row of the table, and what is special here.
+        Row of the table, and description of the case.
     scene : Scene
-        What is run.
+        Initial state.
     truth : Truth
-        What it is judged by.
+        Reference of the result.
     law, rule : force law(s), collision rule
-        For soft and for hard spheres; None where they do not take part.
+        For soft and for hard spheres, or None without such a run.
     tolerance : float
-        Largest error that is right for "located" and "edmd".
+        Largest right error of "located" and "edmd".
     loose : float
-        The same for methods with a fixed step, at their default dt unless `options` names one.
+        Largest right error of methods with a fixed step, at their default dt unless `options` contains dt.
     options : mapping
         Keyword arguments of ``simulate``.
     methods : tuple of str
-        Who takes part.
+        Methods that run the cell.
     slow : bool
-        Left out of a quick study.
+        Whether a quick study leaves the cell out.
     cut : bool
-        Whether reaching `max_events` is what was asked for, and no flag.
+        Whether the run is meant to reach `max_events`, which is then not a flag.
     """
 
     axis: str
@@ -102,14 +108,17 @@ class Cell:
 
 
 def at_wall(gap: Any, velocity: Any, mass: Any = 1.0, gravity: float = 0.0) -> Scene:
-    """Return balls above a wall or floor at rest."""
+    """Balls above a wall or floor at rest."""
     n = len(gap)
     return Scene([math.inf, *np.broadcast_to(mass, n)], [0.0, *np.full(n, 0.1)], gap, [0.0, *velocity], gravity)
 
 
 @dataclass(frozen=True)
 class Result:
-    """A judged cell: the error (dimensionless, nan if there is none), its tolerance and what the run said."""
+    """Verdict on a cell by one method.
+
+    The error is dimensionless, and nan if it is unknown. `said` is the final message of the run, with its warnings.
+    """
 
     axis: str
     case: str
@@ -123,11 +132,14 @@ class Result:
 
 
 SHORT_RUN_STEPS = 5_000
-"""Steps at most of an interpreted run."""
+"""Maximum number of steps of an interpreted run."""
 
 
 def rerun_function(cell: Cell, method: str, plain: bool = False) -> Rerun:
-    """Return the function that runs `cell` by `method`, with changes if asked for; `plain`: interpreted, and short."""
+    """Function that runs `cell` by `method`, with optional changes.
+
+    With `plain` the run is interpreted and short.
+    """
 
     def rerun(**changes: Any) -> Trajectory:
         options = {"scene": cell.scene, "law": cell.law} | dict(cell.options) | changes

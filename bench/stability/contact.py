@@ -1,4 +1,4 @@
-"""One contact at every extreme: its restitution is known in closed form, so every cell has an exact truth."""
+"""One contact at extreme parameters, with a restitution known in closed form."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from granular.laws.rules import ConstantRestitution
 from granular.scene import Pair, Scene
 
 LINEAR_TOLERANCE, POWER_TOLERANCE, TABLE_TOLERANCE = 2e-14, 1e-12, 1e-9
-"""Tolerances, in units of the impact speed: linear laws, powers, restitution from a table good to that."""
+"""Tolerances in units of the impact speed: linear laws, powers, tabulated laws."""
 LAW_FACTORIES: dict[str, Callable[[float, float, float, Pair], Any]] = {
     "linear": lambda eps, k, speed, pair: LinearDashpot.from_restitution(eps, k, pair),
     "hertz": lambda eps, k, speed, pair: Hertz(k),
@@ -26,7 +26,10 @@ LAW_FACTORIES: dict[str, Callable[[float, float, float, Pair], Any]] = {
     "walton-braun": lambda eps, k, speed, pair: WaltonBraun.from_restitution(eps, k),
     "parabola": lambda eps, k, speed, pair: PowerLaw(k, 2.0),
 }
-"""Laws of restitution `eps` at `speed` in m/s and of stiffness `k`, if they can have it."""
+"""Laws of restitution `eps` at `speed` in m/s and of stiffness `k`.
+
+A law without damping ignores `eps`.
+"""
 SWEPT_LAWS = tuple(LAW_FACTORIES)[:4]
 WALL_MASSES, PAIR_MASSES = MASS_CASES = (math.inf, 1.0), (1.0, 1.0)
 
@@ -35,7 +38,10 @@ def two_body_cell(
     axis: str, case: str, law: str, *, eps: float = 0.7, k: float = 1e6, speed: float = 1.0, gap: float = 1e-3,
     masses: Sequence[float] = WALL_MASSES,
 ) -> Cell:
-    """Return the cell of two bodies that meet once; the second flies towards the first, at rest (a wall or a ball)."""
+    """Cell of two bodies that collide once.
+
+    The second body flies towards the first, which is at rest and is a wall or a ball.
+    """
     wall, expected = math.isinf(masses[0]), 1.0 if law == "hertz" else eps
     scene = Scene(masses, [0.0 if wall else 0.1, 0.1], [gap], [0.0, -speed])
     return Cell(
@@ -47,7 +53,7 @@ def two_body_cell(
 
 
 def possible(law: str, eps: float) -> bool:
-    """Return whether the law can have that restitution."""
+    """Whether the law can have this restitution."""
     return law != "hertz" or eps == 1.0
 
 
@@ -61,7 +67,7 @@ def stiffness() -> Iterator[Cell]:
 
 
 def damping() -> Iterator[Cell]:
-    """Restitution from 1 to 1e-6, and a dashpot from ζ = 1e-6 to far beyond critical damping."""
+    """Restitution from 1 to 1e-6, and dashpots from ζ = 1e-6 to 1e6."""
     small = (1.0, 1 - 1e-9, 0.999, 0.9, 0.5, 0.1, 0.03, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
     each = chain(
         product(small, ("linear", "tsuji"), MASS_CASES),
@@ -73,7 +79,7 @@ def damping() -> Iterator[Cell]:
 
 
 def damping_cell(zeta: float, masses: Sequence[float]) -> Cell:
-    """Return the cell of a dashpot of that damping ratio."""
+    """Cell of a dashpot with damping ratio `zeta`."""
     cell, eps = two_body_cell("damping", f"ζ = {zeta:g}", "linear", masses=masses), dashpot.restitution(zeta)
     law = LinearDashpot(1e6, 2.0 * zeta * math.sqrt(1e6 * cell.scene.pairs[0].m_eff))
     return replace(cell, law=law, rule=ConstantRestitution(eps), truth=truth.restitution(eps, 1.0))
@@ -90,7 +96,7 @@ def mass_ratios() -> Iterator[Cell]:
 
 
 def gaps() -> Iterator[Cell]:
-    """Gaps of nothing, of the smallest float, of one ulp, up to 1 km."""
+    """Gaps from 0, the smallest float and one ulp up to 1 km."""
     widths = (0.0, 5e-324, 1e-300, 1e-100, 1e-30, 2.0**-52, 1e-12, 1e-8, 1e-4, 1.0, 1e3)
     each = product(widths, SWEPT_LAWS, MASS_CASES)
     return (two_body_cell("gap", f"gap = {gap:.3g}", law, gap=gap, masses=masses) for gap, law, masses in each)
@@ -110,7 +116,7 @@ def starts() -> Iterator[Cell]:
 
 
 def late_cell(cell: Cell, start: float) -> Cell:
-    """Return the cell begun at another time in s."""
+    """Cell with another start time in s."""
     return replace(cell, options=dict(cell.options) | {"t_start": start})
 
 
@@ -124,7 +130,7 @@ def exponents() -> Iterator[Cell]:
 
 
 def corners() -> Iterator[Cell]:
-    """All combinations of the ends of these axes."""
+    """All combinations of the extremes of seven parameters."""
     ends = product((1.0, 1e16), (1e-6, 1.0), (1e-9, 1e6), (1e-9, 1e9), (0.0, 1e3), (0.0, 1e12), ("linear", "tsuji"))
     for k, eps, v, ratio, gap, start, law in ends:
         case = f"k = {k:.0e}, ε = {eps:g}, v = {v:.0e}, 1 : {ratio:.0e}, gap = {gap:g}, t = {start:.0e}"
@@ -132,11 +138,14 @@ def corners() -> Iterator[Cell]:
 
 
 STEP_SHARES = (1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.63, 0.65, 1.0, 3.0)
-"""dt as parts of the duration of the contact; for an elastic spring 2/ω₀ is 0.637 of it."""
+"""Values of dt as shares of the contact duration t_c.
+
+For an elastic spring, 2/ω₀ is 0.637 t_c.
+"""
 
 
 def steps() -> Iterator[Cell]:
-    """One contact, with dt from 1e-3 t_c to 3 t_c and touching at three phases of a step."""
+    """One contact with dt from 1e-3 t_c to 3 t_c, begun at three phases of a step."""
     for law, eps, part, phase in product(SWEPT_LAWS, (1.0, 0.7, 0.1), STEP_SHARES, (0.0, 0.31, 0.83)):
         if possible(law, eps):
             cell = two_body_cell("time step", f"dt = {part:g} t_c, ε = {eps:g}, phase {phase:g}", law, eps=eps)
@@ -146,19 +155,22 @@ def steps() -> Iterator[Cell]:
 
 
 def wall_hit_cell(axis: str, case: str, law: Any, expected: Truth, speed: float = 1.0) -> Cell:
-    """Return the cell of a ball of 1 kg that hits a wall."""
+    """Cell of a ball of 1 kg that hits a wall."""
     scene = Scene([math.inf, 1.0], [0.0, 0.5], [0.1], [0.0, -speed])
     return Cell(axis, case, scene, expected, law, options={"until": until.separated(), "max_steps": 50_000})
 
 
 def powers() -> Iterator[Cell]:
-    """Elastic powers n/12 from 1 to 16, with traits and without."""
+    """Elastic powers n/12 from 1 to 16, with and without traits."""
     for n, law in product(range(12, 193), (PowerLaw, PlainPower)):
         yield wall_hit_cell("powers", f"ξ^({n}/12), {law.__name__}", law(1.0, n / 12.0), power_contact(1.0, n / 12.0))
 
 
 def power_contact(k: float, p: float) -> Truth:
-    """One contact of 1 kg at 1 m/s under F = k ξ^p: depth from energy, duration by the Gamma function."""
+    """Contact of 1 kg at 1 m/s under F = k ξ^p.
+
+    The depth follows from the energy, the duration from the Gamma function.
+    """
     a = 1.0 / (p + 1.0)
     depth = ((p + 1.0) / (2.0 * k)) ** a
     duration = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + a) / math.gamma(0.5 + a) * depth
@@ -166,7 +178,7 @@ def power_contact(k: float, p: float) -> Truth:
 
 
 def kinks() -> Iterator[Cell]:
-    """Laws with a kink in the overlap, in the rate, or at the turn of a loading cycle."""
+    """Laws with a kink in the overlap, in the rate, or at the start of unloading."""
     for ratio, part, v in product((0.1, 0.5, 3.0, 30.0), (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99), (1.0, 0.37)):
         bent = TwoStiffnesses(1e4, 1e4 * ratio, part * v / 100.0)
         case = f"stiffness times {ratio:g} at {part:g} of the depth, v = {v:g}"
@@ -180,7 +192,10 @@ def kinks() -> Iterator[Cell]:
 
 
 def bent_contact(law: TwoStiffnesses, v: float) -> Truth:
-    """1 kg at `v` in m/s against a spring in two pieces: arcs of two sines."""
+    """Contact of 1 kg at `v` in m/s with a spring of two stiffnesses.
+
+    The motion follows arcs of two sines.
+    """
     w1, w2, bend = math.sqrt(law.k), math.sqrt(law.k2), math.sqrt(law.k) * law.xi1
     turn, shift = math.sqrt((v - bend) * (v + bend)) / w2, law.k * law.xi1 / law.k2
     amplitude = math.hypot(shift, turn)
@@ -190,7 +205,10 @@ def bent_contact(law: TwoStiffnesses, v: float) -> Truth:
 
 
 def damped_contact(law: TwoDampings) -> Truth:
-    """1 kg at 1 m/s: damped oscillation to the peak, and from rest there to F = 0 with the other damping."""
+    """Contact of 1 kg at 1 m/s with different damping in loading and unloading.
+
+    A damped oscillation leads to the peak. A second one, with the other damping, leads from rest there to F = 0.
+    """
     w = math.sqrt(law.k)
     zeta = [0.5 * gamma / w for gamma in (law.loading, law.unloading)]
     phase = [math.acos(z) / math.sqrt((1.0 - z) * (1.0 + z)) for z in zeta]
@@ -200,7 +218,10 @@ def damped_contact(law: TwoDampings) -> Truth:
 
 
 def plastic_contact(k: float, rest: float) -> Truth:
-    """1 kg at 1 m/s: two quarters of oscillations; what unloading gives back is 1 - rest of the energy."""
+    """Contact of 1 kg at 1 m/s with hysteresis.
+
+    The motion consists of two quarter oscillations. Unloading returns a share 1 - rest of the energy.
+    """
     w, left = math.sqrt(k), math.sqrt(1.0 - rest)
     return truth.one_contact(left, 1.0, duration=0.5 * math.pi * (1.0 + left) / w, xi_max=1.0 / w, force_max=w,
                              impulse=1.0 + left)

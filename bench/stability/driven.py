@@ -1,4 +1,4 @@
-"""Driven walls and forces: orbits and lift-off in closed form, the account of the energy, and falling floors."""
+"""Driven walls and external forces: closed forms and the energy account."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FULL_TURN = 2.0 * math.pi
 
 
 def driven() -> Iterator[Cell]:
-    """All of them."""
+    """All cells with driven walls or external forces."""
     yield from orbits()
     yield from lift_offs()
     yield from equivalent_gravity()
@@ -32,7 +32,10 @@ def driven() -> Iterator[Cell]:
 
 
 def orbits() -> Iterator[Cell]:
-    """A hard ball on a plate, on its stable bounce of k periods: cos θ = G_k/Γ, for 200 bounces."""
+    """Hard ball on a plate, on its stable bounce of k periods, for 200 bounces.
+
+    The phase of the bounce is cos θ = G_k/Γ.
+    """
     for eps, k, share in product((0.2, 0.5, 0.8, 0.95), (1, 2), (0.1, 0.5, 0.9)):
         exists = k * math.pi * (1.0 - eps) / (1.0 + eps)
         doubles = math.hypot(exists, 2.0 * (1.0 + eps * eps) / ((1.0 + eps) * (1.0 + eps)))
@@ -45,15 +48,18 @@ def orbits() -> Iterator[Cell]:
                    options={"until": until.contact(0, 200)})
 
 
-@compared_with("its orbit in closed form")
+@compared_with("orbit in closed form")
 def same_phase(run: Trajectory, rerun: Rerun, phase: float) -> float:
-    """All bounces at one phase, in turns."""
+    """Largest deviation of a bounce from the phase of the orbit, in turns."""
     apart = measures.section(run)["phase"] - phase
     return float(np.abs(apart - np.round(apart)).max()) if len(apart) else math.inf
 
 
 def lift_offs() -> Iterator[Cell]:
-    """A hard ball that lies on a plate rides it, and leaves where the plate falls as it does: sin θ = 1/Γ."""
+    """Hard ball that rests on a plate and leaves it at sin θ = 1/Γ.
+
+    The plate then accelerates downwards with g.
+    """
     for gamma in (1.01, 1.2, 2.0, 10.0):
         plate = Sine.from_acceleration(gamma, FREQUENCY, G, -0.5 * math.pi)
         leaves = (math.asin(1.0 / gamma) + 0.5 * math.pi) / OMEGA
@@ -65,26 +71,26 @@ def lift_offs() -> Iterator[Cell]:
 
 
 def equivalent_gravity() -> Iterator[Cell]:
-    """A floor that rises ever faster without gravity, and forces as heavy as gravity: as a floor at rest with it."""
+    """Accelerated floors and external forces that are equivalent to gravity."""
     floor = Piecewise([0.0, 1.0], [[0.5 * G], [0.0], [0.0]])
     for law, name in ((LinearDashpot(1e4, 5.0), "dashpot"), (Hertz(1e6), "Hertz")):
         rule = ConstantRestitution(0.6)
         plain = Scene([math.inf, 1.0, 0.5], [0.0, 0.05, 0.05], [0.3, 0.1], [0.0] * 3, G)
         rising = plain.replace(gravity=0.0, floor=floor)
         forced = plain.replace(gravity=0.0, external_force=[0.0, -G, -0.5 * G])
-        for scene, what in ((rising, "floor that rises ever faster"), (forced, "forces as heavy as gravity")):
+        for scene, what in ((rising, "accelerated floor"), (forced, "forces equal to gravity")):
             yield Cell("driven", f"{what}, {name}", scene, as_under_gravity(plain), law, rule, 1e-11,
                        options={"t_end": 0.6, "samples": 13}, methods=ALL_METHODS)
 
 
-@compared_with("the same with gravity")
+@compared_with("run with gravity")
 def as_under_gravity(run: Trajectory, rerun: Rerun, plain: Scene) -> float:
-    """The gaps are those above a floor at rest. Part of the first gap."""
+    """Largest difference from the gaps above a floor at rest, over the first gap."""
     return float(np.abs(run.gap - rerun(scene=plain).gap).max()) / float(plain.gap[0])
 
 
 def energy_accounts() -> Iterator[Cell]:
-    """Shaken columns, and balls between a shaken floor and a ceiling that comes down: the account is closed."""
+    """Shaken columns, and balls between a shaken floor and an approaching ceiling."""
     for n, gamma, eps in product((1, 3), (0.8, 2.0, 10.0), (0.5, 0.9)):
         column = scenes.vibrated_column(n, gamma, FREQUENCY)
         yield energy_account_cell(f"column of {n}, Γ = {gamma:g}, ε = {eps:g}", column, eps, slow=gamma < 5.0)
@@ -95,15 +101,18 @@ def energy_accounts() -> Iterator[Cell]:
 
 
 def energy_account_cell(case: str, scene: Scene, eps: float, slow: bool = False) -> Cell:
-    """A cell that asks for the account of the energy."""
+    """Cell that checks the energy account."""
     laws: Any = tuple(LinearDashpot.from_restitution(eps, k=1e5, pair=pair) for pair in scene.pairs)
     return Cell("driven", case, scene, account_closes(), laws, ConstantRestitution(eps), methods=ALL_METHODS,
                 loose=0.05, options={"t_end": 0.1}, slow=slow)
 
 
-@compared_with("the account of the energy")
+@compared_with("energy account")
 def account_closes(run: Trajectory, rerun: Rerun) -> float:
-    """Energy - work + dissipated is what it was. Part of all that was turned over."""
+    """Remainder of the energy account, as a share of all energy turned over.
+
+    Energy - work + dissipated energy must stay constant.
+    """
     parts = measures.balance(run)
     turned = sum(abs(parts[name]) for name in ("start", "floor", "ceiling", "dissipated"))
     return abs(parts["remainder"]) / turned

@@ -1,4 +1,4 @@
-"""Hard spheres: exact rational runs, collapse, Zeno's ball, ties, and the edges of floating point."""
+"""Hard spheres: rational arithmetic, collapse, ties, limits of floating point."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from granular.scene import Scene
 
 
 def hard_cell(axis: str, case: str, scene: Scene, expected: Truth, eps: float = 1.0, **more: Any) -> Cell:
-    """Return a cell of hard spheres of restitution `eps`."""
+    """Cell of hard spheres with restitution `eps`."""
     return Cell(axis, case, scene, expected, rule=ConstantRestitution(eps), methods=("edmd",), **more)
 
 
 def exact_runs(seeds: int = 60) -> Iterator[Cell]:
-    """Random lines without gravity, compared collision by collision with rational arithmetic."""
+    """Random lines without gravity, compared with rational arithmetic."""
     return (
         hard_cell("exact sequence", f"{case}, ε = {eps:g}, {more}", scene, rational(eps), eps, cut=True,
                   options={"max_events": 25})
@@ -47,7 +47,10 @@ def lines(seeds: int) -> Iterator[tuple[str, str, Scene, float]]:
 
 
 def sticky() -> Iterator[tuple[str, str, Scene, float]]:
-    """Lines whose rates after a few impacts, ε² v and less, are below the rounding of their velocities."""
+    """Lines whose rates fall below the rounding error of velocities.
+
+    After a few impacts the rates are ε² v and smaller.
+    """
     for mass, gap, velocity in (
         ([0.3642479594038528, 7.436239814034007e-07, 0.03820219111308472, 0.5509859578714925, 326221605.9008801],
          [1.0, 1e3, 1e-300, 1e-16],
@@ -59,7 +62,10 @@ def sticky() -> Iterator[tuple[str, str, Scene, float]]:
 
 @compared_with("rational arithmetic, collision by collision")
 def rational(run: Trajectory, rerun: Rerun, eps: float) -> float:
-    """The same collisions in rational arithmetic: pairs in the same order, and velocities at the end."""
+    """Largest error of the final velocities against rational arithmetic.
+
+    The error is infinite if the pairs collide in another order.
+    """
     pairs, velocity = rational_run(run.scene, eps, 25 if run.status is Status.quiet else len(run.contacts))
     if pairs != run.contacts["pair"].tolist():
         return math.inf
@@ -67,7 +73,10 @@ def rational(run: Trajectory, rerun: Rerun, eps: float) -> float:
 
 
 def rational_run(scene: Scene, eps: float, most: int) -> tuple[list[int], np.ndarray[tuple[int], np.dtype[np.float64]]]:
-    """Return the pairs of at most `most` collisions and the velocities after them in m/s, computed without rounding."""
+    """Pairs of at most `most` collisions, and the final velocities in m/s.
+
+    The collisions are computed without rounding.
+    """
     w = [Fraction(0) if math.isinf(m) else 1 / Fraction(m) for m in scene.mass.tolist()]
     gap, v = ([Fraction(x) for x in column.tolist()] for column in (scene.gap, scene.velocity))
     e, pairs = Fraction(eps), list[int]()
@@ -81,7 +90,7 @@ def rational_run(scene: Scene, eps: float, most: int) -> tuple[list[int], np.nda
 
 
 def collapse() -> Iterator[Cell]:
-    """Zeno's ball to its last bounce; three balls on both sides of the threshold of collapse; columns; sticking."""
+    """Zeno's ball, three balls near the threshold of collapse, columns, sticking."""
     for height, eps in product((1e-6, 1.0, 1e3), (1e-6, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)):
         rest = truth.comes_to_rest(theory.bouncing_ball(height, eps)[0])
         yield hard_cell("collapse", f"ball from {height:g} m, ε = {eps:g}", scenes.bouncing_ball(height), rest, eps,
@@ -96,12 +105,12 @@ def collapse() -> Iterator[Cell]:
 
 
 def ends_with(status: Status) -> Truth:
-    """The run ends in that status."""
-    return Truth(f"ends in {status.name}", lambda run, rerun: 0.0 if run.status is status else math.inf)
+    """Reference: the run ends in this status."""
+    return Truth(f"status {status.name}", lambda run, rerun: 0.0 if run.status is status else math.inf)
 
 
 def ties() -> Iterator[Cell]:
-    """Simultaneous contacts under every rule for them."""
+    """Simultaneous contacts under every tie rule."""
     wedged = Scene([math.inf, 1, 1, math.inf], [0, 0.1, 0.1, 0], [0, 0, 0], [0, 1, -1, 0])
     for rule in ("left", "right", "random", "reflect", "newton", "poisson"):
         after = (-1 / 3, 2 / 3, 2 / 3) if rule in ("newton", "poisson") else (0.0, 0.0, 1.0)
@@ -116,7 +125,7 @@ def ties() -> Iterator[Cell]:
 
 
 def edges() -> Iterator[Cell]:
-    """The edges of floating point, and walls that leave no way out."""
+    """Limits of floating point, and walls that close on a ball."""
     ones, radii = [1.0, 1.0], [0.1, 0.1]
     for v in (5e-324, 1e-300, 1e-150, 1e150, 1e300, 1e308):
         passed, turned = truth.velocities((0.0, v), v), truth.velocities((-v, v), v)
@@ -138,5 +147,5 @@ def edges() -> Iterator[Cell]:
 
 
 def collision_count(n: int) -> Truth:
-    """The digits of π: that many collisions in all (Galperin)."""
+    """Reference: this number of collisions, the digits of π (Galperin)."""
     return Truth("digits of π", lambda run, rerun: float(abs(run.stats["events"] - n)))

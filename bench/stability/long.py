@@ -1,4 +1,4 @@
-"""Long runs and long steps: what is left of energy and reversibility after many contacts; which dt is stable."""
+"""Long runs and long time steps: energy, reversibility and stability."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from granular.scene import Scene
 
 
 def runs() -> Iterator[Cell]:
-    """Bounces, drops from 1 km, oscillations, gases."""
+    """Bounces, drops from up to 1 km, oscillations and gases."""
     for e in range(1, 8):
         methods = ALL_METHODS if e <= 4 else DEFAULT_METHODS if e <= 5 else ("edmd",)
         yield replace(bounces(10**e), methods=methods, slow=e > 2)
@@ -51,21 +51,24 @@ def runs() -> Iterator[Cell]:
 
 
 def bounces(n: int, law: LinearDashpot | Hertz | None = None) -> Cell:
-    """A ball between two walls 1 m apart: `n` contacts, without gravity."""
+    """Ball between two walls 1 m apart, for `n` contacts without gravity."""
     scene = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [0.3, 0.5], [0.0, 1.0, 0.0])
     options = {"max_events": n, "t_end": 0.8 * n, "log": False, "max_steps": 10**8}
     return Cell("long runs", f"{n} bounces between walls", scene, truth.energy(), law or LinearDashpot(1e6),
                 ELASTIC_RULE, tolerance=1e-14 + 1e-15 * n, options=options, methods=ALL_METHODS)
 
 
-@compared_with("back at its height after n bounces")
+@compared_with("height after n bounces")
 def back_at(run: Trajectory, rerun: Rerun, height: float) -> float:
-    """An elastic ball on a floor: its n-th bounce is known in closed form."""
+    """Relative error of the height of an elastic ball after its n-th bounce."""
     return float(abs(run.gap[-1, 0] / height - 1.0))
 
 
 def oscillations(n: int) -> Iterator[Cell]:
-    """Three pre-compressed balls between walls; shaken gently (all contacts stay closed) and violently (they open)."""
+    """Three pre-compressed balls between walls, with small or large oscillations.
+
+    All contacts stay closed in small oscillations and open in large oscillations.
+    """
     methods = SOFT_METHODS if n <= 1_000 else ("located", "verlet") if n <= 100_000 else ("verlet",)
     fast = ((LinearDashpot(1e6), math.sqrt(2e6)), (Hertz(1e8), math.sqrt(2 * 1.5e8 * math.sqrt(1e-3))))
     for (name, speed), (law, omega) in product((("closed", 1e-3), ("opening", 3.0)), fast):
@@ -77,9 +80,12 @@ def oscillations(n: int) -> Iterator[Cell]:
                    tolerance=1e-12 + 1e-15 * n, options=options, methods=methods, slow=n > 10)
 
 
-@compared_with("the set of speeds is kept (md: the energy)")
+@compared_with("conserved set of speeds (md: energy)")
 def speeds_kept(run: Trajectory, rerun: Rerun) -> float:
-    """Equal elastic hard balls only exchange velocities; soft ones keep their energy."""
+    """Change of the set of speeds, which equal elastic hard balls only exchange.
+
+    For soft balls the change of energy is returned.
+    """
     if run.rule is None:
         return truth.energy().error(run, rerun)
     first, last = np.sort(np.abs(run.velocity[[0, -1]]))
@@ -88,8 +94,11 @@ def speeds_kept(run: Trajectory, rerun: Rerun) -> float:
 
 @dataclass(frozen=True)
 class Drift:
-    """After that many contacts of a ball between two walls: relative change of energy, and how far, in units of its
-    speed, the ball is from its start when turned round for as long (all dimensionless)."""
+    """Drift after a number of contacts of a ball between two walls.
+
+    `energy` is the relative change of energy. `reversal` is the velocity error after time reversal for the same time,
+    in units of the speed. Both are dimensionless.
+    """
 
     method: str
     law: str
@@ -99,16 +108,16 @@ class Drift:
 
 
 def drifts(methods: Sequence[str] = ALL_METHODS, most: int = 10_000) -> list[Drift]:
-    """Measure drift of energy and loss of reversibility by powers of ten up to `most` contacts."""
+    """Drifts of energy and reversibility after 10, 100, … `most` contacts."""
     laws: tuple[LinearDashpot | Hertz, ...] = (LinearDashpot(1e6), Hertz(1e8))
     each = product(methods, laws, range(1, 1 + round(math.log10(most))))
     return [drift(method, law, 10**e) for method, law, e in each if method != "edmd" or isinstance(law, LinearDashpot)]
 
 
 def drift(method: str, law: LinearDashpot | Hertz, n: int) -> Drift:
-    """Measure it after `n` contacts."""
+    """Drift after `n` contacts."""
     cell = bounces(n, law)
-    few = {"engine": "plain"} if method in FIXED_METHODS and n <= 10 else {}  # that does not pay for machine code
+    few = {"engine": "plain"} if method in FIXED_METHODS and n <= 10 else {}  # too short to compile a kernel
     rerun = rerun_function(replace(cell, options=dict(cell.options) | {"max_events": n + 10} | few), method)
     run = rerun()
     kept, returns = (target.error(run, rerun) for target in (truth.energy(), truth.reversal()))
@@ -120,8 +129,10 @@ UNIT_SPRING = LinearDashpot(1.0)
 
 @dataclass(frozen=True)
 class StabilityLimit:
-    """The largest stable dt in units of √(m/k), measured by bisection, beside the method's theory, and beside the
-    step from which `granular.md` says `unstable` (all dimensionless)."""
+    """Largest stable dt of a method in units of √(m/k).
+
+    `measured` results from bisection, `theory` from the method. From `reported` on, `granular.md` ends with `unstable`.
+    """
 
     method: str
     balls: int
@@ -131,19 +142,22 @@ class StabilityLimit:
 
 
 OSCILLATOR_LIMITS = {"verlet": 2.0, "symplectic-euler": 2.0, "rk4": 2.0 * math.sqrt(2.0)}
-"""Largest stable dt·ω of an undamped oscillator, of methods for which a textbook has it."""
+"""Largest stable dt·ω of an undamped oscillator, for methods in textbooks."""
 
 
 def limits(balls: Sequence[int] = (1, 2, 20), methods: Sequence[str] = FIXED_METHODS) -> list[StabilityLimit]:
-    """Measure the stability limit of balls held between two walls by compressed springs, for each method.
+    """Stability limits of balls held between two walls by compressed springs.
 
-    One ball has ω = √(2k/m), a long chain 2√(k/m): hence dt < √(m/k) for Verlet inside a chain.
+    One ball has ω = √(2k/m), a long chain 2√(k/m). Verlet therefore needs dt < √(m/k) inside a chain.
     """
     return [limit(n, method) for n, method in product(balls, FIXED_METHODS) if method in methods]
 
 
 def limit(n: int, method: str) -> StabilityLimit:
-    """Measure that of `n` balls of 1 kg, with overlaps of 1 m, shaken a little, by bisection."""
+    """Stability limit of `n` balls of 1 kg with overlaps of 1 m, by bisection.
+
+    The balls start with small random velocities.
+    """
     shaken = 1e-6 * np.random.default_rng(n).uniform(-1.0, 1.0, n)
     scene = Scene([math.inf, *np.ones(n), math.inf], [0.0, *np.full(n, 10.0), 0.0], -np.ones(n + 1),
                   [0.0, *shaken, 0.0])
@@ -157,7 +171,7 @@ def limit(n: int, method: str) -> StabilityLimit:
 
 
 def grows(scene: Scene, method: str, dt: float) -> bool:
-    """Whether the shaking, 1e-6 m/s, has grown a thousandfold after 200 steps."""
+    """Whether velocities of 1e-6 m/s grow a thousandfold within 200 steps."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         run = md.simulate(scene, UNIT_SPRING, method=method, dt=dt, t_end=200 * dt, log=False)

@@ -53,7 +53,7 @@ class PlainViscoelastic:
 
 @dataclass(frozen=True)
 class TwoStiffnesses:
-    """A spring that is k2 in place of k beyond the overlap xi1: a kink."""
+    """Spring with stiffness k2 instead of k beyond the overlap xi1, where it kinks."""
 
     k: float
     k2: float
@@ -67,7 +67,7 @@ class TwoStiffnesses:
 
 @dataclass(frozen=True)
 class TwoDampings:
-    """A dashpot that damps differently while loading and while unloading: a kink in the rate."""
+    """Dashpot with different damping in loading and unloading, a kink in the rate."""
 
     k: float
     loading: float
@@ -79,7 +79,7 @@ class TwoDampings:
 
 @dataclass(frozen=True)
 class Hysteresis:
-    """Loading k ξ; unloading straight to zero at rest · ξ_max."""
+    """Loading with F = k ξ, and straight unloading to zero at rest · ξ_max."""
 
     k: float
     rest: float

@@ -1,7 +1,8 @@
-"""Make ``recorded.json`` anew: ``python -m bench.stability.recorded``; takes two minutes.
+"""Write ``recorded.json``: scenes solved by an independent solver.
 
-Scenes drawn for what once went wrong, solved by the independent solver of tests/fuzz in long doubles. A number's unit
-is its scale times the condition number of the scene: its change over that of gaps, velocities and masses.
+``python -m bench.stability.recorded`` takes two minutes. The scenes are drawn to resemble scenes that once failed, and
+are solved by the solver of tests/fuzz in long doubles. The unit of a number is its scale times the condition number of
+the scene. The condition number is the change of the result over the change of gaps, velocities and masses.
 """
 
 from __future__ import annotations
@@ -26,29 +27,29 @@ from bench.stability.line import COMPARED_FIELDS
 OUTPUT_PATH = Path(__file__).with_suffix(".json")
 DRAWS_PER_KIND = 14
 MAX_CONTACTS = 10
-"""Contacts of a scene."""
+"""Maximum number of contacts of a scene."""
 
 
 def chosen_cases() -> Iterator[tuple[str, Case]]:
-    """The scenes in which the defects were found."""
+    """Yield the scenes in which the defects were found."""
     yield "second contact inside an overlap", case([1.0] * 3, [-0.1, 0.0], [-0.2497, 0.0, -1.0],
                                                    [Spec("TsujiHertz", (1.0, 0.5))] * 2, 5.0)
     yield "own law", case([1.0] * 3, [0.4, 0.5], [0.7, -0.1, -0.7],
                           [Spec("WaltonBraun", (1.0, 2.0)), Spec("Hertz", (1.0,))])
     yield "reloading", case([1.0] * 3, [0.9, 0.3], [0.5, 0.0, -0.5], [Spec("WaltonBraun", (1.0, 4.0))] * 2)
-    yield "touched at once", case([1.0] * 4, [0.06] * 3, np.linspace(1.0, -1.0, 4).tolist(), [
+    yield "simultaneous contacts", case([1.0] * 4, [0.06] * 3, np.linspace(1.0, -1.0, 4).tolist(), [
         Spec("TsujiHertz", (1.0, 0.1)), Spec("PowerLaw", (1.0, 2.0)), Spec("Hertz", (1.0,))], 30.0)
     yield "steep law", case([1.0] * 3, [0.3] * 2, [1.0, -0.1, -0.1], [Spec("PowerLaw", (1.0, 3.3))] * 2)
 
 
 def case(mass: list[float], gap: list[float], velocity: list[float], laws: list[Spec],
          t_end: float | None = None) -> Case:
-    """A case without gravity."""
+    """Case without gravity."""
     return Case(tuple(mass), tuple(gap), tuple(velocity), 0.0, tuple(laws), t_end)
 
 
 def drawn_case(kind: str, seed: int) -> Case:
-    """A scene of that kind: three to five balls that come together nearly at once."""
+    """Random scene of a kind, with three to five balls that collide almost together."""
     rng = np.random.default_rng([SCENE_KINDS.index(kind), seed])
     n = int(rng.integers(3, 6))
     mass = [round(x, 2) for x in 10.0 ** rng.uniform(-0.5, 0.5, n)]
@@ -56,7 +57,7 @@ def drawn_case(kind: str, seed: int) -> Case:
         mass[0] = math.inf
     gap = [round(x, 3) for x in rng.uniform(0.02, 0.6, n - 1)]
     velocity = [round(x, 2) for x in np.sort(rng.uniform(-1.0, 1.0, n))[::-1]]
-    if kind == "touched at once":
+    if kind == "simultaneous contacts":
         gap, velocity = [gap[0]] * (n - 1), np.linspace(1.0, -1.0, n).tolist()
         mass = [1.0] * n
     if mass[0] == math.inf:
@@ -67,7 +68,11 @@ def drawn_case(kind: str, seed: int) -> Case:
 
 
 def pulled_apart(rng: Any, mass: list[float], gap: list[float], velocity: list[float]) -> Case:
-    """The lowest pair overlaps and parts so fast that its force is clipped; the next ball comes and pushes it again."""
+    """Case in which a clipped contact is pushed together again.
+
+    The lowest pair overlaps and separates so fast that its force is clipped. The next ball then pushes the pair
+    together.
+    """
     k, alpha, overlap = 1.0, float(round(rng.uniform(0.3, 1.0), 2)), float(round(rng.uniform(0.05, 0.4), 2))
     m_eff = 1.0 / (1.0 / mass[0] + 1.0 / mass[1])
     bare = k * overlap**1.25 / (alpha * math.sqrt(m_eff * k))
@@ -79,7 +84,7 @@ def pulled_apart(rng: Any, mass: list[float], gap: list[float], velocity: list[f
 
 
 def law_of(kind: str, rng: Any) -> Spec:
-    """A law of contacts of about a second."""
+    """Law of contacts that last about a second."""
     k, zeta = float(round(10.0 ** rng.uniform(-0.5, 1.0), 2)), float(round(rng.uniform(0.02, 0.5), 2))
     p = float(rng.choice([1.25, 2.2, 2.7, 3.3, 4.1, 4.5, 6.0]))
     if kind == "reloading":
@@ -94,16 +99,19 @@ def law_of(kind: str, rng: Any) -> Spec:
            Spec("PlainViscoelastic", (k, zeta))]
     built_in = [Spec("TsujiHertz", (k, zeta)), Spec("Hertz", (k,)), Spec("PowerLaw", (k, 4.0 / 3.0)),
                 Spec("LinearDashpot", (k, zeta)), Spec("WaltonBraun", (k, 2.0 * k))]
-    some = own if kind == "own law" else built_in[:4] if kind == "touched at once" else own + built_in
+    some = own if kind == "own law" else built_in[:4] if kind == "simultaneous contacts" else own + built_in
     return some[int(rng.integers(len(some)))]
 
 
 SCENE_KINDS = ["second contact inside an overlap", "own law", "own laws beside built-in ones", "reloading",
-               "touched at once", "steep law", "kinked law"]
+               "simultaneous contacts", "steep law", "kinked law"]
 
 
 def is_suitable(kind: str, one: Truth | None) -> bool:
-    """Whether a drawn scene is fit: well conditioned, ended, no contact of rounding, and of the kind."""
+    """Whether a drawn scene is well conditioned, finished and of its kind.
+
+    Scenes with contacts at rounding speed are rejected.
+    """
     if one is None or one.status != "quiet" or len(one.pairs) > MAX_CONTACTS or one.condition > 300.0:
         return False
     closing, parting = one.numbers["v_in"] @ [1.0, -1.0], one.numbers["v_out"] @ [-1.0, 1.0]
@@ -114,7 +122,7 @@ def is_suitable(kind: str, one: Truth | None) -> bool:
 
 
 def entry(kind: str, one: Case) -> dict[str, Any]:
-    """What the file holds of a case."""
+    """Entry of the file for one case."""
     exact = truth(one, LONG)
     assert exact is not None
     unit = {}
@@ -130,6 +138,7 @@ def entry(kind: str, one: Case) -> dict[str, Any]:
 
 
 def main() -> None:
+    """Solve all scenes and write the file."""
     entries = [entry(kind, one) for kind, one in chosen_cases()]
     for kind in SCENE_KINDS:
         made = seed = 0

@@ -1,4 +1,4 @@
-"""`StabilityReport`: the table, in words, in JSON and in Markdown."""
+"""`StabilityReport`: the results as text, as JSON and in Markdown."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from granular._engine.reports import Report, Rows, aligned, number
 
 BAD_VERDICTS = (Verdict.wrong, Verdict.crashed, Verdict.limit)
 PRINTED_CELLS = 20
-"""Bad cells that the printed report lists."""
+"""Maximum number of bad cells in the printed report."""
 
 
 def markdown(rows: Rows) -> str:
-    """Return a table in Markdown."""
+    """Table in Markdown."""
     head, *others = ("| " + " | ".join(row) + " |" for row in rows)
     return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
 
 
 @dataclass(frozen=True)
 class StabilityReport(Report):
-    """What `stability` found.
+    """Results of `stability`.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class StabilityReport(Report):
     limits : tuple of StabilityLimit
         Largest stable time steps, measured and by theory.
     drifts : tuple of Drift
-        Energy and reversibility against the number of contacts.
+        Energy and reversibility over the number of contacts.
     quick : bool
         Whether only a part of the cells was run.
     """
@@ -43,27 +43,27 @@ class StabilityReport(Report):
     quick: bool = False
 
     def count(self, method: str | None = None, axis: str | None = None) -> Counter[Verdict]:
-        """Number of cells of each verdict, of one method and one axis if named."""
+        """Number of cells of each verdict, for one method and one axis if given."""
         return Counter(
             cell.verdict for cell in self.cells if method in (None, cell.method) and axis in (None, cell.axis)
         )
 
     def of(self, *verdicts: Verdict, method: str | None = None) -> list[Result]:
-        """Cells that ended in one of the `verdicts`, of one method if named."""
+        """Cells with one of the `verdicts`, for one method if given."""
         return [cell for cell in self.cells if cell.verdict in verdicts and method in (None, cell.method)]
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Methods that took part."""
+        """Methods in the report."""
         return tuple(dict.fromkeys(cell.method for cell in self.cells))
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes that took part."""
+        """Axes in the report."""
         return tuple(dict.fromkeys(cell.axis for cell in self.cells))
 
     def tables(self) -> dict[str, list[list[str]]]:
-        """Return all tables as rows of words, the first row the heads."""
+        """All tables as rows of strings, with the heads in the first row."""
         each = {method: self.count(method) for method in self.methods}
         wrong = {axis: [self.count(method, axis) for method in self.methods] for axis in self.axes}
         found = {
@@ -94,7 +94,7 @@ class StabilityReport(Report):
         return found
 
     def markdown(self) -> str:
-        """Return the tables as Markdown."""
+        """Tables in Markdown."""
         return "\n\n".join(f"**{title}**\n\n{markdown(rows)}" for title, rows in self.tables().items()) + "\n"
 
     def _numbers(self) -> dict[str, Any]:
@@ -111,5 +111,5 @@ class StabilityReport(Report):
                      f"{c.tolerance:.2g}; {c.said}"[:240] for c in own[:PRINTED_CELLS]]
             hidden = len(own) - PRINTED_CELLS
             more = [f"  … and {hidden} more (see cells, or the JSON file)"] * (hidden > 0)
-            parts.append("\n".join(["not right and not flagged", *lines, *more]))
+            parts.append("\n".join(["neither right nor flagged", *lines, *more]))
         return "\n\n".join(parts)

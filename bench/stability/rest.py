@@ -1,4 +1,7 @@
-"""How runs end: a pile that lies still goes on to the end time, to its equilibrium; others end before their samples."""
+"""Ends of runs: piles that come to rest, and runs that stop between samples.
+
+A pile at rest is continued to the end time and to its equilibrium.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from granular.scene import Scene
 G, LONG_TIME = 9.81, 1e3
 SAMPLE_COUNT = 11
 QUICK_BODIES = 4
-"""Bodies up to which a cell takes part in a quick study."""
+"""Maximum number of bodies of a cell in a quick study."""
 PILE_LAWS: dict[str, tuple[Any, float]] = {
     "linear": (LinearDashpot(1e6, 500.0), 1.0),
     "viscoelastic": (ViscoelasticHertz(1e8, 3e4), 1.5),
@@ -29,7 +32,7 @@ PILE_LAWS: dict[str, tuple[Any, float]] = {
 
 
 def rests() -> Iterator[Cell]:
-    """A ball that oscillates on the floor, piles on a floor, piles between two walls."""
+    """Oscillating ball, piles on a floor, and piles between two walls."""
     for zeta, k, span in product((0.01, 0.1, 0.5, 0.9), (1e3, 1e6), (1.0, 1e3)):
         w = math.sqrt(k)
         end, scene = span * 2.0 / (zeta * w), at_wall([-1.5 * (G / k)], [0.0], gravity=G)
@@ -49,14 +52,17 @@ def rests() -> Iterator[Cell]:
 def rest_cell(
     case: str, scene: Scene, law: Any, expected: Truth, end: float = LONG_TIME, tolerance: float = 1e-11
 ) -> Cell:
-    """Return the cell of a scene that comes to rest before `end` in s."""
+    """Cell of a scene that comes to rest before `end` in s."""
     return Cell("rest", case, scene, expected, law, tolerance=tolerance,
                 options={"t_end": end, "samples": SAMPLE_COUNT}, slow=scene.n > QUICK_BODIES)
 
 
-@compared_with("damped oscillation, and momentum of the log")
+@compared_with("damped oscillation, and momentum from the log")
 def oscillates(run: Trajectory, rerun: Rerun, end: float, zeta: float, k: float) -> float:
-    """1 kg that lies 1.5 times as deep as it will: a damped oscillation that never opens the contact."""
+    """Error of a damped oscillation of 1 kg that never opens its contact.
+
+    The ball starts at 1.5 times its equilibrium overlap.
+    """
     w, depth, root = math.sqrt(k), G / k, math.sqrt(1.0 - zeta * zeta)
     decay, phase = np.exp(-zeta * w * run.time), root * w * run.time
     xi = depth + 0.5 * depth * decay * (np.cos(phase) + zeta / root * np.sin(phase))
@@ -64,21 +70,30 @@ def oscillates(run: Trajectory, rerun: Rerun, end: float, zeta: float, k: float)
     return rest_error(run, end, -run.gap[:, 0] / xi - 1.0, (-run.velocity[:, 1] - rate) / (w * depth))
 
 
-@compared_with("the equilibrium of the pile, and momentum of the log")
+@compared_with("equilibrium of the pile, and momentum from the log")
 def lies(run: Trajectory, rerun: Rerun, end: float, overlap: Array) -> float:
-    """At `end` in s all lie still at these overlaps in m; rows and momentum of the log are kept."""
+    """Error of the state at rest at `end` in s, for known overlaps in m.
+
+    The error is infinite if the run does not report rest.
+    """
     off = rest_error(run, end, -run.gap[-1] / overlap - 1.0, run.velocity[-1])
     return off if run.stats["resting"] else math.inf
 
 
 def rest_error(run: Trajectory, end: float, *errors: Array) -> float:
-    """Largest of the errors and `momentum_defect`; infinite unless the run reached `end` with all samples."""
+    """Largest of the errors and of `momentum_defect`.
+
+    The error is infinite unless the run reached `end` with all samples.
+    """
     kept = run.status is Status.time and run.time.tolist() == np.linspace(0.0, end, SAMPLE_COUNT).tolist()
     return float(max([momentum_defect(run), *(np.abs(error).max() for error in errors)])) if kept else math.inf
 
 
 def pressed(k: float, power: float, weight: Array, total: float) -> Array:
-    """Return overlaps in m that sum up to `total`, of forces that differ by the weights in N: by halving."""
+    """Overlaps in m with the sum `total`, found by bisection.
+
+    The contact forces differ by the weights in N.
+    """
     low, high = 0.0, k * total**power
     while low < (middle := 0.5 * (low + high)) < high:
         enough = (((middle + weight) / k) ** (1.0 / power)).sum() >= total
@@ -88,7 +103,10 @@ def pressed(k: float, power: float, weight: Array, total: float) -> Array:
 
 
 def momentum_defect(run: Trajectory) -> float:
-    """Return how far each ball's momentum is from the impulses of the log and its weight, as a part of the largest."""
+    """Largest difference between gained momentum and logged impulses of a ball.
+
+    Weight is taken into account. The difference is a share of the largest impulse.
+    """
     impulse, balls = np.zeros(run.scene.n_pairs), ~run.scene.is_wall
     np.add.at(impulse, run.contacts["pair"], run.contacts["impulse"])
     push = -np.diff(impulse, prepend=0.0, append=0.0)
@@ -98,7 +116,10 @@ def momentum_defect(run: Trajectory) -> float:
 
 
 def last_rows() -> Iterator[Cell]:
-    """Runs that a condition ends before their last sample: the last row has the time and the state of the end."""
+    """Runs that a condition stops before their last sample.
+
+    The last row must contain the time and the state of the end.
+    """
     for k, rows in product((1e4, 1e8), (2, 3, 10, 301)):
         walls = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [0.25, 0.5], [0.0, -1.0, 0.0])
         pair = Scene([1.0, 1.0], [0.1, 0.1], [0.5], [1.0, -1.0])
@@ -115,7 +136,7 @@ def last_rows() -> Iterator[Cell]:
                        ends_at(flown, pause, rows, velocity, gap), LinearDashpot(k), ELASTIC_RULE,
                        options={"t_end": 30.0, "samples": rows, "until": stop}, methods=DEFAULT_METHODS)
     for method, rows in product(DEFAULT_METHODS, (2, 10)):
-        end = 2.5 * math.sqrt(2.0)  # at rest above the floor in between: after one bounce of 1 m at g = 1 m/s²
+        end = 2.5 * math.sqrt(2.0)  # 2.5 fall times for 1 m at g = 1 m/s²: between two bounces
         yield Cell("last row", f"bounces counted by max_events, {rows} rows, {method}",
                    scenes.bouncing_ball(1.0, gravity=1.0), in_order(rows, 10.0 * end), LinearDashpot(1e8), ELASTIC_RULE,
                    options={"t_end": 10.0 * end, "samples": rows, "max_events": 2}, methods=(method,), cut=True)
@@ -126,29 +147,35 @@ def last_rows() -> Iterator[Cell]:
                    options={"t_end": 30.0, "samples": rows, "until": until.contact(c, 1)})
 
 
-@compared_with("free flight up to the contact that ends the run")
+@compared_with("free flight until the final contact")
 def ends_at(
     run: Trajectory, rerun: Rerun, flown: float, pause: float, rows: int, velocity: list[float], gap: list[float]
 ) -> float:
-    """The run ends after that much flight and, if soft, that much contact in s, with these velocities and gaps.
+    """Error of the final state of a run that ends after `flown` s of flight.
 
-    Rows before are those asked for, spread over 30 s.
+    A soft run additionally has `pause` s of contact. Earlier rows must be the requested samples, spread over 30 s.
     """
     end = flown + (pause if run.law is not None else 0.0)
-    way = np.array(velocity) * (run.time[-1] - run.time[-2])  # flown freely
+    way = np.array(velocity) * (run.time[-1] - run.time[-2])  # free flight
     moved = np.abs(run.position[-1] - run.position[-2] - way).max() if pause == 0.0 else 0.0
     differences = (run.time[-1] / end - 1.0, run.velocity[-1] - velocity, run.gap[-1] - gap, moved)
     return float(max(np.abs(d).max() for d in differences)) if rows_kept(run, rows, 30.0, end) else math.inf
 
 
-@compared_with("each row at its own time, with the energy of the start")
+@compared_with("samples at the requested times, with the initial energy")
 def in_order(run: Trajectory, rerun: Rerun, rows: int, last: float) -> float:
-    """The rows that were asked for, up to the end, and the end once, where the ball is by energy."""
+    """Largest relative error of the energy, infinite for missing samples.
+
+    The run must contain the requested samples up to its end, and its end once.
+    """
     off = float(np.abs(run.energy() / run.energy()[0] - 1.0).max())
     return off if rows_kept(run, rows, last, run.time[-1]) else math.inf
 
 
 def rows_kept(run: Trajectory, rows: int, last: float, end: float) -> bool:
-    """Return whether the run has the rows asked for up to `last` in s that are before `end`, and one more."""
+    """Whether the run has the requested samples before `end`, and one more row.
+
+    The samples are spread up to `last` in s.
+    """
     asked = np.linspace(0.0, last, rows)
     return bool(run.time[:-1].tolist() == asked[asked < end].tolist())

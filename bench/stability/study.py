@@ -1,4 +1,4 @@
-"""`stability`: run the cells of the chosen axes and methods, each within a limit of processor time; verdicts."""
+"""`stability`: run cells by all methods, within a limit of processor time."""
 
 from __future__ import annotations
 
@@ -48,9 +48,12 @@ AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "driven": driven.driven,
     "long runs": long.runs,
 }
-"""The axes and what makes their cells; "symmetry" also makes the cells of "invariants"."""
+"""Axes, and the functions that create their cells.
+
+"symmetry" also creates the cells of "invariants".
+"""
 QUICK_CELLS = 2
-"""Cells of an axis and a method in a quick study, which CI runs."""
+"""Number of cells per axis and method in a quick study, which CI runs."""
 
 
 def stability(
@@ -61,7 +64,7 @@ def stability(
     seconds: float = 20.0,
     on_progress: Callable[[float, int], object] | None = None,
 ) -> StabilityReport:
-    """Run stiff and extreme cases by every method: does it survive, and does it say so when it does not?
+    """Run stiff and extreme cases by every method, and return verdicts.
 
     Parameters
     ----------
@@ -70,43 +73,47 @@ def stability(
     axes : str or sequence of str
         From `AXES`, such as "stiffness", "gap", "time step".
     quick : bool
-        Only two cells of every axis and method, none of the long ones.
+        Run only two cells per axis and method, without the long cells.
     seconds : float
-        Limit of processor time of a cell in s; the verdict is then `limit`. It needs the main thread of a POSIX system.
+        Limit of processor time per cell in s. A cell above it has the verdict `limit`. The limit needs the main thread
+        of a POSIX system.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` after each cell: the share of the cells that is done, and their number.
+        ``on_progress(reached, count)`` is called after each cell, with the finished share and number of cells.
 
     Returns
     -------
     StabilityReport
-        Every cell with its verdict: right (within its tolerance of a closed form, an exact computation, an
-        invariant or a symmetry), flagged, silently wrong, crashed, or over the limit; stability limits against
-        theory; drift over long runs. Print it for the table.
+        Every cell with its verdict: right, flagged, silently wrong, crashed, or over the limit. A right cell is within
+        its tolerance of a closed form, an exact computation, an invariant or a symmetry. The report also contains
+        stability limits compared with theory, and drifts over long runs. Print it for the tables.
 
     Raises
     ------
     ValueError
         For a method or an axis that does not exist.
     """
-    who = _named("methods", methods, ALL_METHODS)
-    where = _named("axes", axes, tuple(AXES))
+    chosen_methods = _named("methods", methods, ALL_METHODS)
+    chosen_axes = _named("axes", axes, tuple(AXES))
     check.callback("on_progress", on_progress, "reached", "count")
     limit = check.number("seconds", seconds, above=0.0)
     if not quick:
-        warm_up(who, "driven" in where)
-    chosen = [pair for axis in where for pair in _chosen(AXES[axis](), who, quick)]
+        warm_up(chosen_methods, "driven" in chosen_axes)
+    chosen = [pair for axis in chosen_axes for pair in _chosen(AXES[axis](), chosen_methods, quick)]
     results = []
     for done, (cell, method) in enumerate(chosen, 1):
         results.append(run_cell(cell, method, limit, plain=quick))
         if on_progress is not None:
             on_progress(done / len(chosen), done)
-    limits = long.limits((1,) if quick else (1, 2, 20), who) if "time step" in where else []
-    drifts = long.drifts(who, 10 if quick else 10_000) if "long runs" in where else []
+    limits = long.limits((1,) if quick else (1, 2, 20), chosen_methods) if "time step" in chosen_axes else []
+    drifts = long.drifts(chosen_methods, 10 if quick else 10_000) if "long runs" in chosen_axes else []
     return StabilityReport(tuple(results), tuple(limits), tuple(drifts), quick)
 
 
 def _chosen(cells: Iterable[Cell], methods: Sequence[str], quick: bool) -> list[tuple[Cell, str]]:
-    """Pairs of cell and method; a quick study takes some of each, spread over the axis."""
+    """Pairs of cell and method.
+
+    A quick study takes some pairs of each kind, spread over the axis.
+    """
     pairs = [(cell, method) for cell in cells for method in cell.methods if method in methods]
     if not quick:
         return pairs
@@ -118,10 +125,10 @@ def _chosen(cells: Iterable[Cell], methods: Sequence[str], quick: bool) -> list[
 
 
 def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
-    """Return the chosen names in order, each checked."""
+    """Chosen names in order, each checked."""
     chosen = (given,) if isinstance(given, str) else tuple(given)
     if not chosen:
-        raise ValueError(f"{name} is empty: at least one of {', '.join(known)} is needed.")
+        raise ValueError(f"`{name}` must contain at least one of {', '.join(known)}, got none.")
     return tuple(dict.fromkeys(check.choice(name, one, known) for one in chosen))
 
 
@@ -130,10 +137,13 @@ class OutOfTime(Exception):
 
 
 def run_cell(cell: Cell, method: str, seconds: float, plain: bool = False) -> Result:
-    """Return the verdict on `cell` run by `method`, in at most about `seconds`; `plain`: interpreted, and short."""
+    """Verdict on `cell` by `method`, after at most about `seconds`.
+
+    With `plain` the run is interpreted and short.
+    """
     tolerance = cell.loose if method in FIXED_METHODS else cell.tolerance
     error, start, late = math.nan, time.process_time(), f"no end within {seconds:g} s"
-    with warnings.catch_warnings(record=True) as heard:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             with deadline(seconds):
@@ -142,23 +152,26 @@ def run_cell(cell: Cell, method: str, seconds: float, plain: bool = False) -> Re
                 error = float(cell.truth.error(run, rerun))
             said = f"{run.status.name}: {run.message}"
             early = run.status in EARLY and not (cell.cut and run.status is Status.max_events)
-            flagged = early or any(warning.category is RuntimeWarning for warning in heard)
+            flagged = early or any(warning.category is RuntimeWarning for warning in caught)
             verdict = Verdict.right if error <= tolerance else Verdict.flagged if flagged else Verdict.wrong
         except OutOfTime:
             verdict, said = Verdict.limit, late
         except Exception as failure:
-            a_sentence = type(failure) is ValueError and " is " in str(failure)  # name, value, what is needed
-            verdict, said = (Verdict.flagged if a_sentence else Verdict.crashed), f"{type(failure).__name__}: {failure}"
-            if time.process_time() - start >= seconds:  # the bell, heard inside a callback that made it its own error
+            # messages about misuse are "x must be N, got V" or "x is V: N is needed"
+            misuse = type(failure) is ValueError and any(word in str(failure) for word in (" must ", " is "))
+            verdict, said = (Verdict.flagged if misuse else Verdict.crashed), f"{type(failure).__name__}: {failure}"
+            if time.process_time() - start >= seconds:  # a callback has turned `OutOfTime` into another error
                 verdict, said = Verdict.limit, late
-    said = "; ".join([said, *sorted({str(warning.message) for warning in heard})])
+    said = "; ".join([said, *sorted({str(warning.message) for warning in caught})])
     taken = time.process_time() - start
     return Result(cell.axis, cell.case, method, cell.truth.words, verdict, error, tolerance, said, taken)
 
 
 def warm_up(methods: Sequence[str], shaken: bool) -> None:
-    """Compile the engines beforehand, also for a floor that is `shaken`: the limit must interrupt neither an
-    import nor a compiler."""
+    """Compile the engines in advance, also for a floor that is `shaken`.
+
+    The limit of processor time must not interrupt an import or a compiler.
+    """
     if not have_numba():
         return
     row = Scene([1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [0.0, 0.1], [1.0, 0.0, -1.0])
@@ -173,10 +186,10 @@ def warm_up(methods: Sequence[str], shaken: bool) -> None:
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """Raise `OutOfTime` inside the block after `seconds` of processor time: a loaded machine is no failure.
+    """Raise `OutOfTime` inside the block after `seconds` of processor time.
 
-    By the interval timer of the process: in its main thread and where there is one. Elsewhere the limits on the
-    amount of work (``max_events``, ``max_steps``) are all that ends a run.
+    Wall time is not limited, because a loaded machine must not cause a failure. The limit uses the interval timer of
+    the process and needs its main thread. Elsewhere only the limits on work (``max_events``, ``max_steps``) end a run.
     """
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
@@ -186,7 +199,7 @@ def deadline(seconds: float) -> Iterator[None]:
         raise OutOfTime
 
     before = signal.signal(signal.SIGVTALRM, stop)
-    signal.setitimer(signal.ITIMER_VIRTUAL, seconds, 1.0)  # again and again: a foreign callback may swallow it once
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds, 1.0)  # repeated, because a callback can suppress one exception
     try:
         yield
     finally:

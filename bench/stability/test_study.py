@@ -1,4 +1,4 @@
-"""The study of stiff and extreme cases: its truths, its verdicts, its tables, and what it must find."""
+"""Study of stiff and extreme cases: references, verdicts, tables, detection."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def test_rational_runs_by_hand() -> None:
 
 
 def shifted(name: str, by: float) -> Callable[[Trajectory], Trajectory]:
-    """The same run with the last row of an array moved."""
+    """The same run with the last row of an array shifted."""
 
     def change(run: Trajectory) -> Trajectory:
         array = np.array(getattr(run, name))
@@ -158,7 +158,7 @@ def shifted(name: str, by: float) -> Callable[[Trajectory], Trajectory]:
 
 
 def logged(name: str, by: float) -> Callable[[Trajectory], Trajectory]:
-    """The same run with a number of its last contact changed by a part of itself."""
+    """The same run with one number of its last contact changed by a share."""
 
     def change(run: Trajectory) -> Trajectory:
         rows = run.contacts.copy()
@@ -169,13 +169,13 @@ def logged(name: str, by: float) -> Callable[[Trajectory], Trajectory]:
 
 
 def twice(run: Trajectory) -> Trajectory:
-    """The same run with a contact that is not there."""
+    """The same run with its last contact logged twice."""
     return replace(run, contacts=np.concatenate([run.contacts, run.contacts[-1:]]))
 
 
 @cache
 def some(cells: Callable[[], Any]) -> list[tuple[Cell, Trajectory]]:
-    """Some cells and their runs, each made once for all changes."""
+    """Some cells and their runs, each computed once for all changes."""
     every = [cell for cell in cells() if not cell.slow and "max_events" not in cell.options]
     return [(cell, rerun_function(cell, "located", plain=True)()) for cell in every[:: 1 + len(every) // 4]]
 
@@ -250,7 +250,7 @@ def test_misuse_is_one_sentence() -> None:
         stability(methods="verlett")
     with pytest.raises(ValueError, match=r"axes is 'stiffnes'.*did you mean stiffness\?"):
         stability(axes=("stiffnes",))
-    with pytest.raises(ValueError, match="axes is empty"):
+    with pytest.raises(ValueError, match="`axes` must contain at least one"):
         stability(axes=())
     with pytest.raises(ValueError, match="seconds is 0"):
         stability(seconds=0)
