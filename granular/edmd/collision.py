@@ -78,12 +78,7 @@ def event(
         if (FORCED or run.gravity > 0.0 or run.merged > 0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
             first, last = wake(run, pairs, bodies, c, now, walls)
         else:
-            if c > 0:
-                first = c - 1
-                run.clamps += carry(pairs[first], bodies[first], lower, now, walls)
-            if c + 1 < len(pairs):
-                last = c + 1
-                run.clamps += carry(pairs[last], upper, bodies[last + 1], now, walls)
+            first, last = carry_neighbours(run, pairs, bodies, c, now, walls)
         if HUNG:
             swing_off(pairs, bodies, c, now, w, e, row)
         else:
@@ -98,6 +93,19 @@ def event(
     if RING:
         across(bodies, c)
     return first, last, -e * w
+
+
+@kernel
+def carry_neighbours(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+    """Carry the pairs beside pair `c` to time `now`; return the first and the last of the pairs concerned."""
+    first, last = c, c
+    if c > 0:
+        first = c - 1
+        run.clamps += carry(pairs[first], bodies[first], bodies[c], now, walls)
+    if c + 1 < len(pairs):
+        last = c + 1
+        run.clamps += carry(pairs[last], bodies[last], bodies[last + 1], now, walls)
+    return first, last
 
 
 @kernel

@@ -135,9 +135,7 @@ class Run:
         """
         state, seen, late = self.state, self.events, -math.inf
         while last or time > self.request.start:
-            if self.scene.driven and self.closing is not None:
-                self._meet_before(min(time, float(state.time(state.clock.window))))
-            halved = self.horizon if self.horizon == math.inf else self._halving()
+            halved = self._next_halving(time)
             limit, before, late = max(state.tau(min(time, self.horizon, halved)), late), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
@@ -149,18 +147,14 @@ class Run:
             if self.request.singly and self.events > seen and why == LATER:
                 return Pause.full
             limit = state.tau(time) if self.moves_on else limit
-            if self.verdict is not None and not self.at_rest:
-                self.ended = self.time()
-                self.at_rest = self.verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
-                if not self.at_rest:
-                    return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
+            if self.verdict is not None and not self.at_rest and not self._comes_to_rest(self.verdict):
+                return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
             if why == UNTIL:
                 return Pause.until
             if why == LATER:
                 due = math.inf if state.near is not None else self.queue.soonest()
                 if halved < min(time, self.horizon) and due > limit:
-                    self.queue.shift_to(limit, whole=False, shrink=0.5)
-                    self.halvings += 1
+                    self._halve(limit)
                     continue
                 close, later = limit < due <= limit + 2.0 * math.ulp(time) < math.inf, due >= state.clock.window
                 if close and not later and state.time(due) <= time < self.horizon:
@@ -175,16 +169,38 @@ class Run:
                 if state.clock.epoch + due > LATEST:
                     return Pause.work
                 self.queue.shift_to(due)
-            elif why == SUSPECT and state.run["slow"] < 0.0:  # balls that merge faster than the resolution of the clock
-                self.queue.shift_to(float(state.run["now"]), whole=False)
             elif why == SUSPECT:
-                self._closer.begin(state, self.queue)
+                self._look_closer()
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group exceeds the budget
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
             if self.events - seen >= min(self.most, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
                 return Pause.full
         return Pause.reached
+
+    def _next_halving(self, time: float) -> float:
+        """Return the time of the next halving of the clock before walls meet, or inf."""
+        if self.scene.driven and self.closing is not None:
+            self._meet_before(min(time, float(self.state.time(self.state.clock.window))))
+        return self.horizon if self.horizon == math.inf else self._halving()
+
+    def _halve(self, limit: float) -> None:
+        """Re-base the clock at `limit`, and halve its unit."""
+        self.queue.shift_to(limit, whole=False, shrink=0.5)
+        self.halvings += 1
+
+    def _comes_to_rest(self, verdict: collapse.Verdict) -> bool:
+        """Whether all balls are at rest after a verdict, so that a run with `t_end` continues."""
+        self.ended = self.time()
+        self.at_rest = verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
+        return self.at_rest
+
+    def _look_closer(self) -> None:
+        """Shift the clock, or rescale coordinates near a possible collapse."""
+        if self.state.run["slow"] < 0.0:  # balls that merge faster than the resolution of the clock
+            self.queue.shift_to(float(self.state.run["now"]), whole=False)
+        else:
+            self._closer.begin(self.state, self.queue)
 
     @property
     def _closer(self) -> Any:

@@ -307,15 +307,8 @@ def resume(
     (2, 1)
     """
     check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
-    status, saved, scene = trajectory.status, trajectory.state, trajectory.scene
-    check.refuse({
-        "trajectory is no hard-sphere run: one from granular.edmd is needed.": trajectory.rule is None or not saved,
-        "trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.":
-            status is Status.collapse and "collapse_time" not in saved,
-        "trajectory ended at a bound: nothing follows it; run again with collapse='merge' or tc=.":
-            status is Status.bounded and "zoom_gap" not in saved,
-        "trajectory is broken: nothing follows it; see its message.": status is Status.broken,
-    })
+    _refuse_the_ended(trajectory)
+    saved, scene = trajectory.state, trajectory.scene
     start = float(check.held(saved, "start", "f", ()))
     scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     check_scene(scene)
@@ -338,6 +331,19 @@ def resume(
         return go_on(_stopping(run), trajectory)
 
     return in_time(solve, request)
+
+
+def _refuse_the_ended(trajectory: Trajectory) -> None:
+    """Raise `ValueError` if nothing can follow the end of a run."""
+    status, saved = trajectory.status, trajectory.state
+    check.refuse({
+        "trajectory is no hard-sphere run: one from granular.edmd is needed.": trajectory.rule is None or not saved,
+        "trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.":
+            status is Status.collapse and "collapse_time" not in saved,
+        "trajectory ended at a bound: nothing follows it; run again with collapse='merge' or tc=.":
+            status is Status.bounded and "zoom_gap" not in saved,
+        "trajectory is broken: nothing follows it; see its message.": status is Status.broken,
+    })
 
 
 def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Watch:

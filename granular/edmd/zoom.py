@@ -64,15 +64,25 @@ def zoom(
                 enter(lower, upper, left, 0.5 * min(lower.mass, upper.mass) * own.rate * own.rate, walls)
             settle(near, pairs, bodies, j)
             return RESTS
-        if (own.rate == 0.0 and pair.closing_acceleration > 0.0) or (run.stop_pair == APART and recede(near)):
-            return QUIET  # the ball rests, or all pairs recede and the run may stop
-        # run.slow is 2^-16 of the speed scale, so the limit is 2^-200 of the scale.
-        if e < 1.0 and -w < math.ldexp(run.slow, -184):
-            return TINY
-        run.ordinary = run.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
-        # Four ordinary collisions per pair in a row: not a collapse.
-        if run.ordinary >= 4 * len(near):
-            return QUIET
+        why = end_after_bounce(run, near, pairs, j, w, e, dt)
+        if why != GOES_ON:
+            return why
+
+
+@kernel
+def end_after_bounce(run: Record, near: Records, pairs: Records, j: int, w: float, e: float, dt: float) -> int:
+    """Return how the rescaled run ends after pair `j` bounced at rate `w`, or GOES_ON.
+
+    `dt` is the time since the last bounce.
+    """
+    if (near[j].rate == 0.0 and pairs[j].closing_acceleration > 0.0) or (run.stop_pair == APART and recede(near)):
+        return QUIET  # the ball rests, or all pairs recede and the run may stop
+    # run.slow is 2^-16 of the speed scale, so the limit is 2^-200 of the scale.
+    if e < 1.0 and -w < math.ldexp(run.slow, -184):
+        return TINY
+    run.ordinary = run.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
+    # Four ordinary collisions per pair in a row: not a collapse.
+    return QUIET if run.ordinary >= 4 * len(near) else GOES_ON
 
 
 @kernel
