@@ -323,13 +323,20 @@ def other_scene(**changes):
 
 @pytest.mark.exact
 @pytest.mark.parametrize(("make", "message"), [
-    (lambda: adiabatic.contacts(3, gr.LinearDashpot(1.0)), r"scene is 3: a granular\.Scene is needed"),
-    (lambda: adiabatic.contacts(gr.scenes.newtons_cradle(3), gr.LinearDashpot(1.0)), r"a floor and two balls are"),
-    (lambda: adiabatic.contacts(drop(), gr.Hertz(1e6)), r"law of pair 0 is Hertz.*: a linear law is needed"),
-    (other_scene(gap=[0.1, -1e-6]), r"gap\[1\] is -1e-06: balls that do not overlap yet are needed"),
-    (other_scene(gap=[0.1, 1e-6], velocity=[0.0, 0.0, -1.0]), r"gap\[1\] is 1e-06, closing at 1\.0 m/s: the lower"),
-    (other_scene(gravity=0.0), r"gap\[0\] is 0\.5, closing at -?0\.0 m/s: the lower ball must fall on the floor"),
-    (lambda: adiabatic.contacts(drop(), gr.LinearDashpot(1.0), max_steps=0), r"max_steps is 0: a whole number"),
+    (lambda: adiabatic.contacts(3, gr.LinearDashpot(1.0)),
+        r"`scene` must be a granular\.Scene, such as granular\.scenes\.three_balls\(\), got 3\."),
+    (lambda: adiabatic.contacts(gr.scenes.newtons_cradle(3), gr.LinearDashpot(1.0)),
+        r"`scene` must have a floor and two balls, as in granular\.scenes\.three_balls\(\), got Scene\(3 "
+        r"balls\)\."),
+    (lambda: adiabatic.contacts(drop(), gr.Hertz(1e6)),
+        r"The law of pair 0 must be linear, such as LinearDashpot, got Hertz\(k=1000000\.0\)\. For other laws use "
+        r"granular\.md\."),
+    (other_scene(gap=[0.1, -1e-6]), r"`gap\[1\]` must be non-negative, got -1e-06\."),
+    (other_scene(gap=[0.1, 1e-6], velocity=[0.0, 0.0, -1.0]),
+        r"The lower ball must reach the floor before the balls meet, got gap\[1\] = 1e-06 m closing at 1\.0 m/s\."),
+    (other_scene(gravity=0.0), r"The lower ball must fall on the floor, got gap\[0\] = 0\.5 m closing at -0\.0 m/s\."),
+    (lambda: adiabatic.contacts(drop(), gr.LinearDashpot(1.0), max_steps=0),
+        r"`max_steps` must be an integer.*, got 0"),
 ])
 def test_misuse(make, message):
     with pytest.raises((TypeError, ValueError), match=message):

@@ -213,4 +213,4 @@ class Own:
 def test_stability_of_a_law_without_numbers_tells_what_it_leaves_out() -> None:
     case = gr.Case(gr.Scene([1.0, 1.0], [0.05] * 2, [0.01], [1.0, 0.0]), Own(), t_end=0.05)
     found = gr.stability(case, methods=("located",))
-    assert any("a dataclass is needed" in words for words in found.left_out.values())
+    assert any("`law` must be a dataclass" in words for words in found.left_out.values())

@@ -125,14 +125,16 @@ def test_inverse_of_restitution_1_is_tried():
     for law, field in ((gr.TsujiHertz(1e7, 0.3), "alpha"), (gr.ViscoelasticHertz(1e7, 9.0), "gamma"),
                        (Twice(9.0, 0.0), "one")):
         assert binary.with_restitution(law, 1.0, UNIT, field=field) == replace(law, **{field: 0.0})
-    with pytest.raises(ValueError, match=r"target is 1\.0: no value of one gives this restitution"):
+    with pytest.raises(ValueError, match=r"`target` must be a restitution that `one` can reach at 1\.0 m/s, got "
+                                         r"1\.0\."):
         binary.with_restitution(Twice(9.0, 9.0), 1.0, UNIT, field="one")
 
 
 def test_inverse_refuses_what_cannot_be():
-    with pytest.raises(ValueError, match=r"field is 'zeta'.*no such field"):
+    with pytest.raises(ValueError, match=r"`field` must be a field of LinearDashpot, got 'zeta'\. Name the damping "
+                                         r"of the law\."):
         binary.with_restitution(gr.LinearDashpot(1.0), 0.5, UNIT, field="zeta")
-    with pytest.raises(ValueError, match=r"target is 1\.2.*at most 1"):
+    with pytest.raises(ValueError, match=r"`target` must be a number in \(0, 1\], got 1\.2\."):
         binary.with_restitution(gr.LinearDashpot(1.0), 1.2, UNIT)
 
 
@@ -148,7 +150,7 @@ def test_rule_of_a_law():
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, math.nan])
 def test_impact_speed_must_be_positive(speed):
-    with pytest.raises(ValueError, match=r"speed is .*above 0"):
+    with pytest.raises(ValueError, match=r"`speed` must be a finite number above 0, got (0\.0|-1\.0|nan)\."):
         binary.collision(gr.Hertz(1.0), UNIT, speed)
 
 
@@ -181,12 +183,13 @@ def sentence(ask, speed):
     try:
         return ask(speed)
     except ValueError as refused:
-        if "beyond the range of numbers" in str(refused):
+        if "within the range of floating-point numbers" in str(refused):
             raise OutOfRange from None
         raise
 
 
 @pytest.mark.parametrize("laws", [3.0, None, (), "dashpot"])
 def test_a_rule_of_laws_needs_laws(laws):
-    with pytest.raises(TypeError, match=r"laws is .*: a tuple of force laws is needed"):
+    with pytest.raises(TypeError, match="`laws` must be a tuple of force laws, one for all or one per pair, got "
+                                        f"{laws!r}".replace("()", r"\(\)")):
         gr.binary.LawRestitution(laws)

@@ -36,7 +36,8 @@ def test_a_ring_by_its_length_is_a_ring_by_its_gaps():
     scene = gr.Scene.from_positions([1.0] * 3, [0.1] * 3, [0.0, 0.3, 0.7], [1.0, 0.0, 0.0], length=1.2)
     assert scene.ring
     assert np.allclose(scene.gap, [0.1, 0.2, 0.3], atol=1e-15)
-    with pytest.raises(ValueError, match=r"length is 0\.6.*at least 0\.7"):
+    with pytest.raises(ValueError, match=r"`length` must be a finite number of at least 0\.7, got 0\.6\. All "
+                                         r"centres lie on the ring\."):
         gr.Scene.from_positions([1.0] * 3, [0.1] * 3, [0.0, 0.3, 0.7], [1.0, 0.0, 0.0], length=0.6)
 
 
@@ -67,32 +68,52 @@ def test_a_wall_is_where_pendula_beside_it_rest():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: gr.walls.Thermal(-1.0), r"temperature is -1\.0.*above 0"),
-        (lambda: gr.walls.Thermal(0.0), r"temperature is 0\.0.*k_B T in J"),
-        (lambda: gr.walls.Thermal(1.0, -1), r"seed is -1.*whole number"),
+        (lambda: gr.walls.Thermal(-1.0),
+            r"`temperature` must be a finite number above 0, got -1\.0\. It is k_B T in J\. A wall that only "
+            r"reflects balls is not thermal\."),
+        (lambda: gr.walls.Thermal(0.0),
+            r"`temperature` must be a finite number above 0, got 0\.0\. It is k_B T in J\. A wall that only "
+            r"reflects balls is not thermal\."),
+        (lambda: gr.walls.Thermal(1.0, -1), r"`seed` must be an integer of at least 0, got -1\."),
         (lambda: gr.Scene([math.inf, 1.0], [0.0, 0.1], [-0.5], [0.0, 1.0], floor=THERMAL),
-         r"gap\[0\] is -0\.5: no ball can overlap a thermal wall"),
-        (lambda: ring(gravity=9.81), r"gravity is 9\.81: a ring lies level"),
-        (lambda: ring(pendulum=1.0), r"pendulum is 1\.0: pendula cannot hang on a ring"),
-        (lambda: ring(floor=THERMAL), r"floor is .*Thermal.*the first body is a ball"),
-        (lambda: ring().replace(mass=[math.inf, 1.0, 1.0], radius=[0.0, 0.1, 0.1]), "mass.0. is inf: a ring has no wa"),
-        (lambda: ring().replace(ring=False), r"shape of gap is \(3,\): \(2,\) is needed"),
-        (lambda: ring().replace(ring=1), "ring is 1: True or False is needed"),
-        (lambda: ring().replace(gap=[0.1, 0.2]), r"shape of gap is \(2,\): \(3,\) is needed; pair n-1 joins"),
-        (lambda: ring(rest_gap=[0.0, 0.0]), "rest_gap is .*pendula are needed for it"),
-        (lambda: pendula(rest_gap=[0.0]), r"shape of rest_gap is \(1,\)"),
-        (lambda: pendula(rest_gap=[0.0, -1.0]), r"rest_gap\[1\] is -1\.0.*not negative"),
-        (lambda: pendula(gravity=9.81), r"gravity is 9\.81: pendula are held by"),
-        (lambda: pendula(external_force=[1.0, 0.0, 0.0]), "pendulum is 2.0: pendula take no external_force"),
-        (lambda: pendula().replace(pendulum=-1.0), r"pendulum is -1\.0"),
+         r"`gap\[0\]` must be at least 0 at a thermal wall, got -0\.5\. A thermal wall acts at the onset of "
+         r"contact, so balls cannot overlap it\."),
+        (lambda: ring(gravity=9.81),
+            r"`gravity` must be 0 on a ring, got 9\.81\. Gravity would accelerate the balls around the ring "
+            r"forever\. Use external_force\."),
+        (lambda: ring(pendulum=1.0), r"`pendulum` must be 0 on a ring, got 1\.0\."),
+        (lambda: ring(floor=THERMAL),
+            r"`floor` must be None if the first body is a ball, got Thermal\(temperature=2\.0, seed=7\)\. Give the "
+            r"body the mass math\.inf\."),
+        (lambda: ring().replace(mass=[math.inf, 1.0, 1.0], radius=[0.0, 0.1, 0.1]),
+            r"`mass\[0\]` must be finite on a ring, got inf\. A ring has no walls\."),
+        (lambda: ring().replace(ring=False), r"`gap` must be an array of shape \(2,\), got an array of shape \(3,\)"),
+        (lambda: ring().replace(ring=1), "`ring` must be True or False, got 1"),
+        (lambda: ring().replace(gap=[0.1, 0.2]),
+            r"`gap` must be an array of shape \(3,\), got an array of shape \(2,\)\. Give one gap per pair; the "
+            r"last pair joins the last ball and ball 0\."),
+        (lambda: ring(rest_gap=[0.0, 0.0]),
+            r"`rest_gap` must be None without pendula, got \[0\.0, 0\.0\]\. Give `pendulum`, Ω in rad/s\."),
+        (lambda: pendula(rest_gap=[0.0]),
+            r"`rest_gap` must be an array of shape \(2,\), got an array of shape \(1,\)\. Give one per pair\."),
+        (lambda: pendula(rest_gap=[0.0, -1.0]), r"`rest_gap\[1\]` must be finite and non-negative, got -1\.0\."),
+        (lambda: pendula(gravity=9.81),
+            r"`gravity` must be 0 for pendula, got 9\.81\. Gravity acts on them by Ω² = g/l\."),
+        (lambda: pendula(external_force=[1.0, 0.0, 0.0]),
+            r"`external_force` must be None for pendula, got forces and pendulum = 2\.0\. A constant force shifts "
+            r"their rest positions: change `gap` and `rest_gap` instead\."),
+        (lambda: pendula().replace(pendulum=-1.0), r"`pendulum` must be a finite number of at least 0, got -1\.0\."),
         (lambda: gr.Scene([math.inf, 1.0, math.inf], [0.0] * 3, [0.5, 0.5], [0.0] * 3, pendulum=1.0,
                           rest_gap=[0.5, 0.4]),
-         r"rest_gap adds up to 0\.9: between two walls.*1\.0"),
-        (lambda: pendula().replace(pendulum=1e200), r"pendulum is 1e\+200.*square"),
+         r"The sum of `rest_gap` must equal the sum of `gap` between two walls, 1\.0, got 0\.9\."),
+        (lambda: pendula().replace(pendulum=1e200),
+            r"`pendulum` must be a frequency whose square is finite, got 1e\+200\."),
         (lambda: gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 1.0], pendulum=1.0, floor=THERMAL),
-         "beside pendula a wall must stand still"),
+         r"Walls next to pendula must be at rest, got pendulum = 1\.0 and a moving wall\. Leave out `floor`, "
+         r"`ceiling` and the velocity of the wall\."),
         (lambda: gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [1.0, 1.0], pendulum=1.0),
-         "beside pendula a wall must stand still"),
+         r"Walls next to pendula must be at rest, got pendulum = 1\.0 and a moving wall\. Leave out `floor`, "
+         r"`ceiling` and the velocity of the wall\."),
     ],
 )
 def test_what_cannot_be_is_a_sentence(make, words):

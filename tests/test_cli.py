@@ -85,7 +85,7 @@ def test_numbers_below_zero_in_every_notation_are_values(granular):
     for value in ("-1e-4", "-.5", "-3"):
         code, _, err = granular(f"run three-balls --gravity {value}")
         assert code == 2
-        assert err.startswith("granular: gravity is -")
+        assert err.startswith("granular: `gravity` must be a finite number of at least 0, got -")
 
 
 def test_dt_beyond_the_stability_limit_is_exit_code_3(granular):

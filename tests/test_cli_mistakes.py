@@ -26,7 +26,7 @@ def test_traceback_on_request(granular):
     code, _, err = granular("run three-balls --gravity -1 --traceback")
     assert code == 2
     assert err.startswith("Traceback (most recent call last):")
-    assert err.splitlines()[-1].startswith("granular: gravity is -1.0: ")
+    assert err.splitlines()[-1].startswith("granular: `gravity` must be a finite number of at least 0, got -1.0. ")
 
 
 def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch):
@@ -39,42 +39,40 @@ def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch)
 
 
 @pytest.mark.parametrize(("line", "sentence"), [
-    ("rum gas", "'rum' is no command; did you mean run?"),
-    ("run", "run needs a scene: one of three-balls, "),
-    ("compare", "compare needs a scene: one of three-balls, "),
-    ("run three-bals", "scene is 'three-bals': one of three-balls, ball-stack, real-balls, newtons-cradle, chain, "
-                       "column, gas, ring-gas, heated-gas, bouncing-ball, vibrated-column, pendulum-cradle, "
-                       "compressed-chain is needed; did you mean three-balls?"),
-    ("scenes gaz", "scene is 'gaz': one of "),
-    ("run gas --packng 0.2", "'--packng' is no option of granular run gas; did you mean --packing?"),
-    ("run gas -x", "'-x' is no option of granular run gas"),
-    ("run gas 7", "'7' is one argument too many; see granular run gas --help"),
-    ("run gas -7", "'-7' is one argument too many; see granular run gas --help"),
-    ("run gas --n 2.5", "argument --n: '2.5' is no whole number; see granular run gas --help"),
-    ("run gas --n nan", "argument --n: 'nan' is no whole number; see granular run gas --help"),
-    ("run gas --packing lots", "argument --packing: 'lots' is no number; see granular run gas --help"),
+    ("rum gas", "unknown command rum; did you mean run?"),
+    ("run", "run requires a scene or a TOML file. Known scenes: three-balls, "),
+    ("compare", "compare requires a scene or a TOML file. Known scenes: three-balls, "),
+    ("run three-bals", "`scene` must be a known name, got 'three-bals'. Did you mean 'three-balls'?"),
+    ("scenes gaz", "`scene` must be a known name, got 'gaz'. Did you mean 'gas'?"),
+    ("run gas --packng 0.2", "unknown option --packng; did you mean --packing?"),
+    ("run gas -x", "unknown option -x; available: --"),
+    ("run gas 7", "unexpected argument '7'; see granular run gas --help"),
+    ("run gas -7", "unexpected argument '-7'; see granular run gas --help"),
+    ("run gas --n 2.5", "argument --n: must be an integer, got '2.5'; see granular run gas --help"),
+    ("run gas --n nan", "argument --n: must be an integer, got 'nan'; see granular run gas --help"),
+    ("run gas --packing lots", "argument --packing: must be a number, got 'lots'; see granular run gas --help"),
     ("run gas --packing", "argument --packing: expected one argument; see granular run gas --help"),
     ("run gas --engine soft", "argument --engine: invalid choice: 'soft' (choose from "),
-    ("run gas --engine edmd --dt 1e-7", "'dt' is no option of edmd.simulate"),
-    ("run gas --restitution 1.2", "restitution is 1.2: "),
-    ("run gas --t-end -1", "t_end is -1.0: "),
-    ("run three-balls --gap nan", "gap is nan: a finite number is needed."),
-    ("threshold three-balls --over gaap", "'gaap' is no parameter of three-balls; did you mean gap?"),
+    ("run gas --engine edmd --dt 1e-7", "edmd.simulate has no option `dt`; available: "),
+    ("run gas --restitution 1.2", "`restitution` must be a number in (0, 1], got 1.2."),
+    ("run gas --t-end -1", "`t_end` must be a finite number of at least 0, got -1.0."),
+    ("run three-balls --gap nan", "`gap` must be a finite number, got nan"),
+    ("threshold three-balls --over gaap", "three-balls has no parameter `gaap`; did you mean `gap`?"),
     ("run none.toml", "none.toml: No such file or directory"),
-    ("run gas --save none/out.npz", "none/out.npz: there is no directory 'none'; make it first."),
+    ("run gas --save none/out.npz", "none/out.npz: The directory 'none' does not exist. Create it first."),
     ("run gas --save out.txt",
-     "path is 'out.txt': the name of a file that ends in .npz, .nc, .csv, .extxyz is needed."),
-    ("sweep gas --over n=2,3 --save out", "path is 'out': the name of a file that ends in .nc is needed."),
-    ("sweep gas --over n=2,3 --workers 0", "workers is 0: a whole number of at least 1 is needed."),
-    ("sweep gas --over n=2,3 --workers 1000000", "workers is 1000000: a whole number of at least 1 and at most 1024"),
-    ("sweep gas --over n=2,True", "values of n are [2, True]: a list of numbers or words is needed."),
-    ("run gas --save .", ".: is a directory; the name of a file is needed."),
-    ("compare gas --json none/out.json", "none/out.json: there is no directory 'none'; make it first."),
-    ("compare gas --plot none/out.png", "none/out.png: there is no directory 'none'; make it first."),
-    ("compare gas --plot out.pgn", "ending of out.pgn is 'pgn': one of "),
-    ("compare gas --plot out", "ending of out is '': one of "),
-    ("compare gas --film out.avi", "ending of out.avi is '.avi': one of .gif, .mp4 is needed."),
-    ("compare gas --film none/out.gif", "none/out.gif: there is no directory 'none'; make it first."),
+     "`path` must be the name of a file that ends in .npz, .nc, .csv, .extxyz, got 'out.txt'"),
+    ("sweep gas --over n=2,3 --save out", "`path` must be the name of a file that ends in .nc, got 'out'"),
+    ("sweep gas --over n=2,3 --workers 0", "--workers must be an integer of at least 1, got 0."),
+    ("sweep gas --over n=2,3 --workers 1000000", "--workers must be an integer from 1 to 1024, got 1000000."),
+    ("sweep gas --over n=2,True", "The values of n must be a list of numbers or words, got [2, True]."),
+    ("run gas --save .", ".: This is a directory. Give the name of a file."),
+    ("compare gas --json none/out.json", "none/out.json: The directory 'none' does not exist. Create it first."),
+    ("compare gas --plot none/out.png", "none/out.png: The directory 'none' does not exist. Create it first."),
+    ("compare gas --plot out.pgn", "The ending of out.pgn must be one of "),
+    ("compare gas --plot out", "The ending of out must be one of "),
+    ("compare gas --film out.avi", "The ending of out.avi must be one of .gif, .mp4, got '.avi'"),
+    ("compare gas --film none/out.gif", "none/out.gif: The directory 'none' does not exist. Create it first."),
 ])
 def test_a_mistake_is_one_line_and_exit_code_2(granular, line, sentence):
     code, out, err = granular(line)
@@ -86,8 +84,8 @@ def test_a_mistake_is_one_line_and_exit_code_2(granular, line, sentence):
 def test_a_plot_without_matplotlib_says_how_to_get_it(granular, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.backend_bases", None)
     assert granular("compare gas --plot out.png")[::2] == (
-        2, "granular: --plot needs matplotlib, which is not installed: pip install "
-           "'granular-collisions[plot]'.\n")
+        2, "granular: --plot requires matplotlib, which is not installed. Install it with: pip install "
+           "'granular-collisions[plot]'\n")
 
 
 def test_an_output_that_cannot_be_written_is_found_before_the_run(granular, monkeypatch):
@@ -97,7 +95,7 @@ def test_an_output_that_cannot_be_written_is_found_before_the_run(granular, monk
 
 def test_a_mistake_in_a_file_names_file_and_table(granular, tmp_path):
     (tmp_path / "own.toml").write_text('[scene]\nname = "gas"\nsead = 3\n')
-    assert granular("run own.toml")[::2] == (2, "granular: own.toml: [scene]: 'sead' is no key; did you mean seed?\n")
+    assert granular("run own.toml")[::2] == (2, "granular: own.toml: [scene]: unknown key sead; did you mean seed?\n")
 
 
 def test_a_warning_is_one_line(granular):
@@ -111,12 +109,12 @@ def test_options_of_a_file_that_compare_ignores_are_named(granular, tmp_path):
     (tmp_path / "mine.toml").write_text(text + "samples = 300\nt_start = 1.0\n", encoding="utf-8")
     code, _, err = granular("compare mine.toml")
     assert code == 0
-    assert "granular: warning: compare makes no use of samples, t_start in [run]." in err
+    assert "granular: warning: compare ignores samples, t_start in [run]." in err
 
 
 @pytest.mark.parametrize(("line", "sentence"), [
-    ("run three-balls --samples 1e15", "at least 2 and at most 10000000 is needed"),
-    ("compare three-balls --height 1e300", "use other units"),
+    ("run three-balls --samples 1e15", "`samples` must be an integer from 2 to 10000000, got 1000000000000000"),
+    ("compare three-balls --height 1e300", "Use other units"),
 ])
 def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sentence):
     code, _, err = granular(line)
@@ -126,11 +124,13 @@ def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sente
 
 
 @pytest.mark.parametrize(("line", "named"), [
-    ("run bouncing-ball --speed 1e300", "speed is 1e+300: 0 or a size from 1e-75 to 1e+75 is needed; use other "),
-    ("compare chain --mass-ratio 1e308", "mass_ratio is 1e+308: "),
-    ("run heated-gas --engine edmd --dimer 1e308", "dimer is 1e+308: "),
-    ("run compressed-chain --floor amplitude=1e17 frequency=1e-320", "frequency is 1e-320: "),
-    ("run chain --mass 1e308", "mass is 1e+308: "),
+    ("run bouncing-ball --speed 1e300", "`speed` must be 0 or a number of magnitude 1e-75 to 1e+75, got 1e+300. Use "),
+    ("compare chain --mass-ratio 1e308", "`mass_ratio` must be 0 or a number of magnitude 1e-75 to 1e+75, got 1e+308."),
+    ("run heated-gas --engine edmd --dimer "
+     "1e308", "`dimer` must be 0 or a number of magnitude 1e-75 to 1e+75, got 1e+308."),
+    ("run compressed-chain --floor amplitude=1e17 "
+     "frequency=1e-320", "`frequency` must be 0 or a number of magnitude 1e-75 to 1e+75, got 1e-320."),
+    ("run chain --mass 1e308", "`mass` must be 0 or a number of magnitude 1e-75 to 1e+75, got 1e+308."),
 ])
 def test_a_number_beyond_all_sizes_is_named_and_nothing_warns(granular, line, named):
     code, out, err = granular(line)
@@ -190,7 +190,7 @@ def test_nothing_is_written_over_what_the_command_reads_or_writes(granular, tmp_
     before = {file: file.read_bytes() for file in tmp_path.iterdir()}
     code, out, err = granular(line)
     assert (code, out) == (2, "")
-    assert err == f"granular: {name}: is read or written by this command already; a file of its own is needed.\n"
+    assert err == f"granular: {name}: This command already reads or writes this file. Give another name.\n"
     assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 

@@ -108,9 +108,11 @@ def test_every_restitution_above_zero_has_an_answer(e):
 
 
 @pytest.mark.parametrize(("given", "sentence"), [
-    (("lammps/tsui", 0.5, True), r"convention is 'lammps/tsui': one of lammps/tsuji, .* did you mean lammps/tsuji\?"),
-    (("lethe", 0.0, True), r"restitution is 0\.0: a finite number above 0 and at most 1 is needed"),
-    (("lethe", 0.5, "yes"), r"clipped is 'yes': True or False is needed"),
+    (("lammps/tsui", 0.5, True),
+        "`convention` must be one of lammps/tsuji, lammps/tsuji-2026, lammps/coeff_restitution, lethe, "
+        r"liggghts/hertz, mfix/hertz, yade/hertz-mindlin, got 'lammps/tsui'\. Did you mean 'lammps/tsuji'\?"),
+    (("lethe", 0.0, True), r"`restitution` must be a number in \(0, 1\], got 0\.0"),
+    (("lethe", 0.5, "yes"), r"`clipped` must be True or False, got 'yes'"),
 ])
 def test_misuse_is_said_in_one_sentence(given, sentence):
     name, e, clipped = given

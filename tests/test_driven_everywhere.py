@@ -31,7 +31,8 @@ def test_a_saved_run_goes_on_as_far_as_its_path_was_kept(engine, tmp_path):
     loaded = gr.Trajectory.load(tmp_path / "part.npz")
     assert loaded.scene == part.scene
     assert loaded.account()["work"].tolist() == part.account()["work"].tolist()
-    with pytest.raises(ValueError, match=r"t_end is 0.3: .*at most 0.15 is needed; there the path"):
+    with pytest.raises(ValueError, match=r"`t_end` must be a number in \[0, 0\.15\], got 0\.3\. The path of the "
+                                         r"wall covers only this interval\."):
         engine.resume(loaded, t_end=0.3)
 
 

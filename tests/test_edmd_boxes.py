@@ -313,7 +313,7 @@ def test_a_run_whose_last_state_cannot_be_is_broken(said, monkeypatch):
     assert broken.status is gr.Status.broken
     expected = rf"the last state is none that there can be; the numbers mean nothing: {said}; {sound.value}: .*"
     assert re.fullmatch(expected, broken.message)
-    with pytest.raises(ValueError, match=r"trajectory is broken: nothing follows it; see its message\."):
+    with pytest.raises(ValueError, match=r"`trajectory` is broken and cannot be continued\. See its message\."):
         gr.edmd.resume(broken, t_end=2.0)
     assert gr.compare(scene, gr.LinearDashpot(1e6, 10.0), t_end=1.0).verdict.startswith("No verdict: the event-driven")
 
@@ -325,7 +325,7 @@ def test_a_soft_run_whose_last_state_cannot_be_is_broken(monkeypatch):
     broken = gr.md.simulate(scene, gr.LinearDashpot(1e4, 10.0), until=gr.until.contact(0, 1), t_end=9.0)
     assert broken.status is gr.Status.broken
     assert "gaps add up to 0.7" in broken.message
-    with pytest.raises(ValueError, match=r"trajectory is broken: nothing follows it"):
+    with pytest.raises(ValueError, match=r"`trajectory` is broken and cannot be continued\. See its message\."):
         gr.md.resume(broken, t_end=10.0)
 
 

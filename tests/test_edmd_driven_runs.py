@@ -88,7 +88,8 @@ def test_options_beside_a_driven_wall():
 
 def test_what_does_not_last_is_said():
     wall = plate(1, shaken(2.0))
-    with pytest.raises(ValueError, match="t_end is None: beside a driven wall"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run with a driven wall does not end "
+                                         r"by itself\. Give t_end=, until= or max_events=\."):
         run(wall)
     assert run(wall, max_events=50).status is gr.Status.max_events
     with pytest.raises(ValueError, match="t_end"):

@@ -103,9 +103,11 @@ def test_auto_asks_for_the_machine_code_of_its_kind_of_scene(monkeypatch) -> Non
 
 def test_what_does_not_compile_says_so() -> None:
     scene = gas(1, 3)
-    with pytest.raises(ValueError, match="engine is 'compiled': every rule must be a ConstantRest"):
+    with pytest.raises(ValueError, match="`engine` must be 'sorted' or 'auto' here, got 'compiled': every rule "
+                                         r"must be a ConstantRestitution\."):
         edmd.simulate(scene, lambda v, pair: 0.5, engine="compiled")
-    with pytest.raises(ValueError, match="engine is 'compiled': ties='poisson' runs interpreted only"):
+    with pytest.raises(ValueError, match="`engine` must be 'sorted' or 'auto' here, got 'compiled': "
+                                         r"ties='poisson' runs only interpreted\."):
         edmd.simulate(scene, ConstantRestitution(0.5), ties="poisson", engine="compiled")
 
 
@@ -114,7 +116,8 @@ def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monk
     monkeypatch.setitem(sys.modules, "numba", None)
     run = edmd.simulate(scene, ConstantRestitution(1.0), t_end=1e6, max_events=110_000, log=False)
     assert run.stats["engine"] == "sorted"
-    with pytest.raises(ImportError, match="engine is 'compiled': numba is not installed: pip install"):
+    with pytest.raises(ImportError, match="`engine` cannot be 'compiled': numba is not installed; run pip install "
+                                          r"'granular-collisions\[fast\]'\."):
         edmd.simulate(scene, ConstantRestitution(1.0), t_end=1.0, engine="compiled")
 
 
@@ -138,5 +141,5 @@ def test_numba_told_not_to_compile_is_as_if_it_were_not_there() -> None:
         out = subprocess.run(
             [sys.executable, "-c", before + code], capture_output=True, text=True, check=True, env=os.environ | variable
         )
-        why = "engine is 'compiled': NUMBA_DISABLE_JIT is set, so numba compiles nothing: unset it."
+        why = "`engine` cannot be 'compiled': NUMBA_DISABLE_JIT is set, so numba compiles nothing; unset it."
         assert out.stdout.splitlines() == ["sorted", "time", why, why]

@@ -17,27 +17,34 @@ RULE = ConstantRestitution(0.5)
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"t_end": -1.0}, "t_end is -1.0: a finite number of at least 0 is needed; t_start is the earliest"),
-        ({"t_end": math.nan}, "t_end is nan"),
-        ({"t_end": math.inf}, "t_end is inf"),
-        ({"t_start": math.inf}, "t_start is inf"),
-        ({"samples": 1, "t_end": 1.0}, "samples is 1: a whole number of at least 2"),
-        ({"samples": [0.5, 2.0], "t_end": 1.0}, r"samples\[1\] is 2.0: a time from 0 to 1 s is needed"),
-        ({"samples": [0.5, 0.2], "t_end": 1.0}, r"samples\[0\] is 0.2: times must not decrease"),
-        ({"samples": [], "t_end": 1.0}, "samples is empty: at least one time is needed"),
-        ({"max_events": -1}, "max_events is -1: a whole number of at least 0"),
-        ({"max_events": 10**400}, "max_events is 1000+...: a whole number of at least 0 and at most"),
-        ({"max_events": 1.5}, "max_events is 1.5"),
-        ({"engine": "fast"}, "engine is 'fast': one of auto, sorted, compiled is needed"),
-        ({"ties": "lft"}, "ties is 'lft': .* did you mean left"),
-        ({"seed": -1}, "seed is -1"),
-        ({"collapse": "ignore"}, "collapse is 'ignore': one of stop, merge is needed"),
-        ({"merge_below": 0.1}, "merge_below is 0.1: it needs collapse='merge'"),
-        ({"merge_below": 0.0, "collapse": "merge"}, "merge_below is 0.0: a finite number above 0"),
-        ({"tc": -1.0}, "tc is -1.0"),
-        ({"elastic_below": -1.0}, "elastic_below is -1.0"),
-        ({"tc": 0.1, "elastic_below": 0.1}, "tc and elastic_below are given together: one remedy at a time"),
-        ({"until": until.contact(5)}, "pair of until.contact is 5"),
+        ({"t_end": -1.0}, r"`t_end` must be a finite number of at least 0, got -1\.0\. The run starts there\."),
+        ({"t_end": math.nan}, r"`t_end` must be a finite number, got nan\."),
+        ({"t_end": math.inf}, r"`t_end` must be a finite number, got inf\."),
+        ({"t_start": math.inf}, r"`t_start` must be a finite number, got inf\."),
+        ({"samples": 1, "t_end": 1.0}, "`samples` must be an integer of at least 2.*, got 1"),
+        ({"samples": [0.5, 2.0], "t_end": 1.0}, r"`samples\[1\]` must be a time in \[0, 1\] s, got 2\.0\."),
+        ({"samples": [0.5, 0.2], "t_end": 1.0},
+            r"`samples\[1\]` must be at least as large as the entry before it, got 0\.2\. Sort the times\."),
+        ({"samples": [], "t_end": 1.0},
+            r"`samples` must have at least one time, got an empty array\. Give None for the first and the last "
+            r"state\."),
+        ({"max_events": -1}, "`max_events` must be an integer of at least 0.*, got -1"),
+        ({"max_events": 10**400}, r"`max_events` must be an integer from 0 to 9223372036854775807, got 1000.*\."),
+        ({"max_events": 1.5}, r"`max_events` must be an integer of at least 0, got 1\.5\."),
+        ({"engine": "fast"}, "`engine` must be one of auto, sorted, compiled, got 'fast'"),
+        ({"ties": "lft"},
+            r"`ties` must be one of left, right, random, newton, poisson, reflect, got 'lft'\. Did you mean "
+            r"'left'\?"),
+        ({"seed": -1}, r"`seed` must be an integer of at least 0, got -1\."),
+        ({"collapse": "ignore"}, "`collapse` must be one of stop, merge, got 'ignore'"),
+        ({"merge_below": 0.1}, r"`merge_below` must be None unless collapse='merge', got 0\.1\."),
+        ({"merge_below": 0.0, "collapse": "merge"}, "`merge_below` must be a finite number above 0.*, got 0.0"),
+        ({"tc": -1.0}, r"`tc` must be a finite number of at least 0, got -1\.0\."),
+        ({"elastic_below": -1.0}, r"`elastic_below` must be a finite number of at least 0, got -1\.0\."),
+        ({"tc": 0.1, "elastic_below": 0.1},
+            r"Only one remedy for an inelastic collapse can be given, got tc and elastic_below\."),
+        ({"until": until.contact(5)},
+            r"`pair` of until\.contact must be an integer from 0 to 1, got 5\. The lowest pair is 0\."),
     ],
 )
 def test_options_that_do_not_fit(options, sentence) -> None:
@@ -48,12 +55,16 @@ def test_options_that_do_not_fit(options, sentence) -> None:
 @pytest.mark.parametrize(
     ("scene", "rule", "options", "sentence"),
     [
-        ("three-balls", RULE, {}, "scene is .three-balls.: a granular.Scene is needed, such as"),
-        (SCENE, 0.5, {}, "rule is 0.5: a callable"),
-        (SCENE, RULE, {"until": 3.0}, "until is 3.0: a condition from granular.until is needed"),
-        (SCENE, RULE, {"t_end": "late"}, "t_end is 'late': a single number is needed"),
-        (SCENE, RULE, {"samples": ["a"], "t_end": 1.0}, "samples is"),
-        (SCENE, RULE, {"tc": None}, "tc is None"),
+        ("three-balls", RULE, {},
+            r"`scene` must be a granular\.Scene, such as granular\.scenes\.three_balls\(\), got 'three-balls'\."),
+        (SCENE, 0.5, {},
+            r"`rule` must be a function of \(speed, pair\), got 0\.5\. Use "
+            r"granular\.ConstantRestitution\(0\.5\)\."),
+        (SCENE, RULE, {"until": 3.0},
+            r"`until` must be a condition from granular\.until, such as until\.contact\(0, 2\), got 3\.0\."),
+        (SCENE, RULE, {"t_end": "late"}, "`t_end` must be a single number, got 'late'"),
+        (SCENE, RULE, {"samples": ["a"], "t_end": 1.0}, r"`samples` must be an array of numbers, got \['a'\]\."),
+        (SCENE, RULE, {"tc": None}, r"`tc` must be a single number, got None\."),
     ],
 )
 def test_kinds_that_do_not_fit(scene, rule, options, sentence) -> None:
@@ -63,7 +74,8 @@ def test_kinds_that_do_not_fit(scene, rule, options, sentence) -> None:
 
 def test_hard_spheres_cannot_overlap() -> None:
     scene = SCENE.replace(gap=[1.0, -1e-9])
-    with pytest.raises(ValueError, match=r"gap\[1\] is -1e-09: a gap must not be negative; hard"):
+    with pytest.raises(ValueError, match=r"`gap\[1\]` must be non-negative, got -1e-09\. Hard spheres cannot "
+                                         r"overlap\. Set the gap to 0, or use granular\.md\."):
         edmd.simulate(scene, RULE)
 
 
@@ -71,11 +83,16 @@ def test_hard_spheres_cannot_overlap() -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"velocity": [0.0, 1e308, -1e308]}, r"velocity\[1\] is 1e\+308: 0 or a size from 1e-75 to 1e\+75 is"),
-        ({"velocity": [0.0, 0.0, -5e-324]}, r"velocity\[2\] is -5e-324: 0 or a size from 1e-75"),
-        ({"gap": [1e300, 1.0]}, r"gap\[0\] is 1e\+300"),
-        ({"mass": [math.inf, 1e-300, 1e300]}, r"mass\[2\] is 1e\+300"),
-        ({"gravity": 1e-320}, r"gravity\[0\] is 1e-320"),
+        ({"velocity": [0.0, 1e308, -1e308]},
+            r"`velocity\[1\]` must be 0 or a number of magnitude 1e-75 to 1e\+75, got 1e\+308\. Use other units\."),
+        ({"velocity": [0.0, 0.0, -5e-324]},
+            r"`velocity\[2\]` must be 0 or a number of magnitude 1e-75 to 1e\+75, got -5e-324\. Use other units\."),
+        ({"gap": [1e300, 1.0]},
+            r"`gap\[0\]` must be a number of at most 1e\+75, got 1e\+300\. Use other units\."),
+        ({"mass": [math.inf, 1e-300, 1e300]},
+            r"`mass\[2\]` must be a number of at most 1e\+75, got 1e\+300\. Use other units\."),
+        ({"gravity": 1e-320},
+            r"`gravity` must be 0 or a number of magnitude 1e-75 to 1e\+75, got 1e-320\. Use other units\."),
     ],
 )
 def test_numbers_whose_squares_are_none(change, sentence) -> None:
@@ -96,12 +113,15 @@ def test_the_largest_and_the_smallest_numbers_run(v, gravity) -> None:
 
 
 def test_sticking_for_some_pairs_only_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"restitution of pair 1 is 0.0 but not of all pairs"):
+    with pytest.raises(ValueError, match="The restitution must be 0 for all pairs or for none, got 0 only for "
+                                         r"some \(pair 1\)\. 0 makes balls stick; use a small number, such as "
+                                         r"0\.01\."):
         edmd.simulate(SCENE, ConstantRestitution([0.5, 0.0]))
 
 
 def test_a_rule_that_leaves_its_range_is_named_when_it_happens() -> None:
-    with pytest.raises(ValueError, match=r"the rule of pair 0 returned 1.2 at impact speed"):
+    with pytest.raises(ValueError, match=r"The restitution rule of pair 0 must return a number in \[0, 1\], got "
+                                         r"1\.2 at an approach speed of 4\.42945 m/s\."):
         edmd.simulate(SCENE, [lambda v, p: 1.2, RULE])
 
 

@@ -142,14 +142,15 @@ def test_late_times_cost_no_digits() -> None:
 def test_what_cannot_be_resumed_says_why() -> None:
     scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0], gravity=1.0)
     run = edmd.simulate(scene, ConstantRestitution(0.5))
-    with pytest.raises(ValueError, match="trajectory ended in a collapse: nothing follows it"):
+    with pytest.raises(ValueError, match=r"`trajectory` ended in an inelastic collapse and cannot be continued\. "
+                                         r"Run again with collapse='merge' or tc=\."):
         edmd.resume(run)
     import dataclasses
 
     with pytest.raises(ValueError, match="trajectory is no hard-sphere run"):
         edmd.resume(dataclasses.replace(run, rule=None))
     part = edmd.simulate(scene, ConstantRestitution(0.5), t_end=1.0)
-    with pytest.raises(ValueError, match=r"t_end is 0.5: a finite number of at least 1 is needed"):
+    with pytest.raises(ValueError, match=r"`t_end` must be a finite number of at least 1, got 0.5"):
         edmd.resume(part, t_end=0.5)
 
 

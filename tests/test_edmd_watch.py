@@ -265,11 +265,14 @@ def test_pairs_of_all_sizes_share_their_contacts(monkeypatch):
 @pytest.mark.parametrize(
     ("watch", "kind", "sentence"),
     [
-        (gr.ConstantRestitution(0.7), TypeError, r"^watch is ConstantRestitution\(restitution=0.7\): an object with "
-         r"force.* is needed; how long a contact lasts, no collision rule can tell\.$"),
-        (1e-3, TypeError, r"^watch is 0.001: an object with force"),
-        (gr.Hertz, TypeError, r"^watch is the class Hertz: an instance is needed"),
-        ([gr.Hertz(1e9)], ValueError, r"^length of watch is 1: 2 \(the number of pairs\) is needed; give one for all"),
+        (gr.ConstantRestitution(0.7), TypeError,
+            r"^`watch` must be an object with force\(self, xi, xi_dot, pair\), got "
+            r"ConstantRestitution\(restitution=0\.7\)\. A collision rule does not determine the duration of a "
+            r"contact\."),
+        (1e-3, TypeError, r"^`watch` must be an object with force.*, got 0.001"),
+        (gr.Hertz, TypeError, r"^`watch` must be an instance, such as Hertz\(k=\.\.\.\), got the class Hertz\."),
+        ([gr.Hertz(1e9)], ValueError,
+            r"^The length of `watch` must be 2 \(the number of pairs\), got 1\. Give one for all"),
     ],
 )
 def test_misuse_is_a_sentence(watch, kind, sentence):

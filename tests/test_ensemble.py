@@ -135,7 +135,8 @@ def test_draws_without_a_value_of_one_engine_allow_no_yes():
     assert found.answer is undecided
     assert found.quantities[1].draws + missing.sum() == 12
     assert f"{missing.sum()} draws lack a value of one engine" in found.verdict
-    assert str(found).splitlines()[-1].startswith("refused: gap[1] is -")
+    assert str(found).splitlines()[-1].startswith("refused: `gap[1]` must be at least minus the sum of both radii, "
+                                                  "got -")
 
 
 def test_runs_that_stop_early_have_no_value():
@@ -173,17 +174,26 @@ def test_words_json_figure_and_command(three_balls, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("given", "sentence"), [
-    (("three-balls", 1, TOUCHING), r"n is 1: a whole number of at least 2 is needed"),
-    (("three-balls", 4, {}), "vary is empty: at least one parameter with its distribution is needed"),
-    (("three-balls", 4, {"gab": (1.0, 1.0)}), r"'gab' is no parameter of three-balls; did you mean gap\?"),
-    (("three-balls", 4, {"gap": 1e-4}), r"shape of gap in vary is \(\): \(2,\) is needed; give \(mean, sd\)"),
-    (("three-balls", 4, {"gap": (1e-4, 1e-5, 0.0)}), r"shape of gap in vary is \(3,\): \(2,\) is needed"),
-    (("three-balls", 4, TOUCHING, "v_reel"), r"result is 'v_reel': one of contacts, v_rel, .*did you mean v_rel\?"),
-    (("three-balls", 4, TOUCHING, "v_rel[2]"), r"'v_rel\[2\]' is no result that is compared; did you mean v_rel"),
-    (("three-balls", 4, TOUCHING, []), "results are empty: one or more of different names are needed"),
-    (("three-balls", 4, TOUCHING, [fastest, fastest]), "results are fastest: one or more of different names"),
-    (("three-balls", 4, TOUCHING, lambda: 0.0), r"<lambda> takes \(\): \(run\) is needed"),
-    (("three-balls", 4, {"gap": (-1.0, 0.0)}), r"gap\[1\] is -1\.0: an overlap cannot be deeper"),
+    (("three-balls", 1, TOUCHING), r"`n` must be an integer of at least 2, got 1"),
+    (("three-balls", 4, {}), r"`vary` must have at least one parameter with its distribution, got an empty mapping\."),
+    (("three-balls", 4, {"gab": (1.0, 1.0)}), r"three-balls has no parameter `gab`; did you mean `gap`\?"),
+    (("three-balls", 4, {"gap": 1e-4}),
+        r"`vary\['gap'\]` must be an array of shape \(2,\), got an array of shape \(\)\. Give \(mean, sd\), a "
+        r"function of the generator, or None for a seed\."),
+    (("three-balls", 4, {"gap": (1e-4, 1e-5, 0.0)}),
+        r"`vary\['gap'\]` must be an array of shape \(2,\), got an array of shape \(3,\)\. Give \(mean, sd\), a "
+        r"function of the generator, or None for a seed\."),
+    (("three-balls", 4, TOUCHING, "v_reel"),
+        r"`result` must be one of contacts, v_rel, t_f, v_final, time, energy_left, got 'v_reel'\. Did you mean "
+        r"'v_rel'\?"),
+    (("three-balls", 4, TOUCHING, "v_rel[2]"), r"unknown result v_rel\[2\]; did you mean v_rel\[1\]\?"),
+    (("three-balls", 4, TOUCHING, []), r"`results` must have one or more entries of different names, got none\."),
+    (("three-balls", 4, TOUCHING, [fastest, fastest]),
+        r"`results` must have one or more entries of different names, got fastest\."),
+    (("three-balls", 4, TOUCHING, lambda: 0.0), r"<lambda> must be a function with the argument \(run\), got \(\)\."),
+    (("three-balls", 4, {"gap": (-1.0, 0.0)}),
+        r"`gap\[1\]` must be at least minus the sum of both radii, got -1\.0\. Deeper overlaps would exchange the "
+        r"centres\."),
 ])
 def test_misuse_in_one_sentence(given, sentence):
     with pytest.raises((TypeError, ValueError), match=sentence):
@@ -191,10 +201,10 @@ def test_misuse_in_one_sentence(given, sentence):
 
 
 @pytest.mark.parametrize(("options", "sentence"), [
-    ({"margin": -0.1}, r"margin is -0\.1: a finite number of at least 0 is needed"),
-    ({"margin": {"t_f": 1.0}}, r"'t_f' is no result that is compared"),
-    ({"seed": 0.5}, r"seed is 0\.5: a whole number of at least 0 is needed"),
-    ({"gap": 1.0}, "gap is both varied and fixed: give it once"),
+    ({"margin": -0.1}, r"`margin` must be a finite number of at least 0, got -0\.1\."),
+    ({"margin": {"t_f": 1.0}}, r"unknown result t_f; available: v_rel, v_rel\[0\], v_rel\[1\]\."),
+    ({"seed": 0.5}, r"`seed` must be an integer of at least 0, got 0\.5"),
+    ({"gap": 1.0}, r"The parameter gap is both varied and fixed\. Give it once\."),
 ])
 def test_misuse_of_options(options, sentence):
     with pytest.raises(ValueError, match=sentence):

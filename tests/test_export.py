@@ -122,7 +122,8 @@ def test_ase_reads_extended_xyz(scene, tmp_path):
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.npz.bak", "run\0.nc"])
 def test_an_unknown_ending_is_refused(name, tmp_path):
-    with pytest.raises(ValueError, match=r"path is .*: the name of a file that ends in \.npz, \.nc, \.csv, \.extxyz"):
+    with pytest.raises(ValueError, match=r"`path` must be the name of a file that ends in \.npz, \.nc, \.csv, "
+                                         r"\.extxyz, got '.*"):
         RUN.save(str(tmp_path / name))
     assert not list(tmp_path.iterdir())
 
@@ -130,24 +131,29 @@ def test_an_unknown_ending_is_refused(name, tmp_path):
 def test_files_of_others_and_changed_ones_are_refused(tmp_path):
     path = tmp_path / "run.nc"
     xarray.Dataset({"a": ("x", [1.0])}).to_netcdf(path)
-    with pytest.raises(ValueError, match="it is not a run saved by granular"):
+    with pytest.raises(ValueError, match=r"`path` must be a complete file written by Trajectory\.save, got "
+                                         r"'.*run\.nc'\."):
         gr.load(path)
     path.write_bytes(b"no netCDF")
-    with pytest.raises(ValueError, match="it is not a run saved by granular"):
+    with pytest.raises(ValueError, match=r"`path` must be a complete file written by Trajectory\.save, got "
+                                         r"'.*run\.nc'\."):
         gr.load(path)
     RUN.save(path)
     with xarray.load_dataset(path) as data:
         data.velocity[3, 1] += 1.0
         data.to_netcdf(tmp_path / "changed.nc")
-    with pytest.raises(ValueError, match="it was changed after it was saved"):
+    with pytest.raises(ValueError, match=r"The file '.*changed\.nc' is not a valid run: its numbers do not match "
+                                         r"its digest\. The file was edited after it was saved\."):
         gr.load(tmp_path / "changed.nc")
 
 
 def test_missing_packages_are_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ImportError, match="to_frame needs pandas, which is not installed: pip install "):
+    with pytest.raises(ImportError, match=r"to_frame requires pandas, which is not installed\. Install it with: "
+                                          r"pip install 'granular-collisions\[sweep\]'"):
         RUN.to_frame()
-    with pytest.raises(ImportError, match=r"a file that ends in \.csv needs pandas"):
+    with pytest.raises(ImportError, match=r"a file that ends in \.csv requires pandas, which is not installed\. "
+                                          r"Install it with: pip install 'granular-collisions\[sweep\]'"):
         RUN.save(tmp_path / "run.csv")
 
 
@@ -193,10 +199,12 @@ def test_rows_about_contacts_of_a_run_that_goes_on():
 
 
 def test_rows_that_cannot_be_told(monkeypatch):
-    with pytest.raises(ValueError, match="samples is 'impacts': one of contacts is needed"):
+    with pytest.raises(ValueError, match="`samples` must be one of contacts, got 'impacts'"):
         ENGINES["hard"](FLOOR, t_end=1.0, samples="impacts")
     monkeypatch.setattr("granular._engine.check.MOST", 20)
-    with pytest.raises(ValueError, match=r"samples is 'contacts': .* contacts would give more than 20 rows"):
+    with pytest.raises(ValueError, match="`samples` must give at most 20 samples, got 'contacts' with 183 "
+                                         r"contacts\. Give a number of samples, or stop earlier with t_end= or "
+                                         r"until=\."):
         ENGINES["hard"](FLOOR, t_end=1.0, samples="contacts")
 
 
@@ -204,6 +212,6 @@ def test_the_command_keeps_rows_about_contacts(tmp_path, capsys) -> None:
     path = tmp_path / "run.npz"
     assert main(["run", "three-balls", "--samples", "contacts", "--save", str(path)]) == 0
     assert main(["run", "three-balls", "--samples", "words"]) == 2
-    assert "samples is 'words'" in capsys.readouterr().err
+    assert "`samples` must be one of contacts, got 'words'." in capsys.readouterr().err
     run = gr.load(path)
     assert set(run.contacts["t_begin"]) <= set(run.time)

@@ -181,23 +181,42 @@ def test_a_deck_is_plain_and_is_written_whole(tmp_path):
 SPRING = gr.LinearDashpot(1e5)
 HANGS = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.0], [1.0, 0.0], pendulum=1.0)
 REFUSED = {
-    "no scene": ("three-balls", SPRING, {}, "scene is .three-balls.: a granular.Scene is needed"),
-    "ring": (TWO.replace(gap=[0.1, 0.1], ring=True), SPRING, {}, "scene has a ring: a deck of LAMMPS holds balls"),
-    "pendula": (HANGS, SPRING, {}, "scene has pendula"),
-    "force": (TWO.replace(external_force=[1.0, 0.0]), SPRING, {}, "scene has external_force"),
-    "shaken": (FALL.replace(floor=gr.walls.Sine(1e-3, 50.0)), SPRING, {}, "scene has a wall that is shaken"),
-    "thermal": (FALL.replace(gravity=0.0, floor=gr.walls.Thermal(1.0)), SPRING, {}, "scene has a thermal wall"),
-    "moving": (FALL.replace(velocity=[0.1, -2.0]), SPRING, {}, "scene has a wall that moves"),
-    "point": (TWO.replace(radius=[0.0, 0.1]), SPRING, {}, "scene has a ball of radius 0"),
-    "memory": (TWO, gr.WaltonBraun(1e5, 2e5), {}, r"law of pair 0 is WaltonBraun.*LAMMPS has no such law; k ξ \+ γ ξ̇"),
-    "end": (TWO, gr.MatchedEnd(1.0, 1e5), {}, "law of pair 0 is MatchedEnd"),
-    "power": (TWO, gr.PowerLaw(1e5, 2.0), {}, "law of pair 0 is PowerLaw"),
-    "never parts": (TWO, gr.TsujiHertz(1e5, 2.5), {}, "law of pair 0 is TsujiHertz.*α < √5"),
-    "rule": (TWO, gr.ConstantRestitution(0.5), {}, r"an object with force\(self, xi, xi_dot, pair\) is needed"),
-    "count": (TWO, [SPRING, SPRING], {}, r"length of law is 2: 1 \(the number of pairs\)"),
-    "dt": (TWO, SPRING, {"dt": 0.0}, r"dt is 0\.0: .*above 0 is needed"),
-    "steps": (TWO, SPRING, {"dt": 1e-320}, r"t_end / dt is inf: a finite number at most 1e\+15 is needed"),
-    "t_end": (TWO, SPRING, {"t_end": -1.0}, r"t_end is -1\.0: .*above 0 is needed"),
+    "no scene": ("three-balls", SPRING, {},
+        r"`scene` must be a granular\.Scene, such as granular\.scenes\.three_balls\(\), got 'three-balls'\."),
+    "ring": (TWO.replace(gap=[0.1, 0.1], ring=True), SPRING, {},
+        r"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got a ring\."),
+    "pendula": (HANGS, SPRING, {},
+        r"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got pendula\."),
+    "force": (TWO.replace(external_force=[1.0, 0.0]), SPRING, {},
+        r"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got external_force\."),
+    "shaken": (FALL.replace(floor=gr.walls.Sine(1e-3, 50.0)), SPRING, {},
+        "`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got a wall that is "
+        r"shaken\."),
+    "thermal": (FALL.replace(gravity=0.0, floor=gr.walls.Thermal(1.0)), SPRING, {},
+        r"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got a thermal wall\."),
+    "moving": (FALL.replace(velocity=[0.1, -2.0]), SPRING, {},
+        r"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got a wall that moves\."),
+    "point": (TWO.replace(radius=[0.0, 0.1]), SPRING, {},
+        r"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got a ball of radius 0\."),
+    "memory": (TWO, gr.WaltonBraun(1e5, 2e5), {},
+        r"The law of pair 0 must be known to LAMMPS, got WaltonBraun\(k_load=100000\.0, k_unload=200000\.0\)\. Use "
+        r"k ξ \+ γ ξ̇, or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+    "end": (TWO, gr.MatchedEnd(1.0, 1e5), {},
+        r"The law of pair 0 must be known to LAMMPS, got MatchedEnd\(load=1\.0, stiffness=100000\.0\)\. Use k ξ \+ "
+        r"γ ξ̇, or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+    "power": (TWO, gr.PowerLaw(1e5, 2.0), {},
+        r"The law of pair 0 must be known to LAMMPS, got PowerLaw\(k=100000\.0, exponent=2\.0\)\. Use k ξ \+ γ ξ̇, "
+        r"or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+    "never parts": (TWO, gr.TsujiHertz(1e5, 2.5), {},
+        r"The law of pair 0 must be known to LAMMPS, got TsujiHertz\(k=100000\.0, alpha=2\.5\)\. Use k ξ \+ γ ξ̇, "
+        r"or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+    "rule": (TWO, gr.ConstantRestitution(0.5), {},
+        r"`law` must be an object with force\(self, xi, xi_dot, pair\), got "
+        r"ConstantRestitution\(restitution=0\.5\)\. For hard spheres use granular\.edmd\."),
+    "count": (TWO, [SPRING, SPRING], {}, r"The length of `law` must be 1 \(the number of pairs\).*, got 2"),
+    "dt": (TWO, SPRING, {"dt": 0.0}, r"`dt` must be .*above 0, got 0\.0"),
+    "steps": (TWO, SPRING, {"dt": 1e-320}, r"`t_end / dt` must be a finite number of at most 1e\+15, got inf\."),
+    "t_end": (TWO, SPRING, {"t_end": -1.0}, r"`t_end` must be .*above 0, got -1\.0"),
 }
 
 

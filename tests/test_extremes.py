@@ -108,7 +108,7 @@ def test_refusals_are_flags_and_scenes_that_cannot_be_are_left_out(monkeypatch):
     far = Case(ONE.scene, ONE.law, until=gr.until.separated(), run={"t_start": 1e13})
     short = gr.stability(far, axes=(), methods="verlet").rows[1:]
     assert {row.verdict for row in short} == {"flagged"}
-    assert all("a larger step is needed" in row.said for row in short)
+    assert all("`dt` must be large enough to advance the clock" in row.said for row in short)
 
 
 def test_table_and_words_count_every_run(report):

@@ -56,7 +56,8 @@ def test_a_pipe_is_written_into(tmp_path, report):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="the system has no /dev/full")
 def test_devices_are_written_into_and_stay(report):
     gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save("/dev/null")
-    with pytest.raises(OSError, match=r"output path is '/dev/full': a writable place is needed \(No space"):
+    with pytest.raises(OSError, match=r"The output path must be writable, got '/dev/full' \(No space left on "
+                                      r"device\)\."):
         report.to_json("/dev/full")
     for device in ("/dev/null", "/dev/full"):
         assert stat.S_ISCHR(os.stat(device).st_mode)
@@ -77,7 +78,7 @@ def test_json_on_standard_output_is_all_there_is_on_it(tmp_path, name, redirecte
 def test_a_picture_without_a_format_is_refused_and_leaves_nothing(tmp_path, report, name, ending, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match=rf"ending of {name} is {ending}: one of .*png.* is needed\."):
+    with pytest.raises(ValueError, match=rf"The ending of {name} must be one of .*png.*, got {ending}\."):
         report.plot(name)
     assert os.listdir(tmp_path) == []
 
@@ -99,7 +100,7 @@ def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path, mon
 @pytest.mark.parametrize("path", ["a.txt", "a", "", 5, None, b"a.npz", "a\0.npz"])
 def test_the_ending_tells_the_format_of_a_run(tmp_path, monkeypatch, path):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match=r"path is .*: the name of a file that ends in \.npz.* is needed"):
+    with pytest.raises(ValueError, match=r"`path` must be the name of a file that ends in \.npz.*, got .*"):
         gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save(path)
     assert os.listdir(tmp_path) == []
 
@@ -113,7 +114,7 @@ def test_a_full_disk_is_called_so_whatever_netcdf_says(tmp_path):
     before = resource.getrlimit(limits)
     resource.setrlimit(limits, (1_000_000, before[1]))  # as a quota does, with words of its own
     try:
-        with pytest.raises(OSError, match=r"output path is .*: a writable place is needed \(File too large\)"):
+        with pytest.raises(OSError, match=r"The output path must be writable, got '.*large\.nc' \(File too large\)\."):
             plan.write(data, tmp_path / "large.nc")
     finally:
         resource.setrlimit(limits, before)

@@ -212,15 +212,16 @@ def test_misuse_is_one_sentence():
     law = gr.LinearDashpot(1e4, 1.0)
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.1], [0.0, 0.0], 9.81)
     shaking = scene.replace(floor=gr.walls.Sine(1e-3, 50.0))
-    with pytest.raises(ValueError, match="t_end is None: beside a driven wall a run never comes to an end by itself"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run with a driven wall does not end "
+                                         r"by itself\. Give t_end=, until= or max_events=\."):
         run(shaking, law)
-    with pytest.raises(ValueError, match="a wall moved by a function needs the end of the run: give t_end"):
+    with pytest.raises(ValueError, match=r"`t_end` must be .*, got inf\. A wall moved by a function requires t_end=\."):
         run(scene.replace(floor=gr.walls.Motion(math.sin)), law, until=gr.until.contact(0, 2))
     short = gr.walls.Piecewise([0.0, 0.5], [[1.0], [0.0]])
-    with pytest.raises(ValueError, match=r"t_end is 1\.0: a number .* there the path of the wall ends"):
+    with pytest.raises(ValueError, match=r"`t_end` must be a number in \[0, 0\.5\], got 1\.0\. The path of the wall"):
         run(scene.replace(floor=short), law, t_end=1.0)
     room = gr.Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [0.1, 0.1], [0.0] * 3, floor=gr.walls.Sine(0.5, 0.5))
-    with pytest.raises(ValueError, match=r"t_end is 2\.0: the walls meet at t = .* give a t_end before that"):
+    with pytest.raises(ValueError, match=r"`t_end` must be before the walls meet at t = .*, got 2\.0"):
         run(room, law, t_end=2.0, dt=1e-5)
 
 

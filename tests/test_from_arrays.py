@@ -30,17 +30,26 @@ def test_rows_come_back(scene, by):
 
 ROWS = {"time": [0.0, 1.0], "position": np.zeros((2, 3)), "velocity": np.zeros((2, 3))}
 WRONG = [
-    ({"time": [1.0, 0.5]}, r"time\[1\] is 0.5: finite times in s that do not decrease are needed; sort the rows"),
-    ({"time": [0.0, math.nan]}, r"time\[1\] is nan: finite times"),
-    ({"time": []}, r"time is empty: finite times"),
-    ({"velocity": np.zeros((3, 2))}, r"velocity has the shape \(3, 2\): \(2, 3\) is needed, a row for each time"),
-    ({"position": [[0, 0, 0], [0, math.inf, 0]]}, r"position\[1, 1\] is inf: finite numbers are needed"),
-    ({"velocity": 1j * np.zeros((2, 3))}, "velocity is ndarray: a table of numbers of shape"),
-    ({"velocity": "fast"}, "velocity is str: a table of numbers of shape"),
-    ({"gap": np.zeros((2, 2))}, "position and gap are both given: one of them is needed"),
-    ({"position": None}, "position and gap are not given: one of them is needed"),
-    ({"position": None, "gap": np.zeros((2, 3))}, r"gap has the shape \(2, 3\): \(2, 2\) is needed"),
-    ({"scene": 3}, "scene is 3: a granular.Scene is needed"),
+    ({"time": [1.0, 0.5]},
+        r"`time\[1\]` must be a finite time in s, not before its predecessor, got 0\.5\. Sort the samples by "
+        r"time\."),
+    ({"time": [0.0, math.nan]},
+        r"`time\[1\]` must be a finite time in s, not before its predecessor, got nan\. Sort the samples by "
+        r"time\."),
+    ({"time": []}, r"`time` must be an array of at least one time, got an empty array\."),
+    ({"velocity": np.zeros((3, 2))},
+        r"`velocity` must be an array of shape \(2, 3\), got an array of shape \(3, 2\)\. Give a row per time and "
+        r"a column per body, walls included\."),
+    ({"position": [[0, 0, 0], [0, math.inf, 0]]}, r"`position\[1, 1\]` must be a finite number, got inf\."),
+    ({"velocity": 1j * np.zeros((2, 3))},
+        r"`velocity` must be a table of numbers of shape \(2, 3\), got a value of type ndarray\."),
+    ({"velocity": "fast"}, r"`velocity` must be a table of numbers of shape \(2, 3\), got a value of type str\."),
+    ({"gap": np.zeros((2, 2))}, r"One of `position` and `gap` must be given, got both\."),
+    ({"position": None}, r"One of `position` and `gap` must be given, got neither\."),
+    ({"position": None, "gap": np.zeros((2, 3))},
+        r"`gap` must be an array of shape \(2, 2\), got an array of shape \(2, 3\)\. Give a row per time and a "
+        r"column per pair\."),
+    ({"scene": 3}, r"`scene` must be a granular\.Scene, got 3\. Give the scene from which the other program"),
 ]
 
 
@@ -112,14 +121,17 @@ def test_it_is_said_from_when_on_for_both_engines_and_up_to_when_for_one_that_st
 
 
 def test_runs_that_cannot_be_compared():
-    with pytest.raises(TypeError, match=r"run is \[1\]: a granular.Trajectory is needed"):
+    with pytest.raises(TypeError, match=r"`run` must be a granular.Trajectory, got \[1\]"):
         REPORT.against([1])
     run = gr.edmd.simulate(FLOOR, gr.ConstantRestitution(0.9), t_end=0.1)
-    with pytest.raises(ValueError, match=r"run is of another scene: its mass is \[inf  1.  2.\]; \[1.  2.  0.5\] is"):
+    with pytest.raises(ValueError, match=r"`run` must be of the same scene: its mass must be \[1\.  2\.  0\.5\], "
+                                         r"got \[inf  1\.  2\.\]\."):
         REPORT.against(run)
-    with pytest.raises(ValueError, match=r"time\[0\] of run is -1.0: times from the start of the scene, 0 s"):
+    with pytest.raises(ValueError, match=r"`run\.time\[0\]` must be at least 0 s, the start of the scene, got "
+                                         r"-1\.0\. Shift its clock\."):
         REPORT.against(gr.Trajectory.from_arrays(LINE, [-1.0, 0.0], gap=np.zeros((2, 2)), velocity=np.zeros((2, 3))))
-    with pytest.raises(ValueError, match="run has neither laws nor rules"):
+    with pytest.raises(ValueError, match=r"`run` must have laws or rules to be saved this way\. Save numbers of "
+                                         r"another program as \.csv or \.extxyz, or with to_xarray\(\)\."):
         gr.Trajectory.from_arrays(LINE, **ROWS).save("never.npz")
 
 

@@ -157,8 +157,8 @@ def test_plot_writes_a_figure(report, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "sentence"), [
-    ({"methods": ["euler"]}, "methods is 'euler': one of located, "),
-    ({"repeats": 0}, "repeats is 0: a whole number of at least 1"),
+    ({"methods": ["euler"]}, "`methods` must be one of located, .*, got 'euler'"),
+    ({"repeats": 0}, "`repeats` must be an integer of at least 1.*, got 0"),
     ({"until": None, "t_end": 0.1}, "in this time no contact ends"),
 ])
 def test_misuse_is_one_sentence(options, sentence):
@@ -181,7 +181,8 @@ def test_errors_below_that_of_the_reference_are_not_resolved(coarse):
 
 def test_no_scene_is_one_sentence():
     for call in (gr.frontier, reference.solve, solve):
-        with pytest.raises(TypeError, match=r"scene is None: a granular\.Scene is needed"):
+        with pytest.raises(TypeError, match=r"`scene` must be a granular\.Scene, such as "
+                                            r"granular\.scenes\.three_balls\(\), got None\."):
             call(None, gr.LinearDashpot(1e6))
 
 
@@ -222,7 +223,8 @@ def test_command_says_at_once_that_no_contact_ends(line, capsys, monkeypatch):
 
 def test_rest_without_an_end_is_refused():
     ball = gr.scenes.bouncing_ball()
-    with pytest.raises(ValueError, match="t_end is None: the balls come to rest"):
+    with pytest.raises(ValueError, match=r"`t_end` or `until` must be given if the balls come to rest, got None\. "
+                                         r"The reference solution would not end\."):
         gr.frontier(ball, gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=ball.pairs[0]))
 
 

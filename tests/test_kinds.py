@@ -260,7 +260,7 @@ def test_pairs_are_a_sequence_as_a_tuple_is():
 
 
 def test_a_pair_whose_effective_mass_is_no_number_is_refused():
-    with pytest.raises(ValueError, match=r"m_eff is 0\.0: a finite number above 0 is needed"):
+    with pytest.raises(ValueError, match=r"`m_eff` must be a finite number above 0, got 0\.0"):
         assert Scene([1.0, 5e-324, 5e-324], [0.1] * 3, [0.1] * 2, [0.0] * 3).pairs
 
 

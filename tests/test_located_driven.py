@@ -149,7 +149,8 @@ def test_a_chain_under_end_forces_between_wall_and_force(law):
 
 def test_what_is_refused():
     scene, law = shaken(2.0, 0.5, 100.0, gap=0.1)
-    with pytest.raises(ValueError, match="t_end is None: beside a driven wall"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run with a driven wall does not end "
+                                         r"by itself\. Give t_end=, until= or max_events=\."):
         gr.md.simulate(scene, law)
     short = gr.walls.Piecewise([0.0, 1.0], [[1.0], [0.0]])
     with pytest.raises(ValueError, match="t_end is 2"):

@@ -90,7 +90,8 @@ def test_until_limits_and_disturbance():
     alone = gr.md.simulate(scene, LAWS[1], t_end=30.0, disturbed="ignore")
     assert alone.status is gr.Status.time
     assert (alone.gap[-1, [0, -1]] >= 0.0).all()
-    with pytest.raises(ValueError, match="t_end is None: beside a thermal wall"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run with a thermal wall does not "
+                                         r"end by itself\. Give t_end=, until= or max_events=\."):
         gr.md.simulate(scene, LAWS[0])
 
 

@@ -130,5 +130,7 @@ def test_a_plastic_ball_ends_in_an_elastic_bounce_within_its_dent():
     m = float(ball.mass[1])  # the line through the dent: a spring from release to the turning point and back
     left = 0.5 * m * outward[first] ** 2 + m * 9.81 * (deepest[first] - dent)
     assert left == pytest.approx(0.5 * law.k_unload * (deepest[first] - dent) ** 2, rel=1e-9)
-    with pytest.raises(ValueError, match="t_end is None: under gravity, and laws that lose nothing within a dent"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run under gravity with laws that "
+                                         r"dissipate only at the largest overlap so far does not end by itself\. "
+                                         r"Give t_end=, until= or max_events=\."):
         gr.md.simulate(ball, law)

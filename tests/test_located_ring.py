@@ -169,5 +169,6 @@ def test_stops_limits_and_soft_event_driven():
         assert stop.status is gr.Status.disturbed
         assert stop.first_disturbed[1] == -by % 3
         assert isolation.first_disturbed(stop).startswith(f"pairs {-by % 3} and {(1 - by) % 3} at t = ")
-    with pytest.raises(ValueError, match="t_end is None: on a ring"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run on a ring does not end by "
+                                         r"itself\. Give t_end=, until= or max_events=\."):
         gr.md.simulate(scene, law)

@@ -77,8 +77,8 @@ def test_a_disk_that_is_full_ends_the_run_and_keeps_what_was_written(tmp_path, m
         return real(self, (block[i : i + 3] for block in blocks for i in range(0, len(block), 3)))
 
     monkeypatch.setattr(contact_log.LogFile, "extend", extend)
-    with pytest.raises(OSError, match=r"run.npy': it cannot grow \(No space left on device\); the run ends here, the "
-                                      r"first \d+ contacts are in the file"):
+    with pytest.raises(OSError, match=r"The log '.*run\.npy' cannot grow \(No space left on device\), so the run "
+                                      r"ends here\. The first 30 contacts are in the file\."):
         RUNS["hard"](log=path)
     found = np.load(path)
     assert 24 <= len(found) <= 33
@@ -116,17 +116,19 @@ def test_what_was_written_before_a_kill_is_read(more, tmp_path) -> None:
 def test_mistakes_are_told_and_nothing_is_written_over(tmp_path, capsys) -> None:
     there = tmp_path / "there.npy"
     there.write_bytes(b"kept")
-    with pytest.raises(FileExistsError, match=r"there.npy'.* it is there already; give another name, or remove it"):
+    with pytest.raises(FileExistsError, match=r"`log` must be a new file, got '.*there\.npy'\. Give another name, "
+                                              r"or remove the file\."):
         RUNS["hard"](log=there)
     assert there.read_bytes() == b"kept"
-    with pytest.raises(ValueError, match=r"run.txt.*\.npy"):
+    with pytest.raises(ValueError, match=r"`log` must be True, False or the name of a file that ends in \.npy, got "
+                                         r"'.*run\.txt'\."):
         RUNS["hard"](log=tmp_path / "run.txt")
-    with pytest.raises(OSError, match=r"a writable place is needed \(No such file"):
+    with pytest.raises(OSError, match=r"`log` must be writable, got '.*run\.npy' \(No such file"):
         RUNS["hard"](log=tmp_path / "no" / "run.npy")
-    with pytest.raises(TypeError, match="log is 3"):
+    with pytest.raises(TypeError, match="`log` must be True or False, got 3"):
         RUNS["hard"](log=3)
     run = RUNS["hard"](log=tmp_path / "run.npy")
-    with pytest.raises(ValueError, match="size is 0"):
+    with pytest.raises(ValueError, match=r"`size` must be an integer of at least 1, got 0\."):
         run.contact_batches(0)
     for bad, sentence in ((b"nothing", "that is no log of contacts"), (None, "have no names pair and t_begin")):
         (tmp_path / "run.npy").write_bytes(bad) if bad else np.save(tmp_path / "run.npy", np.zeros(3))

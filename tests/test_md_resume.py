@@ -109,21 +109,25 @@ def test_limits_count_from_the_cut():
     gr.md.simulate(gr.Scene([1.0, 1.0], [0.1] * 2, [-0.01], [0.0, 0.0]), gr.Hertz(1e6), until=gr.until.contact(0, 1)),
 ], ids=["hard", "fixed steps", "not begun"])
 def test_what_cannot_be_gone_on_from_is_refused(run):
-    with pytest.raises(ValueError, match=r"trajectory cannot be gone on from: one from granular\.md"):
+    with pytest.raises(ValueError, match=r"`trajectory` must be a run of granular\.md\.simulate by method "
+                                         r"'located' that has begun\. For hard spheres use "
+                                         r"granular\.edmd\.resume\."):
         gr.md.resume(run, t_end=1.0)
 
 
 def test_an_end_before_the_cut_is_refused():
     run = gr.md.simulate(gr.scenes.bouncing_ball(), gr.Hertz(1e6), t_end=0.1)
-    with pytest.raises(ValueError, match=r"t_end is 0\.05"):
+    with pytest.raises(ValueError, match=r"`t_end` must be a finite number of at least 0\.1, got 0\.05\. The run "
+                                         r"starts there\."):
         gr.md.resume(run, t_end=0.05)
 
 
 def test_disturbed_is_checked():
     ball = gr.scenes.bouncing_ball()
-    with pytest.raises(ValueError, match="disturbed is 'halt': one of resolve, stop, ignore is needed"):
+    with pytest.raises(ValueError, match="`disturbed` must be one of resolve, stop, ignore, got 'halt'"):
         gr.md.simulate(ball, gr.Hertz(1e6), t_end=0.1, disturbed="halt")
-    with pytest.raises(ValueError, match="method 'verlet' resolves every contact; choose 'located'"):
+    with pytest.raises(ValueError, match=r"`disturbed` must be 'resolve' for method 'verlet', got 'stop'\. Use "
+                                         r"method='located'\."):
         gr.md.simulate(ball, gr.Hertz(1e6), t_end=0.1, method="verlet", disturbed="stop")
 
 

@@ -35,50 +35,71 @@ def test_what_is_no_run_is_refused(function, names):
     for name in {"hard", "soft", "cut", "run", "one", "other", "scene", "twin", "weight", "options"} & set(names):
         for odd in ODD:
             given = [odd if one == name else GOOD.get(one) for one in names]
-            with pytest.raises((TypeError, ValueError), match=rf"(?s)^{name} is .* is needed\.$"):
+            with pytest.raises((TypeError, ValueError), match=rf"(?s)^`{name}` must be .*, got .*\.$"):
                 list(function(*given))
 
 
 MISUSE = {
-    "no scene": (lambda: gr.scene.in_order(None), "scene is None: a granular.Scene is needed"),
-    "no scene for speeds": (lambda: gr.scene.speed_scale("x"), "scene is 'x': a granular.Scene is needed"),
-    "zeta is None": (lambda: dashpot.restitution(None), "zeta is None: a single number is needed"),
-    "zeta is a list": (lambda: dashpot.restitution([1.0]), r"zeta is \[1.0\]: a single number is needed"),
+    "no scene": (lambda: gr.scene.in_order(None), r"`scene` must be a granular\.Scene, such as "
+                                                  r"granular\.scenes\.three_balls\(\), got None\."),
+    "no scene for speeds": (lambda: gr.scene.speed_scale("x"), r"`scene` must be a granular\.Scene, such as "
+                                                               r"granular\.scenes\.three_balls\(\), got 'x'\."),
+    "zeta is None": (lambda: dashpot.restitution(None), "`zeta` must be a single number, got None"),
+    "zeta is a list": (lambda: dashpot.restitution([1.0]), r"`zeta` must be a single number, got \[1.0\]"),
     "ragged samples": (
-        lambda: gr.edmd.simulate(FLAT, RULE, t_end=1.0, samples=RAGGED), r"samples is \[\[1.0\], \[1.0, 2.0\]\]: an"),
-    "ragged samples, soft": (lambda: gr.md.simulate(FLAT, LAW, t_end=1.0, samples=RAGGED), r"samples is \[\[1.0\], .*"),
-    "ragged gaps": (lambda: gr.scenes.column(3, gap=RAGGED), r"gap is \[\[1.0\], .*: an array of numbers is needed"),
-    "ragged gaps of pendula": (lambda: gr.scenes.pendulum_cradle(3, rest_gap=RAGGED), r"rest_gap is \[\[1.0\], .*"),
-    "ragged restitution": (lambda: gr.ConstantRestitution(RAGGED), r"restitution is \[\[1.0\], .*: an array of"),
+        lambda: gr.edmd.simulate(FLAT, RULE, t_end=1.0, samples=RAGGED),
+            r"`samples` must be an.*, got \[\[1.0\], \[1.0, 2.0\]\]"),
+    "ragged samples, soft": (lambda: gr.md.simulate(FLAT, LAW, t_end=1.0, samples=RAGGED), "`samples` must be an "
+                                                                                           "array of numbers, got "
+                                                                                           r"\[\[1\.0\], \[1\.0, "
+                                                                                           r"2\.0\]\]\."),
+    "ragged gaps": (lambda: gr.scenes.column(3, gap=RAGGED), r"`gap` must be an array of numbers, got \[\[1.0\], .*"),
+    "ragged gaps of pendula": (lambda: gr.scenes.pendulum_cradle(3, rest_gap=RAGGED), "`rest_gap` must be an array of "
+                                                                                      r"numbers, got \[\[1\.0\], "
+                                                                                      r"\[1\.0, 2\.0\]\]\."),
+    "ragged restitution": (lambda: gr.ConstantRestitution(RAGGED),
+        r"`restitution` must be an array of.*, got \[\[1.0\], .*"),
     "ragged restitution of theory": (
-        lambda: gr.theory.stack_velocities([1.0, 1.0], RAGGED), r"restitution is \[\[1.0\], .*: an array of numbers"),
+        lambda: gr.theory.stack_velocities([1.0, 1.0], RAGGED),
+            r"`restitution` must be an array of numbers.*, got \[\[1.0\], .*"),
     "ragged speed": (
-        lambda: gr.binary.restitution(LAW, FLAT.pairs[0], RAGGED), r"speed is \[\[1.0\], .*: an array of numbers"),
+        lambda: gr.binary.restitution(LAW, FLAT.pairs[0], RAGGED),
+            r"`speed` must be an array of numbers.*, got \[\[1.0\], .*"),
     "ragged modulus": (
-        lambda: gr.Hertz.from_material(RAGGED, 0.3, FLAT.pairs[0]), r"young is \[\[1.0\], .*: an array of numbers"),
-    "ragged values": (lambda: gr.sweep("three-balls", {"gap": [1.0, [2.0]]}), r"values of gap are \[1.0, \[2.0\]\]: a"),
-    "ragged coefficients": (lambda: gr.walls.Piecewise([0.0, 1.0], RAGGED), r"coefficients is \[\[1.0\], .*: an array"),
-    "ragged series": (lambda: gr.walls.Panels([0.0, 1.0], RAGGED), r"series is \[\[1.0\], .*: an array of numbers"),
-    "contact of a word": (lambda: gr.until.Contact("x", 1), "pair is 'x': a single number is needed"),
-    "contact number 0": (lambda: gr.until.Contact(0, 0), "nth is 0: a whole number of at least 1 is needed"),
-    "speed of a word": (lambda: gr.until.Speed(0, "x"), "above is 'x': a single number is needed"),
-    "force below zero": (lambda: gr.until.Force(0, -1.0), "above is -1.0: a finite number of at least 0 is needed"),
-    "no place": (lambda: gr.until.Position(0), "above is None and below is None: one of them is needed"),
-    "two places": (lambda: gr.until.Position(0, 1.0, 0.0), "above is 1.0 and below is 0.0: one of them is needed"),
-    "place is nan": (lambda: gr.until.Position(0, below=math.nan), "below is nan: a finite number"),
-    "rows of a word": (lambda: HARD.of("x"), "pair is 'x': a single number is needed"),
-    "count of half a pair": (lambda: HARD.count(0.5), "pair is 0.5: a whole number of at least 0 is needed"),
-    "no laws": (lambda: measures.durations(HARD, ()), r"length of laws is 0: 2 \(the number of pairs\) is needed"),
-    "laws of another scene": (lambda: measures.crowding(HARD, (LAW,) * 3), "length of laws is 3: 2 "),
-    "groups at a word": (lambda: measures.groups(FLAT, (LAW,) * 2, "x"), "speed is 'x': a single number is needed"),
+        lambda: gr.Hertz.from_material(RAGGED, 0.3, FLAT.pairs[0]),
+            r"`young` must be an array of numbers.*, got \[\[1.0\], .*"),
+    "ragged values": (lambda: gr.sweep("three-balls", {"gap": [1.0, [2.0]]}), "The values of gap must be a list of "
+                                                                              r"numbers or words, got \[1\.0, "
+                                                                              r"\[2\.0\]\]\."),
+    "ragged coefficients": (lambda: gr.walls.Piecewise([0.0, 1.0], RAGGED),
+        r"`coefficients` must be an array.*, got \[\[1.0\], .*"),
+    "ragged series": (lambda: gr.walls.Panels([0.0, 1.0], RAGGED),
+        r"`series` must be an array of numbers.*, got \[\[1.0\], .*"),
+    "contact of a word": (lambda: gr.until.Contact("x", 1), "`pair` must be a single number, got 'x'"),
+    "contact number 0": (lambda: gr.until.Contact(0, 0), "`nth` must be an integer of at least 1, got 0"),
+    "speed of a word": (lambda: gr.until.Speed(0, "x"), "`above` must be a single number, got 'x'"),
+    "force below zero": (lambda: gr.until.Force(0, -1.0), "`above` must be a finite number of at least 0, got -1.0"),
+    "no place": (lambda: gr.until.Position(0), "One of `above` and `below` must be given, a position in m, got None "
+                                               "and None"),
+    "two places": (lambda: gr.until.Position(0, 1.0, 0.0), "One of `above` and `below` must be given, a position in "
+                                                           "m, got 1.0 and 0.0"),
+    "place is nan": (lambda: gr.until.Position(0, below=math.nan), "`below` must be a finite number.*, got nan"),
+    "rows of a word": (lambda: HARD.of("x"), "`pair` must be a single number, got 'x'"),
+    "count of half a pair": (lambda: HARD.count(0.5), "`pair` must be an integer of at least 0, got 0.5"),
+    "no laws": (lambda: measures.durations(HARD, ()), r"The length of `laws` must be 2 \(the number of pairs\), got 0"),
+    "laws of another scene": (lambda: measures.crowding(HARD, (LAW,) * 3), "The length of `laws` must be 2 .*, got 3"),
+    "groups at a word": (lambda: measures.groups(FLAT, (LAW,) * 2, "x"), "`speed` must be a single number, got 'x'"),
     "resolution of one": (
         lambda: gr.compare(FLAT, LAW, t_end=1.0).effective_restitution(resolution=1),
-        "resolution is 1: a whole number of at least 2"),
+        "`resolution` must be an integer of at least 2.*, got 1"),
     "no frequency": (
-        lambda: gr.walls.Sine.from_acceleration(1.0, 1e-320), "frequency is 1e-320: a finite number above 0 and"),
+        lambda: gr.walls.Sine.from_acceleration(1.0, 1e-320), r"`frequency` must be a finite number of at "
+                                                              "least 1e-150, got 1e-320"),
     "radius beyond all": (
-        lambda: gr.waves.solitary(20, law=gr.Hertz(1e9), radius=1e200), r"radius is 1e\+200: a finite number above 0"),
-    "masses beyond all": (lambda: gr.scenes.chain(5, mass_ratio=1e300), r"mass\[\d\] is inf: only the first and"),
+        lambda: gr.waves.solitary(20, law=gr.Hertz(1e9), radius=1e200),
+            r"`radius` must be a number in \(0, 1e\+100\], got 1e\+200"),
+    "masses beyond all": (lambda: gr.scenes.chain(5, mass_ratio=1e300),
+        r"`mass\[\d\]` must be finite, got inf\. Only the first and"),
 }
 
 

@@ -175,5 +175,5 @@ def test_the_height_of_the_centre_of_mass_is_that_of_points(walls):
 
 @pytest.mark.parametrize("measure", [gr.measures.temperature, gr.measures.height])
 def test_what_is_no_run_is_refused(measure):
-    with pytest.raises(TypeError, match=r"run is Scene\(.*: a granular\.Trajectory is needed"):
+    with pytest.raises(TypeError, match=r"`run` must be a granular\.Trajectory, got Scene\(.*"):
         measure(gr.scenes.three_balls())

@@ -52,7 +52,7 @@ console.log(JSON.stringify(Object.fromEntries(Object.entries(SETUPS).map(([scene
 def test_what_can_be_set_are_the_sliders_of_the_page() -> None:
     node = shutil.which("node")
     if node is None:
-        pytest.skip("node is not installed: the limits of the page's sliders are not compared here")
+        pytest.skip("`node` must be the limits of the page's sliders are not compared here.*, got not installed")
     script = LIMITS.replace("SETUPS\")", f'{(Path(opening.__file__).parent / "physics/setups.mjs").as_uri()}")')
     told = subprocess.run([node, "--input-type=module", "-e", script], capture_output=True, text=True, check=True)
     sliders = json.loads(told.stdout)
@@ -82,7 +82,7 @@ def test_every_setting_of_every_scene_reaches_the_link() -> None:
                 assert state[setting.slider] == value
             else:
                 assert float(state[setting.slider]) == value
-            with pytest.raises((TypeError, ValueError), match=rf"^{name} is .*needed"):
+            with pytest.raises((TypeError, ValueError), match=rf"^`{name}` must be .*, got "):
                 opening.link(scene, {name: -1.0 if not words or setting.words else "no number"})
 
 
@@ -139,7 +139,8 @@ def test_text_cannot_break_out_of_the_page(tmp_path) -> None:
 def test_numerics_by_node(third) -> None:
     node = shutil.which("node")
     if node is None:
-        pytest.skip("node is not installed: the page's numerics are not checked against the golden data here")
+        pytest.skip("`node` must be the page's numerics are not checked against the golden data here.*, got not "
+                    "installed")
     balls = {name: astuple(ball) for name, ball in gr.balls.BALLS.items()}
     run = subprocess.run([node, "--test", *HERE.glob("*.test.mjs")], capture_output=True, text=True, check=False,
                          env=os.environ | {"THIRD": str(third), "BALLS": json.dumps(balls)})
@@ -184,13 +185,16 @@ def test_the_commands_write_pages(tmp_path, capsys, cradle) -> None:
 @pytest.mark.parametrize(
     ("command", "sentence"),
     [
-        (["page", "gas"], "scene is 'gas': one of story, real-balls, three-balls, ball-stack, newtons-cradle, bounc"),
-        (["page", "real-balls", "--upper", "medicine ball"], "upper is 'medicine ball': one of basketball, football, "),
-        (["page", "real-balls", "--gap", "1e-9"], "gap is 1e-09: a finite number of at least 1e-07 and at most 0.1 is"),
-        (["page", "newtons-cradle", "--n", "3", "--moving", "3"], "moving is 3: a whole number of at least 1 and at"),
-        (["page", "three-balls", "--lower", "football"], "'lower' is no setting of the page's three-balls: at, gap, "),
-        (["page", "story", "--screen", "7"], "screen is 7: a whole number of at least 0 and at most 6 is needed."),
-        (["page", "-o", "/nowhere/p.html"], "a writable place is needed"),
+        (["page", "gas"], "`scene` must be one of story, real-balls, three-balls, ball-stack, newtons-cradle, bounc"),
+        (["page", "real-balls", "--upper", "medicine ball"], "`upper` must be one of basketball, football, "),
+        (["page", "real-balls", "--gap", "1e-9"], "`gap` must be a number in [1e-07, 0.1], got 1e-09."),
+        (["page", "newtons-cradle", "--n", "3", "--moving", "3"],
+         "`moving` must be an integer from 1 to 2, got 3. At least one ball has to be at rest."),
+        (["page", "three-balls", "--lower", "football"], "the page three-balls has no setting `lower`; available: "
+                                                         "at, "),
+        (["page", "story", "--screen", "7"], "`screen` must be an integer from 0 to 6, got 7"),
+        (["page", "-o", "/nowhere/p.html"], "The output path must be writable, got '/nowhere/p.html' (No such file or "
+                                            "directory)."),
         (["view", "nothing.npz"], "nothing.npz: No such file"),
         (["view"], "RUN.npz"),
         (["page", "--opne"], "did you mean --open?"),
@@ -204,14 +208,14 @@ def test_misuse_is_one_sentence(command, sentence, capsys) -> None:
 
 
 def test_three_runs_are_refused(tmp_path, cradle) -> None:
-    with pytest.raises(ValueError, match="runs are 3: one or two trajectories are needed"):
+    with pytest.raises(ValueError, match="`runs` must be one or two trajectories, got 3"):
         player_page(tmp_path / "x.html", [cradle.hard] * 3)
 
 
 def test_two_runs_of_different_balls_are_refused(tmp_path, cradle) -> None:
     """Newcomer M23."""
     other = gr.edmd.simulate(gr.scenes.gas(n=10), gr.ConstantRestitution(0.9), t_end=0.1)
-    with pytest.raises(ValueError, match=r"different scenes \(4 and \d+ bodies\): one trajectory is needed"):
+    with pytest.raises(ValueError, match=r"must be of the same balls, got different scenes \(4 and \d+ bodies\)"):
         player_page(tmp_path / "x.html", [cradle.hard, other])
     light = gr.edmd.simulate(cradle.scene.replace(mass=0.5 * cradle.scene.mass), gr.ConstantRestitution(0.9))
     with pytest.raises(ValueError, match=r"different scenes \(masses\)"):

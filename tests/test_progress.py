@@ -40,21 +40,22 @@ def test_every_verb_tells_how_far_it_is_and_how_many_things_are_done(verb):
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_what_is_no_function_is_refused_at_once(verb):
-    with pytest.raises(TypeError, match="on_progress is 3: a function, or None, is needed"):
+    with pytest.raises(TypeError, match="`on_progress` must be a function or None, got 3"):
         VERBS[verb](on_progress=3)
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_progress_is_true_or_false(verb):
-    with pytest.raises(TypeError, match="progress is 1: True or False is needed"):
+    with pytest.raises(TypeError, match="`progress` must be True or False, got 1"):
         VERBS[verb](progress=1)
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_function_of_other_arguments_is_refused_at_once(verb):
-    with pytest.raises(TypeError, match=r"on_progress takes \(reached\): \(reached, count\) is needed\."):
+    words = r"`on_progress` must be a function with the arguments \(reached, count\), got "
+    with pytest.raises(TypeError, match=words + r"\(reached\)\."):
         VERBS[verb](on_progress=lambda reached: None)
-    with pytest.raises(TypeError, match=r"on_progress takes \(count, reached\): \(reached, count\) is needed\."):
+    with pytest.raises(TypeError, match=words + r"\(count, reached\)\."):
         VERBS[verb](on_progress=lambda count, reached: None)
 
 

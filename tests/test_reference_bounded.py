@@ -137,5 +137,5 @@ def test_what_rests_on_a_thermal_floor_is_thrown_up():
 
 def test_what_rests_forever_says_so():
     scene = gr.Scene([1.0, 1.0], [0.0, 0.0], [0.0], [0.0, 0.0], pendulum=1.0)
-    with pytest.raises(ValueError, match="`t_end` must be given.*All balls are at rest"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given.*All balls are at rest"):
         reference.solve(scene, gr.LinearDashpot(1e3, 0.0))

@@ -196,9 +196,10 @@ def test_words_html_and_json(crowded, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("options", "sentence"), [
-    ({"tc": -1.0}, r"tc is -1\.0: a finite number of at least 0 is needed"),
-    ({"elastic_below": math.nan}, "elastic_below is nan"),
-    ({"tc": 1e-3, "collapse": "merge"}, "sticking or collapse='merge' and tc are given together: one remedy at a time"),
+    ({"tc": -1.0}, r"`tc` must be a finite number of at least 0, got -1\.0"),
+    ({"elastic_below": math.nan}, r"`elastic_below` must be a finite number of at least 0, got nan\."),
+    ({"tc": 1e-3, "collapse": "merge"},
+        r"Only one remedy for an inelastic collapse can be given, got sticking or collapse='merge' and tc\."),
 ])
 def test_misuse_of_options(options, sentence):
     with pytest.raises(ValueError, match=sentence):
@@ -207,7 +208,7 @@ def test_misuse_of_options(options, sentence):
 
 def test_misuse_of_remedies():
     report = gr.compare(*beads(10.0, 0, n=2))
-    with pytest.raises(ValueError, match=r"merge_below is 0: a finite number above 0 is needed"):
+    with pytest.raises(ValueError, match=r"`merge_below` must be a finite number above 0, got 0"):
         report.remedies(merge_below=0)
-    with pytest.raises(TypeError, match=r"observable is 'E': a function, or None, is needed"):
+    with pytest.raises(TypeError, match=r"`observable` must be a function or None, got 'E'"):
         report.remedies("E")

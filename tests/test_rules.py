@@ -42,19 +42,27 @@ def test_rules_are_frozen_and_constants_compare() -> None:
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: ConstantRestitution(1.2), "restitution is 1.2: a finite number of at least 0 and at most 1 is needed"),
-        (lambda: ConstantRestitution(-0.1), "restitution is -0.1"),
-        (lambda: ConstantRestitution(math.nan), "restitution is nan"),
-        (lambda: ConstantRestitution([0.5, 2.0]), r"restitution\[1\] is 2.0: a number in \[0, 1\] is needed"),
-        (lambda: TabulatedRestitution([1.0], [0.5]), "speed has 1 entries: at least 2 are needed"),
-        (lambda: TabulatedRestitution([1.0, 1.0], [0.5, 0.5]), r"speed\[0\] is 1.0: speed must increase"),
-        (lambda: TabulatedRestitution([-1.0, 1.0], [0.5, 0.5]), r"speed\[0\] is -1.0: a speed must be finite"),
-        (lambda: TabulatedRestitution([0.0, 1.0], [0.5, 1.5]), r"restitution\[1\] is 1.5"),
-        (lambda: TabulatedRestitution([0.0, 1.0], [0.5]), "shape of restitution"),
-        (lambda: rules.checked([ConstantRestitution(1.0)], PAIRS), "length of rule is 1: 2"),
-        (lambda: rules.checked(ConstantRestitution([1.0]), PAIRS), "length of restitution is 1: 2"),
-        (lambda: rules.restitution_at(lambda v, p: 1.5, 2.0, PAIRS[1]), "the rule of pair 1 returned 1.5 at"),
-        (lambda: rules.restitution_at(lambda v, p: math.nan, 2.0, PAIRS[0]), "the rule of pair 0 returned nan"),
+        (lambda: ConstantRestitution(1.2), r"`restitution` must be a number in \[0, 1\], got 1\.2\. 1 is elastic, 0 "
+                                           r"sticks\."),
+        (lambda: ConstantRestitution(-0.1), r"`restitution` must be a number in \[0, 1\], got -0\.1"),
+        (lambda: ConstantRestitution(math.nan), r"`restitution` must be a number in \[0, 1\], got nan"),
+        (lambda: ConstantRestitution([0.5, 2.0]), r"`restitution\[1\]` must be a number in \[0, 1\], got 2.0"),
+        (lambda: TabulatedRestitution([1.0], [0.5]), r"`speed` must be an array of at least 2 entries, got 1\."),
+        (lambda: TabulatedRestitution([1.0, 1.0], [0.5, 0.5]),
+            r"`speed\[1\]` must be larger than the entry before it, got 1\.0\."),
+        (lambda: TabulatedRestitution([-1.0, 1.0], [0.5, 0.5]), r"`speed\[0\]` must be finite.*, got -1.0"),
+        (lambda: TabulatedRestitution([0.0, 1.0], [0.5, 1.5]),
+            r"`restitution\[1\]` must be a number in \[0, 1\], got 1\.5\."),
+        (lambda: TabulatedRestitution([0.0, 1.0], [0.5]),
+            r"`restitution` must be an array of shape \(2,\), got an array of shape \(1,\)\. Give one per speed\."),
+        (lambda: rules.checked([ConstantRestitution(1.0)], PAIRS), "The length of `rule` must be 2.*, got 1"),
+        (lambda: rules.checked(ConstantRestitution([1.0]), PAIRS), "The length of `restitution` must be 2.*, got 1"),
+        (lambda: rules.restitution_at(lambda v, p: 1.5, 2.0, PAIRS[1]),
+            r"The restitution rule of pair 1 must return a number in \[0, 1\], got 1\.5 at an approach speed of 2 "
+            r"m/s\."),
+        (lambda: rules.restitution_at(lambda v, p: math.nan, 2.0, PAIRS[0]),
+            r"The restitution rule of pair 0 must return a number in \[0, 1\], got nan at an approach speed of 2 "
+            r"m/s\."),
     ],
 )
 def test_values_that_do_not_fit_raise_a_sentence(make, sentence) -> None:
@@ -65,10 +73,14 @@ def test_values_that_do_not_fit_raise_a_sentence(make, sentence) -> None:
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: ConstantRestitution("0.7"), "restitution is '0.7': a single number is needed"),
-        (lambda: ConstantRestitution(None), "restitution is None"),
-        (lambda: rules.checked(0.7, PAIRS), r"rule is 0.7: a callable .* write granular.ConstantRestitution\(0.7\)"),
-        (lambda: rules.checked("elastic", PAIRS), "rule is 'elastic': a callable"),
+        (lambda: ConstantRestitution("0.7"), "`restitution` must be a single number, got '0.7'"),
+        (lambda: ConstantRestitution(None),
+            r"`restitution` must be a single number, got None\. 1 is elastic, 0 sticks\."),
+        (lambda: rules.checked(0.7, PAIRS),
+            r"`rule` must be a function of \(speed, pair\), got 0\.7\. Use granular\.ConstantRestitution\(0\.7\)\."),
+        (lambda: rules.checked("elastic", PAIRS),
+            r"`rule` must be a function of \(speed, pair\), got 'elastic'\. Use "
+            r"granular\.ConstantRestitution\(0\.7\)\."),
     ],
 )
 def test_kinds_that_do_not_fit_raise_a_sentence(make, sentence) -> None:
@@ -86,7 +98,9 @@ def test_a_users_own_error_passes_unchanged() -> None:
 
 def test_a_text_is_no_coefficient():
     scene = gr.Scene([1.0, 1.0], [0.0, 0.0], [1.0], [1.0, 0.0])
-    with pytest.raises(ValueError, match=r"the rule of pair 0 returned '0\.8' at impact speed 1 m/s"):
+    with pytest.raises(ValueError, match=r"The restitution rule of pair 0 must return a number in \[0, 1\], got '0\.8' "
+                                         "at an approach speed of 1 m/s"):
         gr.edmd.simulate(scene, lambda speed, pair: "0.8")
-    with pytest.raises(TypeError, match=r"rule takes \(speed, \*, pair\): \(speed, pair\) is needed"):
+    with pytest.raises(TypeError, match=r"`rule` must be a function with the arguments \(speed, pair\), got "
+                                        r"\(speed, \*, pair\)"):
         gr.edmd.simulate(scene, lambda speed, *, pair: 0.8)

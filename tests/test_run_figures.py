@@ -85,7 +85,8 @@ def test_of_many_contacts_some_are_marked_which_is_said():
 ], ids=["long contacts", "shaken wall", "no log"])
 def test_what_the_log_does_not_tell_is_refused(run, tmp_path):
     for draw in (run.plot, lambda: run.animate(tmp_path / "run.gif")):
-        with pytest.raises(ValueError, match=r"run has 2 rows: its paths need more; simulate with samples=np"):
+        with pytest.raises(ValueError, match=r"must have more samples to draw its paths, got 2\. Simulate with "
+                                             "samples=np"):
             draw()
     assert list(tmp_path.iterdir()) == []
 
@@ -96,7 +97,8 @@ def test_a_film_has_its_pictures_and_is_refused_for_too_many(tmp_path):
         gr.edmd.simulate(scene, RULE, t_end=0.5).animate(tmp_path / "run.gif", seconds=0.5, fps=6)
         with image.open(tmp_path / "run.gif") as film:
             assert film.n_frames == 3
-    with pytest.raises(ValueError, match="at most 60 can be told apart in a film"):
+    with pytest.raises(ValueError, match=r"`scene` must have at most 60 bodies for a film, got 72\. Play larger "
+                                         r"runs with granular view\."):
         gr.edmd.simulate(gas(70), RULE, t_end=0.01).animate(tmp_path / "more.gif")
-    with pytest.raises(ValueError, match=r"ending of run\.avi"):
+    with pytest.raises(ValueError, match=r"The ending of run\.avi must be one of \.gif, \.mp4, got '\.avi'\."):
         gr.edmd.simulate(RING, RULE, t_end=0.5).animate(tmp_path / "run.avi")

@@ -21,7 +21,7 @@ from granular.app.page import assemble, player_page
 from granular.edmd import wall_state
 
 ENGINE = {"hard": {"engine": "sorted"}, "soft": {"engine": "plain"}}
-DYING = "it was changed after it was saved"
+DYING = "The file was edited after it was saved"
 
 
 @pytest.fixture(scope="module")
@@ -129,26 +129,51 @@ def test_a_file_that_names_code_is_refused_and_nothing_runs(call, place, files, 
     described = call | {"shown": ""}
     path = rewritten(files, tmp_path, "hard_sine", **{place: described if place == "rule" else [described, None]})
     word = {"rule": "rule", "walls": "wall"}[place]
-    with pytest.raises(ValueError, match=rf"edited.npz': {word} is of class .*: one of .* is needed; a later granular"):
+    with pytest.raises(ValueError, match=f"edited.npz' is not a valid run: The class of a {word} must be one of .*, "
+                                         r"got .*\. A later version"):
         gr.Trajectory.load(path)
     assert sorted(os.listdir(tmp_path)) == ["edited.npz", "payload.py"]
 
 
 @pytest.mark.parametrize(("changes", "sentence"), [
     ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": 0.5, "more": 1}}},
-     "rule of class 'constant-restitution' has the fields .*: restitution are needed"),
-    ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": 7.0}}}, "restitution is 7.0"),
-    ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": [0.5] * 3}}}, "length of rest"),
-    ({"rule": {"class": 5, "shown": ""}}, "rule is described by .*: a class and its fields are needed"),
-    ({"rule": [{"class": "thornton-restitution", "shown": "", "fields": {"yield_speed": 1.0}}]}, "length of rule is 1"),
-    ({"status": "fine"}, "its status is 'fine': one of time, "), ({"stats": {"events": {}}}, "its number 'events' is"),
+     r"The file '.*edited\.npz' is not a valid run: The fields of a rule of class 'constant-restitution' must be "
+     r"restitution, got \{'restitution': 0\.5, 'more': 1\}\."),
+    ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": 7.0}}},
+        r"The file '.*edited\.npz' is not a valid run: `restitution` must be a number in \[0, 1\], got 7\.0\. 1 is "
+        r"elastic, 0 sticks\."),
+    ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": [0.5] * 3}}},
+        r"The length of `restitution` must be 2 \(the number of pairs\), got 3\. Give one for all pairs, or one "
+        r"per pair from the bottom up\."),
+    ({"rule": {"class": 5, "shown": ""}},
+        r"The file '.*edited\.npz' is not a valid run: The description of a rule must be a class with its fields, "
+        r"got \{'class': 5, 'shown': ''\}\."),
+    ({"rule": [{"class": "thornton-restitution", "shown": "", "fields": {"yield_speed": 1.0}}]},
+        r"The file '.*edited\.npz' is not a valid run: The length of `rule` must be 2 \(the number of pairs\), got "
+        r"1\. Give one for all pairs, or one per pair from the bottom up\."),
+    ({"status": "fine"},
+        r"The file '.*edited\.npz' is not a valid run: its status must be one of time, until, quiet, resting, "
+        "collapse, disturbed, max_events, unstable, broken, bounded, got "
+        r"'fine'\."), ({"stats": {"events": {}}}, "its number 'events' is"),
     ({"stats": {"first_disturbed": [1.0]}}, "its number 'first_disturbed' is"), ({"rule": None}, "both laws and rules"),
-    ({"message": 5}, f"its message is 5; {DYING}"), ({"walls": [None]}, "it holds walls|it has 1 walls"),
-    ({"time": np.array([1.0, 0.0])}, "its times do not rise"),
-    ({"velocity": np.full((2, 3), np.nan)}, "what is no number"),
-    ({"position": np.zeros((3, 3, 3))}, "position is an array of shape .3, 3, 3. and kind 'f', which a run of 3"),
-    ({"gap": np.zeros((2, 2), "f4")}, "gap is an array of shape"),
-    ({"state__fall_velocity": np.zeros((2, 2, 2))}, "state.fall_velocity is an array of shape"),
+    ({"message": 5}, rf"its message is 5\. {DYING}"), ({"walls": [None]},
+        r"The file '.*edited\.npz' is not a valid run: its walls must be 2, a floor and a ceiling or None, got "
+        r"1\."),
+    ({"time": np.array([1.0, 0.0])},
+        r"The file '.*edited\.npz' is not a valid run: its times decrease or are not finite\. The file was edited "
+        r"after it was saved\."),
+    ({"velocity": np.full((2, 3), np.nan)},
+        r"The file '.*edited\.npz' is not a valid run: its samples or contacts are not finite\. The file was "
+        r"edited after it was saved\."),
+    ({"position": np.zeros((3, 3, 3))},
+        r"The file '.*edited\.npz' is not a valid run: position does not fit a run of 3 bodies and 2 samples, got "
+        r"an array of shape \(3, 3, 3\) and kind 'f'\. The file was edited after it was saved\."),
+    ({"gap": np.zeros((2, 2), "f4")},
+        r"The file '.*edited\.npz' is not a valid run: gap does not fit a run of 3 bodies and 2 samples, got an "
+        r"array of shape \(2, 2\) and kind 'f'\. The file was edited after it was saved\."),
+    ({"state__fall_velocity": np.zeros((2, 2, 2))},
+        r"The file '.*edited\.npz' is not a valid run: state\.fall_velocity does not fit a run of 3 bodies and 2 "
+        r"samples, got an array of shape \(2, 2, 2\) and kind 'f'\. The file was edited after it was saved\."),
 ])
 def test_what_a_file_says_is_checked_on_load(changes, sentence, files, tmp_path):
     path = rewritten(files, tmp_path, "hard_sine" if "walls" in changes else "hard_floor", **changes)
@@ -159,18 +184,19 @@ def test_what_a_file_says_is_checked_on_load(changes, sentence, files, tmp_path)
 def test_a_file_that_was_changed_by_hand_is_refused(files, tmp_path):
     words, arrays = edited_files.stored(files / "hard_floor.npz")
     path = rewritten(files, tmp_path, signed=False, state__noise=arrays["state.noise"] + 1e-9)
-    with pytest.raises(ValueError, match=rf"its numbers do not belong together; {DYING}"):
+    with pytest.raises(ValueError, match=rf"its numbers do not match its digest\. {DYING}"):
         gr.Trajectory.load(path)
     words, arrays = words | {"format": 2}, {**arrays, "state.noise": arrays["state.noise"] + 1e-9}
     path.write_bytes(edited_files.packed(words, arrays, False))
-    with pytest.raises(ValueError, match=rf"its numbers do not belong together; {DYING}"):
+    with pytest.raises(ValueError, match=rf"its numbers do not match its digest\. {DYING}"):
         gr.Trajectory.load(path)
 
 
 def test_a_hard_run_of_balls_that_overlap_is_not_gone_on_with(files):
     run = gr.Trajectory.load(files / "hard_floor.npz")
     scene = run.scene.replace(gap=[-1.0, 0.2])
-    with pytest.raises(ValueError, match=r"gap\[0\] is -1.0: a gap must not be negative"):
+    with pytest.raises(ValueError, match=r"`gap\[0\]` must be non-negative, got -1\.0\. Hard spheres cannot "
+                                         r"overlap\. Set the gap to 0, or use granular\.md\."):
         gr.edmd.resume(dataclasses.replace(run, scene=scene), t_end=1.0)
 
 
@@ -187,7 +213,9 @@ def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
             for member, bytes_ in (whole | {f"{name}.npy": data}).items():
                 archive.writestr(member, bytes_)
         monkeypatch.setattr(_files, "arrays", lambda file: pytest.fail("read"))
-        with pytest.raises(ValueError, match=r"edited|is not a run saved by granular|is an array of shape"):
+        with pytest.raises(ValueError, match=r"The file '.*bomb\.npz' is not a valid run: words does not fit a run "
+                                             r"of 3 bodies and 2 samples, got an array of shape \(2,\) and kind "
+                                             r"'f'\. The file was edited after it was saved\."):
             gr.Trajectory.load(tmp_path / "bomb.npz")
 
 
@@ -202,7 +230,8 @@ def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(nam
     run = gr.Trajectory.load(files / "hard_sine.npz")
     lacking = {key: value for key, value in run.state.items() if key != name}
     for state in (lacking, lacking | {name: "x"}, lacking | {name: np.zeros((3, 3))}, lacking | {name: math.nan}):
-        with pytest.raises(ValueError, match=rf"{name} in the state of trajectory|no rule for ties|no hard-sphere run"):
+        with pytest.raises(ValueError, match=f"'{name}' in the state of `trajectory` must be|must be a run of hard "
+                                             "spheres"):
             gr.edmd.resume(dataclasses.replace(run, state=state), t_end=1.0)
 
 
@@ -218,19 +247,23 @@ def test_a_soft_state_whose_places_are_not_there_is_not_gone_on_from(field, valu
     records, name = field.split(".")
     edited = run.state[records].copy()
     edited[name][run.state["pairs"]["slot"][0] if records == "pool" else -1] = value
-    with pytest.raises(ValueError, match=r"state of trajectory (contradicts|is of another|does not show its last row)"):
+    with pytest.raises(ValueError, match=r"state of `trajectory` (contradicts|belongs to another|must agree with its "
+                                         "last)"):
         gr.md.resume(dataclasses.replace(run, state=dict(run.state) | {records: edited}), t_end=1.0, engine="plain")
     for state in ({key: x for key, x in run.state.items() if key != records}, dict(run.state) | {records: np.zeros(3)}):
-        with pytest.raises(ValueError, match=rf"{records} in the state of trajectory is (missing|no array)"):
+        with pytest.raises(ValueError, match=rf"'{records}' in the state of `trajectory` must be .*, got (nothing|"
+                                             "other records)"):
             gr.md.resume(dataclasses.replace(run, state=state), t_end=1.0, engine="plain")
 
 
 def test_a_state_that_does_not_belong_to_the_last_row_or_the_laws_is_not_gone_on_from(files):
     run = gr.Trajectory.load(files / "hard_floor.npz")
-    with pytest.raises(ValueError, match=r"state of trajectory does not show its last row"):
+    with pytest.raises(ValueError, match=r"The state of `trajectory` must agree with its last sample\. One of them "
+                                         r"was changed after the run\."):
         gr.edmd.resume(dataclasses.replace(run, velocity=run.velocity * 1.001), t_end=1.0)
     soft = gr.Trajectory.load(files / "soft_contact.npz", law=saved_scenes.LOOSE)
-    with pytest.raises(ValueError, match=r"of another scene or other laws; .* or was given other laws"):
+    with pytest.raises(ValueError, match=r"The state of `trajectory` belongs to another scene or other laws\. The "
+                                         r"file was edited after it was saved, or loaded with other laws\."):
         gr.md.resume(soft, t_end=1.0, engine="plain")
 
 
@@ -241,7 +274,8 @@ def test_texts_of_a_file_reach_terminal_and_page_without_control_characters(file
     assert back.message.isprintable()
     assert len(back.message) == 500
     own = {"class": "thing:Own", "shown": text}
-    with pytest.raises(ValueError, match=r"rule in the file is .*31mred 2J evil line.*your own rule is not") as caught:
+    with pytest.raises(ValueError, match=r"the rule in the file is your own, .*evil line .*, which is not stored\. "
+                                         r"Pass load\(path, rule=\.\.\.\)\.") as caught:
         gr.Trajectory.load(rewritten(files, tmp_path, rule=own))
     assert str(caught.value).isprintable()
     player_page(tmp_path / "page.html", [back], [text], "<b>\x1b")
@@ -253,7 +287,7 @@ def test_texts_of_a_file_reach_terminal_and_page_without_control_characters(file
 
 @pytest.mark.parametrize("path", [5, None, 1.5])
 def test_a_number_is_no_file(path):
-    with pytest.raises(TypeError, match=r"path is .*: the name of a file is needed"):
+    with pytest.raises(TypeError, match=r"`path` must be the name of a file, got .*"):
         gr.Trajectory.load(path)
 
 
@@ -292,7 +326,8 @@ def test_a_device_is_no_file(tmp_path):
         pytest.skip("this system has no such device")
     link.symlink_to("/dev/zero")
     for path in ("/dev/zero", link):
-        with pytest.raises(ValueError, match="a plain file is needed, this is a device or a pipe"):
+        with pytest.raises(ValueError, match=r"`path` must be a regular file, got '.*test_a_device_is\.\.\.\. A "
+                                             r"device or a pipe cannot be read here\."):
             gr.Trajectory.load(path)
 
 

@@ -80,19 +80,24 @@ def test_momentum_and_name_leave_out_the_walls():
 
 
 @pytest.mark.parametrize(("changes", "sentence"), [
-    ({"mass": [INF, -2.0, 1.0]}, r"mass\[1\] is -2\.0: a mass must be positive; use math\.inf for a wall"),
-    ({"mass": [INF, math.nan, 1.0]}, r"mass\[1\] is nan: a mass must be positive"),
-    ({"mass": [1.0, INF, 1.0]}, r"mass\[1\] is inf: only the first and the last body can be walls"),
-    ({"mass": [1.0]}, r"mass has 1 entries: at least 2 bodies are needed"),
-    ({"mass": [INF, INF], "radius": [0, 0], "gap": [1], "velocity": [0, 0]}, r"mass is inf for every body"),
-    ({"mass": [[1.0, 2.0]]}, r"shape of mass is \(1, 2\): one dimension is needed"),
-    ({"radius": [0.0, -0.1, 0.2]}, r"radius\[1\] is -0\.1: a radius must be finite and not negative"),
-    ({"radius": [0.1, 0.1, 0.2]}, r"radius\[0\] is 0\.1: a wall is flat and has radius 0"),
-    ({"gap": [0.5]}, r"shape of gap is \(1,\): \(2,\) is needed; one gap per pair"),
-    ({"gap": [0.5, math.nan]}, r"gap\[1\] is nan: a gap must be finite"),
-    ({"velocity": [0.0, INF, 0.0]}, r"velocity\[1\] is inf: a velocity must be finite"),
-    ({"gravity": -9.81}, r"gravity is -9\.81: .*at least 0 is needed; gravity pulls down"),
-    ({"origin": INF}, r"origin is inf: a finite number is needed"),
+    ({"mass": [INF, -2.0, 1.0]}, r"`mass\[1\]` must be positive, got -2\.0\. Use math\.inf for a wall"),
+    ({"mass": [INF, math.nan, 1.0]}, r"`mass\[1\]` must be positive.*, got nan"),
+    ({"mass": [1.0, INF, 1.0]},
+        r"`mass\[1\]` must be finite, got inf\. Only the first and the last body can be walls\."),
+    ({"mass": [1.0]}, r"`mass` must be an array of at least 2 bodies, got 1\. A floor counts as a body \(mass inf\)\."),
+    ({"mass": [INF, INF], "radius": [0, 0], "gap": [1], "velocity": [0, 0]},
+        r"`mass` must be finite for at least one body, got inf for every body\."),
+    ({"mass": [[1.0, 2.0]]}, r"`mass` must be a one-dimensional array, got an array of shape \(1, 2\)"),
+    ({"radius": [0.0, -0.1, 0.2]}, r"`radius\[1\]` must be finite and non-negative.*, got -0\.1"),
+    ({"radius": [0.1, 0.1, 0.2]}, r"`radius\[0\]` must be 0, got 0\.1\. A wall is flat and has radius 0\."),
+    ({"gap": [0.5]},
+        r"`gap` must be an array of shape \(2,\), got an array of shape \(1,\)\. Give one gap per pair of "
+        r"neighbours\."),
+    ({"gap": [0.5, math.nan]}, r"`gap\[1\]` must be finite.*, got nan"),
+    ({"velocity": [0.0, INF, 0.0]}, r"`velocity\[1\]` must be finite.*, got inf"),
+    ({"gravity": -9.81},
+        r"`gravity` must be a finite number of at least 0, got -9\.81\. Its direction, downwards, is built in\."),
+    ({"origin": INF}, r"`origin` must be a finite number, got inf"),
 ])
 def test_misuse_is_a_sentence(changes, sentence):
     with pytest.raises(ValueError, match=sentence):
@@ -100,12 +105,13 @@ def test_misuse_is_a_sentence(changes, sentence):
 
 
 def test_words_are_not_numbers():
-    with pytest.raises(TypeError, match=r"mass is \['a', 'b'\]: an array of numbers is needed"):
+    with pytest.raises(TypeError, match=r"`mass` must be an array of numbers, got \['a', 'b'\]"):
         Scene(["a", "b"], [0.0, 0.0], [1.0], [0.0, 0.0])
 
 
 def test_positions_must_rise():
-    with pytest.raises(ValueError, match=r"position\[\d\] is 0\.0: positions must not decrease; number bodies"):
+    with pytest.raises(ValueError, match=r"`position\[1\]` must be at least as large as the entry before it, got "
+                                         r"0\.0\. Number the bodies from bottom to top\."):
         Scene.from_positions([1.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.0])
 
 

@@ -169,21 +169,23 @@ def test_a_function_of_ones_own_and_how_it_is_shown():
 
 def test_mistakes_are_one_sentence_each():
     for given, kind, sentence in [
-        ({"results": "contacts"}, ValueError, "results has 'contacts', a whole number, which has no derivative but "
-         "jumps: granular.sweep(..., refine=) finds where contacts do."),
-        ({"results": []}, ValueError, "results is empty: an outcome, such as 'v_rel', is needed."),
-        ({"results": "v_rel[7]"}, ValueError, "result is 'v_rel[7]': one of v_rel[0], v_rel[1], v_rel is needed"),
-        ({"results": "speed"}, ValueError, "result is 'speed'"),
-        ({"over": []}, ValueError, "over is empty: at least one parameter is needed, such as "),
-        ({"over": "radii"}, ValueError, "radii has 2 values that can be changed a little: one is needed; give it one, "
-         "or name another, such as radii[0], radii[1], gap."),
-        ({"over": "law"}, ValueError, "law has no values that can be changed a little: one is needed"),
-        ({"over": "restitusion"}, TypeError, "'restitusion' is no parameter of three-balls"),
-        ({"uncertainty": {"gap": "much"}}, TypeError, "uncertainty of gap is 'much': a single number is needed; "
-         "of 1 % it is '1%'."),
-        ({"uncertainty": -0.1}, ValueError, "uncertainty of radii[0] is -0.1: a finite number of at least 0 is needed"),
-        ({"executor": 3}, TypeError, "executor is 3: an object with submit() is needed"),
-        ({"gap": -1.0, "results": "hard_v_final"}, ValueError, "gap"),
+        ({"results": "contacts"}, ValueError, "`results` must be continuous outcomes, got 'contacts', an integer, "
+         "which has no derivative. Where the number of contacts changes is found by granular.sweep(..., refine=)."),
+        ({"results": []}, ValueError, "`results` must be a name such as 'v_rel', or several, got an empty list."),
+        ({"results": "v_rel[7]"}, ValueError, "`result` must be one of v_rel[0], v_rel[1], v_rel, got 'v_rel[7]'"),
+        ({"results": "speed"}, ValueError, "`result` must be a known name, got 'speed'. Known names: contacts, "),
+        ({"over": []}, ValueError, "`over` must have at least one parameter, such as "),
+        ({"over": "radii"}, ValueError, "The parameter radii must have one value that can vary continuously, got 2. "
+         "Give it one value, or name another parameter, such as radii[0], radii[1], gap."),
+        ({"over": "law"}, ValueError, "The parameter law must have one value that can vary continuously, got 0."),
+        ({"over": "restitusion"}, TypeError, "three-balls has no parameter `restitusion`; did you mean `restitution`?"),
+        ({"uncertainty": {"gap": "much"}}, TypeError, "The uncertainty of gap must be a single number, got 'much'. "
+         "Write 1 % as '1%'."),
+        ({"uncertainty": -0.1}, ValueError, "The uncertainty of radii[0] must be a finite number of at least 0, got "
+                                            "-0.1."),
+        ({"executor": 3}, TypeError, "`executor` must be an object with submit(), such as a ProcessPoolExecutor "),
+        ({"gap": -1.0, "results": "hard_v_final"}, ValueError, "`gap[1]` must be at least minus the sum of both "
+                                                               "radii, got -1.0"),
     ]:
         with pytest.raises(kind) as mistake:
             gr.sensitivity("three-balls", **given)
@@ -196,7 +198,8 @@ def test_the_command(granular, tmp_path):
     assert all(part in out for part in ("spread", "0.00471612", "from 0.798159 upwards"))
     assert granular(f"sensitivity three-balls --over gap --uncertainty gap=5% --json {tmp_path}/out.json")[0] == 0
     assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["uncertainty"] == {"gap": 0.05 * 1e-4}
-    assert "results has 'contacts'" in granular("sensitivity three-balls --result contacts")[2]
+    said = granular("sensitivity three-balls --result contacts")[2]
+    assert "`results` must be continuous outcomes, got 'contacts', an integer, which has no derivative" in said
 
 
 def test_the_order_of_contacts_is_a_result():

@@ -81,7 +81,7 @@ def test_failing_cells_carry_their_status():
     data = gr.sweep("three-balls", {"height": [0.05, 0.6]}, ("contacts", "hard_status"))
     assert data["status"].values.tolist() == [CODE["misuse"], CODE["until"]]
     assert data["contacts"].values.tolist() == [[-1, -1], [1, 4]]
-    assert data.attrs["refusal"].startswith("height is 0.05")
+    assert data.attrs["refusal"].startswith("`height` must be a finite number of at least 0.1, got 0.05. ")
     heavy = gr.sweep("three-balls", "restitution=0.005,0.7", "contacts")
     assert heavy["status"].values.tolist() == [CODE["time"], CODE["until"]]  # it rests, and is followed to t_end
 
@@ -117,28 +117,29 @@ def test_a_third_count_between_two_cells_is_found():
 
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
-    ({"scene": "three-bals", "over": "gap=1,2"}, "did you mean three-balls"),
-    ({"over": "gab=1,2"}, "'gab' is no parameter of three-balls; did you mean gap"),
+    ({"scene": "three-bals", "over": "gap=1,2"},
+        "`scene` must be a known name, got 'three-bals'. Did you mean 'three-balls'?"),
+    ({"over": "gab=1,2"}, "three-balls has no parameter `gab`; did you mean `gap`?"),
     ({"over": "height[0]=1,2"}, "height is a single value"),
-    ({"over": "radii[2]=1,2"}, "radii has 2 entries"),
-    ({"over": "gap=1:2:0"}, "count of gap is 0"),
-    ({"over": "gap=-1:2:3:log"}, "positive ends"),
-    ({"over": "gap=1:2:3:lin"}, "only ':log' may follow"),
+    ({"over": "radii[2]=1,2"}, "The index of radii[2] must be below 2, the number of entries, got 2."),
+    ({"over": "gap=1:2:0"}, "The count of gap must be an integer of at least 1, got 0."),
+    ({"over": "gap=-1:2:3:log"}, "A logarithmic axis must have positive ends, got"),
+    ({"over": "gap=1:2:3:lin"}, "must end after first:last:count or with ':log', got 'gap=1:2:3:lin'"),
     ({"over": "gap"}, "name=first:last:count"),
     ({"over": "gap=1:2"}, "such as gap=0.5:1:101"),
-    ({"over": "gap=1:2:1e9:log"}, "count of gap is 1000000000.0"),
-    ({"over": ["gap=1e-4:1:20000", "height=0.5:1:20000"]}, "over has 4e+08 cells: at most 1e+08 fit"),
-    ({"over": {}}, "over is empty"),
-    ({"over": [gr.Hertz(1e5)]}, "an entry of over is Hertz(k=100000.0): a mapping of names to values"),
-    ({"over": None}, "an entry of over is None: a mapping of names to values"),
-    ({"over": {"gap": [1e-4, 1e-4]}}, "not all different"),
-    ({"over": {"gap": [[1e-4]]}}, "a list of numbers or words is needed"),
-    ({"over": ["gap=1,2", "gap=3,4"]}, "gap is given twice"),
+    ({"over": "gap=1:2:1e9:log"}, "The count of gap must be an integer from 1 to 100000000, got 1000000000.0"),
+    ({"over": ["gap=1e-4:1:20000", "height=0.5:1:20000"]}, "`over` must have at most 1e+08 cells, got 4e+08"),
+    ({"over": {}}, "`over` must have at least one parameter with its values, got none"),
+    ({"over": [gr.Hertz(1e5)]}, "Every entry of `over` must be a text such as gap=0:1:11, got Hertz(k=100000.0)"),
+    ({"over": None}, "Every entry of `over` must be a text such as gap=0:1:11, got None"),
+    ({"over": {"gap": [1e-4, 1e-4]}}, "The values of gap must all be different"),
+    ({"over": {"gap": [[1e-4]]}}, "The values of gap must be a list of numbers or words, got [["),
+    ({"over": ["gap=1,2", "gap=3,4"]}, "`over` must have one axis per parameter, got two of gap"),
     ({"over": "gap=1,2", "gap": 3.0}, "both varied and fixed"),
-    ({"over": "gap=1,2", "results": "contact"}, "did you mean contacts"),
-    ({"over": "gap=1,2", "refine": "height"}, "refine is 'height'"),
+    ({"over": "gap=1,2", "results": "contact"}, "Did you mean 'contacts'?"),
+    ({"over": "gap=1,2", "refine": "height"}, "`refine` must be one of gap, got 'height'"),
     ({"over": "gap=1,2", "results": "time", "refine": "gap"}, "result to refine by"),
-    ({"over": "restitution=-1,-2"}, "restitution is -1"),
+    ({"over": "restitution=-1,-2"}, "`restitution` must be a number in (0, 1], got -1"),
 ])
 def test_misuse_in_one_sentence(arguments, sentence):
     with pytest.raises((TypeError, ValueError), match=re.escape(sentence)):
@@ -160,7 +161,8 @@ def test_the_command(tmp_path, capsys):
 
 
 def test_executor_by_name_is_refused():
-    with pytest.raises(TypeError, match=r"executor is 'dask': an object with submit\(\) is needed"):
+    with pytest.raises(TypeError, match=r"`executor` must be an object with submit\(\), such as a "
+                                        r"ProcessPoolExecutor or client\.get_executor\(\) of dask, got 'dask'\."):
         gr.sweep("three-balls", "gap=1e-4,1e-3", executor="dask")
 
 
@@ -175,7 +177,7 @@ def test_labels_are_short_and_pairs_have_numbers():
 
 
 def test_threads_are_a_whole_number():
-    with pytest.raises(ValueError, match="workers is 0"):
+    with pytest.raises(ValueError, match=r"`workers` must be an integer of at least 1, got 0\."):
         gr.sweep("three-balls", "gap=1e-4,1e-3", workers=0)
 
 

@@ -140,13 +140,14 @@ def named(name):
 
 
 @pytest.mark.parametrize(("result", "options", "sentence"), [
-    (counted, {"save": "none/a.nc"}, r"a\.nc: there is no directory"),
-    (lambda case: counted(case), {"save": "a.nc"}, "'<lambda>': what is saved needs a name"),
-    (named("gap"), {}, "'gap': the data set has that name already"),
-    (named("status"), {}, "'status': the data set has that name already"),
-    ([named("one"), named("one")], {}, "'one': the data set has that name already"),
-    (named(""), {}, "a function with a name is needed"),
-    ("contacts", {"refine": "law", "over": {"law": ["Hertz", "TsujiHertz"]}}, "numbers are needed"),
+    (counted, {"save": "none/a.nc"}, r"a\.nc: The directory 'none' does not exist\. Create it first"),
+    (lambda case: counted(case), {"save": "a.nc"}, "must be a function with a name to be saved, got '<lambda>'"),
+    (named("gap"), {}, "must be a function whose name is new in the data set, got 'gap'"),
+    (named("status"), {}, "must be a function whose name is new in the data set, got 'status'"),
+    ([named("one"), named("one")], {}, "must be a function whose name is new in the data set, got 'one'"),
+    (named(""), {}, "`result` must be a function with a name, got "),
+    ("contacts", {"refine": "law", "over": {"law": ["Hertz", "TsujiHertz"]}}, "`refine` must name a parameter of "
+                                                                              "numbers, got 'law' with values"),
 ])
 def test_nothing_is_solved_in_vain(result, options, sentence, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -158,7 +159,7 @@ def test_nothing_is_solved_in_vain(result, options, sentence, tmp_path, monkeypa
 
 
 def test_a_result_that_is_no_number_is_told() -> None:
-    with pytest.raises(TypeError, match=r"result 'wide' is array.*: a single number is needed"):
+    with pytest.raises(TypeError, match=r"The result 'wide' must be a single number, got array"):
         gr.sweep("three-balls", GAPS, from_text("def wide(case): return np.ones(3)\nit = wide"))
 
 

@@ -36,7 +36,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     assert data.identical(gr.sweep("three-balls", over))
     stored = xr.load_dataset(file)
     assert all(np.array_equal(stored[name].values, data[name].values, equal_nan=True) for name in data)
-    with pytest.raises(ValueError, match="holds another sweep"):
+    with pytest.raises(ValueError, match=r"must be a new file or one of the same sweep, got .* of another sweep"):
         gr.sweep("three-balls", over, save=file, height=0.7)
 
 
@@ -49,7 +49,8 @@ def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_pa
     np.testing.assert_allclose(data["v_rel"], gr.sweep("three-balls", over)["v_rel"], rtol=1e-12)
     later = data.assign_attrs(provenance=json.dumps({"format": 99}))
     later.to_netcdf(file, engine="netcdf4")
-    with pytest.raises(ValueError, match=r"format of .*older\.nc is 99"):
+    with pytest.raises(ValueError, match=r"The format of .*older\.nc must be at most 3, got 99\. Read it with a "
+                                         r"later version of granular\."):
         gr.sweep("three-balls", over, save=file)
 
 
@@ -58,7 +59,8 @@ def test_a_map_without_an_answer_and_without_a_reason_is_refused(tmp_path):
     data = gr.sweep("three-balls", "gap=1e-5,1e-4", save=file).load()
     data["status"][:] = CODE["misuse"]
     data.to_netcdf(file, engine="netcdf4")
-    with pytest.raises(ValueError, match=r"map\.nc.*: all its cells were refused, it does not say why; remove it\."):
+    with pytest.raises(ValueError, match=r"All cells of PosixPath\('.*map\.nc'\) were refused, and the file does "
+                                         r"not say why\. Remove the file\."):
         gr.sweep("three-balls", "gap=1e-5,1e-4", save=file)
 
 
@@ -66,17 +68,28 @@ def test_a_map_whose_file_was_changed_is_refused_in_a_sentence(tmp_path):
     file, over = tmp_path / "map.nc", {"gap": [1e-5, 1e-4], "restitution": [0.5, 0.9]}
     data = gr.sweep("three-balls", over, save=file, results=["v_rel"]).load()
     for other, sentence in [
-        (data.drop_vars("v_rel"), "it has no v_rel as a sweep of shape"),
-        (data.assign(v_rel=data["v_rel"].astype(str)), "it has no v_rel"),
-        (data.assign(v_rel=data["v_rel"].mean("restitution")), "it has no v_rel"),
-        (data.assign(status=data["status"] + 50), "its status is none of not_run"),
-        (data.assign_attrs(provenance="[["), r"format of .*map\.nc is None"),
-        (data.assign_attrs(provenance="[1]"), r"format of .*map\.nc is None"),
+        (data.drop_vars("v_rel"),
+            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a fitting v_rel\. Remove "
+            r"the file\."),
+        (data.assign(v_rel=data["v_rel"].astype(str)),
+            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a fitting v_rel\. Remove "
+            r"the file\."),
+        (data.assign(v_rel=data["v_rel"].mean("restitution")),
+            r"`save` must be a file of a sweep of shape \(2, 2\), got '.*map\.nc' without a fitting v_rel\. Remove "
+            r"the file\."),
+        (data.assign(status=data["status"] + 50),
+            "`save` must be a file whose status is one of not_run, time, until, quiet, resting, collapse, "
+            r"disturbed, max_events, unstable, broken, bounded, misuse, got '.*map\.nc' with others\. Remove the "
+            r"file\."),
+        (data.assign_attrs(provenance="[["), r"The format of .*map\.nc must be at most 3, got None\. Read it with a "
+                                             "later version"),
+        (data.assign_attrs(provenance="[1]"), r"The format of .*map\.nc must be at most 3, got None\. Read it with a "
+                                              "later version"),
     ]:
         other.to_netcdf(file, engine="netcdf4")
         with pytest.raises(ValueError, match=sentence):
             gr.sweep("three-balls", over, save=file, results=["v_rel"])
-    with pytest.raises(TypeError, match="save is 5: the name of a file is needed"):
+    with pytest.raises(TypeError, match="`save` must be the name of a file, got 5"):
         gr.sweep("three-balls", over, save=5, results=["v_rel"])
 
 

@@ -139,14 +139,18 @@ def test_d7_three_elastic_balls(masses, most):
 
 
 @pytest.mark.parametrize(("call", "sentence"), [
-    (lambda: theory.two_ball_drop(-0.1, 0.7, 0.5, 1e-4), r"mass_ratio is -0\.1: .*at least 0 is needed"),
-    (lambda: theory.two_ball_drop(0.1, 1.2, 0.5, 1e-4), r"restitution\[0\] is 1\.2: a restitution lies in \[0, 1\]"),
-    (lambda: theory.two_ball_drop(0.1, (0.7, 0.7, 0.7), 0.5, 1e-4), r"shape of restitution is \(3,\): \(2,\)"),
+    (lambda: theory.two_ball_drop(-0.1, 0.7, 0.5, 1e-4), r"`mass_ratio` must be .*at least 0, got -0\.1"),
+    (lambda: theory.two_ball_drop(0.1, 1.2, 0.5, 1e-4), r"`restitution\[0\]` must be a number in \[0, 1\], got 1\.2\."),
+    (lambda: theory.two_ball_drop(0.1, (0.7, 0.7, 0.7), 0.5, 1e-4),
+        r"`restitution` must be an array of shape \(2,\).*, got an array of shape \(3,\)"),
     (lambda: theory.two_ball_drop(0.1, 0.7, 0.0, 1e-4), r"the balls never meet the floor"),
-    (lambda: theory.effective_restitution(-1.0, 3.0), r"v_rel_after is -1\.0: .*still approach"),
-    (lambda: theory.stack_velocities([1.0, math.inf], 1.0), r"masses\[1\] is inf: a mass must be positive and finite"),
-    (lambda: theory.stack_velocities([], 1.0), r"masses is empty"),
-    (lambda: theory.best_chain(100.0, 1.0), r"a value below 1 is needed"),
+    (lambda: theory.effective_restitution(-1.0, 3.0),
+        r"`v_rel_after` must be a finite number of at least 0, got -1\.0\. Balls that still approach have no "
+        r"ε_eff\."),
+    (lambda: theory.stack_velocities([1.0, math.inf], 1.0), r"`masses\[1\]` must be positive and finite.*, got inf"),
+    (lambda: theory.stack_velocities([], 1.0), r"`masses` must be an array of at least one mass, got an empty array\."),
+    (lambda: theory.best_chain(100.0, 1.0),
+        r"`restitution` must be below 1, got 1\.0\. With 1 the velocity grows with every ball, to √R\."),
     (lambda: theory.bouncing_ball(1.0, 1.0), r"bounces forever"),
 ])
 def test_misuse_is_a_sentence(call, sentence):

@@ -106,11 +106,12 @@ def test_hard_spheres_use_it():
 
 
 @pytest.mark.parametrize(("make", "message"), [
-    (lambda: ThorntonRestitution(0.0), r"yield_speed is 0\.0: .*above 0 is needed"),
-    (lambda: ThorntonRestitution.from_material(1e9, 0.6, 1e6, PAIR), r"poisson is 0\.6: .*at most 0\.5 is needed"),
-    (lambda: ThorntonRestitution.from_material(1e9, 0.3, -1.0, PAIR), r"yield_pressure is -1\.0: .*above 0 is needed"),
+    (lambda: ThorntonRestitution(0.0), r"`yield_speed` must be .*above 0, got 0\.0"),
+    (lambda: ThorntonRestitution.from_material(1e9, 0.6, 1e6, PAIR),
+        r"`poisson` must be a number in \[0, 0\.5\], got 0\.6\."),
+    (lambda: ThorntonRestitution.from_material(1e9, 0.3, -1.0, PAIR), r"`yield_pressure` must be .*above 0, got -1\.0"),
     (lambda: ThorntonRestitution.from_material(1e9, 0.3, 1e6, Pair(1.0, math.inf, 2)),
-     r"r_eff of pair 2 is inf: .*point particles cannot yield"),
+     r"`r_eff` of pair 2 must be a finite number above 0, got inf\. Point particles cannot yield\."),
 ])
 def test_misuse(make, message):
     with pytest.raises(ValueError, match=message):

@@ -110,7 +110,8 @@ def test_refused_values_are_undecided_and_all_of_them_a_mistake():
     assert found.undecided[0][1] == pytest.approx(0.1, rel=0.02)
     with pytest.raises(ValueError, match="height"):
         gr.threshold("three-balls", "height", (0.01, 0.05), points=4)
-    with pytest.raises(ValueError, match="method 'verlet' resolves every contact; choose 'located'"):
+    with pytest.raises(ValueError, match=r"`disturbed` must be 'resolve' for method 'verlet', got 'stop'\. Use "
+                                         r"method='located'\."):
         gr.threshold("three-balls", run={"method": "verlet", "dt": 1e-6}, points=2)
 
 
@@ -153,14 +154,20 @@ def test_of_whole_numbers_only_whole_ones_are_tried():
     (crossing,) = found.crossings
     assert (crossing.low.value, crossing.high.value) == (6.0, 7.0)
     assert gr.threshold("column", "n", (1, 4), points=3).undecided == ()
-    with pytest.raises(ValueError, match=r"between is \(1e-06, 3.0\): n is a whole number, and whole ends are needed"):
+    with pytest.raises(ValueError, match=r"`between` must be integers, because n is an integer, got \(1e-06, 3\.0\)\."):
         gr.threshold("column", "n", (1e-6, 3))
 
 
 @pytest.mark.parametrize(("change", "sentence"), [
-    ({"over": "gaps"}, "gap"), ({"over": 3}, "over is 3"), ({"between": (1e-2, 1e-6)}, "must be the smaller one"),
-    ({"between": (0.0, 1.0)}, "choose 'linear'"), ({"between": (1e-6,)}, "two numbers are needed"),
-    ({"between": "ab"}, "two numbers are needed"), ({"between": (1e-6, math.inf)}, r"between\[1\]"),
+    ({"over": "gaps"}, "gap"), ({"over": 3},
+        r"`over` must be the name of one parameter, such as 'gap', got 3\."), ({"between": (1e-2, 1e-6)},
+        r"`between` must be in ascending order, got \(0\.01, 1e-06\)\."),
+    ({"between": (0.0, 1.0)},
+        r"`between` must be positive for spacing='log', got \(0\.0, 1\.0\)\. Use "
+        r"spacing='linear'\."),
+    ({"between": (1e-6,)}, r"`between` must be two numbers, such as \(1e-6, 1e-2\), got "),
+    ({"between": "ab"}, r"`between` must be two numbers, such as \(1e-6, 1e-2\), "
+                        "got "), ({"between": (1e-6, math.inf)}, r"between\[1\]"),
     ({"criterion": "binary"}, "criterion"), ({"spacing": "geo"}, "spacing"), ({"points": 1}, "points"),
     ({"within": 0.0}, "within"), ({"error": 0.0}, "error"), ({"gap": 1e-4}, "both varied and fixed"),
     ({"on_progress": 3}, "on_progress"),

@@ -12,7 +12,8 @@ import granular as gr
 
 ELASTIC = gr.ConstantRestitution(1.0)
 SPRING = gr.LinearDashpot(1e7)
-SENTENCE = r"^t_end is None: of elastic balls .* a run never comes to an end by itself; give t_end, until, or a max_ev"
+SENTENCE = (r"^`t_end` must be given, got None\. A run of elastic balls .* does not end by itself\. Give t_end=, "
+            r"until= or max_events=\.$")
 BALL = gr.Scene([math.inf, 1.0], [0.0, 0.5], [9.5], [0.0, 0.0], 9.81)
 BOX = gr.Scene([math.inf, 1.0, 2.0, math.inf], [0.0, 0.1, 0.1, 0.0], [0.1, 0.2, 0.3], [0.5, 1.5, 0.5, 0.5])
 LIMITED = {"max_events": 200}
@@ -23,7 +24,7 @@ def refused(run, *given, **options):
     try:
         run(*given, **options)
     except ValueError as error:
-        if "a run never comes to an end by itself" not in str(error):
+        if "does not end by itself" not in str(error):
             raise
         return True
     return False
@@ -137,7 +138,8 @@ def test_rings_and_pendula_that_never_end_are_refused():
     for scene, why in ((ring, "on a ring"), (hung, "of pendula")):
         for run in (partial(gr.compare, scene, SPRING), partial(gr.edmd.simulate, scene, ELASTIC),
                     partial(gr.md.simulate, scene, SPRING)):
-            with pytest.raises(ValueError, match=f"t_end is None: {why} a run never .*give t_end, until"):
+            with pytest.raises(ValueError, match=rf"`t_end` must be given, got None\. A run {why} does not end by "
+                                                 r"itself\. Give t_end="):
                 run()
 
 
@@ -173,7 +175,7 @@ def test_the_command_refuses_at_once_and_names_both_options(granular):
     Path("ball.toml").write_text(gr.cases.dumps(gr.Case(BALL, SPRING)), encoding="utf-8")
     code, out, err = granular("compare ball.toml")
     assert (code, out) == (2, "")
-    assert "give t_end, until, or a max_events of your own" in err
+    assert "Give t_end=, until= or max_events=." in err
     assert err.count("\n") == 1
     assert granular("compare ball.toml --max-events 5")[0] == 3
 

@@ -135,15 +135,21 @@ ROW = '"after 1 ms","velocity of ball 1",0.0266\n'
 
 
 @pytest.mark.parametrize(("text", "sentence"), [
-    ("a" * 200_000, "has a line of more than 10000 characters"),
-    ("a,b\n1,2\n", "has no column 'run': run, quantity, value are needed"),
-    (HEAD + "x,y,1\n", "is 'x', 'y': case squeezed-balls has no such answer"),
-    (HEAD + ROW + ROW, "for the second time"),
-    ("# words\n" + HEAD + ROW.replace("0.0266", "fast"), r"value in line 3 of .* is 'fast': a finite number is needed"),
-    (HEAD + ROW.replace("0.0266", "nan"), "is 'nan': a finite number"),
-    (HEAD + ROW.replace("0.0266", "1e999999999999999"), "is '1e999999999999999': a finite number"),
-    (HEAD + ROW.replace("0.0266", "1e-999999999999999"), "is '1e-999999999999999': a finite number"),
-    ((HEAD + ROW).encode("utf-16"), "theirs.csv' is no text in UTF-8: a .csv file in it is needed"),
+    ("a" * 200_000, r"The file '.*theirs\.csv' must be a table of answers, got a line of more than 10000 characters\."),
+    ("a,b\n1,2\n",
+        r"The file '.*theirs\.csv' must have the columns run, quantity, value, but 'run' is missing\. Write such a "
+        r"table with granular verify CASE -o FILE\.csv\."),
+    (HEAD + "x,y,1\n", r"Line 2 of '.*theirs\.csv' is 'x', 'y', which is not an answer of case squeezed-balls\."),
+    (HEAD + ROW + ROW, r"Line 3 of '.*theirs\.csv' is 'after 1 ms', 'velocity of ball 1', which occurred before\."),
+    ("# words\n" + HEAD + ROW.replace("0.0266", "fast"),
+        r"The value in line 3 of '.*theirs\.csv' must be empty or a finite number, got 'fast'\."),
+    (HEAD + ROW.replace("0.0266", "nan"),
+        r"The value in line 2 of '.*theirs\.csv' must be empty or a finite number, got 'nan'\."),
+    (HEAD + ROW.replace("0.0266", "1e999999999999999"),
+        r"The value in line 2 of '.*theirs\.csv' must be empty or a finite number, got '1e999999999999999'\."),
+    (HEAD + ROW.replace("0.0266", "1e-999999999999999"),
+        r"The value in line 2 of '.*theirs\.csv' must be empty or a finite number, got '1e-999999999999999'\."),
+    ((HEAD + ROW).encode("utf-16"), r"The file '.*theirs\.csv' must be a \.csv file in UTF-8\."),
 ])
 def test_tables_that_are_none(text, sentence, tmp_path) -> None:
     path = tmp_path / "theirs.csv"
@@ -153,10 +159,10 @@ def test_tables_that_are_none(text, sentence, tmp_path) -> None:
 
 
 @pytest.mark.parametrize(("given", "sentence"), [
-    (["nothing"], "case is 'nothing'"),
-    (["--check", "x.csv"], "--check needs a case: one of three-balls"),
-    (["-o", "x.csv"], "-o needs a case"),
-    (["three-balls", "-o", "x.txt"], "path is 'x.txt': a name that ends in .csv or .json is needed"),
+    (["nothing"], "`case` must be one of three-balls, "),
+    (["--check", "x.csv"], "--check requires a case: one of three-balls"),
+    (["-o", "x.csv"], "-o requires a case: one of three-balls"),
+    (["three-balls", "-o", "x.txt"], "`path` must be a name that ends in .csv or .json, got 'x.txt'"),
     (["three-balls", "--check", "nowhere.csv"], "nowhere.csv"),
 ])
 def test_mistakes_are_told(given, sentence, capsys, tmp_path, monkeypatch) -> None:

@@ -136,14 +136,14 @@ def test_compiled_gives_the_same_bits(function: Any) -> None:
 
 @pytest.mark.parametrize("eps", [0.0, -0.1, 1.1, math.nan])
 def test_impossible_restitution(eps: float) -> None:
-    with pytest.raises(ValueError, match=r"restitution is .*: a finite number above 0 and at most 1 is needed"):
+    with pytest.raises(ValueError, match=r"`restitution` must be a number in \(0, 1\], got .*"):
         damping(eps)
 
 
 def test_impossible_arguments_of_the_approximations() -> None:
-    with pytest.raises(ValueError, match=r"order is 21: a whole number of at least 0 and at most 20 is needed"):
+    with pytest.raises(ValueError, match=r"`order` must be an integer from 0 to 20, got 21"):
         restitution_series(0.1, 21)
-    with pytest.raises(ValueError, match=r"b is -1\.0: a finite number of at least 0 is needed"):
+    with pytest.raises(ValueError, match=r"`b` must be a finite number of at least 0, got -1\.0"):
         restitution_pade(-1.0)
 
 

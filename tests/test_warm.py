@@ -89,5 +89,5 @@ def test_warm_refuses_where_there_is_no_compiler_or_nowhere_to_keep_code(granula
     assert (code, out) == (2, "")
     assert err == ("granular: nothing is kept, every process compiles anew: numba can write nowhere; "
                    "set NUMBA_CACHE_DIR to a folder that it can\n")
-    monkeypatch.setattr(kernels, "no_compiler", lambda: "numba is not installed: pip install it")
+    monkeypatch.setattr(kernels, "no_compiler", lambda: "`numba` must be pip install it.*, got not installed")
     assert granular("warm") == (2, "", "granular: numba is not installed: pip install it\n")

@@ -68,7 +68,7 @@ def test_the_reference_solver_stays_at_rest_too():
         found = solve(scene, law, t_end=2e-5)
         assert found.status == "time"
         assert not any(found.velocity)
-    with pytest.raises(ValueError, match="`t_end` must be given.*All balls are at rest"):
+    with pytest.raises(ValueError, match=r"`t_end` must be given.*All balls are at rest"):
         solve(scene, law, until=gr.until.contact(0, 2))
 
 
@@ -143,7 +143,8 @@ def test_an_end_time_is_found_for_every_kind_of_chain():
     assert cases.make("compressed-chain", floor=shaken_floor).t_end == pytest.approx(0.01)
     assert cases.make("compressed-chain", ends="forces", striker=0.01).t_end > 0.0
     assert cases.make("compressed-chain", force=0.0).t_end is None
-    with pytest.raises(ValueError, match="hard spheres cannot overlap"):
+    with pytest.raises(ValueError, match=r"`gap\[0\]` must be non-negative, got -1\.5874010519682007e-06\. Hard "
+                                         r"spheres cannot overlap\. Set the gap to 0, or use granular\.md\."):
         cases.make("compressed-chain").simulate("edmd")
 
 
@@ -198,46 +199,85 @@ class Saturating:
 
 
 @pytest.mark.parametrize(("call", "sentence"), [
-    (lambda: gr.scenes.compressed_chain(0, law=PULL), r"n is 0: .*at least 1"),
-    (lambda: gr.scenes.compressed_chain(force=-1.0, law=PULL), r"force is -1\.0: .*at least 0 is needed; it presses"),
-    (lambda: gr.scenes.compressed_chain(law=PULL, ends="wall"), r"ends is 'wall': one of walls, force, forces is nee"),
-    (lambda: gr.scenes.compressed_chain(law=PULL, striker=1.0), r"striker is 1\.0: a wall is in its way; ends='force"),
-    (lambda: gr.scenes.compressed_chain(law=PULL, dimer=0.0), r"dimer is 0\.0: .*above 0"),
-    (lambda: gr.scenes.compressed_chain(3, law=[PULL]), r"length of law is 1: 4 \(the number of pairs\)"),
-    (lambda: gr.scenes.compressed_chain(3, law=gr.Hertz), r"law of pair 0 is the class Hertz|law is the class Hertz"),
-    (lambda: gr.scenes.compressed_chain(3, law=3.0), r"law of pair 0 is 3\.0: an object with force"),
-    (lambda: gr.scenes.compressed_chain(3, law=Saturating()), r"force is 20\.0: no overlap of pair 0 gives it under S"),
-    (lambda: gr.scenes.compressed_chain(3, 1e9, law=gr.Hertz(1e3)), r"gap\[0\] is .*deeper than both radii"),
-    (lambda: gr.scenes.compressed_chain(3, law=PULL, ends="forces", floor=gr.walls.Sine(1e-9, 50.0)), r"floor is Sine"),
-    (lambda: cases.loads("[scene]\nname = 'compressed-chain'\nlaw = 'Hertz'"), r"'law' is no parameter of compressed-"),
-    (lambda: cases.make("compressed-chain", forze=1.0), r"'forze' is no option of compressed-chain; did you mean forc"),
-    (lambda: gr.MatchedEnd(0.0, 1.0), r"load is 0\.0: .*above 0 is needed; a chain that is not pressed"),
+    (lambda: gr.scenes.compressed_chain(0, law=PULL), r"`n` must be .*at least 1.*, got 0"),
+    (lambda: gr.scenes.compressed_chain(force=-1.0, law=PULL),
+        r"`force` must be a finite number of at least 0, got -1\.0\. It is compressive\."),
+    (lambda: gr.scenes.compressed_chain(law=PULL, ends="wall"),
+        r"`ends` must be one of walls, force, forces.*, got 'wall'"),
+    (lambda: gr.scenes.compressed_chain(law=PULL, striker=1.0),
+        r"`striker` must be None if the chain ends at walls, got 1\.0\. Use ends='forces'\."),
+    (lambda: gr.scenes.compressed_chain(law=PULL, dimer=0.0), r"`dimer` must be .*above 0.*, got 0\.0"),
+    (lambda: gr.scenes.compressed_chain(3, law=[PULL]),
+        r"The length of `law` must be 4 \(the number of pairs\).*, got 1"),
+    (lambda: gr.scenes.compressed_chain(3, law=gr.Hertz),
+        r"The law of pair 0 must be an instance, such as Hertz\(k=\.\.\.\), got the class Hertz\."),
+    (lambda: gr.scenes.compressed_chain(3, law=3.0),
+        r"The law of pair 0 must be an object with force\(self, xi, xi_dot, pair\), got 3\.0\. For hard spheres "
+        r"use granular\.edmd\."),
+    (lambda: gr.scenes.compressed_chain(3, law=Saturating()),
+        r"`force` must be a force that Saturating\(k=1000000\.0\) reaches at rest, got 20\.0 N at pair 0\."),
+    (lambda: gr.scenes.compressed_chain(3, 1e9, law=gr.Hertz(1e3)),
+        r"`gap\[0\]` must be at least minus the sum of both radii, got -9999\.999999999995\. Deeper overlaps would "
+        r"exchange the centres\."),
+    (lambda: gr.scenes.compressed_chain(3, law=PULL, ends="forces", floor=gr.walls.Sine(1e-9, 50.0)),
+        r"`floor` must be None if the first body is a ball, got Sine\(amplitude=1e-09, frequency=50\.0, "
+        r"phase=0\.0\)\. Give the body the mass math\.inf\."),
+    (lambda: cases.loads("[scene]\nname = 'compressed-chain'\nlaw = 'Hertz'"),
+        r"\[scene\]: compressed-chain has no parameter `law`; available: density, dimer, ends, floor, force, n, "
+        r"radius, speed, striker\."),
+    (lambda: cases.make("compressed-chain", forze=1.0),
+        r"compressed-chain has no option `forze`; did you mean `force`\?"),
+    (lambda: gr.MatchedEnd(0.0, 1.0),
+        r"`load` must be a finite number above 0, got 0\.0\. a chain that is not pressed has no slow waves"),
     (lambda: waves.matched_end(gr.scenes.compressed_chain(3, law=PULL, ends="force"), PULL), r"pressed against a wall"),
-    (lambda: waves.stiffness("x", PULL), r"scene is 'x'"),
-    (lambda: waves.dispersion(math.nan, 1.0, 1.0), r"phase\[0\] is nan: finite angles"),
-    (lambda: waves.dispersion(1.0, 0.0, 1.0), r"stiffness\[0\] is 0\.0: .*a chain that is not pressed"),
-    (lambda: waves.band_edges([1.0, 2.0], [1.0, 2.0, 3.0]), r"stiffness has 2 entries and mass 3"),
-    (lambda: waves.decay(-1.0, 1.0, 1.0), r"omega\[0\] is -1\.0: an angular frequency from 0"),
-    (lambda: waves.sound_speed(1.0, 1.0, 0.0), r"length is 0\.0"),
-    (lambda: waves.sound_speed([], 1.0, 1.0), r"stiffness is empty: at least one"),
-    (lambda: waves.band_edges(1.0, [[1.0], [2.0, 3.0]]), r"mass is \[\[1\.0\], \[2\.0, 3\.0\]\]: an array of numbers"),
-    (lambda: waves.decay("x", 1.0, 1.0), r"omega is 'x': an array of numbers is needed"),
-    (lambda: waves.dispersion(1j, 1.0, 1.0), r"phase is 1j: an array of numbers is needed"),
-    (lambda: waves.SolitaryWave(1.5).force(None), r"x is None: an array of numbers is needed"),
-    (lambda: waves.SolitaryWave(1.5).width(1e-13), r"share is 1e-13: .* at least 1e-12 .*smaller forces are rounding"),
-    (lambda: waves.SolitaryWave(1.0), r"exponent is 1\.0: .*at least 1\.1 .*1 has no solitary waves"),
-    (lambda: waves.solitary(8, law=PULL), r"n is 8: .*at least 11"),
-    (lambda: waves.solitary(20, law=PULL, at=3.0), r"at is 3\.0: .*at least 5 and at most 14"),
-    (lambda: waves.solitary(20, law=gr.TsujiHertz(1e9, 0.1)), r"law is TsujiHertz.*without damping"),
-    (lambda: waves.solitary(20, law=gr.LinearDashpot(1e9)), r"exponent is 1\.0: .*at least 1\.1"),
-    (lambda: waves.pulse(HARD), r"run is .*hard spheres have no forces"),
-    (lambda: waves.pulse(RUN, shares=[1.5]), r"shares\[0\] is 1\.5"),
-    (lambda: waves.pulse(gr.md.simulate(RUN.scene, PULL, t_end=1e-3)), r"run has 2 rows: at least 5 are needed; pass"),
-    (lambda: waves.pulse(RUN).speed(1, 2), r"first is 1 and last is 2: at least 2 contacts that"),
-    (lambda: waves.pulse(RUN).speed("a"), r"first is 'a': a single number"),
-    (lambda: waves.Pulse(*np.ones((4, 3))).speed(), r"2 contacts that the pulse passes, one after the other"),
-    (lambda: waves.picture(HARD), r"of hard spheres show='velocity'"),
-    (lambda: waves.picture(RUN, "speed"), r"show is 'speed': one of force, velocity is needed"),
+    (lambda: waves.stiffness("x", PULL),
+        r"`scene` must be a granular\.Scene, such as granular\.scenes\.three_balls\(\), got 'x'\."),
+    (lambda: waves.dispersion(math.nan, 1.0, 1.0), r"`phase\[0\]` must be a finite angle in rad, got nan\."),
+    (lambda: waves.dispersion(1.0, 0.0, 1.0),
+        r"`stiffness\[0\]` must be positive and finite, got 0\.0\. Without compression a chain has no linear waves\."),
+    (lambda: waves.band_edges([1.0, 2.0], [1.0, 2.0, 3.0]),
+        r"`stiffness` and `mass` must have one entry each per ball of a cell, got 2 and 3\."),
+    (lambda: waves.decay(-1.0, 1.0, 1.0),
+        r"`omega\[0\]` must be an angular frequency in \[0, 1e\+100\] rad/s, got -1\.0\."),
+    (lambda: waves.sound_speed(1.0, 1.0, 0.0), r"`length` must be a finite number above 0, got 0\.0\."),
+    (lambda: waves.sound_speed([], 1.0, 1.0),
+        r"`stiffness` must be an array of at least one stiffness, got an empty array\."),
+    (lambda: waves.band_edges(1.0, [[1.0], [2.0, 3.0]]),
+        r"`mass` must be an array of numbers.*, got \[\[1\.0\], \[2\.0, 3\.0\]\]"),
+    (lambda: waves.decay("x", 1.0, 1.0), r"`omega` must be an array of numbers, got 'x'"),
+    (lambda: waves.dispersion(1j, 1.0, 1.0), r"`phase` must be an array of numbers, got 1j"),
+    (lambda: waves.SolitaryWave(1.5).force(None), r"`x` must be an array of numbers, got None"),
+    (lambda: waves.SolitaryWave(1.5).width(1e-13),
+        r"`share` must be a number in \[1e-12, 1\], got 1e-13\. Smaller forces are rounding errors\."),
+    (lambda: waves.SolitaryWave(1.0),
+        r"`exponent` must be a number in \[1\.1, 8\], got 1\.0\. With 1 there are no solitary waves\. Close to 1 "
+        r"they are long, far above it steep\."),
+    (lambda: waves.solitary(8, law=PULL), r"`n` must be .*at least 11.*, got 8"),
+    (lambda: waves.solitary(20, law=PULL, at=3.0),
+        r"`at` must be a number in \[5, 14\], got 3\.0\. The wave must lie within the row\."),
+    (lambda: waves.solitary(20, law=gr.TsujiHertz(1e9, 0.1)),
+        r"`law` must be F = A ξ\^p without damping, such as Hertz, got TsujiHertz\(k=1000000000\.0, alpha=0\.1\)\. "
+        r"Other laws have no exact solitary wave\."),
+    (lambda: waves.solitary(20, law=gr.LinearDashpot(1e9)),
+        r"`exponent` must be a number in \[1\.1, 8\], got 1\.0\. With 1 there are no solitary waves\. Close to 1 "
+        r"they are long, far above it steep\."),
+    (lambda: waves.pulse(HARD),
+        r"`run` must be a run of granular\.md, got Trajectory\(edmd, Scene\(3 balls\), t = 0 … 0\.001 s, 2 "
+        r"contacts, time: the end time was reached: t = 0\.001 s after 2 collisions; no collision can follow\)\. "
+        r"Hard spheres have no forces\."),
+    (lambda: waves.pulse(RUN, shares=[1.5]), r"`shares\[0\]` must be a number in \(0, 1\), got 1\.5\."),
+    (lambda: waves.pulse(gr.md.simulate(RUN.scene, PULL, t_end=1e-3)),
+        r"`run` must have at least 5 samples, got 2\. Pass samples= to simulate\."),
+    (lambda: waves.pulse(RUN).speed(1, 2),
+        "`first` and `last` must enclose at least 2 contacts that the pulse passes one after the other, got 1 and "
+        r"2\."),
+    (lambda: waves.pulse(RUN).speed("a"), r"`first` must be a single number.*, got 'a'"),
+    (lambda: waves.Pulse(*np.ones((4, 3))).speed(),
+        "`first` and `last` must enclose at least 2 contacts that the pulse passes one after the other, got 0 and "
+        r"None\."),
+    (lambda: waves.picture(HARD),
+        r"`run` must be a run of granular\.md, got Trajectory\(edmd, .*\)\. For hard spheres use show='velocity'\."),
+    (lambda: waves.picture(RUN, "speed"), r"`show` must be one of force, velocity, got 'speed'"),
 ])
 def test_misuse_is_a_sentence(call, sentence):
     with pytest.raises((ValueError, TypeError), match=sentence):

@@ -75,7 +75,8 @@ def test_balls_that_have_not_met_yet_rise() -> None:
 
 
 def test_a_threshold_of_no_gap_asks_where() -> None:
-    with pytest.raises(ValueError, match="between is None: first and last value of stiffness are needed"):
+    with pytest.raises(ValueError, match="`between` must give the first and the last value of stiffness, such as "
+                                         r"\(0\.5, 2\), got None\."):
         gr.threshold("three-balls", "stiffness")
 
 

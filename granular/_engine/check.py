@@ -1,12 +1,14 @@
 """Argument checks: each returns the clean value or raises one sentence; packages that only some tasks need, named where
 they are missing.
 
-Every message gives the name, the value got, what is needed and, where there is one, the usual fix.
+Every message has the form "`name` must be what is needed, got the value." and, if it helps, one sentence with the usual
+fix.
 """
 
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -26,6 +28,11 @@ LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
 """What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
+
+LISTED = 12
+"""Names up to this number are listed in a message before the value that was given."""
+EDITED = "The file was edited after it was saved."
+"""The remedy of a saved state that does not fit."""
 
 
 class ByNumbers:
@@ -68,9 +75,9 @@ def number(
     except OverflowError:
         x = math.inf if value > 0 else -math.inf  # a whole number that no float can hold
     except (TypeError, ValueError):
-        raise TypeError(_sentence(name, value, "a single number is needed", fix)) from None
+        raise TypeError(misuse(name, value, "a single number", fix)) from None
     if not (above < x and at_least <= x <= at_most) or (finite and math.isinf(x)):
-        raise ValueError(_sentence(name, value, _range(above, at_least, at_most, finite), fix))
+        raise ValueError(misuse(name, value, _range(above, at_least, at_most, finite), fix))
     return x
 
 
@@ -81,8 +88,8 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, f
     exact = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     x = value if exact else number(name, value, fix=fix)
     if x != x // 1 or not at_least <= x <= at_most:
-        top = "" if x <= at_most else f" and at most {at_most}"
-        raise ValueError(_sentence(name, value, f"a whole number of at least {at_least}{top} is needed", fix))
+        least = f"of at least {at_least}" if x <= at_most else f"from {at_least} to {at_most}"
+        raise ValueError(misuse(name, value, f"an integer {least}", fix))
     return int(x)
 
 
@@ -90,20 +97,19 @@ def array(
     name: str, value: Any, shape: tuple[int, ...] | EllipsisType | None = None, *, fix: str = "", finite: str = ""
 ) -> Array:
     """Return a read-only float64 copy of `value` with the given `shape` (any length if None, any at all if ``...``);
-    `finite` says what is needed if all entries have to be."""
+    `finite` says what each entry must be, if all have to be finite."""
     if isinstance(value, np.ma.MaskedArray):
-        raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
+        raise TypeError(misuse(name, value, "an array without a mask", fix or "Leave out the masked entries."))
     try:
         plain = type(value) is np.ndarray and value.dtype == np.float64
         out = value.copy() if plain else np.array(_worded(value), dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise TypeError(_sentence(name, value, "an array of numbers is needed", fix)) from None
+        raise TypeError(misuse(name, value, "an array of numbers", fix)) from None
     except MemoryError:
-        raise ValueError(_sentence(f"shape of {name}", np.shape(value), "an array that fits into memory is needed")
-                         ) from None
+        raise ValueError(must(name, "an array that fits into memory", f"an array of shape {np.shape(value)}")) from None
     if out.ndim != 1 if shape is None else shape not in (..., out.shape):
-        need = "one dimension is needed" if shape is None else f"{shape} is needed"
-        raise ValueError(_sentence(f"shape of {name}", out.shape, need, fix))
+        need = "a one-dimensional array" if shape is None else f"an array of shape {shape}"
+        raise ValueError(must(name, need, f"an array of shape {out.shape}", fix))
     out.flags.writeable = False
     if finite and not np.isfinite(out).all():
         every(name, out.ravel(), np.isfinite(out).ravel(), finite)
@@ -115,9 +121,9 @@ def rising(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> 
     what each must be."""
     out = array(name, value)
     if len(out) < 2:
-        raise ValueError(f"{name} has {len(out)} entries: at least 2 are needed.")
+        raise ValueError(must(name, "an array of at least 2 entries", f"{len(out)}"))
     every(name, out, np.isfinite(out) & (out >= at_least), need)
-    every(name, out[1:], np.diff(out) > 0.0, f"{name} must increase from entry to entry")
+    every(name, out, np.diff(out, prepend=-math.inf) > 0.0, "larger than the entry before it")
     return out
 
 
@@ -155,40 +161,39 @@ def held(
     """Return an entry of a saved state if it is an array of `kind` (numpy's) and `shape`, entries within limits."""
     value = np.asarray(state.get(name))
     if value.dtype.kind != kind or value.shape != shape:
-        got = f"is {value.dtype} of shape {value.shape}" if name in state else "is missing"
+        got = f"{value.dtype} of shape {value.shape}" if name in state else "nothing"
         word = {"f": "float", "i": "int", "b": "bool"}[kind]
-        raise ValueError(f"{name} in the state of trajectory {got}: {word} of shape {shape} is needed; "
-                         "it was changed after it was saved.")
+        raise ValueError(must(f"{name!r} in the state of `trajectory`", f"{word} of shape {shape}", got, EDITED))
     good = (value >= least) & (value <= most) & (not finite or np.isfinite(value)) | (nan and np.isnan(value))
     if not good.all():
         wrong = value[~good].flat[0] if value.shape else value
-        raise ValueError(f"{name} in the state of trajectory holds {wrong}: numbers from {least:g} to {most:g} are "
-                         "needed; it was changed after it was saved.")
+        raise ValueError(must(f"{name!r} in the state of "
+                              "`trajectory`", f"in [{least:g}, {most:g}]", str(wrong), EDITED))
     return value
 
 
 def truth(name: str, value: Any) -> bool:
     """Return `value` if it is True or False."""
     if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(_sentence(name, value, "True or False is needed"))
+        raise TypeError(misuse(name, value, "True or False"))
     return bool(value)
 
 
 def of_kind(name: str, value: Any, kind: Any, need: str, fix: str = "") -> Any:
     """Return `value` if it is an instance of `kind`; `need` says of what."""
     if not isinstance(value, kind):
-        raise TypeError(_sentence(name, value, f"{need} is needed", fix))
+        raise TypeError(misuse(name, value, need, fix))
     return value
 
 
 def several(name: str, value: Any, need: str, least: int = 0) -> list[Any]:
-    """Return words or functions, or one of them, as a list."""
+    """Return words or functions, or one of them, as a list; `need` is "X, or several", where each is X."""
     one = isinstance(value, str) or callable(value)
     entries = [value] if one else list(of_kind(name, value, Iterable, need))
     for entry in entries:
-        of_kind(f"an entry of {name}", entry, (str, Callable), need)
+        of_kind(f"every entry of `{name}`", entry, (str, Callable), need.removesuffix(", or several"))
     if len(entries) < least:
-        raise ValueError(f"{name} is empty: {need} is needed.")
+        raise ValueError(must(name, need, "an empty list"))
     return entries
 
 
@@ -231,7 +236,7 @@ def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Functi
 def callback(name: str, value: Any, *given: str) -> Any:
     """Return `value` if it is None, or can be called with arguments of these names, in this order."""
     if value is not None and not callable(value):
-        raise TypeError(_sentence(name, value, "a function, or None, is needed"))
+        raise TypeError(misuse(name, value, "a function or None"))
     return value if value is None else takes(name, value, *given)
 
 
@@ -252,7 +257,8 @@ def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
     if not fits:
         bare = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
         taken = signature.replace(parameters=bare, return_annotation=signature.empty)
-        raise TypeError(f"{name} takes {taken}: ({', '.join(given)}) is needed" + f"; {fix}" * bool(fix) + ".")
+        arguments = f"argument{'s' * (len(given) != 1)} ({', '.join(given)})"
+        raise TypeError(must(name, f"a function with the {arguments}", f"{taken}", fix))
     return function
 
 
@@ -267,15 +273,15 @@ def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str
     """Raise for the first entry of `values` whose `good` is false, naming its index."""
     if not good.all():
         i = int(np.flatnonzero(~good)[0])
-        raise ValueError(_sentence(f"{name}[{i}]", float(values[i]), need, fix))
+        raise ValueError(misuse(f"{name}[{i}]", float(values[i]), need, fix))
 
 
 def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, ...] | None = None) -> Array:
     """Return positive, finite numbers as an array, at least one; `what` each of them is."""
     out = array(name, value, shape, fix=fix)
-    every(name, out, np.isfinite(out) & (out > 0.0), f"a {what} must be positive and finite", fix)
+    every(name, out, np.isfinite(out) & (out > 0.0), "positive and finite", fix)
     if not out.size:
-        raise ValueError(f"{name} is empty: at least one {what} is needed.")
+        raise ValueError(must(name, f"an array of at least one {what}", "an empty array"))
     return out
 
 
@@ -289,16 +295,25 @@ def refuse(wrong: Mapping[str, object]) -> None:
 def choice(name: str, value: Any, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
     if not isinstance(value, str) or value not in options:
-        raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", nearest(value, options)))
+        near = nearest(value, options)
+        listed = ", ".join(options)
+        need, fix = (f"one of {listed}", "") if len(options) <= LISTED else ("a known name", f"Known names: {listed}.")
+        raise ValueError(misuse(name, value, need, f"Did you mean {near!r}?" if near else fix))
     return str(value)
 
 
 def known(given: Iterable[str], names: Collection[str], what: str, kind: type[Exception] = ValueError) -> None:
-    """Raise for the first of the names given that is none of `names`, with the nearest of them or with all."""
+    """Raise for the first of the names given that is none of `names`, with the nearest of them or with all.
+
+    `what` is "option of gas" or "command": the kind of thing, and whose it is, if that helps.
+    """
     for name in given:
         if name not in names:
-            raise kind(f"{name!r} is no {what}" + ("; " + near if (near := nearest(name, names))
-                                                   else ": " * bool(names) + ", ".join(sorted(names)) + "."))
+            thing, _, owner = what.partition(" of ")
+            near = nearest(name, names)
+            listed = f"available: {', '.join(sorted(names))}." if names else "there is none."
+            wrong = f"{owner} has no {thing} {quoted(name)}" if owner else f"unknown {thing} {name}"
+            raise kind(f"{wrong}; " + (f"did you mean {quoted(near) if owner else near}?" if near else listed))
 
 
 def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:
@@ -306,25 +321,43 @@ def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:
     if not isinstance(value, (list, tuple)):
         return (value,) * n_pairs
     if len(value) != n_pairs:
-        fix = "give one for all pairs, or one per pair from the bottom up"
-        raise ValueError(_sentence(f"length of {name}", len(value), f"{n_pairs} (the number of pairs) is needed", fix))
+        fix = "Give one for all pairs, or one per pair from the bottom up."
+        length = f"the length of {quoted(name)}"
+        raise ValueError(must(length, f"{n_pairs} (the number of pairs)", f"{len(value)}", fix))
     return tuple(value)
 
 
 def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
-    limits = {"above": above, "of at least": at_least, "at most": at_most}
-    parts = " and ".join(f"{word} {limit:g}" for word, limit in limits.items() if abs(limit) < math.inf)
-    return f"a {'finite ' if finite else ''}number {parts}".rstrip() + " is needed"
+    low, kind = max(above, at_least), "a finite number" if finite else "a number"
+    if low == at_least == at_most:
+        return f"{low:g}"
+    if at_most < math.inf:
+        return f"{kind} of at most {at_most:g}" if low == -math.inf else (
+            f"a number in {'[' if at_least > above else '('}{low:g}, {at_most:g}]")
+    if low == -math.inf:
+        return kind
+    return f"{kind} {'of at least' if at_least > above else 'above'} {low:g}"
 
 
-def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:
+def misuse(name: str, value: Any, need: str, fix: str = "") -> str:
+    """The sentence for a `value` that is not what is needed: "`name` must be …, got …. One sentence with the fix."."""
     try:
         shown = " ".join(repr(value).split())
     except ValueError:  # a whole number of thousands of digits
         shown = f"a number of {type(value).__name__} with thousands of digits"
     if len(shown) > 60:
         shown = shown[:57] + "..."
-    return f"{name} is {shown}: {need}" + (f"; {fix}" if fix else "") + ("" if fix.endswith("?") else ".")
+    return must(name, need, shown, fix)
+
+
+def must(name: str, need: str, got: str, fix: str = "") -> str:
+    subject = quoted(name)
+    return f"{subject[0].upper()}{subject[1:]} must be {need}, got {got}." + f" {fix}" * bool(fix)
+
+
+def quoted(name: str) -> str:
+    """A name in backticks if it is an argument such as `gap[1]`; phrases and command-line options as they are."""
+    return f"`{name}`" if re.fullmatch(r"[^\W\d]\w*(\[[^\]]*\]|\.\w+|\(\S+\))*", name) else name
 
 
 def optional(module: str, by: str) -> Any:
@@ -342,4 +375,5 @@ def optional(module: str, by: str) -> Any:
         return import_module(module)
     except ImportError:
         extra = next((name for name, packages in EXTRAS.items() if package in packages.split()), "plot")
-        raise ImportError(f"{by} needs {package}, which is not installed: {install(extra)}.") from None
+        raise ImportError(f"{by} requires {package}, which is not installed. Install it with: "
+                          f"{install(extra)}") from None

@@ -112,19 +112,20 @@ def from_json(what: str, value: Any) -> Any:
         If it is not in `PLACES`, has other fields, or values that its class refuses.
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
-        raise ValueError(f"{what} is described by {plain_text(repr(value), 60)}: a class and its fields are needed.")
+        raise ValueError(f"The description of a {what} must be a class with its fields, got "
+                         f"{plain_text(repr(value), 60)}.")
     word = OLDER.get(value["class"], value["class"])
     if "fields" not in value and word not in WORDS.values():
         raise LookupError(plain_text(value["shown"]))
     if word not in PLACES[what]:
-        raise ValueError(f"{what} is of class {plain_text(repr(word), 60)}: one of {', '.join(PLACES[what])} is "
-                         "needed; a later granular may know more.")
+        raise ValueError(f"The class of a {what} must be one of {', '.join(PLACES[what])}, got "
+                         f"{plain_text(repr(word), 60)}. A later version of granular may know more.")
     module, name = PLACES[what][word].split(":")
     kind, given = getattr(import_module(module), name), value.get("fields")
     known = [f.name for f in fields(kind)]
     if not isinstance(given, dict) or sorted(given) != sorted(known):
-        raise ValueError(f"{what} of class {word!r} has the fields {plain_text(repr(given), 60)}: "
-                         f"{', '.join(known)} are needed.")
+        raise ValueError(f"The fields of a {what} of class {word!r} must be {', '.join(known)}, got "
+                         f"{plain_text(repr(given), 60)}.")
     return kind(**{key: _value(one) for key, one in given.items()})
 
 

@@ -18,6 +18,7 @@ from typing import IO, Any, TypeAlias
 
 import numpy as np
 
+from granular._engine.check import misuse
 from granular._engine.package import VERSION
 
 FORMAT = 3
@@ -58,22 +59,22 @@ def write(path: str | os.PathLike[str], fill: Callable[[str], object]) -> None:
     OSError
         If the file cannot be written, with the path and the reason.
     """
-    given = os.path.abspath(checked_path("output path", path))
+    given = os.path.abspath(checked_path("the output path", path))
     if os.path.isdir(given):
-        raise IsADirectoryError(f"output path is {os.fspath(path)!r}: a file name is needed, this is a folder.")
+        raise IsADirectoryError(f"The output path must be the name of a file, got the folder {os.fspath(path)!r}.")
     try:
         (_pour if is_stream(given) else _replace)(given, fill)
     except OSError as error:
         if error.errno is None:
             raise
-        need = f"a writable place is needed ({error.strerror or error})."
-        raise type(error)(f"output path is {os.fspath(path)!r}: {need}") from None
+        why = error.strerror or error
+        raise type(error)(f"The output path must be writable, got {os.fspath(path)!r} ({why}).") from None
 
 
 def checked_path(name: str, path: Any) -> str:
     """Return a path as text. Numbers are refused: they would be open files."""
     if not isinstance(path, (str, bytes, os.PathLike)):
-        raise TypeError(f"{name} is {path!r}: the name of a file is needed.")
+        raise TypeError(misuse(name, path, "the name of a file"))
     return os.fsdecode(path)
 
 
@@ -81,7 +82,7 @@ def checked_source(name: str, path: Any) -> str:
     """Return the path of a file that can be read. Devices and pipes may be endless."""
     text = checked_path(name, path)
     if os.path.exists(text) and not (os.path.isfile(text) or os.path.isdir(text)):
-        raise ValueError(f"{name} is {text!r}: a plain file is needed, this is a device or a pipe.")
+        raise ValueError(misuse(name, text, "a regular file", "A device or a pipe cannot be read here."))
     return text
 
 
@@ -92,16 +93,17 @@ def check_writable(name: str) -> None:
     import tempfile
 
     path, folder = os.path.realpath(name), os.path.dirname(name) or "."
-    wrong = ("is a directory; the name of a file is needed" if os.path.isdir(path) else
-             f"there is no directory {folder!r}; make it first" if not os.path.isdir(os.path.dirname(path)) else
-             "the file is there and may not be changed" if os.path.exists(path) and not os.access(path, os.W_OK)
+    wrong = ("This is a directory. Give the name of a file." if os.path.isdir(path) else
+             f"The directory {folder!r} does not exist. Create it first." if (
+                 not os.path.isdir(os.path.dirname(path))) else
+             "The file exists and is read-only." if os.path.exists(path) and not os.access(path, os.W_OK)
              else "")
     if wrong:
-        raise ValueError(f"{name}: {wrong}.")
+        raise ValueError(f"{name}: {wrong}")
     try:
         tempfile.TemporaryFile(dir=os.path.dirname(path)).close()
     except OSError as error:
-        raise ValueError(f"{name}: no file can be made in {folder!r}: {error.strerror}.") from None
+        raise ValueError(f"{name}: No file can be created in {folder!r} ({error.strerror}).") from None
 
 
 def is_stream(path: str | os.PathLike[str]) -> bool:
@@ -207,7 +209,7 @@ def check_picture(path: str | os.PathLike[str]) -> None:
     ending = os.path.splitext(checked_path("path", path))[1][1:]
     known = sorted(FigureCanvasBase.get_supported_filetypes())
     if ending.lower() not in known:
-        raise ValueError(f"ending of {os.fspath(path)} is {ending!r}: one of {', '.join(known)} is needed.")
+        raise ValueError(f"The ending of {os.fspath(path)} must be one of {', '.join(known)}, got {ending!r}.")
 
 
 class Later(ValueError):
@@ -221,7 +223,7 @@ def check_ending(path: str | os.PathLike[str], needed: str) -> None:
     """
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str) or "\0" in name or not (name.lower().endswith(needed) or is_stream(name)):
-        raise ValueError(f"path is {name!r}: the name of a file that ends in {needed} is needed.")
+        raise ValueError(misuse("path", name, f"the name of a file that ends in {needed}"))
 
 
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
@@ -229,9 +231,11 @@ def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[st
     name = os.fspath(path)
     if not isinstance(number, int) or not 1 <= number <= FORMAT:
         shown = plain_text(repr(number), 60)
-        raise Later(f"format of {name} is {shown}: at most {FORMAT} is needed; a later granular reads it.")
+        raise Later(f"The format of {name} must be at most {FORMAT}, got {shown}. Read it with a later version of "
+                    "granular.")
     if listed := plain_text(", ".join(sorted(unknown))):
-        raise Later(f"path is {name!r}: it holds {listed}, unknown to this version; a later granular reads it.")
+        raise Later(f"The file {name!r} contains {listed}, which this version does not know. Read it with a later "
+                    "version of granular.")
 
 
 @cache
@@ -268,10 +272,10 @@ def heads(file: IO[bytes]) -> dict[str, Head]:
         sound = all(info.compress_type in (0, 8) and info.file_size <= DENSEST * info.compress_size + ROOM
                     for info in members)
         if not sound or sum(info.compress_size for info in members) > size:
-            raise ValueError("members that overlap, or are larger than they can be")
+            raise ValueError("members overlap or are larger than possible")
         found = {_name(info): _head(archive, info) for info in members}
         if len(found) < len(members):
-            raise ValueError("a member is there twice")
+            raise ValueError("a member occurs twice")
         return found
 
 
@@ -310,5 +314,5 @@ def _head(archive: Any, info: Any) -> Head:
         shape, _, dtype = readers[form.read_magic(stream)](stream)
         counted = all(type(length) is int and length >= 0 for length in shape) and dtype.itemsize > 0
         if dtype.hasobject or not counted or stream.tell() + dtype.itemsize * math.prod(shape) != info.file_size:
-            raise ValueError("objects, or an array of another size than its head says")
+            raise ValueError("an array contains objects, or its size differs from its header")
     return dtype, shape

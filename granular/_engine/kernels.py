@@ -96,7 +96,8 @@ def specialised(function: F, **instead: Any) -> F:
     """
     for name, value in instead.items():
         if fitted(function, **{name: value}) is function:
-            raise TypeError(f"{function.__name__} cannot be specialised for {name}: no kernel in it reads that name.")
+            raise TypeError(f"{function.__name__} cannot be specialised for {name}: none of its kernels reads that "
+                            "name.")
     return fitted(function, **instead)
 
 
@@ -112,8 +113,8 @@ def fitted(function: F, **instead: Any) -> F:
         return function
     read = _read_below(function).union(*(_read_below(value) for value in instead.values() if _is_kernel(value)))
     if unknown := instead.keys() - read - FLAGS:
-        raise TypeError(f"{function.__name__} cannot be specialised for {min(unknown)}: no kernel in it reads that "
-                        "name.")
+        raise TypeError(f"{function.__name__} cannot be specialised for {min(unknown)}: none of its kernels reads "
+                        "that name.")
     known = sorted((name, value) for name, value in instead.items() if name in read)
     copy: F = _specialised_copy(function, tuple((name, value, repr(value)) for name, value in known))
     return copy
@@ -147,14 +148,14 @@ def have_numba() -> bool:
 def no_compiler() -> str:
     """Return the reason why kernels cannot be compiled, or an empty string."""
     if sys.modules.get("numba", True) is None or not _is_installed("numba"):
-        return f"numba is not installed: {install('fast')}"
+        return f"numba is not installed; run {install('fast')}"
     if "numba" in sys.modules:
         import numba  # waits if another thread is loading it
 
         disabled = bool(numba.config.DISABLE_JIT)
     else:
         disabled = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0")
-    return "NUMBA_DISABLE_JIT is set, so numba compiles nothing: unset it" if disabled else ""
+    return "NUMBA_DISABLE_JIT is set, so numba compiles nothing; unset it" if disabled else ""
 
 
 @cache
@@ -165,7 +166,7 @@ def _is_installed(module: str) -> bool:
 def load_numba() -> Any:
     """Return the module numba, and choose the pipeline. Raises `ImportError` with the reason if numba is unusable."""
     if why := no_compiler():
-        raise ImportError(f"engine is 'compiled': {why}.")
+        raise ImportError(f"`engine` cannot be 'compiled': {why}.")
     import numba
 
     if Mode.fast is None:

@@ -39,10 +39,13 @@ def _misfit(function: Callable[..., Any], message: str) -> TypeError:
     name, quoted = function.__qualname__.removesuffix(".__init__"), [*re.findall(r"'(\w+)'", message), ""]
     if "unexpected keyword" in message:
         near = nearest(quoted[0], parameters(function) - {"self", "cls"})
-        return TypeError(f"{name}() has no parameter {quoted[0]!r}; " + (near or f"see help({name})."))
+        fix = f"did you mean `{near}`?" if near else f"see help({name})."
+        return TypeError(f"`{name}` has no parameter `{quoted[0]}`; {fix}")
     if "missing" in message:
-        return TypeError(f"{name}() needs " + ", ".join(f"{word}=..." for word in quoted[:-1]) + ".")
-    return TypeError(message)
+        missing = ", ".join(f"`{word}`" for word in quoted[:-1])
+        return TypeError(f"`{name}` requires {missing}, which {'is' if len(quoted) == 2 else 'are'} missing.")
+    found = re.search(r"takes (.*) but (\d+) (?:was|were) given", message)
+    return TypeError(f"`{name}` takes {found[1]}, got {found[2]}. Name the others." if found else message)
 
 
 def parameters(function: Callable[..., Any]) -> set[str]:
@@ -53,8 +56,8 @@ def parameters(function: Callable[..., Any]) -> set[str]:
 
 
 def nearest(word: Any, options: Iterable[str]) -> str:
-    """Return "did you mean …?" for the option closest to `word`, or nothing."""
+    """Return the option closest to `word` above a similarity of 0.6, or an empty string."""
     from difflib import get_close_matches
 
     near = get_close_matches(str(word), list(options), n=1)
-    return f"did you mean {near[0]}?" if near else ""
+    return near[0] if near else ""

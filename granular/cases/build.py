@@ -81,10 +81,10 @@ class Named:
                 module = _of_file(place) if place.endswith(".py") else import_module(place)
             found = getattr(module, word)
         except (AttributeError, ImportError, OSError, ValueError) as error:
-            raise ValueError(f"function is {self.name!r}: it cannot be found ({error}); 'file.py:name' of a file "
-                             "beside this one is needed, or 'module:name' of a module that can be imported.") from None
+            raise ValueError(f"`function` must be 'file.py:name' of a file beside this one, or 'module:name' of an "
+                             f"importable module, got {self.name!r}, which was not found ({error}).") from None
         if not callable(found):
-            raise ValueError(f"function is {self.name!r}: a function m(t) is needed, and that is {found!r}.")
+            raise ValueError(f"`function` must name a function m(t), got {self.name!r}, which is {found!r}.")
         return found
 
     def __repr__(self) -> str:
@@ -101,7 +101,7 @@ def sentence_of(error: BaseException) -> str:
     """
     said = " ".join(str(error).split())
     owner = getattr(error, "raised_by", None)
-    return said if owner is None else f"function {owner} raised {type(error).__name__}: {said}"
+    return said if owner is None else f"The function {owner} raised {type(error).__name__}: {said}"
 
 
 def name_of(function: Any) -> str:
@@ -115,8 +115,8 @@ def name_of(function: Any) -> str:
     with suppress(ValueError):
         if Named(name).function is function:
             return name
-    raise TypeError(f"function is {function!r}: only one that can be imported by its name can be written to TOML; put "
-                    "it into a module.")
+    raise TypeError(f"`function` must be importable by its name to be written to TOML, got {function!r}. Put it into a "
+                    "module.")
 
 
 @contextmanager
@@ -149,13 +149,13 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
     given = dict(table)
     if "material" in given:
         if clash := {"young", "poisson"} & given.keys():
-            raise ValueError(f"keys material and {min(clash)} are both given: one of the two ways is needed.")
+            raise ValueError(f"Only one of the keys material and {min(clash)} can be given, got both.")
         of_material = [name for name, kind in LAWS.items() if hasattr(kind, "from_material")]
-        check.choice("type of a law of a material", given.get("type"), of_material)
+        check.choice("the type of a law of a material", given.get("type"), of_material)
         one = given.pop("material")
         names = one if isinstance(one, list) else [one, one]
         if len(names) != 2:
-            raise ValueError(f"material has {len(names)} entries: one, or two (lower, upper), are needed.")
+            raise ValueError(f"`material` must have one entry, or two (lower, upper), got {len(names)}.")
         given["young"], given["poisson"] = materials.both(*names)
     return of_type(LAWS, given, pair=pair)
 
@@ -223,7 +223,7 @@ def call(ways: Sequence[Way], values: Mapping[str, Any], **held: Any) -> Any:
             return way(**values, **{p.name: held[p.name] for p in parameters(way) if p.name in held})
     check.known(values, dict.fromkeys(p.name for each in keys for p in each), "key")
     sets = " or ".join("(" + ", ".join(least) + ")" for least in needed)
-    raise ValueError(f"the keys given are ({', '.join(values)}): {sets} is needed.")
+    raise ValueError(f"The keys must be {sets}, got ({', '.join(values)}).")
 
 
 @contextmanager
@@ -239,7 +239,7 @@ def place(where: str) -> Iterator[None]:
 def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> Any:
     """Return the object that ``type`` of a table names, from its other keys."""
     if "type" not in table:
-        raise ValueError(f"key 'type' is missing; needed is one of {', '.join(types)}.")
+        raise ValueError(f"The key 'type' is missing. It must be one of {', '.join(types)}.")
     kind = types[check.choice("type", table["type"], list(types))]
     ways = [kind] + [getattr(kind, name) for name in CONSTRUCTORS if hasattr(kind, name)]
     return call(ways, {key: value for key, value in table.items() if key != "type"}, **held)

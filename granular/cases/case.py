@@ -151,7 +151,7 @@ class Case:
         if engine == "edmd" and self.rule is not None:
             return self.rule
         if self.law is None:
-            raise ValueError(f"law is missing: {engine} needs a force law, such as LinearDashpot(k=5e7).")
+            raise ValueError(f"`law` is missing: {engine} requires a force law, such as LinearDashpot(k=5e7).")
         if engine == "md":
             return self.law
         from granular.md.binary import restitution_of
@@ -163,7 +163,7 @@ def checked_run(run: Any) -> Mapping[str, Any]:
     """Return options of the engines. Raises for options that neither engine has."""
     if check.of_kind("run", run, Mapping, "a mapping of options to values"):
         check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINES)),
-                     "option of a run", TypeError)
+                     "option", TypeError)
     return run  # type: ignore[no-any-return]
 
 

@@ -68,7 +68,7 @@ def of_restitution(
         The rule is None if the restitution depends on the speed. It then has to be taken from the laws.
     """
     known = list(WAYS) if material is None else [name for name in WAYS if "Hertz" in name]
-    way = WAYS[check.choice("law" if material is None else "law of a material", law, known)]
+    way = WAYS[check.choice("law" if material is None else "the law of a material", law, known)]
     needs = {parameter.name for parameter in build.parameters(way)}
     k, speed = check.number("stiffness", stiffness, above=0.0), first_impact_speed(scene)
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
@@ -86,7 +86,7 @@ def of_restitution(
 def _elastic_hertz(restitution: float, k: float) -> Hertz:
     """Return Hertz's law, for restitution 1 only."""
     check.number("restitution", restitution, at_least=1.0, at_most=1.0,
-                  fix="Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped")
+                  fix="Hertz's law is elastic. For damping use TsujiHertz or ViscoelasticHertz.")
     return Hertz(k)
 
 
@@ -253,7 +253,8 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
     scene = build.call([template.make], build.walled(of_scene) | untouched)
     end = template.t_end(scene) if t_end is None else check.number("t_end", t_end, at_least=0.0)
     if end is not None and not math.isfinite(end):
-        raise ValueError(f"the end time of {name} is beyond the range of numbers; give t_end, or use other units.")
+        raise ValueError(f"The end time of {name} exceeds the range of floating-point numbers. Give `t_end`, or use "
+                         "other units.")
     return Case(scene, None, None, template.until, end, about=about(name))
 
 
@@ -261,7 +262,7 @@ def touching(name: str, case: Case, **of_contact: Any) -> Case:
     """Return a bare case with its contacts, from options of the contacts."""
     template = _named(name)
     if {"material", "stiffness"} <= of_contact.keys():
-        raise ValueError("material and stiffness are both given: one of the two is needed.")
+        raise ValueError("Only one of `material` and `stiffness` can be given, got both.")
     law, rule = template.touch(case.scene, **(dict(template.contact) | of_contact))
     return replace(case, law=law, rule=rule)
 

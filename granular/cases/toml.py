@@ -96,7 +96,7 @@ def load(path: str | PathLike[str]) -> Case:
 @check.face
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file, see `load`."""
-    return of_tables(_parsed(check.of_kind("text", text, str, "the text of a TOML file", "for a file use load")))
+    return of_tables(_parsed(check.of_kind("text", text, str, "the text of a TOML file", "To read a file, use load.")))
 
 
 def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
@@ -104,30 +104,32 @@ def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
     with open(path, "rb") as stream:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
-        raise ValueError(f"is larger than {MOST_BYTES // 1_000_000} MB; build such a scene in Python.")
+        raise ValueError(f"The file is larger than {MOST_BYTES // 1_000_000} MB. Build such a scene in Python.")
     try:
         return _parsed(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError:
-        raise ValueError("is no text in UTF-8, as TOML must be; recorded runs are played by granular view.") from None
+        raise ValueError("The file is not UTF-8 text, so it is not TOML. To play a recorded run, use granular "
+                         "view.") from None
 
 
 def _parsed(text: str) -> dict[str, Any]:
     if LONG_KEY.search(text):
-        raise ValueError("is not a case: a key of more than 50 parts; keys such as scene.mass have two.")
+        raise ValueError("The file is not a case: a key has more than 50 parts. Keys such as scene.mass have two.")
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ValueError("is not a case: lists or tables are nested too deeply.") from None
+        raise ValueError("The file is not a case: lists or tables are nested too deeply.") from None
     except ValueError as error:
-        raise ValueError(f"is not valid TOML: {error}.") from None
+        raise ValueError(f"The file is not valid TOML: {error}.") from None
 
 
 def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     """Return a case from the tables of a file in a folder."""
     for key in tables:
-        check.choice("table or key", key, TABLES)
+        check.known([key], TABLES, "table or key")
     if "scene" not in tables:
-        raise ValueError("table [scene] is missing: it names a ready-made scene or gives mass, radius, gap, velocity.")
+        raise ValueError("The table [scene] is missing. It names a ready-made scene, or gives mass, radius, gap and "
+                         "velocity.")
     with place("[scene]"):
         given = build.walled(_table(tables["scene"]), folder)
         base = _base(given)
@@ -173,7 +175,7 @@ def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
             rules = [build.rule(_table(one)) for one in (given if isinstance(given, list) else [given])]
             rule = check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(given, list) else rules[0]
     if laws is None and rule is None:
-        raise ValueError("table [law] is missing: give a force law, or at least a [rule] for hard spheres.")
+        raise ValueError("The table [law] is missing. Give a force law, or at least a [rule] for hard spheres.")
     return laws, rule
 
 
@@ -193,7 +195,8 @@ def stop_condition(value: Any, scene: Scene) -> until.Until | None:
 
 def _table(value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise TypeError(f"{value!r} is no table: write it in [brackets] on a line of its own, then one key per line.")
+        raise TypeError("A table must be written in [brackets] on a line of its own, then one key per line, got "
+                        f"{value!r}.")
     return value
 
 
@@ -251,7 +254,7 @@ def _each(name: str, values: Any, types: Mapping[str, Any]) -> dict[str, Table |
     each = list(values) if isinstance(values, (list, tuple)) else [] if values is None else [values]
     for value in each:
         if type(value) not in types.values():
-            raise TypeError(f"{name} is {value!r}: only {', '.join(types)} can be written to TOML.")
+            raise TypeError(f"`{name}` must be one of {', '.join(types)} to be written to TOML, got {value!r}.")
     return _joined(name, [{"type": type(one).__name__} | _numbers(one) for one in each])
 
 
@@ -306,4 +309,4 @@ def _value(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, (int, float)):
         return repr(value)
-    raise TypeError(f"{value!r} cannot be written to TOML: a number, a text or a list is needed.")
+    raise TypeError(f"Only numbers, texts and lists can be written to TOML, got {value!r}.")

@@ -264,12 +264,12 @@ def against(report: Any, run: Trajectory) -> Against:
     for name in ("mass", "radius"):
         ours, theirs = getattr(report.scene, name), getattr(run.scene, name)
         if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9, atol=0.0):
-            raise ValueError(f"run is of another scene: its {name} is {np.array2string(theirs, threshold=6)}; "
-                             f"{np.array2string(ours, threshold=6)} is needed.")
+            raise ValueError(f"`run` must be of the same scene: its {name} must be "
+                             f"{np.array2string(ours, threshold=6)}, got {np.array2string(theirs, threshold=6)}.")
     start, first = float(report.soft.time[0]), float(run.time[0])
     if first < start:
-        raise ValueError(f"time[0] of run is {first!r}: times from the start of the scene, {start:g} s, on are "
-                         "needed; shift its clock.")
+        raise ValueError(f"`run.time[0]` must be at least {start:g} s, the start of the scene, got {first!r}. Shift "
+                         "its clock.")
     others = report.units.max(initial=0.0) or speed_scale(report.scene) or 1.0  # of balls that touch nothing
     unit = np.append(report.units, others)[report.components.of_ball]
     apart = [_apart(run, with_rows(report, engine, run.time, further=True), unit) for engine in ("hard", "soft")]

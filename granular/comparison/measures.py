@@ -271,8 +271,8 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     scene = run.scene
     at_walls = [c for c, end in ((0, 0), (scene.n_pairs - 1, -1)) if scene.is_wall[end]]
     if check.whole("pair", pair) not in at_walls:
-        raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, {' or '.join(map(str, at_walls))}."
-                         if at_walls else f"run is of {scene}: one with a wall is needed.")
+        raise ValueError(f"`pair` must be the pair of a wall, {' or '.join(map(str, at_walls))}, got {pair!r}."
+                         if at_walls else f"`run` must be of a scene with a wall, got {scene}.")
     log, side = run.of(pair), int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
     motion, time = scene.motions[side], log["t_begin"]
     phase = motion.phases(time) if isinstance(motion, walls.Sine) else np.full(len(log), math.nan)

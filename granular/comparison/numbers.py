@@ -184,9 +184,10 @@ class Compared:
             wall, which is shifted by the duration of soft contacts, or on the drawn speed.
         """
         if observable is None and (self.scene.driven or self.scene.heated):
-            why = "a driven wall a speed hangs on the phase, which the duration of soft contacts shifts" if (
-                self.scene.driven) else "a thermal wall a speed hangs on what was drawn last"
-            raise ValueError(f"observable is None: at {why}; give a function of the run, such as a mean height.")
+            why = "driven wall, a speed depends on the phase, which the duration of soft contacts shifts" if (
+                self.scene.driven) else "thermal wall, a speed depends on the last random draw"
+            raise ValueError(f"`observable` must be given for this scene, got None. At a {why}. Give a function of the "
+                             "run, such as a mean height.")
         from granular.comparison.further import roots
 
         check.callback("observable", observable, "run")

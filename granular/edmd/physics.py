@@ -39,7 +39,7 @@ SMALLEST, LARGEST = 1e-75, 1e75
 
 Squares, products and ratios of these numbers neither underflow nor overflow.
 """
-SIZE = f"0 or a size from 0 to {LARGEST:g} is needed"
+SIZE = f"a number of at most {LARGEST:g}"
 
 
 class Physics:
@@ -109,7 +109,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
     below = 0.01 * scales(scene)[0] if merging else 0.0
     if merge_below is not None:
         if not merging:
-            raise ValueError(f"merge_below is {merge_below!r}: it needs collapse='merge'.")
+            raise ValueError(f"`merge_below` must be None unless collapse='merge', got {merge_below!r}.")
         below = check.number("merge_below", merge_below, above=0.0)
     check.choice("ties", options["ties"], tuple(ORDER))
     options["seed"] = check.whole("seed", options["seed"])
@@ -126,29 +126,29 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
 @remembered
 def check_scene(scene: Scene) -> None:
     """Raise `ValueError` if the scene is not valid for hard spheres."""
-    fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
-    check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
-    size, fix = np.abs(scene.velocity), "use other units"
-    need = f"0 or a size from {SMALLEST:g} to {LARGEST:g} is needed"
+    fix = "Hard spheres cannot overlap. Set the gap to 0, or use granular.md."
+    check.every("gap", scene.gap, scene.gap >= 0.0, "non-negative", fix)
+    size, fix = np.abs(scene.velocity), "Use other units."
+    need = f"0 or a number of magnitude {SMALLEST:g} to {LARGEST:g}"
     check.every("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall, SIZE, fix)
     check.every("gap", scene.gap, scene.gap <= LARGEST, SIZE, fix)
     check.every("velocity", scene.velocity, (size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)), need, fix)
     for name, one in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
         if not (one == 0.0 or SMALLEST <= one <= LARGEST):
-            check.every(name, np.array([one]), np.zeros(1, bool), need, fix)
+            raise ValueError(check.misuse(name, one, need, fix))
     if scene.rest_gap is not None:
         check.every("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST, SIZE, fix)
     check.refuse({
-        "ring is True: hard spheres on a ring take no external_force, which would press them together in mid-air; use "
-        "granular.md.": scene.ring and scene.external_force is not None,
-        "gap is 0 for all pairs: on a ring there must be room to move; give some gaps.":
+        "`external_force` must be None for hard spheres on a ring, because it would press them together in mid-air. "
+        "Use granular.md.": scene.ring and scene.external_force is not None,
+        "`gap` must have a positive entry on a ring, got 0 for all pairs. Leave the balls room to move.":
             scene.ring and not scene.gap.any(),
-        f"scene has {scene.n} bodies: at most {MASK + 1} are possible.": scene.n_pairs > MASK,
+        f"`scene` must have at most {MASK + 1} bodies, got {scene.n}.": scene.n_pairs > MASK,
     })
     for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True) if scene.heated else ():
         if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
-            raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
-                             f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")
+            raise ValueError(f"The thermal speed √(T/m) must be in [{SMALLEST:g}, {LARGEST:g}] m/s, got temperature "
+                             f"{heat.temperature!r} and mass[{ball}] = {float(scene.mass[ball])!r}. Use other units.")
 
 
 def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
@@ -159,19 +159,19 @@ def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
     ties = options["ties"]
     merges, lasts, spares = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
     if ties in ("newton", "reflect") and eps.min() != eps.max():
-        why = "different ones can multiply the energy" if ties == "newton" else "others have no meaning"
-        raise ValueError(f"ties is {ties!r}: one constant restitution for all pairs is needed ({why}); "
-                         "use ties='poisson'.")
+        why = "Different ones can multiply the energy." if ties == "newton" else "It is not defined otherwise."
+        raise ValueError(f"`rule` must be one constant restitution for all pairs if ties={ties!r}, got restitutions "
+                         f"from {eps.min():g} to {eps.max():g}. {why} Use ties='poisson'.")
     if ORDER[ties] == GROUP and (merges or lasts or spares):
-        raise ValueError(f"ties is {ties!r}: groups solved as a whole do not go with sticking balls, "
-                         "collapse='merge', tc= or elastic_below=; use ties='left'.")
+        raise ValueError(f"`ties` must not solve groups as a whole if balls stick, or with collapse='merge', tc= or "
+                         f"elastic_below=, got {ties!r}. Use ties='left'.")
     if merges + lasts + spares > 1:
         given = {"sticking or collapse='merge'": merges, "tc": lasts, "elastic_below": spares}
         names = " and ".join(name for name, is_given in given.items() if is_given)
-        raise ValueError(f"{names} are given together: one remedy at a time is needed.")
+        raise ValueError(f"Only one remedy for an inelastic collapse can be given, got {names}.")
     if eps.min() == 0.0 < eps.max():
-        raise ValueError(f"restitution of pair {eps.argmin()} is 0.0 but not of all pairs: 0 means balls that stick, "
-                         "for all pairs or none; use a small number, such as 0.01.")
+        raise ValueError(f"The restitution must be 0 for all pairs or for none, got 0 only for some (pair "
+                         f"{eps.argmin()}). 0 makes balls stick; use a small number, such as 0.01.")
 
 
 def felt_gravity(scene: Scene) -> float:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from granular._engine.check import LARGEST, held
+from granular._engine.check import EDITED, LARGEST, held
 from granular.edmd.physics import ORDER, Physics
 from granular.scene.walls.path import WALL
 
@@ -202,10 +202,10 @@ def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
     # Earlier releases saved three counters.
     held(saved, "tally", "i", (4 if np.size(saved.get("tally", 0)) == 4 else 3,), least=0)
     if not isinstance(saved.get("ties"), str) or saved["ties"] not in ORDER:
-        raise ValueError(f"state of trajectory has no rule for ties: one of {', '.join(ORDER)} is needed.")
-    # frexp has the mantissa 0.5 only for powers of two.
+        raise ValueError(f"'ties' in the state of `trajectory` must be one of {', '.join(ORDER)}. {EDITED}")
     if math.frexp(saved["window"])[0] != 0.5:
-        raise ValueError(f"window in the state of trajectory is {saved['window']!r}: a power of two is needed.")
+        raise ValueError(f"'window' in the state of `trajectory` must be a power of two, got {saved['window']!r}. "
+                         f"{EDITED}")
 
 
 def check_entries(
@@ -236,7 +236,8 @@ def _check_look(saved: Mapping[str, Any], n: int, ring: bool) -> None:
     size = np.shape(saved.get("zoom_gap", 0))
     most = n if ring else n - int(held(saved, "zoom_first", "i", (), 0, n - 1))
     if len(size) != 1 or not 0 < size[0] <= most:
-        raise ValueError(f"zoom_gap in the state of trajectory has shape {size}: 1 to {most} pairs are needed.")
+        raise ValueError(f"'zoom_gap' in the state of `trajectory` must have 1 to {most} pairs, got shape {size}. "
+                         f"{EDITED}")
     held(saved, "zoom_first", "i", (), 0, n - 1)
     dial = (min(np.size(saved.get("zoom_dial", 0)), 5),)
     for name, shape, least in (("base", (), -math.inf), ("gap", size, 0.0), ("rate", size, -math.inf),

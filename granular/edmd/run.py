@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular._engine.check import EDITED
 from granular._engine.kernels import fitted, worth
 from granular._engine.records import FEW, column, packed
 from granular.edmd import hanging, wall_state
@@ -74,8 +75,8 @@ class Run:
         self.scene, self.rule, self.start = physics.scene, physics.rules, float(state.clock.start)
         pair, contacts = APART if isinstance(request.until, Separated) else EACH if request.singly else NEVER, 0
         if isinstance(request.until, Force):
-            raise ValueError(f"until is {request.until!r}: hard spheres push for no time, with no force; give "
-                             "until.speed or until.contact, or run soft spheres (granular.md).")
+            raise ValueError(f"`until` must not be a force for hard spheres, whose collisions are instantaneous, got "
+                             f"{request.until!r}. Use until.speed or until.contact, or soft spheres (granular.md).")
         if isinstance(request.until, Contact):
             pair, contacts = request.until.pair, request.until.nth - 1
         state.run.stop_pair, state.run.stop_contacts = pair, contacts
@@ -217,8 +218,7 @@ class Run:
         self.verdict = self._closer.Verdict("exact", int(pair), int(pair), 0.0)
         self.ended, self.at_rest = float(time), True
         if not self._is_still():
-            raise ValueError("collapse_time in the state of trajectory is given, but balls move; it was changed after "
-                             "it was saved.")
+            raise ValueError(f"The state of `trajectory` has a collapse_time although balls move. {EDITED}")
 
     def _is_still(self) -> bool:
         """Return whether all balls are at rest on a wall."""

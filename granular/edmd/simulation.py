@@ -337,12 +337,12 @@ def _refuse_the_ended(trajectory: Trajectory) -> None:
     """Raise `ValueError` if nothing can follow the end of a run."""
     status, saved = trajectory.status, trajectory.state
     check.refuse({
-        "trajectory is no hard-sphere run: one from granular.edmd is needed.": trajectory.rule is None or not saved,
-        "trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.":
+        "`trajectory` must be a run of hard spheres from granular.edmd.": trajectory.rule is None or not saved,
+        "`trajectory` ended in an inelastic collapse and cannot be continued. Run again with collapse='merge' or tc=.":
             status is Status.collapse and "collapse_time" not in saved,
-        "trajectory ended at a bound: nothing follows it; run again with collapse='merge' or tc=.":
-            status is Status.bounded and "zoom_gap" not in saved,
-        "trajectory is broken: nothing follows it; see its message.": status is Status.broken,
+        "`trajectory` ended in a possible inelastic collapse and cannot be continued. Run again with collapse='merge' "
+        "or tc=.": status is Status.bounded and "zoom_gap" not in saved,
+        "`trajectory` is broken and cannot be continued. See its message.": status is Status.broken,
     })
 
 
@@ -361,9 +361,9 @@ def checked_engine(engine: str, physics: Physics) -> str:
     if physics.rule is not None:
         why = "every rule must be a ConstantRestitution"
     elif ORDER[physics.options["ties"]] == GROUP:
-        why = f"ties={physics.options['ties']!r} runs interpreted only"
+        why = f"ties={physics.options['ties']!r} runs only interpreted"
     if name == "compiled" and why:
-        raise ValueError(f"engine is 'compiled': {why}; use engine='sorted' or 'auto'.")
+        raise ValueError(f"`engine` must be 'sorted' or 'auto' here, got 'compiled': {why}.")
     if name == "compiled" and missing:
-        raise ImportError(f"engine is 'compiled': {missing}.")
+        raise ImportError(f"`engine` cannot be 'compiled': {missing}.")
     return "sorted" if why or missing else name

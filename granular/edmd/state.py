@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, held
+from granular._engine.check import EDITED, Array, held
 from granular._engine.records import FEW, Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
@@ -129,7 +129,8 @@ class State:
         check_entries(saved, physics, of_pairs, of_bodies)
         least = math.ldexp(float(state.clock.window), SHORTER)
         if float(saved["window"]) < least:
-            raise ValueError(f"window in the state of trajectory is {saved['window']!r}: at least {least!r} is needed.")
+            raise ValueError(f"'window' in the state of `trajectory` must be at least {least!r}, got "
+                             f"{saved['window']!r}. {EDITED}")
         for name in of_pairs:
             state.pairs[name] = saved[name]
         for name in of_bodies:
@@ -153,7 +154,7 @@ class State:
             state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         if not state.sound():
-            raise ValueError("state of trajectory contradicts itself or the scene; it was changed after it was saved.")
+            raise ValueError(f"The state of `trajectory` contradicts itself or the scene. {EDITED}")
         return state
 
     def set(self, **numbers: Any) -> None:

@@ -155,10 +155,10 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
     fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
     rate = [_closing_rate(k, s) for k in range(first, last + 1)]
     eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
-    closing = bodies[-1].fall_velocity < bodies[0].fall_velocity
-    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or closing):
-        why = "walls that close on them leave no way out" if ties != "reflect" else "use ties='poisson'"
-        raise ValueError(f"ties is {ties!r}: balls wedged between two walls have no such collision; {why}.")
+    meet = bodies[-1].fall_velocity < bodies[0].fall_velocity
+    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or meet):
+        why = "The walls close on the balls and leave no way out." if ties != "reflect" else "Use ties='poisson'."
+        raise ValueError(f"ties={ties!r} has no solution for balls wedged between two walls. {why}")
     return RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
 
 
@@ -319,4 +319,4 @@ def noise(rate: Floats) -> float:
 def gave_up(rule: str) -> ValueError:
     """Return the error of a rule that did not converge."""
     other = "left" if rule == "poisson" else "poisson"
-    return ValueError(f"ties is {rule!r}: no end after {PASSES} passes on a touching group; use ties={other!r}.")
+    return ValueError(f"ties={rule!r} did not converge within {PASSES} passes on a touching group. Use ties={other!r}.")

@@ -63,7 +63,7 @@ class Watch:
     ) -> None:
         laws = check.per_pair("watch", law, scene.n_pairs)
         for one in different(laws):
-            instance("watch", one, "how long a contact lasts, no collision rule can tell")
+            instance("watch", one, "A collision rule does not determine the duration of a contact.")
         kinds.checked(laws, scene)
         self.duration = durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from granular._engine.check import Array, is_own, takes
+from granular._engine.check import Array, is_own, misuse, must, quoted, takes
 
 if TYPE_CHECKING:
     from granular.scene import Pair
@@ -237,22 +237,21 @@ TRAITS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", "pair")}
 """Argument names of the traits that are methods."""
 
 
-def instance(name: str, law: Any, fix: str = "for hard spheres use granular.edmd") -> Any:
+def instance(name: str, law: Any, fix: str = "For hard spheres use granular.edmd.") -> Any:
     """Return `law` if it is an instance with a `force`, else raise `TypeError`."""
     if isinstance(law, type):
         values = ", ".join(f"{field}=..." for field in getattr(law, "__dataclass_fields__", {}))
-        raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
+        raise TypeError(must(name, f"an instance, such as {law.__name__}({values})", f"the class {law.__name__}"))
     if not callable(getattr(law, "force", None)):
-        raise TypeError(
-            f"{name} is {law!r}: an object with force(self, xi, xi_dot, pair) is needed; {fix}."
-        )
+        raise TypeError(misuse(name, law, "an object with force(self, xi, xi_dot, pair)", fix))
     if is_own(law):
         remembers = bool(getattr(law, "memory", False))
-        more, fix = (("xi_max",), "without it leave memory out") if remembers else ((), "with xi_max set memory = True")
-        takes(f"force of {name}", law.force, "xi", "xi_dot", "pair", *more, fix=fix)
+        more = ("xi_max",) if remembers else ()
+        fix = "Without xi_max, leave `memory` out." if remembers else "With xi_max, set memory = True."
+        takes(f"`force` of {quoted(name)}", law.force, "xi", "xi_dot", "pair", *more, fix=fix)
         for trait, given in TRAITS.items():
             if callable(function := getattr(law, trait, None)):
-                takes(f"{trait} of {name}", function, *given)
+                takes(f"`{trait}` of {quoted(name)}", function, *given)
     return law
 
 
@@ -303,10 +302,10 @@ def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
 
 def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
     """Return the error for a force that is not a finite number."""
-    return refused(law, f"its force at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s is {value!r}; a "
-                        "finite number in N is needed.")
+    return refused(law, "must return a finite force in N",
+                   f"got {value!r} at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s")
 
 
-def refused(law: PairLaw, what: str) -> ValueError:
+def refused(law: PairLaw, need: str, got: str, fix: str = "") -> ValueError:
     """Return the error for an invalid law, with the reason."""
-    return ValueError(f"law of pair {law.pair.index} is {law.law!r}: {what}")
+    return ValueError(f"The law of pair {law.pair.index}, {law.law!r}, {need}, {got}." + f" {fix}" * bool(fix))

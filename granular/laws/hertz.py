@@ -123,8 +123,8 @@ class ViscoelasticHertz(_Spheres):
         if ways == (False, True, True):
             return cls.from_restitution(restitution, speed, k, pair)  # type: ignore[arg-type]
         if ways != (True, False, False):
-            raise ValueError(f"dissipation is {dissipation!r}, restitution is {restitution!r} and speed is {speed!r}: "
-                             "either dissipation, or restitution with the speed at which it holds, is needed.")
+            raise ValueError("Either `dissipation`, or `restitution` with the `speed` at which it holds, must be "
+                             f"given, got {dissipation!r}, {restitution!r} and {speed!r}.")
         return cls(k, 1.5 * check.number("dissipation", dissipation, at_least=0.0) * k)
 
     @classmethod
@@ -268,7 +268,7 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     """
     modulus, nu = _of_both("young", young, above=0.0), _of_both("poisson", poisson, at_least=0.0, at_most=0.5)
     at = checked_pair(pair)
-    r_eff = check.number(f"r_eff of pair {at.index}", at.r_eff, above=0.0, fix="point particles have no curvature")
+    r_eff = check.number(f"`r_eff` of pair {at.index}", at.r_eff, above=0.0, fix="Point particles have no curvature.")
     lower, upper = zip(modulus, nu, strict=True)
     if lower == upper:
         return 2.0 / 3.0 * lower[0] * math.sqrt(r_eff) / (1.0 - lower[1] * lower[1])
@@ -280,5 +280,5 @@ def _of_both(name: str, value: Each, **limits: float) -> list[float]:
     """Return a checked property of both bodies, from one number or two."""
     if check.is_one(value):
         return [check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
-    both = check.array(name, value, (2,), fix="one for both bodies, or (lower, upper)")
+    both = check.array(name, value, (2,), fix="Give one for both bodies, or (lower, upper).")
     return [check.number(f"{name}[{i}]", one, **limits) for i, one in enumerate(both.tolist())]  # type: ignore[arg-type]

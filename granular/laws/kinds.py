@@ -175,7 +175,7 @@ def _kinds_of(laws: tuple[Any, ...]) -> Kinds:
     Frozen laws with equal contents have the same number.
     """
     kind, first = alike(np.fromiter(map(id, laws), np.int64, len(laws)))
-    each = [instance(f"law of pair {c}", laws[c]) for c in first.tolist()]
+    each = [instance(f"the law of pair {c}", laws[c]) for c in first.tolist()]
     return _numbered(held(law) or id(law) for law in each)[0][kind]
 
 
@@ -328,8 +328,9 @@ def _check_pure(law: PairLaw, speed: float) -> None:
             before[at] = finite(law, *at)
     for at, first in before.items():
         if (again := finite(law, *at)) != first:
-            raise refused(law, f"two calls with the same arguments, ξ = {at[0]:.6g} m and ξ̇ = {at[1]:.6g} m/s, gave "
-                                f"{first!r} and {again!r} N; a law must be a pure function, without state or chance.")
+            raise refused(law, "must be a pure function, without state or randomness",
+                          f"got {first!r} and {again!r} N from two calls with ξ = {at[0]:.6g} m and ξ̇ = "
+                          f"{at[1]:.6g} m/s")
 
 
 def _check_potential(law: PairLaw, said: float, xi: float) -> None:
@@ -345,8 +346,9 @@ def _check_potential(law: PairLaw, said: float, xi: float) -> None:
 
         got, doubt = quad(lambda x: law.force(x, 0.0, x), 0.0, xi, limit=200)
     if not abs(got - said) <= 1e-6 * abs(got) + 10.0 * doubt:
-        raise refused(law, f"its potential at overlap {xi:.6g} m is {said!r} J but the integral of its force is "
-                            f"{got!r} J; mend the trait or leave it out.")
+        raise refused(law, "must have a potential that is the integral of its force",
+                      f"got {said!r} J for the potential and {got!r} J for the integral at overlap {xi:.6g} m",
+                      "Fix the trait or leave it out.")
 
 
 def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> None:
@@ -358,8 +360,9 @@ def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> Non
     for xi, rate in ((0.25, 0.5), (0.5, -0.25)):
         said, got = k * math.pow(xi, p) + gamma * math.pow(xi, d) * rate, law.force(xi, rate, xi)
         if not abs(got - said) <= 1e-9 * (abs(k) + abs(gamma)):
-            raise refused(law, f"force({xi}, {rate}) gives {got!r} but its linear or power trait says {said!r}; mend "
-                                "the trait or leave it out.")
+            raise refused(law, "must have a force that agrees with its linear or power trait",
+                          f"got force({xi}, {rate}) = {got!r} and {said!r} by the trait",
+                          "Fix the trait or leave it out.")
     if k == 0.0 < gamma and d == 0.0:
         raise _without_spring(law, gamma, 1.0)
     if gamma < 0.0:
@@ -373,20 +376,22 @@ def _without_spring(law: PairLaw, damping: float, speed: float) -> ValueError:
 
     Under such a law bodies would overlap more and more.
     """
-    return refused(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and "
-                         "no push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")
+    return refused(law, "must repel bodies at rest at some overlap",
+                   f"got a force of {damping!r} N at rate {speed:.6g} m/s at every overlap, and none at rest",
+                   "Are the arguments (xi, xi_dot, pair)?")
 
 
 def _denied(law: PairLaw, xi: float, rate: float) -> ValueError:
     """Return the error for a law whose force depends on the rate, against its trait."""
     still, moving = law.force(xi, 0.0, xi), law.force(xi, rate, xi)
-    return refused(law, f"force({xi:.6g}, 0) gives {still!r} but force({xi:.6g}, {rate:.6g}) gives {moving!r}, "
-                         "although rate_dependent is False; mend the trait or leave it out.")
+    return refused(law, "must not depend on the rate if rate_dependent is False",
+                   f"got force({xi:.6g}, 0) = {still!r} and force({xi:.6g}, {rate:.6g}) = {moving!r}",
+                   "Fix the trait or leave it out.")
 
 
 def _gains(law: PairLaw, xi: float, speed: float) -> ValueError:
     """Return the error for a law whose force is larger in separation than in approach."""
     closing, parting = (max(0.0, law.force(xi, rate, xi)) for rate in (speed, -speed))
-    return refused(law, f"at overlap ξ = {xi:.6g} m it pushes with {parting:.6g} N while the bodies part and with "
-                         f"{closing:.6g} N while they approach at {speed:.6g} m/s, and so gains energy; damping that "
-                         "is not negative is needed.")
+    return refused(law, "must not gain energy",
+                   f"got {parting:.6g} N while the bodies separate and {closing:.6g} N while they approach, at "
+                   f"overlap ξ = {xi:.6g} m and {speed:.6g} m/s", "Damping must not be negative.")

@@ -43,13 +43,13 @@ class ConstantRestitution:
     restitution: float | tuple[float, ...]
 
     def __init__(self, restitution: float | Sequence[float]) -> None:
-        name, fix = "restitution", "1 is elastic, 0 sticks"
+        name, fix = "restitution", "1 is elastic, 0 sticks."
         if isinstance(restitution, float) or check.is_one(restitution):
             value: Any = check.number(name, restitution, at_least=0.0, at_most=1.0, fix=fix)
         else:
             values = check.array(name, restitution)
             if len(values) == 0:
-                raise ValueError("restitution is empty: one number for all pairs, or one per pair, is needed.")
+                raise ValueError("`restitution` must be one number for all pairs, or one per pair, got an empty array.")
             value = tuple(_unit(values, fix).tolist())
         object.__setattr__(self, name, value)
 
@@ -83,8 +83,8 @@ class TabulatedRestitution:
     restitution: check.Array
 
     def __init__(self, speed: Any, restitution: Any) -> None:
-        v = check.rising("speed", speed, "a speed must be finite and not negative", at_least=0.0)
-        e = _unit(check.array("restitution", restitution, v.shape, fix="one per speed"))
+        v = check.rising("speed", speed, "finite and non-negative", at_least=0.0)
+        e = _unit(check.array("restitution", restitution, v.shape, fix="Give one per speed."))
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
     def __call__(self, speed: float, pair: Pair) -> float:
@@ -148,8 +148,8 @@ class ThorntonRestitution:
         nu = check.number("poisson", poisson, at_least=0.0, at_most=0.5)
         modulus = check.number("young", young, above=0.0) / (2.0 * (1.0 - nu * nu))
         pressure = check.number("yield_pressure", yield_pressure, above=0.0)
-        at = f"r_eff of pair {checked_pair(pair).index}"
-        r_eff = check.number(at, pair.r_eff, above=0.0, fix="point particles cannot yield")
+        at = f"`r_eff` of pair {checked_pair(pair).index}"
+        r_eff = check.number(at, pair.r_eff, above=0.0, fix="Point particles cannot yield.")
         shape = math.sqrt(8.0 * math.pi / 15.0 * r_eff**3 * pressure / pair.m_eff)
         return cls((0.5 * math.pi * pressure / modulus) ** 2 * shape)
 
@@ -168,7 +168,7 @@ def _unit(values: check.Array, fix: str = "") -> check.Array:
 
     Else raise `ValueError`.
     """
-    check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
+    check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1]", fix)
     return values
 
 
@@ -182,8 +182,8 @@ def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
         e = math.nan if isinstance(value, (str, bytes)) else float(value)
     if not 0.0 <= e <= 1.0:
         raise ValueError(
-            f"the rule of pair {pair.index} returned {value!r} at impact speed {speed:g} m/s: "
-            f"a coefficient of restitution in [0, 1] is needed."
+            f"The restitution rule of pair {pair.index} must return a number in [0, 1], got {value!r} at an approach "
+            f"speed of {speed:g} m/s."
         )
     return e
 
@@ -197,9 +197,9 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
     rules = check.per_pair("rule", rule, len(pairs))
     for one in different(rules):
         if not callable(one):
-            fix = "granular.ConstantRestitution(0.7) is one" if not isinstance(one, (int, float)) else (
-                f"write granular.ConstantRestitution({one})")
-            raise TypeError(f"rule is {one!r}: a callable of (speed, pair) is needed; {fix}.")
+            e = one if isinstance(one, (int, float)) else 0.7
+            fix = f"Use granular.ConstantRestitution({e})."
+            raise TypeError(check.misuse("rule", one, "a function of (speed, pair)", fix))
         if check.is_own(one):
             check.takes("rule", one, "speed", "pair")
             continue

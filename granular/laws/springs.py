@@ -80,7 +80,7 @@ class WaltonBraun:
     def __post_init__(self) -> None:
         check.number("k_load", self.k_load, above=0.0)
         check.number("k_unload", self.k_unload, at_least=self.k_load,
-                      fix="unloading must be at least as stiff as loading, or energy would be created")
+                      fix="Unloading must be at least as stiff as loading, or energy would be created.")
 
     @classmethod
     def from_restitution(cls, restitution: float, k_load: float) -> WaltonBraun:
@@ -240,5 +240,5 @@ def at_rest(law: PairLaw, xi: float) -> float:
 
 
 def _none(law: PairLaw, force: float) -> float:
-    raise ValueError(f"force is {force!r}: no overlap of pair {law.pair.index} gives it under {law.law!r}; a force "
-                     "that the law can bear at rest is needed.")
+    raise ValueError(f"`force` must be a force that {law.law!r} reaches at rest, got {force!r} N at pair "
+                     f"{law.pair.index}.")

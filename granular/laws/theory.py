@@ -113,12 +113,11 @@ def two_ball_drop(
     e01, e12 = _restitutions(restitution, 2).tolist()
     g = check.number("gravity", gravity, at_least=0.0)
     h = check.number("drop", drop, at_least=0.0)
-    v0 = check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    v0 = check.number("speed", speed, at_least=0.0, fix="The direction, downwards, is built in.")
     impact = math.sqrt(v0 * v0 + 2.0 * g * h)
     if impact == 0.0:
-        raise ValueError(f"drop is {drop!r} and speed is {speed!r} with gravity {gravity!r}: the balls never meet the "
-                         "floor; one of drop (with gravity) and speed must be positive.")
-    # form without cancellation for small drops at high speed
+        raise ValueError(f"`drop` (with gravity) or `speed` must be positive, got drop = {drop!r}, speed = {speed!r} "
+                         f"and gravity = {gravity!r}. Otherwise the balls never meet the floor.")
     t10 = 2.0 * h / (v0 + impact)
     delay = check.number("gap", gap, at_least=0.0) / ((1.0 + e01) * impact)
     fall = g * delay
@@ -151,7 +150,7 @@ def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
         |v10| > 0 in m/s.
     """
     v10 = check.number("impact_speed", impact_speed, above=0.0)
-    x = check.number("v_rel_after", v_rel_after, at_least=0.0, fix="balls that still approach have no ε_eff") / v10
+    x = check.number("v_rel_after", v_rel_after, at_least=0.0, fix="Balls that still approach have no ε_eff.") / v10
     return 2.0 * x / (1.0 + math.sqrt(1.0 + 4.0 * x))
 
 
@@ -263,8 +262,8 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     half = 0.5 * math.log(check.number("total_ratio", total_ratio, above=1.0))
     eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
     if eps == 1.0:
-        raise ValueError("restitution is 1.0: a value below 1 is needed; the velocity grows with every ball, to √R.")
-    lost = -math.log1p(-0.5 * (1.0 - eps))  # loss by restitution per collision, ln 2 - ln(1 + ε)
+        raise ValueError("`restitution` must be below 1, got 1.0. With 1 the velocity grows with every ball, to √R.")
+    lost = -math.log1p(-0.5 * (1.0 - eps))  # ln 2 - ln(1 + ε) of each collision, beside ln cosh x of unequal masses
 
     def gain(n: int) -> float:
         return half - n * (_log_cosh(half / n) + lost)
@@ -294,7 +293,7 @@ def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> t
     g = check.number("gravity", gravity, above=0.0)
     eps = check.number("restitution", restitution, at_least=0.0, at_most=1.0)
     if eps == 1.0:
-        raise ValueError("restitution is 1.0: a value below 1 is needed; an elastic ball bounces forever.")
+        raise ValueError("`restitution` must be below 1, got 1.0. An elastic ball bounces forever.")
     return math.sqrt(2.0 * h / g) * (1.0 + eps) / (1.0 - eps), h * (1.0 + eps * eps) / ((1.0 - eps) * (1.0 + eps))
 
 
@@ -393,5 +392,5 @@ CONVENTIONS: dict[str, Callable[[float], float]] = {
 
 def _restitutions(restitution: float | Sequence[float], n: int) -> check.Array:
     eps = check.array("restitution", np.full(n, restitution) if check.is_one(restitution) else restitution, (n,))
-    check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
+    check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a number in [0, 1]")
     return eps

@@ -228,7 +228,7 @@ class LawRestitution:
 
     def __post_init__(self) -> None:
         if not isinstance(self.laws, (tuple, list)) or not self.laws:
-            raise TypeError(f"laws is {self.laws!r}: a tuple of force laws is needed, one for all or one per pair.")
+            raise TypeError(f"`laws` must be a tuple of force laws, one for all or one per pair, got {self.laws!r}.")
         for law in self.laws:
             instance("law", law)
 
@@ -295,8 +295,9 @@ class LawRule(LawRestitution):
         if not 0.0 <= eps <= 1.0 + 1e-9:  # the engine handles an excess by rounding
             law = self.laws[pair.index]
             raise ValueError(
-                f"law of pair {pair.index} is {law!r}: its restitution at {speed:g} m/s is {eps:.6g}, so no hard-sphere"
-                " rule can be made of it; a law that repels and gives no energy is needed, or a rule of yours, rule=..."
+                f"The law of pair {pair.index}, {law!r}, must have a restitution in [0, 1], got {eps:.6g} at an "
+                f"approach speed of {speed:g} m/s. Use a law that repels and does not gain energy, or give your own "
+                "rule=..."
             )
         return eps
 
@@ -349,7 +350,8 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     goal = check.number("target", target, above=0.0, at_most=1.0)
     known, v = _resolved(law, pair), _speed(speed)
     if not isinstance(field, str) or field not in getattr(law, "__dataclass_fields__", ()):
-        raise ValueError(f"field is {field!r}: {type(law).__name__} has no such field; name the damping of the law.")
+        raise ValueError(f"`field` must be a field of {type(law).__name__}, got {field!r}. Name the damping of the "
+                         "law.")
 
     def miss(log_value: float) -> float:
         return at_speed(resolve(replace(law, **{field: math.exp(log_value)}), pair), v) - goal
@@ -363,7 +365,7 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     while miss(high) > 0.0 and high < 300.0:
         low, high = high, high + 4.0
     if not (miss(low) >= -1e-9 * (goal == 1.0) and miss(high) <= 0.0):
-        raise ValueError(f"target is {target!r}: no value of {field} gives this restitution at {speed} m/s.")
+        raise ValueError(f"`target` must be a restitution that `{field}` can reach at {speed} m/s, got {target!r}.")
     found = brentq(miss, low, high, xtol=1e-14, rtol=1e-14) if low < high else low
     return replace(law, **{field: math.exp(found)})
 
@@ -431,16 +433,18 @@ def _bounce(law: Any, pair: Pair, v: float) -> Collision:
     # a contact without an end has no row values at its end: use the final state instead
     left = float(run.velocity[-1][1] if math.isnan(contact["t_end"]) else contact["v_out"][1])
     if contact["impulse"] > 0.5 * pair.m_eff * v and abs(left) <= STUCK * v and not left > 0.0:
-        raise Stuck(f"law is {law!r}: a contact at {v!r} m/s takes all speed, does not end; weaker damping is needed.")
+        raise Stuck(f"`law` must let the bodies separate, got {law!r}. At {v!r} m/s a contact takes all speed and does "
+                    "not end. Use weaker damping.")
     if contact["force_max"] == 0.0 or contact["v_out"][1] < 0.0:
-        raise ValueError(f"law is {law!r}: it does not repel at {v!r} m/s; the bodies pass through each other, and "
-                         "there is no restitution.")
+        raise ValueError(f"`law` must repel, got {law!r}. At {v!r} m/s the bodies pass through each other, so there is "
+                         "no restitution.")
     if math.isnan(contact["t_end"]):
-        raise ValueError(f"law is {law!r}: a contact at {v!r} m/s does not end; weaker damping is needed.")
+        raise ValueError(f"`law` must let the bodies separate, got {law!r}. At {v!r} m/s a contact does not end. Use "
+                         "weaker damping.")
     eps = float(contact["v_out"][1]) / v
     if eps > 1.0 + 1e-9:
-        raise ValueError(f"law is {law!r}: a contact at {v!r} m/s gains energy, its restitution is {eps!r}; a force "
-                         "that is no larger while the bodies part than while they approach is needed.")
+        raise ValueError(f"`law` must not gain energy, got {law!r}. At {v!r} m/s its restitution is {eps!r}. Its force "
+                         "must not be larger while the bodies separate than while they approach.")
     at_end = simulate(scene, law, t_end=float(contact["t_end"]), log=False)
     duration, xi_max, force_max = (float(contact[name]) for name in ("duration", "xi_max", "force_max"))
     return _in_range(Collision(min(eps, 1.0), duration, xi_max, force_max, max(0.0, -float(at_end.gap[-1][0]))), v)
@@ -454,5 +458,5 @@ def _in_range(found: Collision, v: float) -> Collision:
 
 
 def _no_numbers(v: float) -> ValueError:
-    return ValueError(f"speed is {v!r}: overlap, force or duration of the contact is beyond the range of numbers; "
-                      "usual units (SI) and a usual speed are needed.")
+    return ValueError(f"`speed` must lead to a contact within the range of floating-point numbers, got {v!r}: its "
+                      "overlap, force or duration exceeds it. Use SI units.")

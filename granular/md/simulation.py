@@ -227,16 +227,18 @@ def _stepped(
     from granular.md import fixed
 
     if check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
-        raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(fixed.INTEGRATORS)}.")
+        raise ValueError(f"`dt` must be None for method 'located', which has no fixed step, got {dt!r}. Other methods: "
+                         f"{', '.join(fixed.INTEGRATORS)}.")
     check.refuse({
-        f"tol is {tol!r}: method {method!r} has no tolerance; give dt, or choose 'located'.": tol != EXACT,
-        f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.":
+        f"`tol` must be left out for method {method!r}, which has a fixed step, got {tol!r}. Give `dt`, or use "
+        "method='located'.": tol != EXACT,
+        f"`disturbed` must be 'resolve' for method {method!r}, got {disturbed!r}. Use method='located'.":
             disturbed != "resolve",
     })
     step = _default_step(scene, laws) if dt is None else check.number("dt", dt, at_least=SHORTEST)
     if request.start + step == request.start:
-        raise ValueError(f"dt is {step!r}: at t_start = {request.start!r} a larger step is needed to advance the clock "
-                         "at all.")
+        raise ValueError(f"`dt` must be large enough to advance the clock at t_start = {request.start!r}, got "
+                         f"{step!r}.")
     made: list[Any] = []
 
     def solve(asked: Request) -> Trajectory:
@@ -341,9 +343,9 @@ def resume(
     """
     state = check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
     check.refuse({
-        "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
-        "needed; for hard spheres see granular.edmd.resume.": trajectory.law is None or "origin" not in state,
-        "trajectory is broken: nothing follows it; see its message.": trajectory.status is Status.broken,
+        "`trajectory` must be a run of granular.md.simulate by method 'located' that has begun. For hard spheres use "
+        "granular.edmd.resume.": trajectory.law is None or "origin" not in state,
+        "`trajectory` is broken and cannot be continued. See its message.": trajectory.status is Status.broken,
     })
     laws = checked_laws(trajectory.law, trajectory.scene)
     request = _requested(
@@ -374,8 +376,8 @@ def _in_range(law: Any) -> Iterator[None]:
         if not module.startswith(("granular.", "numpy.")):
             raise
         raise ValueError(
-            f"law is {law!r}, …: rates or overlaps of its contacts in this scene are beyond the range of numbers "
-            f"({error}); coefficients, masses and speeds in SI units and of usual size are needed."
+            f"`law` must lead to contacts within the range of floating-point numbers, got {law!r}, …: their rates or "
+            f"overlaps in this scene exceed it ({error}). Give coefficients, masses and speeds in SI units."
         ) from error
 
 
@@ -406,5 +408,6 @@ def _default_step(scene: Scene, laws: SceneLaws) -> float:
     except ArithmeticError:  # of a law, at an overlap far beyond those it is made for
         rate = math.nan
     if not 0.0 < rate < math.inf:
-        raise ValueError(f"dt is None: the duration of a contact cannot be told from {laws.given[0]!r}; give dt in s.")
+        raise ValueError(f"`dt` must be given in s, got None. The duration of a contact does not follow from "
+                         f"{laws.given[0]!r}.")
     return math.pi / rate / STEPS_PER_CONTACT

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.lib import format as npy
 
-from granular._engine.check import Array
+from granular._engine.check import Array, must
 from granular._engine.records import FEW, raw
 from granular.scene.places import positions, velocities
 from granular.scene.state import Scene
@@ -245,17 +245,17 @@ class LogFile:
 
         self.path, self.kind, self.count = os.path.abspath(checked_path("log", path)), kind, 0
         if not self.path.lower().endswith(".npy"):
-            raise ValueError(f"log is {os.fspath(path)!r}: True, False or the name of a file that ends in .npy is "
-                             "needed.")
+            raise ValueError(must("log", "True, False or the name of a file that ends in .npy", repr(os.fspath(path))))
         if is_stream(self.path) or os.path.lexists(self.path):
-            raise FileExistsError(f"log is {os.fspath(path)!r}: it is there already; give another name, or remove it.")
+            raise FileExistsError(f"`log` must be a new file, got {os.fspath(path)!r}. Give another name, or remove "
+                                  "the file.")
 
     def __enter__(self) -> LogFile:
         try:
             self.file = open(self.path, "xb", buffering=0)
             self._head()
         except OSError as error:
-            raise type(error)(f"log is {self.path!r}: a writable place is needed ({error.strerror}).") from None
+            raise type(error)(f"`log` must be writable, got {self.path!r} ({error.strerror}).") from None
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
@@ -283,7 +283,7 @@ class LogFile:
                 self.count += len(rows)
                 self._head()
             except OSError as error:
-                raise type(error)(f"log is {self.path!r}: it cannot grow ({error.strerror}); the run ends here, the "
+                raise type(error)(f"The log {self.path!r} cannot grow ({error.strerror}), so the run ends here. The "
                                   f"first {self.count} contacts are in the file.") from None
 
     def _head(self) -> int:
@@ -301,9 +301,9 @@ def mapped(path: str) -> Rows:
     try:
         rows: Rows = np.load(path, mmap_mode="r")
     except ValueError as error:
-        raise ValueError(f"log is {path!r}: that is no log of contacts ({error}).") from None
+        raise ValueError(f"`log` must be a log of contacts, got {path!r} ({error}).") from None
     if not {"pair", "t_begin"} <= set(rows.dtype.names or ()):
-        raise ValueError(f"log is {path!r}: that is no log of contacts; its numbers have no names pair and t_begin.")
+        raise ValueError(f"`log` must be a log of contacts, got {path!r}. Its columns pair and t_begin are missing.")
     return rows
 
 

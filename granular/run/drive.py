@@ -54,10 +54,10 @@ def requested(
     **given: Any,
 ) -> Request:
     """Return the checked options that all engines share."""
-    end = math.inf if t_end is None else check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
-    # both times are finite, but their difference overflows
+    end = math.inf if t_end is None else check.number("t_end", t_end, at_least=start, fix="The run starts there.")
     if end < end - start == math.inf:
-        raise ValueError(f"t_end is {t_end!r}: a time is needed to which numbers reach from t_start = {start!r}.")
+        raise ValueError("`t_end` must be within the range of floating-point numbers from the start of the run, "
+                         f"{start!r} s, got {t_end!r}.")
     log = given["log"]
     stream = log if isinstance(log, (str, PathLike)) else None
     return Request(
@@ -92,15 +92,17 @@ def _sample_times(samples: Any, start: float, end: float) -> check.Array | int |
     if isinstance(samples, str):
         return check.choice("samples", samples, ("contacts",))
     if check.is_one(samples):
-        fix = "give None for the first and the last row"
+        fix = "Give None for the first and the last state."
         count = check.whole("samples", samples, at_least=2, at_most=check.MOST, fix=fix)
         return count if end == math.inf else np.linspace(start, end, count)
     times = check.array("samples", samples)
     if len(times) == 0:
-        raise ValueError("samples is empty: at least one time is needed; give None for the first and the last row.")
+        raise ValueError("`samples` must have at least one time, got an empty array. Give None for the first and the "
+                         "last state.")
     inside = (times >= start) & (times <= end) & np.isfinite(times)
-    check.every("samples", times, inside, f"a time from {start:g} to {end:g} s is needed")
-    check.every("samples", times[1:], np.diff(times) >= 0.0, "times must not decrease", "sort them")
+    check.every("samples", times, inside, f"a time in [{start:g}, {end:g}] s")
+    check.every("samples", times, np.diff(times, prepend=-math.inf) >= 0.0, "at least as large as the entry before it",
+                "Sort the times.")
     return times
 
 
@@ -132,8 +134,8 @@ def _about(log: Rows, start: float, end: float) -> check.Array:
     For an instantaneous contact they include the last float before it.
     """
     if len(log) * len(AROUND) > check.MOST:
-        raise ValueError(f"samples is 'contacts': {len(log)} contacts would give more than {check.MOST} rows; give a "
-                         "number of rows, or a t_end or until that stops earlier.")
+        raise ValueError(f"`samples` must give at most {check.MOST} samples, got 'contacts' with {len(log)} contacts. "
+                         "Give a number of samples, or stop earlier with t_end= or until=.")
     begin, over = log["t_begin"], np.where(np.isnan(log["t_end"]), end, log["t_end"])
     spread = (begin[:, None] + (over - begin)[:, None] * AROUND).ravel()
     times = np.concatenate([[start, end], begin, over, spread, np.nextafter(begin[begin == over], -math.inf)])
@@ -339,7 +341,8 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
     acted = "end" not in before.stats and before.time[-1] != before.time[0]
     if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
             _alike(row.gap, gap) and _alike(speed, velocity, float(np.abs(gap).max()) / row.elapsed))):
-        raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")
+        raise ValueError("The state of `trajectory` must agree with its last sample. One of them was changed after "
+                         "the run.")
     return drive(run)
 
 

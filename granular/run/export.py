@@ -78,7 +78,7 @@ def lammps(
             for one, pair in zip(check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
     step = check.number("dt", dt, above=0.0)
     end = check.number("t_end", t_end, above=0.0)
-    steps = max(1, round(check.number("t_end / dt", end / step, at_most=1e15)))
+    steps = max(1, round(check.number("`t_end / dt`", end / step, at_most=1e15)))
     text = "\n".join([HEAD, f"variable dt index {step!r}", f"variable steps index {steps}",
                       *_bodies(scene), *_contacts(scene, laws), *_run(scene), ""])
     if path is not None:
@@ -95,7 +95,7 @@ def _check_scene(scene: Scene) -> None:
         "a wall that moves": (scene.velocity[walls] != 0.0).any(),
         "a ball of radius 0": (scene.radius[~walls] == 0.0).any(),
     }
-    check.refuse({f"scene has {what}: a deck of LAMMPS holds balls of positive radius, walls at rest and gravity.": so
+    check.refuse({f"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got {what}.": so
                    for what, so in there.items()})
 
 
@@ -144,7 +144,7 @@ def _words(law: PairLaw) -> str:
         return f"hertz {k / root!r} {gamma / (root * m_eff)!r} damping viscoelastic"
     if p == 1.5 and d == 0.25 and (asked := restitution_pulling(gamma / math.sqrt(5.0 * m_eff * k))):
         return f"hertz {k / root!r} {asked!r} damping coeff_restitution"
-    raise ValueError(f"law of pair {law.pair.index} is {law.law!r}: LAMMPS has no such law; k ξ + γ ξ̇ is needed, or "
+    raise ValueError(f"The law of pair {law.pair.index} must be known to LAMMPS, got {law.law!r}. Use k ξ + γ ξ̇, or "
                      "k ξ^(3/2) with no damping, γ √ξ ξ̇ or α √(m_eff k) ξ^¼ ξ̇, α < √5.")
 
 

@@ -124,7 +124,7 @@ def spans_of(run: Any) -> list[Span]:
     small = 0.0 < near.end - near.begin < SHORT * (end - begin)
     spans = [span for span in [whole, near][: 1 + small] if _known(run, span, touches)]
     if not spans:
-        raise ValueError(f"run has {len(run.time)} rows: its paths need more; simulate with "
+        raise ValueError(f"`run` must have more samples to draw its paths, got {len(run.time)}. Simulate with "
                          f"samples=np.linspace({begin:.6g}, {end:.6g}, 1000).")
     return spans
 

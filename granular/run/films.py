@@ -44,15 +44,15 @@ def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> 
     number("seconds", seconds, above=0.0)
     whole("fps", fps, at_least=1)
     if scene.n > MOST_BALLS:
-        raise ValueError(f"scene has {scene.n} bodies: at most {MOST_BALLS} can be told apart in a film; "
-                         "`granular view` plays larger runs.")
+        raise ValueError(f"`scene` must have at most {MOST_BALLS} bodies for a film, got {scene.n}. Play larger runs "
+                         "with granular view.")
     if ending == ".mp4" and not optional("matplotlib.animation", "animate").writers.is_available("ffmpeg"):
-        raise ValueError("ending is '.mp4': ffmpeg is needed and not installed; .gif works without it.")
+        raise ValueError("A film that ends in .mp4 requires ffmpeg, which is not installed. Write .gif instead.")
 
 
 def check_film(path: str | PathLike[str]) -> str:
     """Return the ending of a film, or raise `ValueError` if it is not supported."""
-    return choice(f"ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
+    return choice(f"the ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
 
 
 @dataclass(eq=False)

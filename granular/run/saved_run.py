@@ -63,7 +63,6 @@ MOST_RECORDS, LARGEST = 10_000, 1 << 16
 
 They are the number of records beyond eight per pair, and the bytes per record.
 """
-CHANGED = "it was changed after it was saved"
 
 
 def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
@@ -81,8 +80,8 @@ def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> N
 def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return metadata and arrays of a run, by name."""
     if run.law is None and run.rule is None:
-        raise ValueError("run has neither laws nor rules: numbers of another program are saved as .csv, .extxyz, or by "
-                         "to_xarray().")
+        raise ValueError("`run` must have laws or rules to be saved this way. Save numbers of another program as .csv "
+                         "or .extxyz, or with to_xarray().")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
     held = {name: getattr(run, name) for name in ARRAYS} | {
         f"scene.{name}": getattr(scene, name) for name in SCENE}
@@ -170,14 +169,13 @@ def read(
         return _made(words, stored, law, rule)
     except (files.Foreign, RecursionError):
         raise ValueError(
-            f"path is {name!r}: it is not a run saved by granular, or is cut short; "
-            "a file written by Trajectory.save is needed."
+            f"`path` must be a complete file written by Trajectory.save, got {name!r}."
         ) from None
     except files.Later:
         raise
     except (TypeError, ValueError) as error:
         kind = TypeError if isinstance(error, TypeError) else ValueError
-        raise kind(f"path is {name!r}: {error}") from None
+        raise kind(f"The file {name!r} is not a valid run: {error}") from None
 
 
 def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
@@ -220,7 +218,7 @@ def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
     kinds = {"contacts": log, "scene.ring": np.dtype(bool)} | {
         name: np.dtype(OF_HARD[name]) for name in OF_HARD}
     if heads.keys() & OF_HARD.keys() and not heads.keys() >= OF_HARD.keys():
-        raise ValueError(f"its log lacks columns; {CHANGED}.")
+        raise ValueError(f"its log lacks columns. {check.EDITED}")
     for name, (dtype, shape) in heads.items():
         shown = files.plain_text(name, 60)
         if name == "words":
@@ -235,10 +233,11 @@ def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
         elif name in OF_HARD:
             good = dtype == kinds[name] and shape == heads["contacts.pair"][1][:1] + (2,) * ("v_" in name)
         else:
-            raise ValueError(f"it holds {shown}, unknown to this version; a later granular reads it.")
+            raise ValueError(f"it contains {shown}, which this version does not know. Read it with a later version of "
+                             "granular.")
         if not good:
-            raise ValueError(f"{shown} is an array of shape {files.plain_text(str(shape), 60)} and kind "
-                             f"{dtype.kind!r}, which a run of {n} bodies and {t} rows has not; {CHANGED}.")
+            raise ValueError(f"{shown} does not fit a run of {n} bodies and {t} samples, got an array of shape "
+                             f"{files.plain_text(str(shape), 60)} and kind {dtype.kind!r}. {check.EDITED}")
 
 
 def _hard_log(stored: Mapping[str, Any], log: np.dtype[Any]) -> Any:
@@ -261,29 +260,28 @@ def _words(text: str) -> dict[str, Any]:
         raise files.Foreign
     for name in kinds.keys() & words.keys():
         if not isinstance(words[name], kinds[name]):
-            raise ValueError(f"its {name} is {files.plain_text(repr(words[name]), 60)}; {CHANGED}.")
+            raise ValueError(f"its {name} is {files.plain_text(repr(words[name]), 60)}. {check.EDITED}")
     return words
 
 
 def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: Collection[str]) -> None:
     """Raise `ValueError` for invalid metadata, except laws, rules and walls."""
     check.refuse({
-        f"its status is {files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} is needed.":
+        f"its status must be one of {', '.join(statuses)}, got {files.plain_text(repr(words['status']), 60)}.":
             words["status"] not in statuses,
-        f"it has both laws and rules, or neither; {CHANGED}.":
-            (words["law"] is None) is (words["rule"] is None),
+        f"it has both laws and rules, or neither. {check.EDITED}": (words["law"] is None) is (words["rule"] is None),
     })
     for name, value in words["stats"].items():
         several = value if isinstance(value, list) else [value]
         pair = name != "first_disturbed" or (len(several) == 2 and not any(isinstance(one, str) for one in several))
         if not pair or not all(isinstance(one, PLAIN) for one in several):
             raise ValueError(f"its number {files.plain_text(repr(name), 60)} is "
-                             f"{files.plain_text(repr(value), 60)}; {CHANGED}.")
+                             f"{files.plain_text(repr(value), 60)}. {check.EDITED}")
     walls, signed = len(words.get("walls", (None, None))), words.get("format", 1) > 2 or "digest" in words
     check.refuse({
-        f"it has {walls} walls: a floor and a ceiling, or None, are needed.": walls != 2,
-        f"its numbers do not belong together; {CHANGED}.":
-            signed and words.get("digest") != _digest(words, stored),
+        f"its walls must be 2, a floor and a ceiling or None, got {walls}.": walls != 2,
+        "its numbers do not match its digest. "
+        f"{check.EDITED}": signed and words.get("digest") != _digest(words, stored),
     })
 
 
@@ -294,14 +292,14 @@ def _check_rows(stored: Mapping[str, Any], status: str) -> None:
     """
     time, log = stored["time"], stored["contacts"]
     if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
-        raise ValueError(f"its times do not rise, or are no numbers; {CHANGED}.")
+        raise ValueError(f"its times decrease or are not finite. {check.EDITED}")
     rows = [*(stored.get(name) for name in ("position", "velocity", "gap", "force")),
             *(log[name] for name in ("t_begin", "duration", "v_in", "impulse"))]
     if status != "unstable" and not all(np.isfinite(one).all() for one in rows if one is not None):
-        raise ValueError(f"its rows or contacts hold what is no number; {CHANGED}.")
+        raise ValueError(f"its samples or contacts are not finite. {check.EDITED}")
     last = stored["gap"].shape[1] - 1
     if len(log) and not 0 <= log["pair"].min() <= log["pair"].max() <= last:
-        raise ValueError(f"its contacts are of pairs {log['pair'].min()} … {log['pair'].max()}: 0 … {last} are needed.")
+        raise ValueError(f"its contacts must be of pairs 0 to {last}, got {log['pair'].min()} to {log['pair'].max()}.")
 
 
 def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: Any) -> dict[str, Any]:
@@ -345,8 +343,8 @@ def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...
         made = [from_json(name, one) for one in stored] if isinstance(stored, list) else from_json(name, stored)
         return check.per_pair(name, made, scene.n_pairs)
     except LookupError as own:
-        fix = f"your own {name} is not stored; pass load(path, {name}=...)"
-        raise ValueError(f"{name} in the file is {own}: {fix}.") from None
+        raise ValueError(f"the {name} in the file is your own, {own}, which is not stored. Pass load(path, {name}=...)."
+                         ) from None
 
 
 def _plain(value: Any) -> Any:

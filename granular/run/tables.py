@@ -79,14 +79,15 @@ def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -
 
     See `granular.Trajectory.from_arrays`.
     """
-    check.of_kind("scene", scene, Scene, "a granular.Scene", "that from which the other program started")
+    check.of_kind("scene", scene, Scene, "a granular.Scene", "Give the scene from which the other program started.")
     if (position is None) is (gap is None):
-        raise ValueError(f"position and gap are {'both' if gap is not None else 'not'} given: one of them is needed.")
+        raise ValueError(f"One of `position` and `gap` must be given, got {'both' if gap is not None else 'neither'}.")
     moments = check.array("time", time)
     bad = np.flatnonzero(~np.isfinite(moments) | (np.diff(moments, prepend=-np.inf) < 0.0))
     if not len(moments) or len(bad):
-        at = f"[{bad[0]}] is {moments[bad[0]]}" if len(bad) else " is empty"
-        raise ValueError(f"time{at}: finite times in s that do not decrease are needed; sort the rows by time.")
+        name, got = (f"time[{bad[0]}]", f"{moments[bad[0]]}") if len(bad) else ("time", "an empty array")
+        need = "a finite time in s, not before its predecessor" if len(bad) else "an array of at least one time"
+        raise ValueError(check.must(name, need, got, "Sort the samples by time." * bool(len(bad))))
     n, sizes = scene.n, np.add(*scene.sides(scene.radius))
     speed = _rows("velocity", velocity, (len(moments), n))
     if gap is None:
@@ -108,13 +109,14 @@ def _rows(name: str, values: Any, shape: tuple[int, int]) -> Any:
             raise TypeError
         rows = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise TypeError(f"{name} is {type(values).__name__}: a table of numbers of shape {shape} is needed.") from None
+        need = f"a table of numbers of shape {shape}"
+        raise TypeError(check.must(name, need, f"a value of type {type(values).__name__}")) from None
     if rows.shape != shape:
-        raise ValueError(f"{name} has the shape {rows.shape}: {shape} is needed, a row for each time and a column for "
-                         f"each {'pair' if name == 'gap' else 'body, walls too'}.")
+        fix = f"Give a row per time and a column per {'pair' if name == 'gap' else 'body, walls included'}."
+        raise ValueError(check.must(name, f"an array of shape {shape}", f"an array of shape {rows.shape}", fix))
     if not np.isfinite(rows).all():
         row, column = np.argwhere(~np.isfinite(rows))[0]
-        raise ValueError(f"{name}[{row}, {column}] is {rows[row, column]}: finite numbers are needed.")
+        raise ValueError(check.must(f"{name}[{row}, {column}]", "a finite number", f"{rows[row, column]}"))
     return rows
 
 
@@ -128,7 +130,7 @@ def ending_of(path: str | os.PathLike[str]) -> str:
     if isinstance(name, str) and files.is_stream(name):
         return ".npz"
     if not isinstance(name, str) or "\0" in name or ending not in NEEDS:
-        raise ValueError(f"path is {name!r}: the name of a file that ends in {', '.join(NEEDS)} is needed.")
+        raise ValueError(check.misuse("path", name, f"the name of a file that ends in {', '.join(NEEDS)}"))
     for package in NEEDS[ending]:
         check.optional(package, f"a file that ends in {ending}")
     return ending

@@ -76,9 +76,9 @@ class Position(_Checked):
 
     def __post_init__(self) -> None:
         if (self.above is None) is (self.below is None):
-            raise TypeError(f"above is {self.above!r} and below is {self.below!r}: one of them is needed, a place "
-                            "in m.")
-        _Checked.__post_init__(self)  # super() fails in dataclasses with slots
+            raise TypeError(f"One of `above` and `below` must be given, a position in m, got {self.above!r} and "
+                            f"{self.below!r}.")
+        _Checked.__post_init__(self)  # super() is not known where a class has slots
 
 
 Level = Force | Speed | Position
@@ -197,13 +197,13 @@ def checked(until: Until | None, scene: Scene) -> Until | None:
     if until is None or isinstance(until, Separated):
         return until
     if not isinstance(until, (Contact, *LEVELS)):
-        raise TypeError(f"until is {until!r}: a condition from granular.until is needed, such as until.contact(0, 2).")
+        raise TypeError(_check.misuse("until", until, "a condition from granular.until, such as until.contact(0, 2)"))
     name = f"of until.{type(until).__name__.lower()}"
     if isinstance(until, (Contact, Force)):
-        _check.whole(f"pair {name}", until.pair, at_most=scene.n_pairs - 1, fix="pairs are numbered from 0")
-    elif scene.is_wall[_check.whole(f"ball {name}", until.ball, at_most=scene.n - 1, fix="bodies are numbered from 0")]:
-        raise ValueError(f"ball {name} is {until.ball}: that is a wall; balls of this scene are numbered from "
-                         f"{int(scene.is_wall[0])} to {scene.n - 1 - int(scene.is_wall[-1])}.")
+        _check.whole(f"`pair` {name}", until.pair, at_most=scene.n_pairs - 1, fix="The lowest pair is 0.")
+    elif scene.is_wall[_check.whole(f"`ball` {name}", until.ball, at_most=scene.n - 1, fix="The lowest body is 0.")]:
+        raise ValueError(f"`ball` {name} must be a ball, {int(scene.is_wall[0])} to "
+                         f"{scene.n - 1 - int(scene.is_wall[-1])} in this scene, got {until.ball}, which is a wall.")
     return until
 
 
@@ -213,7 +213,8 @@ def without_levels(until: Until | None, who: str) -> None:
     `who` names the function that supports `contact` and `separated` only.
     """
     if isinstance(until, LEVELS):
-        raise ValueError(f"until is {until!r}: {who} knows until.contact and until.separated only; give t_end in s.")
+        raise ValueError(f"`until` must be until.contact or until.separated for {who}, got {until!r}. Or give `t_end` "
+                         "in s.")
 
 
 def check_end(
@@ -237,13 +238,13 @@ def check_end(
     """
     if t_end is not None or until is not None or max_events is not None:
         return
-    why = "beside a driven wall" if scene.driven else "beside a thermal wall" if scene.heated else (
+    why = "with a driven wall" if scene.driven else "with a thermal wall" if scene.heated else (
         "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
-        "under gravity, and laws that lose nothing within a dent once made," if dented() else
+        "under gravity with laws that dissipate only at the largest overlap so far" if dented() else
         unending(scene) if elastic() else "")
     if why:
-        raise ValueError(f"t_end is None: {why} a run never comes to an end by itself; give t_end, until, or a "
-                         "max_events of your own.")
+        raise ValueError(f"`t_end` must be given, got None. A run {why} does not end by itself. Give t_end=, until= or "
+                         "max_events=.")
 
 
 def raised(option: str, end: float) -> str:

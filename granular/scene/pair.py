@@ -9,7 +9,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from granular._engine.check import Array, face, number
+from granular._engine.check import Array, face, misuse, number
 
 
 @face
@@ -105,5 +105,5 @@ class Pairs(Sequence[Pair]):
 def checked_pair(pair: Any) -> Pair:
     """Return `pair` if it is a `Pair`, else raise `TypeError`."""
     if not isinstance(pair, Pair):
-        raise TypeError(f"pair is {pair!r}: a Pair is needed, such as scene.pairs[0].")
+        raise TypeError(misuse("pair", pair, "a Pair, such as scene.pairs[0]"))
     return pair

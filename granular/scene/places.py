@@ -131,7 +131,8 @@ def in_order(scene: Scene) -> Scene:
     """
     reach = sum(checked(scene).sides(scene.radius))
     check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
-                 "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
+                 "at least minus the sum of both radii",
+                "Deeper overlaps would exchange the centres.")
     return scene
 
 
@@ -156,7 +157,7 @@ def remembered(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
 def checked(scene: Any) -> Scene:
     """Return `scene` if it is a `Scene`, else raise `TypeError`."""
     if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
+        raise TypeError(check.misuse("scene", scene, "a granular.Scene, such as granular.scenes.three_balls()"))
     return scene
 
 
@@ -348,9 +349,8 @@ class Closing:
         """Raise `ValueError` if the walls of a run to `end` meet by `time`, in s."""
         self.look(time)
         if self.start + self.after <= time and self.after < math.inf:
-            raise ValueError(f"t_end is {None if end == math.inf else end!r}: the walls meet at t = "
-                             f"{self.start + self.after:.12g} s; give a t_end before that, or walls that come less "
-                             "far.")
+            raise ValueError(f"`t_end` must be before the walls meet at t = {self.start + self.after:.12g} s, got "
+                             f"{None if end == math.inf else end!r}.")
 
     def _at(self, elapsed: float) -> tuple[float, float]:
         """Return the room between driven walls in m and its rate in m/s.

@@ -91,7 +91,7 @@ class Scene(ByNumbers):
         self.__dict__.update(line(mass, radius, gap, velocity, ring))
         walls = np.isinf(self.mass)
         self.__dict__.update(
-            gravity=check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in"),
+            gravity=check.number("gravity", gravity, at_least=0.0, fix="Its direction, downwards, is built in."),
             origin=check.number("origin", origin), external_force=external_forces(external_force, walls),
             floor=checked("floor", floor, bool(walls[0])),
             ceiling=checked("ceiling", ceiling, bool(walls[-1])),

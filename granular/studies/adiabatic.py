@@ -146,20 +146,20 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     """Return the linear laws of both contacts, the upper one for a ball `LIGHTER`."""
     walls = checked_scene(scene).is_wall.tolist()
     check.refuse({
-        f"scene is {scene}: a floor and two balls are needed, as in granular.scenes.three_balls().":
+        f"`scene` must have a floor and two balls, as in granular.scenes.three_balls(), got {scene}.":
             walls != [True, False, False],
-        f"scene is {scene}: a floor at constant velocity and no forces are needed; for others use granular.md.":
+        f"`scene` must have a floor at constant velocity and no forces, got {scene}. For other scenes use granular.md.":
             scene._flags,
     })
     laws = []
     for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):
         pair = one.pair
         if one.form is None or not one.is_linear:
-            raise ValueError(f"law of pair {pair.index} is {one.law!r}: a linear law is needed, such as LinearDashpot; "
-                             "for others use granular.md.")
+            raise ValueError(f"The law of pair {pair.index} must be linear, such as LinearDashpot, got {one.law!r}. "
+                             "For other laws use granular.md.")
         k, _, gamma, _ = one.form
-        laws.append(LinearDashpot(check.number(f"k of pair {pair.index}", k, above=0.0) * factor,
-                                  check.number(f"gamma of pair {pair.index}", gamma, at_least=0.0) * factor))
+        laws.append(LinearDashpot(check.number(f"`k` of pair {pair.index}", k, above=0.0) * factor,
+                                  check.number(f"`gamma` of pair {pair.index}", gamma, at_least=0.0) * factor))
     return laws
 
 
@@ -168,15 +168,15 @@ def _first_touch(scene: Scene) -> tuple[float, Scene]:
 
     The scene is in the frame of the floor, with an upper ball `LIGHTER`.
     """
-    check.every("gap", scene.gap, scene.gap >= 0.0, "balls that do not overlap yet are needed")
+    check.every("gap", scene.gap, scene.gap >= 0.0, "non-negative")
     (floor, upper), (fall, follow) = scene.gap.tolist(), scene.across(scene.velocity).tolist()
     t10 = time_to_contact(floor, fall, scene.gravity)
     if t10 == math.inf:
-        raise ValueError(f"gap[0] is {floor!r}, closing at {-fall!r} m/s: the lower ball must fall on the floor.")
+        raise ValueError(f"The lower ball must fall on the floor, got gap[0] = {floor!r} m closing at {-fall!r} m/s.")
     gap = upper + follow * t10
     if gap < 0.0:
-        raise ValueError(f"gap[1] is {upper!r}, closing at {-follow!r} m/s: the lower ball must reach the floor before "
-                         "the balls meet.")
+        raise ValueError(f"The lower ball must reach the floor before the balls meet, got gap[1] = {upper!r} m closing "
+                         f"at {-follow!r} m/s.")
     v10 = rate_at_contact(floor, fall, scene.gravity)
     return t10, scene.replace(mass=scene.mass * [1.0, 1.0, LIGHTER], gap=[0.0, gap], velocity=[0.0, v10, v10 + follow])
 

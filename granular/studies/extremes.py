@@ -265,7 +265,7 @@ def stability(
         tell = told or (lambda share, count: None)
         durations = _judged(case)[1].durations
         if not durations:
-            raise ValueError(f"scene is {case.scene}: in this time no contact ends, and there is nothing to judge by.")
+            raise ValueError(f"`scene` must have a contact that ends within the run, got {case.scene}.")
         todo = [("as given", _closer, 1.0)] + [
             (f"{axis} × {factor:g}", AXES[axis][0], factor) for axis in extreme for factor in AXES[axis][1]
         ]
@@ -275,7 +275,7 @@ def stability(
             try:
                 one = vary(case, factor)
                 if done > 0 and one.scene == case.scene and _laws(one) == _laws(case):
-                    raise ValueError("nothing of the scene or its laws changes.")
+                    raise ValueError("Neither the scene nor its laws change.")
                 judged = _judged(one)
                 for i, setting in enumerate(settings, 1):
                     rows.append(_tried(one, (name, *setting), judged, limit))
@@ -294,7 +294,7 @@ def _laws(case: Case) -> list[Any]:
 def _scaled(case: Case, *factors: Mapping[str, float]) -> Case:
     """Multiply numbers of the laws, by name."""
     if fixed := [law for law in _laws(case) if not is_dataclass(law)]:
-        raise ValueError(f"law is {fixed[0]!r}: its numbers are not known; a dataclass is needed.")
+        raise ValueError(f"`law` must be a dataclass, so that its numbers are known, got {fixed[0]!r}.")
     laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in own.items() if hasattr(law, name)})
             for law, own in zip(_laws(case), factors, strict=True)]
     return replace(case, law=laws if len(laws) > 1 else laws[0])

@@ -108,15 +108,15 @@ def frontier(
     laws = checked(law, a_scene(scene)).given
     stop.without_levels(stop.checked(until, scene), "frontier")
     chosen = METHODS if methods is None else check.choices("methods", methods, METHODS, 1)
-    check.of_kind("reference", reference, Reference | None, "what granular.studies.reference.solve gives")
+    check.of_kind("reference", reference, Reference | None, "a Reference, as granular.studies.reference.solve returns")
     count = check.whole("repeats", repeats, at_least=1)
     with shown(progress, on_progress, "settings") as tell:
         run = md.simulate(scene, laws, until=until, t_end=t_end)
         if reference is None:
             check.refuse({
                 _nothing(scene): np.isnan(run.contacts["t_end"]).all(),
-                "t_end is None: the balls come to rest, which the reference would follow forever; give t_end, or "
-                "until.": run.status is Status.resting and t_end is None,
+                "`t_end` or `until` must be given if the balls come to rest, got None. The reference solution would "
+                "not end.": run.status is Status.resting and t_end is None,
             })
         truth = reference or solve(scene, laws, until=until, t_end=t_end)
         if not truth.durations:
@@ -142,8 +142,8 @@ def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:
     error, _, wrong = errors(truth, contacts_of(run), run.scene.n_pairs)
     alike = not wrong and error <= ALIKE and math.isclose(truth.t_stop, run.time[-1], rel_tol=ALIKE)
     if level < ALIKE and not alike:
-        raise ValueError(f"reference has {len(truth.contacts)} contacts until {float(truth.t_stop):g} s: that of this "
-                         f"scene, law and end is needed, with {len(run.contacts)} until {run.time[-1]:g} s.")
+        raise ValueError(f"`reference` must belong to this scene, law and end, with {len(run.contacts)} contacts until "
+                         f"{run.time[-1]:g} s, got {len(truth.contacts)} contacts until {float(truth.t_stop):g} s.")
 
 
 def _nothing(scene: Scene) -> str:

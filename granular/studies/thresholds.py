@@ -98,10 +98,10 @@ def threshold(
     ['4.4e-03']
     """
     asked = CRITERIA[check.choice("criterion", criterion, list(CRITERIA))]
-    check.of_kind("over", over, str, "the name of one parameter, such as 'gap',")
+    check.of_kind("over", over, str, "the name of one parameter, such as 'gap'")
     plan = planned(scene, {over: np.zeros(0)}, (), fixed, run)
     if between is None and over.partition("[")[0] not in ("gap", "scene.gap"):
-        raise ValueError(f"between is None: first and last value of {over} are needed, such as (0.5, 2).")
+        raise ValueError(f"`between` must give the first and the last value of {over}, such as (0.5, 2), got None.")
     low, high = _ends(GAPS if between is None else between, check.choice("spacing", spacing, list(SPACINGS)))
     number = check.whole("points", points, at_least=2, at_most=MOST)
     width = check.number("within", within, at_least=1e-12, at_most=0.5)
@@ -120,11 +120,11 @@ def threshold(
 def _ends(between: Any, spacing: str) -> tuple[float, float]:
     """Return the checked ends of the scan."""
     if isinstance(between, str) or not hasattr(between, "__len__") or len(between) != 2:
-        raise ValueError(f"between is {between!r}: two numbers are needed, such as (1e-6, 1e-2).")
+        raise ValueError(f"`between` must be two numbers, such as (1e-6, 1e-2), got {between!r}.")
     low, high = (check.number(f"between[{i}]", end) for i, end in enumerate(between))
     check.refuse({
-        f"between is ({low!r}, {high!r}): the first number must be the smaller one.": not low < high,
-        f"between is ({low!r}, {high!r}): spacing 'log' needs positive numbers; choose 'linear'.":
+        f"`between` must be in ascending order, got ({low!r}, {high!r}).": not low < high,
+        f"`between` must be positive for spacing='log', got ({low!r}, {high!r}). Use spacing='linear'.":
             spacing == "log" and not low > 0.0,
     })
     return low, high
@@ -134,7 +134,7 @@ def _wholes(over: str, grid: check.Array) -> check.Array:
     """Return the integers next to the values of a grid, each once."""
     low, high = grid[[0, -1]].tolist()
     if not (low.is_integer() and high.is_integer()):
-        raise ValueError(f"between is ({low!r}, {high!r}): {over} is a whole number, and whole ends are needed.")
+        raise ValueError(f"`between` must be integers, because {over} is an integer, got ({low!r}, {high!r}).")
     return np.unique(np.round(grid))
 
 

@@ -114,7 +114,7 @@ def write(name: str, path: str | PathLike[str]) -> None:
     """
     told, ending = case(name), Path(path).suffix.lower()
     if ending not in ENDINGS:
-        raise ValueError(f"path is {str(path)!r}: a name that ends in {' or '.join(ENDINGS)} is needed.")
+        raise ValueError(f"`path` must be a name that ends in {' or '.join(ENDINGS)}, got {str(path)!r}.")
     if ending == ".json":
         return files.write_json(path, {"case": name, "conventions": kit()["conventions"], **told})
     text = io.StringIO()
@@ -155,9 +155,9 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
     wanted = {(one.run, one.quantity): one for one in answers(name)}
     given = {}
     for line, run, quantity, value in _read(path):
-        row = f"line {line} of {str(path)!r} is {run!r}, {quantity!r}"
-        _check.refuse({f"{row}: case {name} has no such answer.": (run, quantity) not in wanted,
-                       f"{row} for the second time.": (run, quantity) in given})
+        row = f"Line {line} of {str(path)!r} is {run!r}, {quantity!r}"
+        _check.refuse({f"{row}, which is not an answer of case {name}.": (run, quantity) not in wanted,
+                       f"{row}, which occurred before.": (run, quantity) in given})
         given[run, quantity] = value
     return [_judged(one, given.get(key), most) for key, one in wanted.items()]
 
@@ -167,14 +167,15 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
     try:
         text = Path(files.checked_source("path", path)).read_text("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError(f"{str(path)!r} is no text in UTF-8: a .csv file in it is needed.") from None
+        raise ValueError(f"The file {str(path)!r} must be a .csv file in UTF-8.") from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if any(len(line) > LONGEST for _, line in lines):
-        raise ValueError(f"{str(path)!r} has a line of more than {LONGEST} characters: a table of answers is needed.")
+        raise ValueError(f"The file {str(path)!r} must be a table of answers, got a line of more than {LONGEST} "
+                         "characters.")
     table = csv.DictReader(line for _, line in lines)
     if missing := [column for column in COLUMNS[:3] if column not in (table.fieldnames or ())]:
-        raise ValueError(f"{str(path)!r} has no column {missing[0]!r}: {', '.join(COLUMNS[:3])} are needed; "
-                         "granular verify CASE -o FILE.csv writes them.")
+        raise ValueError(f"The file {str(path)!r} must have the columns {', '.join(COLUMNS[:3])}, but {missing[0]!r} "
+                         "is missing. Write such a table with granular verify CASE -o FILE.csv.")
     for (number, _), row in zip(lines[1:], table, strict=False):
         value = (row["value"] or "").strip()
         if value:
@@ -182,8 +183,8 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
                 if not (Decimal(value).is_finite() and abs(Decimal(value).adjusted()) <= FARTHEST):
                     raise InvalidOperation
             except InvalidOperation:
-                raise ValueError(f"value in line {number} of {str(path)!r} is {value!r}: a finite number is needed, or "
-                                 "nothing.") from None
+                raise ValueError(f"The value in line {number} of {str(path)!r} must be empty or a finite number, got "
+                                 f"{value!r}.") from None
             yield number, row["run"] or "", row["quantity"] or "", value
 
 

@@ -106,8 +106,8 @@ def _naming(options: Mapping[str, Any]) -> Iterator[None]:
         if not far or any(re.search(rf"\b{name}\b", str(error)) for name, _ in far):
             raise
         name, value = far[0]
-        raise ValueError(f"{name} is {value!r}: 0 or a size from {SMALLEST:g} to {LARGEST:g} is needed; "
-                         f"use other units ({str(error).rstrip('.')}).") from error
+        raise ValueError(f"`{name}` must be 0 or a number of magnitude {SMALLEST:g} to {LARGEST:g}, got {value!r}. "
+                         f"Use other units ({str(error).rstrip('.')}).") from error
 
 
 def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
@@ -123,7 +123,7 @@ def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 def _say_compiling() -> None:
     """Print on a terminal why there is no output for up to half a minute."""
     if sys.stderr is not None and sys.stderr.isatty():
-        print("granular: compiling, once, for up to half a minute; later runs start at once …", file=sys.stderr)
+        print("granular: compiling once, for up to half a minute; later runs start immediately …", file=sys.stderr)
 
 
 def _sentence(error: Exception) -> str:
@@ -132,9 +132,9 @@ def _sentence(error: Exception) -> str:
 
         return sentence_of(error)
     if isinstance(error, MemoryError):
-        return "the memory of this machine is too small for that; ask for fewer samples, balls or cells."
+        return "The memory of this machine is too small for this run. Use fewer samples, balls or cells."
     if isinstance(error, (ArithmeticError, RecursionError)):
-        return f"the numbers of this run are beyond the range of floating-point numbers ({error})."
+        return f"The numbers of this run exceed the range of floating-point numbers ({error}). Use other units."
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())

@@ -107,8 +107,8 @@ def kept() -> str:
     try:
         return str(kernels.load_numba().njit(cache=True)(flight.gap_after).stats.cache_path)
     except RuntimeError:
-        raise OSError("nothing is kept, every process compiles anew: numba can write nowhere; "
-                      "set NUMBA_CACHE_DIR to a folder that it can") from None
+        raise OSError("not cached, every process compiles again, because numba cannot write anywhere; set "
+                      "NUMBA_CACHE_DIR to a writable folder") from None
 
 
 def others() -> list[str]:
@@ -120,8 +120,8 @@ def others() -> list[str]:
 def overwritten() -> str:
     """Return a message for a `granular/__init__.py` of another package, or none."""
     who = ", ".join(others()) or "another package"
-    return (f"{FOLDER / '__init__.py'} is not that of {NAME} {VERSION}: {who} was installed over it, or uninstalled; "
-            f"{REMEDY}.")
+    return (f"{FOLDER / '__init__.py'} does not belong to {NAME} {VERSION}, because {who} was installed over it, or "
+            f"uninstalled. {REMEDY}.")
 
 
 class Warm(Command):
@@ -137,7 +137,7 @@ class Warm(Command):
 
     @staticmethod
     def run(given: argparse.Namespace) -> None:
-        check.known(given.scenes, SCENES, "scene that code is made for")
+        check.known(given.scenes, SCENES, "scene")
         print(f"machine code is kept in {kept()}")
         for name in given.scenes or SCENES:
             for kind, make in ways(cases.make(name)).items():

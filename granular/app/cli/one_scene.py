@@ -83,7 +83,8 @@ class Run(Command):
     def run(given: argparse.Namespace) -> list[Trajectory]:
         case = case_of(given)
         if given.log and (given.save or "").endswith(".csv"):
-            raise ValueError(f"--save {given.save} is for the contacts, which --log writes: leave out one of the two.")
+            raise ValueError(f"--save {given.save} would write the contacts, which --log writes already. Leave out one "
+                             "of the two.")
         options = given.run | ({"watch": case.physics("md")} if given.watch else {}) | (
             {"log": given.log} if given.log else {})
         trajectory = case.simulate(given.engine, **options, progress=True)
@@ -112,7 +113,7 @@ class Compare(Command):
         case = case_of(given)
         options = case.options(gr.compare)
         if unused := [name for name in case.run if name not in options]:
-            warnings.warn(f"compare makes no use of {', '.join(unused)} in [run].", stacklevel=1)
+            warnings.warn(f"compare ignores {', '.join(unused)} in [run].", stacklevel=1)
         options |= given.run
         report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
         output.deliver(report, given)

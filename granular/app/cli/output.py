@@ -55,7 +55,7 @@ def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
     taken = set(map(os.path.realpath, read))
     for name in written:
         if os.path.realpath(name) in taken and not _files.is_stream(name):
-            raise ValueError(f"{name}: is read or written by this command already; a file of its own is needed.")
+            raise ValueError(f"{name}: This command already reads or writes this file. Give another name.")
         taken.add(os.path.realpath(name))
 
 

@@ -122,11 +122,11 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     _add(parser, chosen.TITLE, offered)
     found, extra = top.parse_known_args([command, *rest])
     flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if extra else []
-    check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, f"option of {parser.prog}")
+    check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, "option")
     if extra:
-        raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {parser.prog} --help")
+        raise ValueError(f"unexpected argument {extra[0].strip()!r}; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:
-        raise ValueError(f"{command} needs a scene: one of {', '.join(cases.names())}, or a TOML file.")
+        raise ValueError(f"{command} requires a scene or a TOML file. Known scenes: {', '.join(cases.names())}.")
     return argparse.Namespace(**vars(found) | {
         "act": chosen.run, "target": target, "given": _given(parameters, found), "run": _given(offered, found)})
 
@@ -248,7 +248,7 @@ def _meant(kind: str, value: Any) -> Any:
 def _entry(text: str) -> tuple[str, float | str]:
     name, equals, value = text.strip().partition("=")
     if not equals:
-        raise argparse.ArgumentTypeError(f"{text.strip()!r} is no NAME=VALUE, such as type=Sine")
+        raise argparse.ArgumentTypeError(f"must be NAME=VALUE, such as type=Sine, got {text.strip()!r}")
     try:
         return name, float(value)
     except ValueError:
@@ -259,13 +259,13 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text.strip()!r} is no number") from None
+        raise argparse.ArgumentTypeError(f"must be a number, got {text.strip()!r}") from None
 
 
 def _whole(text: str) -> int:
     number = _number(text)
     if number != number // 1:  # also true of nan
-        raise argparse.ArgumentTypeError(f"{text.strip()!r} is no whole number")
+        raise argparse.ArgumentTypeError(f"must be an integer, got {text.strip()!r}")
     return int(number)
 
 

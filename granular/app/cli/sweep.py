@@ -53,13 +53,13 @@ class Sweep(Command):
     @staticmethod
     def run(given: argparse.Namespace) -> None:
         if not given.over:
-            raise ValueError("sweep needs --over NAME=FIRST:LAST:COUNT, such as --over restitution=0.5:1:101.")
+            raise ValueError("sweep requires --over NAME=FIRST:LAST:COUNT, such as --over restitution=0.5:1:101.")
         over = dict(map(axis, given.over))
         if len(over) < len(given.over):
-            raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
+            raise ValueError("--over must give one axis per parameter, got two of the same parameter.")
         usual = cores() if math.prod(map(len, over.values())) >= WORTH_POOL else 1
         workers = usual if given.workers is None else given.workers
-        check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
+        check.whole("--workers", workers, at_least=1, at_most=MOST_WORKERS)
         with processes(workers) as executor:
             data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
                          workers=given.workers, progress=True, **given.given, **given.run)
@@ -90,7 +90,7 @@ class Sensitivity(Command):
         words = [word.strip().partition("=") for word in given.uncertainty]
         one = len(words) == 1 and not words[0][1]
         uncertain = words[0][0] if one else {name: value for name, _, value in words}
-        check.whole("workers", given.workers, at_least=1, at_most=MOST_WORKERS)
+        check.whole("--workers", given.workers, at_least=1, at_most=MOST_WORKERS)
         with processes(given.workers) as executor:
             report = sensitivity(given.target, given.result or ("v_rel",), given.over, uncertain or None,
                                  executor=executor, progress=True, **given.given, **given.run)
@@ -121,8 +121,8 @@ def processes(count: int) -> Iterator[Executor | None]:
                 if not thread.daemon:  # the pool's, which at the exit of Python would be closing its pipes
                     thread.join()
             if isinstance(error, BrokenProcessPool):
-                raise ChildProcessError("a process of the sweep was ended from outside, perhaps for want of memory: "
-                                        "try fewer --workers; what was solved is in the file of --save.") from None
+                raise ChildProcessError("A process of the sweep was killed, perhaps for lack of memory. Use fewer "
+                                        "--workers. The file of --save contains the cells solved so far.") from None
             raise
 
 

@@ -36,7 +36,7 @@ class Verify(Command):
     def run(given: argparse.Namespace) -> int:
         if given.case is None:
             if given.output or given.check:
-                raise ValueError(f"{'--check' if given.check else '-o'} needs a case: one of "
+                raise ValueError(f"{'--check' if given.check else '-o'} requires a case: one of "
                                  f"{', '.join(verification.names())}.")
             print(aligned([[name, verification.case(name)["about"]] for name in verification.names()], "<"))
             print("\ngranular verify CASE -o FILE.csv writes one; --check FILE.csv says whether yours is right.")

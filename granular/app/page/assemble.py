@@ -179,9 +179,9 @@ def player_page(
         If there are no runs, more than two runs, or two runs of different balls.
     """
     if not 1 <= len(runs) <= 2:
-        raise ValueError(f"runs are {len(runs)}: one or two trajectories are needed.")
+        raise ValueError(f"`runs` must be one or two trajectories, got {len(runs)}.")
     if other := recording.different_balls(runs[0].scene, runs[-1].scene):
-        raise ValueError(f"runs are of different scenes ({other}): one trajectory is needed, or two of the same balls.")
+        raise ValueError(f"`runs` must be of the same balls, got different scenes ({other}).")
     called = [_files.plain_text(name) for name in names or [f"run {i + 1}" for i in range(len(runs))]]
     recorded = [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]
     data: dict[str, Any] = {"title": title or " and ".join(called), "runs": recorded}

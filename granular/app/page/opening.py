@@ -54,7 +54,7 @@ class Setting:
             return {self.slider: check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
         if self.zero and type(value) in (int, float) and value == 0:
             return {self.slider: 0}
-        fix = "0 is touching" if self.zero else ""
+        fix = "A gap of 0 means touching." if self.zero else ""
         return {self.slider: check.number(name, value, at_least=self.least, at_most=self.most, fix=fix)}
 
 
@@ -162,7 +162,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
     """
     known = settings(scene)
     begin: dict[str, Any] = {} if scene == "story" else {"scene": scene}
-    check.known(values, known, f"setting of the page's {scene}", TypeError)
+    check.known(values, known, f"setting of the page {scene}", TypeError)
     if scene == "story" and "at" in values:
         begin = {"screen": 0}
     given = [name for name in known if name in values]
@@ -170,7 +170,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
     for name in kinds_first:
         begin |= known[name].written(name, values[name])
     if "moving" in values:
-        fix = "one ball at least has to be at rest"
+        fix = "At least one ball has to be at rest."
         check.whole("moving", values["moving"], at_least=1, at_most=begin.get("n", ARRIVING) - 1, fix=fix)
     return urlencode(begin)
 

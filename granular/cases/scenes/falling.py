@@ -39,9 +39,9 @@ def three_balls(
     gravity : float
         g in m/s².
     """
-    r = check.positive("radii", radii, "radius", "give the lower and the upper radius", (2,))
+    r = check.positive("radii", radii, "radius", "Give the lower and the upper radius.", (2,))
     lower = float(r[0])
-    z1 = check.number("height", height, at_least=lower, fix="it is the height of the lower ball's centre")
+    z1 = check.number("height", height, at_least=lower, fix="It is the height of the lower ball's centre.")
     return above_floor(mass_of(r, density), r, z1 - lower, check.number("gap", gap), 0.0, gravity)
 
 
@@ -75,12 +75,12 @@ def ball_stack(
         g in m/s². 0 gives the textbook stack in free flight.
     """
     if height is not None and speed is not None:
-        raise ValueError(f"height is {height!r} and speed is {speed!r}: give one of the two; a stack that starts at "
-                         "the floor with a speed has no drop height.")
+        raise ValueError(f"Only one of `height` and `speed` can be given, got {height!r} and {speed!r}. A stack with a "
+                         "speed starts at the floor.")
     m = geometric(n, mass_ratio) if masses is None else (
-        check.positive("masses", masses, "mass", "the floor is built in"))
+        check.positive("masses", masses, "mass", "The floor is built in."))
     drop = 0.0 if speed is not None else check.number("height", 1.0 if height is None else height, at_least=0.0)
-    v = 0.0 if speed is None else check.number("speed", speed, above=0.0, fix="downwards is built in")
+    v = 0.0 if speed is None else check.number("speed", speed, above=0.0, fix="The direction, downwards, is built in.")
     return above_floor(m, radius_of(m, density), drop, gap, v, gravity)
 
 
@@ -110,7 +110,7 @@ def column(
     """
     count = count_of(n)
     m = np.full(count, check.number("mass", mass, above=0.0))
-    v = check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    v = check.number("speed", speed, at_least=0.0, fix="The direction, downwards, is built in.")
     floor, *between = gaps_of(gap, count)
     return above_floor(m, radius_of(m, density), floor, between, v, gravity)
 
@@ -143,7 +143,7 @@ def bouncing_ball(
     """
     r = np.array([check.number("radius", radius, above=0.0)])
     drop = check.number("height", (1.0 if plate is None else 0.0) if height is None else height, at_least=0.0)
-    v = check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    v = check.number("speed", speed, at_least=0.0, fix="The direction, downwards, is built in.")
     return above_floor(mass_of(r, density), r, drop, (), v, gravity, plate)
 
 
@@ -244,7 +244,7 @@ def gaps_of(gap: float | Sequence[float], n_pairs: int, name: str = "gap") -> Ar
     """Return the checked gaps in m of a number of pairs."""
     if check.is_one(gap):
         return np.full(n_pairs, check.number(name, gap))
-    return check.array(name, gap, (n_pairs,), fix="one gap for all, or one per pair from the bottom up")
+    return check.array(name, gap, (n_pairs,), fix="Give one gap for all pairs, or one per pair from the bottom up.")
 
 
 def above_floor(

@@ -121,10 +121,10 @@ def heated_gas(
     seed : int
         Seed of the random numbers, for places, velocities and walls.
     """
-    g = check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
-    floor = Thermal(check.number("lower", lower, above=0.0, fix="k_B T in J"), seed)
+    g = check.number("gravity", gravity, at_least=0.0, fix="Its direction, downwards, is built in.")
+    floor = Thermal(check.number("lower", lower, above=0.0, fix="It is k_B T in J."), seed)
     hot = floor.temperature
-    cold = 0.5 * hot if upper is None else check.number("upper", upper, above=0.0, fix="k_B T in J")
+    cold = 0.5 * hot if upper is None else check.number("upper", upper, above=0.0, fix="It is k_B T in J.")
     pattern = np.ones(count_of(n))
     pattern[1::2] = check.number("dimer", dimer, above=0.0)
     random, m, r, gap = _places(pattern, length, packing, mass, 1.0, seed, spaces=1)
@@ -149,7 +149,7 @@ def _places(
     line = check.number("length", length, above=0.0)
     filled = check.number("packing", packing, at_least=0.0)
     if filled >= 1.0:
-        raise ValueError(f"packing is {packing!r}: a share of the length below 1 is needed.")
+        raise ValueError(f"`packing` must be a fraction of the length below 1, got {packing!r}.")
     random = np.random.default_rng(check.whole("seed", seed))
     spread = math.log(check.number("mass_spread", mass_spread, at_least=1.0))
     m = check.number("mass", mass, above=0.0) * np.exp(spread * random.uniform(-0.5, 0.5, count)) * pattern

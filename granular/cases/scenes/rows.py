@@ -40,7 +40,7 @@ def newtons_cradle(
         Density in kg/m³ (steel), which determines the radius.
     """
     count = count_of(n, 2)
-    arriving = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
+    arriving = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="At least one ball has to be at rest.")
     return _in_a_row(np.full(count, check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
 
 
@@ -75,9 +75,9 @@ def pendulum_cradle(
         g in m/s², across the row: it only makes the balls swing.
     """
     count = count_of(n, 2)
-    aside = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
+    aside = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="At least one ball has to be at rest.")
     rest = gaps_of(rest_gap, count - 1, "rest_gap")
-    pulled, gap = check.number("amplitude", amplitude, at_least=0.0, fix="to the left is built in"), rest.copy()
+    pulled, gap = check.number("amplitude", amplitude, at_least=0.0, fix="It is measured to the left."), rest.copy()
     gap[aside - 1] += pulled
     square = check.number("gravity", gravity, above=0.0) / check.number("length", length, above=0.0)
     m = np.full(count, check.number("mass", mass, above=0.0))
@@ -160,7 +160,7 @@ def compressed_chain(
     TypeError, ValueError
         For misuse, such as a force that no overlap gives under that law.
     """
-    count, load = count_of(n), check.number("force", force, at_least=0.0, fix="it presses")
+    count, load = count_of(n), check.number("force", force, at_least=0.0, fix="It is compressive.")
     check.choice("ends", ends, ("walls", "force", "forces"))
     r = np.full(count, check.number("radius", radius, above=0.0))
     r[1::2] *= np.cbrt(check.number("dimer", dimer, above=0.0))
@@ -170,7 +170,7 @@ def compressed_chain(
     front, back = [WALL] * (ends != "forces"), [WALL] * (ends == "walls")
     if striker is not None:
         if front:
-            raise ValueError(f"striker is {striker!r}: a wall is in its way; ends='forces' is needed.")
+            raise ValueError(f"`striker` must be None if the chain ends at walls, got {striker!r}. Use ends='forces'.")
         m = check.number("striker", striker, above=0.0)
         front = [(m, float(radius_of(np.array(m), density)), check.number("speed", speed, above=0.0), 0.0)]
     balls = zip(mass_of(r, density).tolist(), r.tolist(), [0.0] * count, force_on.tolist(), strict=True)

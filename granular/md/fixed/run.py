@@ -121,8 +121,8 @@ class Run:
 
     def _beyond(self, step: float) -> ValueError:
         """Return the error for a step number that has no exact float."""
-        return ValueError(f"dt is {self.dt:g}: step {step:.3g} is more than can be counted; take a longer step, or the "
-                          "method 'located'.")
+        return ValueError(f"`dt` must be large enough that the steps can be counted, got {self.dt:g}: the run reaches "
+                          f"step {step:.3g}. Use a larger dt, or method='located'.")
 
     def _halts_at_start(self) -> bool:
         """Return whether the contact to stop at exists at the start.

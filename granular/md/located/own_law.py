@@ -214,8 +214,8 @@ class Collocation:
             # products of larger overlaps overflow
             if xi > 1e150:
                 raise ValueError(
-                    f"law of pair {p.number} is {self.laws[p.number].law!r}: it lets the bodies pass through each "
-                    f"other, and their overlap grows forever; a law that stops them is needed, or a t_end."
+                    f"The law of pair {p.number}, {self.laws[p.number].law!r}, must stop the bodies, but they pass "
+                    "through each other and their overlap grows forever. Use another law, or give `t_end`."
                 )
             if p.mode in (ACTIVE, RESIDUAL) and (t > 0.0 or xi > 0.0):
                 force = self.force(p, xi, eta)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import held
+from granular._engine.check import EDITED, held
 from granular._engine.records import column, copied, tournament
 from granular.md.located.checkpoint import KEPT
 from granular.md.located.records import ASKS, EDGE, LARGEST_Q, LEDGER, LOOKED, MOST_WORK, SPARE, STRUCK
@@ -36,8 +36,6 @@ FORMERLY = {
 """Names of fields in files of earlier versions, and their names today."""
 ADDED = {"pool": {"doubts": np.int64}}
 """Fields that earlier versions did not have. They are 0 where they are missing."""
-EDITED = "it was changed after it was saved"
-"""End of messages about a state that is not valid."""
 
 
 def check(s: Any, state: Mapping[str, Any]) -> None:
@@ -54,12 +52,14 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
             continue
         records = np.asarray(state.get(name))
         if not _like(records, dtype) or len(records) != sizes.get(name, len(records)):
-            got = "is no array of such records as" if name in state else "is missing, which"
-            raise ValueError(f"{name} in the state of trajectory {got} a run of its scene has; {EDITED}.")
+            got = "other records" if name in state else "nothing"
+            raise ValueError(f"{name!r} in the state of `trajectory` must be the records of its scene, got {got}. "
+                             f"{EDITED}")
     if not _of_scene(s, state):
-        raise ValueError(f"state of trajectory is of another scene or other laws; {EDITED}, or was given other laws.")
+        raise ValueError("The state of `trajectory` belongs to another scene or other laws. The file was edited after "
+                         "it was saved, or loaded with other laws.")
     if not _within(state) or not _numbers(state):
-        raise ValueError(f"state of trajectory contradicts itself; {EDITED}.")
+        raise ValueError(f"The state of `trajectory` contradicts itself. {EDITED}")
 
 
 def _like(records: Any, dtype: np.dtype[Any]) -> bool:

@@ -88,8 +88,8 @@ class Run:
         state: Mapping[str, Any] | None = None,
     ) -> None:
         if scene.pendulum > 0.0 and disturbed == "ignore":
-            raise ValueError("disturbed is 'ignore': to set pendula that touch early back to gap 0 gives them another "
-                             "energy; choose 'resolve' or 'stop'.")
+            raise ValueError("`disturbed` must be 'resolve' or 'stop' for pendula, got 'ignore'. Setting pendula that "
+                             "touch early back to gap 0 would change their energy.")
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.start = request.start if state is None else float(state["origin"])  # s, origin of its own clock
         self.closing = Closing(scene, self.start, flattened=True) if scene.driven else None
@@ -166,8 +166,8 @@ class Run:
         if self.collocation is not None:
             odd = next(law.law for law in self.laws.each if power_form(law) is None)
             raise TypeError(
-                f"engine 'compiled' knows laws of the form k ξ^p + γ ξ^d ξ̇ only, and {odd!r} is none of them; "
-                "engine 'auto' or 'plain' runs it."
+                f"engine='compiled' requires laws of the form k ξ^p + γ ξ^d ξ̇, got {odd!r}. Use engine='auto' or "
+                "'plain'."
             )
         self.s, self.engine = to_compiled(self.s), "compiled"
 

@@ -68,8 +68,8 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
         ω in rad/s, one frequency per branch.
     """
     k, m = _cell(stiffness, mass)
-    theta, p = check.array("phase", phase, ..., finite="finite angles in rad are needed"), len(m)
-    strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps per unit displacement of each ball
+    theta, p = check.array("phase", phase, ..., finite="a finite angle in rad"), len(m)
+    strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps of the contacts for balls that move by 1
     for j in range(p):
         strain[..., j, j] += 1.0 / math.sqrt(m[j])
         strain[..., j, (j + 1) % p] -= np.exp(1j * theta * (j == p - 1)) / math.sqrt(m[(j + 1) % p])
@@ -121,7 +121,7 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
     k, m = _cell(stiffness, mass)
     w = check.array("omega", omega, ...)
     check.every("omega", w.ravel(), ((w >= 0.0) & (w <= FASTEST)).ravel(),
-                 f"an angular frequency from 0 to {FASTEST:g} rad/s is needed")
+                 f"an angular frequency in [0, {FASTEST:g}] rad/s")
     cell, grown = np.broadcast_to(np.eye(2), (*w.shape, 2, 2)), np.zeros(w.shape)
     for stiff, heavy in zip(k.tolist(), m.tolist(), strict=True):  # transfer matrix of displacement and force
         step = np.zeros((*w.shape, 2, 2))
@@ -208,16 +208,17 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
     """
     laws = resolved(check.per_pair("law", law, checked(scene).n_pairs), scene)
     if not scene.is_wall[-1] or scene.n_pairs < 2 or not (scene.gap[-2:] < 0.0).all():
-        raise ValueError(f"scene is {scene}: a chain at rest that is pressed against a wall as its last body is "
-                         "needed.")
+        raise ValueError("`scene` must be a chain at rest that is pressed against a wall as its last body, got "
+                         f"{scene}.")
     load = laws[scene.n_pairs - 1].force(-float(scene.gap[-1]), 0.0, -float(scene.gap[-1]))
     return [*laws.given[:-1], MatchedEnd(load, float(stiffness(scene, law)[-2]))]
 
 
 def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[check.Array, check.Array]:
-    given = ("stiffness", stiffness, "a chain that is not pressed bears no small waves"), ("mass", mass, "")
+    given = ("stiffness", stiffness, "Without compression a chain has no linear waves."), ("mass", mass, "")
     k, m = (check.positive(name, np.atleast_1d(check.array(name, one, ...)), name, fix) for name, one, fix in given)
     if len(k) != len(m) and 1 not in (len(k), len(m)):
-        raise ValueError(f"stiffness has {len(k)} entries and mass {len(m)}: one of each for every ball of a cell.")
+        raise ValueError(f"`stiffness` and `mass` must have one entry each per ball of a cell, got {len(k)} and "
+                         f"{len(m)}.")
     k, m = np.broadcast_arrays(k, m)
     return k, m

@@ -52,8 +52,8 @@ class Pulse:
                        for name, one in (("first", first), ("last", last))))
         seen = np.isfinite(self.time[part])
         if len(np.unique(self.time[part][seen])) < 2:
-            raise ValueError(f"first is {first!r} and last is {last!r}: at least 2 contacts that the pulse "
-                             "passes, one after the other, are needed.")
+            raise ValueError("`first` and `last` must enclose at least 2 contacts that the pulse passes one after the "
+                             f"other, got {first!r} and {last!r}.")
         t, x = self.time[part][seen], self.place[part][seen]
         t = t - t.mean()
         return float(t @ (x - x.mean()) / (t @ t))
@@ -79,9 +79,9 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     Pulse
         Arrival times, peaks and widths.
     """
-    forces = _rows(run, "force", "hard spheres have no forces")
+    forces = _rows(run, "force", "Hard spheres have no forces.")
     parts = check.array("shares", shares)
-    check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a part between 0 and 1 is needed")
+    check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a number in (0, 1)")
     base = check.number("static", static, at_least=0.0)
     faint = ROUNDING * float(np.abs(forces).max())
     seen = [_of_one(run.time, force - base, parts, faint) for force in forces.T]
@@ -135,7 +135,7 @@ def picture(
         Axis to draw on. By default a new figure is made.
     """
     across, bar = SHADES[check.choice("show", show, list(SHADES))]
-    values = _rows(run, show, "of hard spheres show='velocity'")
+    values = _rows(run, show, "For hard spheres use show='velocity'.")
     if beyond:
         values, bar = values - values[0], f"{bar}, beyond the first row"
     with style():
@@ -155,7 +155,7 @@ def _rows(run: Any, what: str, fix: str) -> Array:
     Forces exist for soft spheres only, and 5 samples are required.
     """
     if not isinstance(run, Trajectory) or (what == "force" and run.force is None):
-        raise TypeError(f"run is {run!r}: a run of granular.md is needed; {fix}.")
+        raise TypeError(f"`run` must be a run of granular.md, got {run!r}. {fix}")
     if len(run.time) < 5:
-        raise ValueError(f"run has {len(run.time)} rows: at least 5 are needed; pass samples= to simulate.")
+        raise ValueError(f"`run` must have at least 5 samples, got {len(run.time)}. Pass samples= to simulate.")
     return np.asarray(getattr(run, what))

@@ -63,7 +63,7 @@ class SolitaryWave:
 
     def __post_init__(self) -> None:
         check.number("exponent", self.exponent, at_least=LEAST, at_most=MOST,
-                      fix="1 has no solitary waves; near it they are long, far above it steep")
+                      fix="With 1 there are no solitary waves. Close to 1 they are long, far above it steep.")
 
     @property
     def speed(self) -> float:
@@ -96,7 +96,7 @@ class SolitaryWave:
 
         `share` is between 1e-12 and 1.
         """
-        part = check.number("share", share, at_least=1e-12, at_most=1.0, fix="smaller forces are rounding")
+        part = check.number("share", share, at_least=1e-12, at_most=1.0, fix="Smaller forces are rounding errors.")
         low, high = 0.0, 0.5 * BOX
         # bisection down to neighbouring floats
         while (middle := 0.5 * (low + high)) not in (low, high):
@@ -143,15 +143,15 @@ def solitary(
     In m/s the wave moves at 2R c √(A δ_max^(p-1) / m), c = `SolitaryWave.speed`. Its largest overlap is δ_max = (v
     √(m/A) / `SolitaryWave.peak_velocity`)^(2/(p+1)).
     """
-    count = check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="a wave is five balls long")
+    count = check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="A wave is five balls long.")
     r, rho = check.number("radius", radius, above=0.0, at_most=1e100), check.number("density", density, above=0.0)
     v, m = check.number("speed", speed, above=0.0), 4.0 / 3.0 * math.pi * r**3 * rho
-    place = check.number("at", at, at_least=BACK, at_most=count - 1.0 - BACK, fix="the wave must lie within the row")
+    place = check.number("at", at, at_least=BACK, at_most=count - 1.0 - BACK, fix="The wave must lie within the row.")
     row = Scene(np.full(count, m), np.full(count, r), np.zeros(count - 1), np.zeros(count))
     form = resolve(instance("law", law), row.pairs[0]).form
     if form is None or form[2] != 0.0:
-        raise ValueError(f"law is {law!r}: F = A ξ^p without damping is needed, such as Hertz; others have no exact "
-                         "solitary wave.")
+        raise ValueError(f"`law` must be F = A ξ^p without damping, such as Hertz, got {law!r}. Other laws have no "
+                         "exact solitary wave.")
     wave = SolitaryWave(form[1])
     deepest = (v * math.sqrt(m / form[0]) / wave.peak_velocity) ** (2.0 / (wave.exponent + 1.0))
     x = np.arange(count) - 0.5 - place  # distance of the contact before each ball from the peak
@@ -199,4 +199,4 @@ def _cosines(series: Array, x: Array) -> Array:
 
 def _inside(x: Any) -> Array:
     """Return distances from the peak, limited to half a period, where the wave is 0."""
-    return np.clip(check.array("x", x, ..., finite="distances in balls are needed"), -0.5 * BOX, 0.5 * BOX)
+    return np.clip(check.array("x", x, ..., finite="a finite distance in balls"), -0.5 * BOX, 0.5 * BOX)

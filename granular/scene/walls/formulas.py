@@ -65,9 +65,9 @@ class Sine(_OnPanels):
     def __post_init__(self) -> None:
         self.__dict__.update(
             amplitude=check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST,
-                                    fix="a phase of π turns the motion round"),
+                                    fix="A phase of π reverses the motion."),
             frequency=check.number("frequency", self.frequency, above=0.0,
-                                    fix="for a wall that does not move give none"),
+                                    fix="For a wall at rest give None instead of a Sine."),
             phase=check.number("phase", self.phase),
         )
         largest = self.omega * self.omega * self.amplitude
@@ -163,15 +163,15 @@ class Piecewise(_OnPanels, ByNumbers):
     def __init__(self, breaks: Any, coefficients: Any = None) -> None:
         if coefficients is None:
             if not (hasattr(breaks, "x") and hasattr(breaks, "c")):
-                raise TypeError(check._sentence("coefficients", None, "an array (K+1, n), the highest power first, is "
-                                                 "needed, or a scipy.interpolate.PPoly alone"))
+                raise TypeError(check.misuse("coefficients", None, "an array (K+1, n), the highest power first",
+                                             "Or give a scipy.interpolate.PPoly alone."))
             breaks, coefficients = breaks.x, breaks.c
-        t = check.rising("breaks", breaks, "a finite time is needed")
-        rows = len(np.atleast_1d(check.array("coefficients", coefficients, ..., fix="one column per piece")))
+        t = check.rising("breaks", breaks, "a finite time")
+        rows = len(np.atleast_1d(check.array("coefficients", coefficients, ..., fix="Give one column per piece.")))
         if not 0 < rows <= TERMS:
-            raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")
-        c = check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece",
-                         finite="a finite number is needed")
+            raise ValueError(f"`coefficients` must have 1 to {TERMS} rows, one per power, got {rows}.")
+        c = check.array("coefficients", coefficients, (rows, len(t) - 1), fix="Give one column per piece.",
+                         finite="a finite number")
         self.__dict__.update(breaks=t, coefficients=c)
         _check_steps(t, *_joined(t, c))
 
@@ -220,5 +220,5 @@ def _check_steps(t: Array, series: Array, steps: Array, largest: Array) -> None:
     big = np.abs(steps) > CLOSED * max(float(largest.max()), math.ulp(0.0))
     if big.any():
         i = int(big.argmax())
-        raise ValueError(f"coefficients make the wall jump by {steps[i]:.3g} m at breaks[{i + 1}] = {t[i + 1]:g}: a "
-                         "continuous path is needed; raise the constant of the later piece.")
+        raise ValueError(f"`coefficients` must give a continuous path, got a jump of {steps[i]:.3g} m at "
+                         f"breaks[{i + 1}] = {t[i + 1]:g}. Change the constant of the later piece.")

@@ -70,8 +70,8 @@ class Motion:
 
     def __post_init__(self) -> None:
         if not callable(self.function):
-            raise TypeError(check._sentence("function", self.function, "a function m(t) in m of a time in s is needed",
-                                             "for a harmonic motion use granular.walls.Sine"))
+            raise TypeError(check.misuse("function", self.function, "a function m(t) in m of a time in s",
+                                         "For a harmonic motion use granular.walls.Sine."))
         check.takes("function", self.function, "t")
         self.__dict__["accuracy"] = check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
 
@@ -97,8 +97,7 @@ class Motion:
         if isinstance(self.function, Panels):
             return self.function.panels(t_start, t_end)
         begin = check.number("t_start", t_start)
-        end = check.number("t_end", t_end, at_least=begin, fix="a wall moved by a function needs the end of the run: "
-                            "give t_end")
+        end = check.number("t_end", t_end, at_least=begin, fix="A wall moved by a function requires t_end=.")
         return _fitted(self.function, self.accuracy, begin,
                        end if end > begin else begin + max(INSTANT, 2.0**-26 * abs(begin)))
 
@@ -124,15 +123,14 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
         middle = 0.5 * (left + right)
         if len(series) + len(todo) >= MOST:
             raise ValueError(
-                f"function takes more than {MOST} polynomials, of which {len(series)} reach up to t = "
-                f"{left:.9g}: a motion with fewer turns from t_start to t_end is needed; for a harmonic one use "
-                "granular.walls.Sine."
+                f"`function` must be representable by {MOST} polynomials, got {len(series)} up to t = {left:.9g} s. "
+                "Use a shorter run, or granular.walls.Sine for a harmonic motion."
             )
         if right - left < (end - begin) * 2.0**-HALVINGS or not left < middle < right:
             raise ValueError(
-                f"function is not smooth near t = {middle:.9g}: a motion is needed that polynomials approach to "
-                f"{accuracy:g} of its excursion; use granular.walls.Piecewise for a path with corners, or a larger "
-                "accuracy for one with noise."
+                f"`function` must be smooth, but polynomials do not reach an accuracy of {accuracy:g} of its excursion "
+                f"near t = {middle:.9g} s. Use granular.walls.Piecewise for a path with corners, or a larger "
+                "`accuracy` for one with noise."
             )
         todo += [(one, other, _sampled(function, one, other)) for one, other in ((middle, right), (left, middle))]
     return Panels(np.array([begin, *ends]), np.array(series), worst)
@@ -171,7 +169,7 @@ def _coefficients(values: Array) -> Array:
 
 
 def _value(function: Callable[[float], Any], t: float) -> float:
-    return check.number(f"function({t!r})", function(t), fix="the wall must be somewhere at every time of the run")
+    return check.number(f"function({t!r})", function(t), fix="The wall needs a position at every time of the run.")
 
 
 @lru_cache(maxsize=1)
@@ -205,11 +203,11 @@ def checked(name: str, motion: Any, is_wall: bool) -> Any:
     if motion is None:
         return None
     if not isinstance(motion, (Motion, _OnPanels, Thermal)):
-        raise TypeError(check._sentence(name, motion, "one of granular.walls is needed, such as "
-                                         "granular.walls.Sine(1e-3, 50.0)"))
+        raise TypeError(check.misuse(name, motion, "a wall of granular.walls, such as Sine(1e-3, 50.0)"))
     if not is_wall:
         end = "first" if name == "floor" else "last"
-        raise ValueError(f"{name} is {motion!r}, but the {end} body is a ball: give it the mass math.inf.")
+        raise ValueError(f"`{name}` must be None if the {end} body is a ball, got {motion!r}. Give the body the mass "
+                         "math.inf.")
     return motion
 
 

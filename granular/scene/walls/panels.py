@@ -72,19 +72,19 @@ class Panels(_OnPanels, ByNumbers):
     turn: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        edges = check.rising("edges", self.edges, "a finite time is needed")
-        columns = (*check.array("series", self.series, ..., fix="one row per panel").shape, TERMS, TERMS)[1]
+        edges = check.rising("edges", self.edges, "a finite time")
+        columns = (*check.array("series", self.series, ..., fix="Give one row per panel.").shape, TERMS, TERMS)[1]
         if columns > TERMS:
-            raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
+            raise ValueError(f"`series` must have at most {TERMS} coefficients per panel, got {columns}. Use shorter "
                              "panels of a lower degree.")
-        series = check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel",
-                              finite="a finite coefficient is needed")
+        series = check.array("series", self.series, (len(edges) - 1, columns), fix="Give one row per panel.",
+                              finite="a finite coefficient")
         if self.frequency and (edges[0] != 0.0 or edges[-1] != 1.0):
-            raise ValueError(f"edges go from {edges[0]:g} to {edges[-1]:g}: with a frequency, turns from 0 to 1 are "
-                             "needed.")
+            raise ValueError(f"`edges` must go from 0 to 1 turns if a frequency is given, got {edges[0]:g} to "
+                             f"{edges[-1]:g}.")
         turn = self.turn if isinstance(self.turn, (list, tuple)) else ()
         if len(turn) != 2:
-            raise ValueError(f"turn is {self.turn!r}: two numbers are needed, a float and what it leaves out.")
+            raise ValueError(f"`turn` must be two numbers, a float and its rounding error, got {self.turn!r}.")
         self.__dict__.update(
             edges=edges, series=series, error=check.number("error", self.error, at_least=0.0),
             frequency=check.number("frequency", self.frequency, at_least=0.0),
@@ -98,13 +98,14 @@ class Panels(_OnPanels, ByNumbers):
         steps, largest = self._steps(0), float(np.abs(self.series).max())
         i = int(np.argmax(np.abs(steps)))
         if abs(steps[i]) > 1e-9 * largest + 2.0 * self.error:
-            raise ValueError(f"series jumps by {steps[i]:g} m where panel {i} begins: a wall has to be somewhere all "
-                             "the time; begin each panel where the one before ends.")
+            raise ValueError(f"`series` must be continuous, got a jump of {steps[i]:g} m where panel {i} begins. Begin "
+                             "each panel where the previous panel ends.")
         kinks, fastest = self._steps(1), float(np.abs(_derived(self.series, 1)).max())
         i = int(np.argmax(np.abs(kinks)))
         if self.frequency and abs(kinks[i]) > 1e-9 * fastest / float(np.diff(self.edges).min()):
-            raise ValueError(f"velocity jumps by {kinks[i] * self.frequency:g} m/s where panel {i} begins: a path with "
-                             "a frequency has no corners; round them, or write the turns out, without a frequency.")
+            raise ValueError("`series` must have a continuous velocity if a frequency is given, got a jump of "
+                             f"{kinks[i] * self.frequency:g} m/s where panel {i} begins. Round the corners, or give "
+                             "all turns without a frequency.")
 
     def _steps(self, order: int) -> Array:
         """Return the jumps of a derivative at the start of each panel.
@@ -134,8 +135,9 @@ class Panels(_OnPanels, ByNumbers):
         if self.frequency:
             return self
         first, last = float(self.edges[0]), float(self.edges[-1])
-        check.number("t_start", t_start, at_least=first, at_most=last, fix="there the path of the wall begins")
-        check.number("t_end", t_end, at_least=first, at_most=last, finite=False, fix="there the path of the wall ends")
+        fix = "The path of the wall covers only this interval."
+        check.number("t_start", t_start, at_least=first, at_most=last, fix=fix)
+        check.number("t_end", t_end, at_least=first, at_most=last, finite=False, fix=fix)
         return self
 
     def records(

@@ -53,7 +53,7 @@ class Thermal:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        fix = "k_B T in J; a wall that only reflects needs none"
+        fix = "It is k_B T in J. A wall that only reflects balls is not thermal."
         self.__dict__.update(temperature=check.number("temperature", self.temperature, above=0.0, fix=fix),
                              seed=check.whole("seed", self.seed))
 

@@ -234,14 +234,15 @@ def ensemble(
     count, need = check.whole("n", n, at_least=2), "a mapping of parameters to their distributions"
     ways = {vary: None} if isinstance(vary, str) else check.of_kind("vary", vary, Mapping, need)
     if not ways:
-        raise ValueError("vary is empty: at least one parameter with its distribution is needed.")
+        raise ValueError("`vary` must have at least one parameter with its distribution, got an empty mapping.")
     plan = planned(scene, dict.fromkeys(ways, np.zeros(0)), (), fixed)
     for name, way in ways.items():
         _check_way(plan, name, way)
     draws = Draws(plan, tuple(ways.values()), check.whole("seed", seed))
     asked, whole = _asked(results)
     each = margin if isinstance(margin, Mapping) else {"": margin}
-    own = {name: check.number("margin" + f" of {name}" * bool(name), x, at_least=0.0) for name, x in each.items()}
+    own = {name: check.number(f"the margin of {name}" if name else "margin", x, at_least=0.0)
+           for name, x in each.items()}
     share, apart = own.pop("", MARGIN), check.truth("independent", independent)
     data = [sweep(draws, {"draw": np.arange(first, first + count)},
                   [Of(ask, engine) if callable(ask) else NAMED[engine] + name for name, ask in whole.items()],
@@ -249,7 +250,7 @@ def ensemble(
             for engine, first in (("md", 0), ("edmd", count * apart))]
     soft, hard = ({name: values for one in whole for name, values in _values(of_engine, one, prefix)}
                   for of_engine, prefix in zip(data, NAMED.values(), strict=True))
-    check.known([*asked, *own], {*soft, *whole}, "result that is compared")
+    check.known([*asked, *own], {*soft, *whole}, "result")
     found = {name: (hard[name], values) for name, values in soft.items() if not asked.keys().isdisjoint(_names(name))}
     quantities = tuple(
         judged(name, data[0][_names(name)[1]].attrs["units"], values, share,
@@ -261,25 +262,26 @@ def ensemble(
 
 def _check_way(plan: Plan, name: str, way: Any) -> None:
     """Raise an error unless it is a distribution for that parameter."""
-    fix = "give (mean, sd), a function of the generator, or None for a seed"
+    fix = "Give (mean, sd), a function of the generator, or None for a seed."
     if way is None and not (plan.subject.is_whole(name) or str(plan.subject.way(name)[-1]) == "seed"):
-        raise ValueError(f"{name} in vary is None, and no seed, which is a whole number; {fix}.")
+        raise ValueError(f"`vary[{name!r}]` must not be None, because {name} is not an integer seed. {fix}")
     if callable(way):
-        check.takes(f"{name} in vary", way, "generator")
+        check.takes(f"vary[{name!r}]", way, "generator")
     elif way is not None:
-        _, spread = check.array(f"{name} in vary", way, (2,), fix=fix, finite="a finite number is needed").tolist()
-        check.number(f"sd of {name} in vary", spread, at_least=0.0)
+        _, spread = check.array(f"vary[{name!r}]", way, (2,), fix=fix, finite="a finite number").tolist()
+        check.number(f"the standard deviation of {name}", spread, at_least=0.0)
 
 
 def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the requested quantities, and the results that contain them."""
-    given = check.several("results", results, "a name or function of a run, or several,")
+    given = check.several("results", results, "a name or a function of a run, or several")
     asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}
     if len(asked) < len(given) or not given:
-        raise ValueError(f"results are {', '.join(asked) or 'empty'}: one or more of different names are needed.")
+        raise ValueError("`results` must have one or more entries of different names, got "
+                         f"{', '.join(asked) or 'none'}.")
     whole = {name.partition("[")[0]: ask for name, ask in asked.items()}
     for name, ask in whole.items():
-        check.takes(name, ask, "run") if callable(ask) else check.choice("result", name, BOTH)
+        check.takes(f"the result {name}", ask, "run") if callable(ask) else check.choice("result", name, BOTH)
     return asked, whole
 
 

@@ -142,7 +142,7 @@ def planned(
     for name in [*over, *fixed]:
         plan.subject.way(name)  # says what is no parameter
     if twice := [name for name in over if name in fixed]:
-        raise ValueError(f"{twice[0]} is both varied and fixed: give it once.")
+        raise ValueError(f"The parameter {twice[0]} is both varied and fixed. Give it once.")
     return replace(plan, at_once=have_numba() and not run and all(result.many for result in plan.results.values()))
 
 
@@ -161,12 +161,13 @@ def check_names(plan: Plan, save: Any) -> None:
     taken = {*plan.names, "status", "pair", "body", "edge", "edge_contacts", "jump", "side"}
     for ask in (one for one in plan.asked if not isinstance(one, str)):
         if not hasattr(ask, "__name__"):
-            raise TypeError(f"result is {ask!r}: a function with a name is needed; define one with def that calls it.")
+            raise TypeError(f"`result` must be a function with a name, got {ask!r}. Define a function with def that "
+                            "calls it.")
         name, others = named(ask), [named(other) for other in plan.asked if other is not ask]
         check.refuse({
-            f"result is a function {name!r}: the data set has that name already; rename it.":
+            f"`result` must be a function whose name is new in the data set, got {name!r}. Rename it.":
                 name in taken or name in others,
-            f"result is {name!r}: what is saved needs a name; define a function with def.":
+            f"`result` must be a function with a name to be saved, got {name!r}. Define it with def.":
                 save is not None and not name.isidentifier(),
         })
 
@@ -179,7 +180,7 @@ def _result(ask: Ask) -> Result:
     def single(answer: Any) -> Any:
         value = ask(answer.case)
         if np.size(value) != 1:
-            raise TypeError(f"result {named(ask)!r} is {value!r}: a single number is needed.")
+            raise TypeError(f"The result {named(ask)!r} must be a single number, got {value!r}.")
         return value
 
     return Result("", "", about, single)
@@ -275,10 +276,11 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
         files.check_format(name, _format(notes))
         text, own = question(plan)
         if own and plan.version is None:
-            raise ValueError(f"save is {name!r}: it exists, and {own[0]!r} may have changed since; give a key that "
-                             "changes with your code, another name, or remove the file.")
+            raise ValueError(f"`save` must be a new file, got {name!r}, and {own[0]!r} may have changed since. Give a "
+                             "key= that changes with your code, give another name, or remove the file.")
         if asked != text or not all(_same(stored, axis, array) for axis, array in over.items()):
-            raise ValueError(f"save is {name!r}: it holds another sweep; give another name, or remove it.")
+            raise ValueError(f"`save` must be a new file or one of the same sweep, got {name!r} of another sweep. Give "
+                             "another name, or remove the file.")
         shape = tuple(map(len, over.values()))
         columns = {one: _column(stored, one, shape, plan, name) for one in ("status", *plan.results)}
         return columns, {"refusal": files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
@@ -308,8 +310,10 @@ def _column(stored: Any, name: str, shape: tuple[int, ...], plan: Plan, path: st
     there = stored.get(name)
     good = there is not None and there.dtype.kind == ("i" if whole else "f") and there.nbytes <= os.path.getsize(path)
     if not good or there.shape[: len(shape)] != shape or there.ndim != len(shape) + deep:
-        raise ValueError(f"save is {path!r}: it has no {name} as a sweep of shape {shape} has; remove it.")
+        raise ValueError(f"`save` must be a file of a sweep of shape {shape}, got {path!r} without a fitting {name}. "
+                         "Remove the file.")
     values = there.values
     if result is None and not np.isin(values, list(STATUS)).all():
-        raise ValueError(f"save is {path!r}: its status is none of {', '.join(STATUS.values())}; remove it.")
+        raise ValueError(f"`save` must be a file whose status is one of {', '.join(STATUS.values())}, got {path!r} "
+                         "with others. Remove the file.")
     return values.reshape(math.prod(shape), *values.shape[len(shape):])

@@ -117,15 +117,16 @@ def sweep(
     threads = cores() if workers is None else check.whole("workers", workers, at_least=1)
     xarray_()
     varied = checked(over)
-    asked = check.several("results", results, "a name or function, or several,")
-    version = check.of_kind("key", key, str | None, "a text")
+    asked = check.several("results", results, "a name or a function, or several")
+    version = check.of_kind("key", key, str | None, "a text or None")
     plan = replace(planned(scene, varied, tuple(asked), fixed, run), version=version)
     check_names(plan, save)
     if refine is not None:
         check.choice("refine", refine, list(varied))
-        check.choice("result to refine by", "contacts", list(plan.results))
+        check.choice("the result to refine by", "contacts", list(plan.results))
         if varied[refine].dtype.kind not in "if":
-            raise TypeError(f"refine is {refine!r}, with values {varied[refine].tolist()}: numbers are needed.")
+            raise TypeError(f"`refine` must name a parameter of numbers, got {refine!r} with values "
+                            f"{varied[refine].tolist()}.")
     job = _Job(plan, varied, [values.ravel() for values in np.meshgrid(*varied.values(), indexing="ij")], save)
     where = executor, threads
     if executor is not None and progress:
@@ -163,7 +164,7 @@ class _Job:
                 self.written(self.dataset())
         if (self.answers.columns["status"] == MISUSE).all():
             raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes.get(
-                "refusal", f"save is {self.save!r}: all its cells were refused, it does not say why; remove it."))
+                "refusal", f"All cells of {self.save!r} were refused, and the file does not say why. Remove the file."))
 
     def dataset(self) -> xarray.Dataset:
         """Return the results so far."""

@@ -59,8 +59,8 @@ Batch = tuple[Values, Answers]
 def checked(executor: Executor | None) -> None:
     """Return an executor, or raise an error."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
-                        "or client.get_executor() of dask.")
+        raise TypeError(f"`executor` must be an object with submit(), such as a ProcessPoolExecutor or "
+                        f"client.get_executor() of dask, got {executor!r}.")
 
 
 @dataclass

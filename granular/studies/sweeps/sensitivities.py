@@ -118,7 +118,7 @@ def sensitivity(
     0.4716 0.0047
     """
     checked(executor)
-    plan = _planned(scene, asked := check.several("results", results, "an outcome, such as 'v_rel',", 1), fixed)
+    plan = _planned(scene, asked := check.several("results", results, "a name such as 'v_rel', or several", 1), fixed)
     answer = Answer(plan.case(()))
     *found, order = (np.ravel(result.of(answer)).astype(float) for result in plan.results.values())
     places = _places(plan, found)
@@ -147,8 +147,8 @@ def _planned(scene: SceneLike, asked: Sequence[Ask], fixed: Mapping[str, Any]) -
     each = {_name(one): one if callable(one) else _name(one) for one in asked}
     plan = planned(scene, {}, tuple(each.values()), fixed)
     for name in [name for name, result in plan.results.items() if isinstance(result.fill, int)]:
-        raise ValueError(f"results has {name!r}, a whole number, which has no derivative but jumps: "
-                         "granular.sweep(..., refine=) finds where contacts do.")
+        raise ValueError(f"`results` must be continuous outcomes, got {name!r}, an integer, which has no derivative. "
+                         "Where the number of contacts changes is found by granular.sweep(..., refine=).")
     return replace(plan, asked=(*plan.asked, "order"), at_once=False)
 
 
@@ -168,7 +168,7 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
     Uncertain parameters are included. A name without its index stands for equal entries of a list.
     """
     known, ran = numbers_in(plan.subject, plan.root), vars(answer).keys()
-    names = [] if over is None else check.several("over", over, "a name, or several,")
+    names = [] if over is None else check.several("over", over, "a name, or several")
     if over is None:
         idle = ["rule"] * (not ran & {"hard", "report"}) + (
             ["law"] * (not ran & {"soft", "report"} and answer.case.rule is not None))
@@ -181,10 +181,12 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
         values |= {name: {p} for name, p in shared(answer.case).items() if name in values}
     for name in [name for name, found in values.items() if len(found) != 1]:
         plan.subject.way(name)
-        raise ValueError(f"{name} has {len(values[name]) or 'no'} values that can be changed a little: one is needed; "
-                         f"give it one, or name another, such as {', '.join(list(known)[:3])}.")
+        raise ValueError(f"The parameter {name} must have one value that can vary continuously, got "
+                         f"{len(values[name])}. Give it one value, or name another parameter, such as "
+                         f"{', '.join(list(known)[:3])}.")
     if not names:
-        raise ValueError(f"over is empty: at least one parameter is needed, such as {', '.join(list(known)[:1])}.")
+        raise ValueError(f"`over` must have at least one parameter, such as {', '.join(list(known)[:1])}, got an empty "
+                         "list.")
     return {name: found.pop() for name, found in values.items()}
 
 
@@ -198,7 +200,7 @@ def _uncertain(given: Any, parameters: Mapping[str, float]) -> dict[str, float]:
             value = float(one.rstrip("%")) * (0.01 if one.endswith("%") else 1.0) if isinstance(one, str) else one
         except ValueError:
             value = one
-        value = check.number(f"uncertainty of {name}", value, at_least=0.0, fix="of 1 % it is '1%'")
+        value = check.number(f"the uncertainty of {name}", value, at_least=0.0, fix="Write 1 % as '1%'.")
         found[name] = value * (abs(parameters[name]) if share else 1.0)
     return found
 

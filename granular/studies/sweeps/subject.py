@@ -52,20 +52,20 @@ def axis(text: str) -> tuple[str, Values]:
     >>> axis("restitution=0.5:1:3")
     ('restitution', array([0.5 , 0.75, 1.  ]))
     """
-    need = "a mapping of names to values, or name=first:last:count,"
-    name, equals, values = check.of_kind("an entry of over", text, str, need).partition("=")
+    need = "a text such as gap=0:1:11"
+    name, equals, values = check.of_kind("every entry of `over`", text, str, need).partition("=")
     if not equals:
-        raise ValueError(f"axis is {text!r}: name=first:last:count[:log] or name=value,value,… is needed.")
+        raise ValueError(f"An axis must be name=first:last:count[:log] or name=value,value,…, got {text!r}.")
     if ":" not in values:
         return name, _array(name, [_value(word) for word in values.split(",")])
     if values.count(":") not in (2, 3):
-        raise ValueError(f"axis is {text!r}: name=first:last:count[:log] is needed, such as {name}=0.5:1:101.")
+        raise ValueError(f"An axis must be name=first:last:count[:log], such as {name}=0.5:1:101, got {text!r}.")
     first, last, count, *scale = values.split(":")
-    a, b = (check.number(f"{what} of {name}", _value(word)) for what, word in (("first", first), ("last", last)))
-    n = check.whole(f"count of {name}", _value(count), at_least=1, at_most=MOST)
+    a, b = (check.number(f"the {what} {name}", _value(word)) for what, word in (("first", first), ("last", last)))
+    n = check.whole(f"the count of {name}", _value(count), at_least=1, at_most=MOST)
     check.refuse({
-        f"axis is {text!r}: after first:last:count only ':log' may follow.": scale not in ([], ["log"]),
-        f"axis is {text!r}: a logarithmic axis needs positive ends.": scale and not (a > 0.0 and b > 0.0),
+        f"An axis must end after first:last:count or with ':log', got {text!r}.": scale not in ([], ["log"]),
+        f"A logarithmic axis must have positive ends, got {text!r}.": scale and not (a > 0.0 and b > 0.0),
     })
     return name, (np.geomspace if scale else np.linspace)(a, b, n)
 
@@ -77,15 +77,15 @@ def checked(over: Any) -> dict[str, Values]:
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):
         array = _array(name, values)
         check.refuse({
-            f"{name} is given twice: one axis per parameter is needed.": name in axes,
-            f"values of {name} are not all different: one cell per value is needed.":
+            f"`over` must have one axis per parameter, got two of {name}.": name in axes,
+            f"The values of {name} must all be different.":
                 len(np.unique(array)) < len(array),
         })
         axes[name] = array
     cells = math.prod(map(len, axes.values()))
     check.refuse({
-        "over is empty: at least one parameter with its values is needed.": not axes,
-        f"over has {cells:.3g} cells: at most {MOST:.0e} fit; take fewer values, or several sweeps.": cells > MOST,
+        "`over` must have at least one parameter with its values, got none.": not axes,
+        f"`over` must have at most {MOST:.0e} cells, got {cells:.3g}. Use fewer values.": cells > MOST,
     })
     return axes
 
@@ -96,7 +96,7 @@ def _array(name: str, values: Any) -> Values:
         array = np.asarray(values)
     if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or (
             array.dtype.kind != "b" and check.among_numbers(values)):
-        raise TypeError(f"values of {name} are {values!r}: a list of numbers or words is needed.")
+        raise TypeError(f"The values of {name} must be a list of numbers or words, got {values!r}.")
     return array
 
 
@@ -155,7 +155,7 @@ class Subject:
             If it is not a name, or not a parameter of a ready-made case.
         """
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is no name of a parameter, such as gap or radii[0].")
+            raise ValueError(f"A parameter must be a name such as gap or radii[0], got {name!r}.")
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
             names = [about for about in self.about if "." not in about]
@@ -227,15 +227,16 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     """
     if not way:
         if isinstance(holder, np.ndarray) and check.is_one(value):
-            raise ValueError(f"{name} is one parameter for {len(holder)} entries: name one of them, such as {name}[0].")
+            raise ValueError(f"The parameter {name} has {len(holder)} entries. Name one of them, such as {name}[0].")
         return value
     step, rest = way[0], way[1:]
     entries = isinstance(holder, (list, tuple, np.ndarray))
     if isinstance(step, int):
         if not entries:
-            raise TypeError(f"'{name}[{step}]' is no parameter: {name} is a single value.")
+            raise TypeError(f"{name}[{step}] is not a parameter, because {name} is a single value.")
         if step >= len(holder):
-            raise ValueError(f"{name}[{step}] is asked for, and {name} has {len(holder)} entries, counted from 0.")
+            raise ValueError(f"The index of {name}[{step}] must be below {len(holder)}, the number of entries, got "
+                             f"{step}.")
         return [put(one, rest, value, name) if i == step else one for i, one in enumerate(holder)]
     if entries:
         return [put(one, way, value) for one in holder]
@@ -244,10 +245,10 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     if isinstance(holder, Mapping):
         return {**holder, step: put(holder.get(step, {}), rest, value, step)}
     if holder is None:
-        raise TypeError(f"'{name}.{step}' is no parameter: there is no {name}.")
+        raise TypeError(f"{name}.{step} is not a parameter, because the case has no {name}.")
     if isinstance(holder, Case) and way == RESTITUTION:
         return _with_restitution(holder, value)
-    check.known([step], _numbers(holder), f"parameter of {holder!r}", TypeError)
+    check.known([step], _numbers(holder), f"parameter of {type(holder).__name__}", TypeError)
     return replace(holder, **{step: put(_entry(holder, step), rest, value, step)})
 
 
@@ -261,7 +262,8 @@ def _of_balls(holder: Any, gap: Any) -> Any:
         return gap
     of_balls = _between_balls(given["mass"], given["gap"])
     if not of_balls.any():
-        raise ValueError("gap is one parameter for all pairs of balls, and there are none: name one entry, as gap[0].")
+        raise ValueError("The parameter gap stands for all pairs of balls, but this scene has none. Name one entry, "
+                         "such as gap[0].")
     return np.where(of_balls, gap, given["gap"]).tolist()
 
 
@@ -291,7 +293,7 @@ def _with_restitution(case: Case, eps: float) -> Case:
     rule = None if case.rule is None else put(case.rule, RESTITUTION, eps)
     other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
     if other is not None and rule is None:
-        raise TypeError(f"restitution is no parameter of {other!r}: vary numbers of its own, such as law.k.")
+        raise TypeError(f"restitution is not a parameter of {other!r}. Vary its own numbers, such as law.k.")
     return replace(case, rule=rule, law=case.law if other is not None else build.each_pair(
         partial(_like, {"restitution": eps, "speed": ready.first_impact_speed(case.scene)}), laws, pairs))
 
@@ -360,5 +362,5 @@ def _defaults(options: list[Any]) -> dict[str, Any]:
 
 
 def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:
-    name = f"what {getattr(function, '__name__', function)} returns"
+    name = f"the return value of {getattr(function, '__name__', function)}"
     return check.of_kind(name, function(**parameters), Case, "a granular.Case")  # type: ignore[no-any-return]
