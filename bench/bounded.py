@@ -17,7 +17,7 @@ import numpy as np
 
 import granular as gr
 from granular._engine.kernels import have_numba
-from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, canvas, style
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
 HOT_TEMPERATURE, COLD_TEMPERATURE = 2.0, 1.0
@@ -118,7 +118,7 @@ def compute(points: int) -> dict[str, Any]:
 
 def draw(data: dict[str, Any]) -> Any:
     """Draw the four panels."""
-    figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
+    figure, axes = canvas(2.0 * COLUMN_WIDTH, 1.7 * COLUMN_WIDTH, 2, 2)
     (cooling, heat), (swinging, floor) = axes
     blues, oranges = (matplotlib.colormaps[name](COLOUR_SHADES) for name in ("Blues_r", "Oranges_r"))
     draw_cooling(cooling, data["haff"], oranges)
@@ -127,21 +127,21 @@ def draw(data: dict[str, Any]) -> Any:
         n, mean, error = np.transpose(rows)
         heat.errorbar(n, mean, error, fmt=mark + "-", lw=0.5, ms=3, mfc="none", capsize=1.5, color=colour,
                       label=f"soft spheres, k = {k:g} N/m")
-    heat.axhline(1.0, color=HARD, lw=0.8, label="hard spheres")
+    heat.axhline(1.0, color=HARD_COLOUR, lw=0.8, label="hard spheres")
     heat.set(xscale="log", xlabel="balls between the walls", ylabel="heat flow, soft over hard", ylim=(0.0, 1.1))
     heat.legend(loc="lower left")
-    for name, colour in (("hard", HARD), ("soft", SOFT)):
+    for name, colour in (("hard", HARD_COLOUR), ("soft", SOFT_COLOUR)):
         left_over = data["cradle"][name]
         swinging.plot(
             0.5 * np.arange(len(left_over)), left_over, ".-", lw=0.5, ms=3, color=colour, label=f"{name} spheres"
         )
         density = data["floor"][name]
         floor.stairs(density, np.linspace(0.0, 3.0, len(density) + 1), color=colour, label=f"{name} spheres")
-    swinging.axhline(0.2, color=GREY, lw=0.8, ls=":")
+    swinging.axhline(0.2, color=GREY_COLOUR, lw=0.8, ls=":")
     swinging.set(xlabel="periods", ylabel="energy left", ylim=(0.0, 1.05))
     swinging.legend()
     height = np.linspace(0.0, 3.0, 100)
-    floor.plot(height, 2.0 * np.exp(-2.0 * height), color=GREY, lw=0.8, ls=":", label="exp(-mgx/T)")
+    floor.plot(height, 2.0 * np.exp(-2.0 * height), color=GREY_COLOUR, lw=0.8, ls=":", label="exp(-mgx/T)")
     floor.set(yscale="log", xlabel="height, m", ylabel="probability density, 1/m", xlim=(0.0, 3.0))
     floor.legend()
     for axis, name in zip(axes.ravel(), "abcd", strict=True):
@@ -154,9 +154,9 @@ def draw_cooling(axis: Any, data: dict[str, Any], colours: Any) -> None:
     t = np.array(data["time"])
     for loss, left_over, colour in zip(TOTAL_LOSSES, data["hard"], colours, strict=True):
         axis.plot(t, left_over, color=colour, label=f"hard, N(1 - ε) = {loss:g}")
-    axis.plot(t[::5], data["soft"][0][::5], "s", ms=3, mfc="none", color=SOFT,
+    axis.plot(t[::5], data["soft"][0][::5], "s", ms=3, mfc="none", color=SOFT_COLOUR,
               label=f"soft, N(1 - ε) = {TOTAL_LOSSES[0]:g}")
-    axis.plot(t, (1.0 + t) ** -2.0, color=GREY, lw=0.8, ls=":", label="(1 + t/τ)$^{-2}$")
+    axis.plot(t, (1.0 + t) ** -2.0, color=GREY_COLOUR, lw=0.8, ls=":", label="(1 + t/τ)$^{-2}$")
     axis.set(yscale="log", xlabel="t/τ", ylabel="energy left")
     axis.legend(loc="upper center")
 

@@ -13,7 +13,7 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, canvas, style
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "driven.png"
 EPS, G, FREQUENCY, FREQUENCY_RATIO = 0.5, 9.81, 50.0, 100.0
@@ -88,20 +88,20 @@ def compute(points: int) -> dict[str, Any]:
 
 def draw(data: dict[str, Any]) -> Any:
     """Draw the three panels."""
-    figure, axes = canvas(2.0 * COLUMN, 0.9 * COLUMN, 1, 3)
+    figure, axes = canvas(2.0 * COLUMN_WIDTH, 0.9 * COLUMN_WIDTH, 1, 3)
     left, middle, right = axes[0]
-    for model, colour in (("hard", HARD), ("soft", SOFT)):
+    for model, colour in (("hard", HARD_COLOUR), ("soft", SOFT_COLOUR)):
         rows = data["doubling"]
         gamma = np.repeat(rows["gamma"], PLOTTED_BOUNCES)
         left.plot(gamma, np.ravel(rows[model]), ls="", marker=".", ms=2, color=colour, label=f"{model} spheres")
         middle.plot(*data["chaos"][model], ls="", marker=",", color=colour)
-    left.axvline(DOUBLING_THRESHOLD, color=GREY, lw=0.8, ls=":")
+    left.axvline(DOUBLING_THRESHOLD, color=GREY_COLOUR, lw=0.8, ls=":")
     left.set(xlabel="Γ", ylabel="phase at impact, turns")
     left.legend()
     middle.set(xlabel="phase at impact, turns", ylabel="speed after, Aω", xlim=(0, 1))
     loss, above = map(np.array, data["column"].values())
-    right.plot(loss, above, "o-", ms=3, color=HARD)
-    right.plot(loss, 1.25 / loss, color=GREY, lw=0.8, ls=":")
+    right.plot(loss, above, "o-", ms=3, color=HARD_COLOUR)
+    right.plot(loss, 1.25 / loss, color=GREY_COLOUR, lw=0.8, ls=":")
     right.set(xscale="log", yscale="log", xlabel="N (1 - ε)", ylabel="height of the centre of mass, (Aω)²/g")
     return figure
 

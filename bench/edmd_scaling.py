@@ -23,7 +23,7 @@ FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.
 ELASTIC_RULE = gr.ConstantRestitution(1.0)
 Timer = Callable[[float], tuple[int, float]]
 """Runs until a given time and returns the collisions and processor seconds."""
-LARGE = blocks.LARGE
+LARGE = blocks.BLOCKS_ABOVE
 
 
 def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
@@ -46,7 +46,7 @@ def engine_timer(
     start = gr.edmd.simulate(scene, rule, engine=name, max_events=1, log=False, **physics)  # type: ignore[arg-type]
 
     def timed(t_end: float) -> tuple[int, float]:
-        blocks.LARGE = 1 << 60 if one else LARGE
+        blocks.BLOCKS_ABOVE = 1 << 60 if one else LARGE
         stamps = [(0, time.process_time())]
         callbacks = {"on_progress": lambda _, events: stamps.append((events, time.process_time()))}
         if not one and name != "sorted":  # the set-up of a million balls takes longer than the measurement

@@ -18,7 +18,7 @@ import docs_data  # must precede `bench`, because it extends sys.path
 from bench.reference import solve
 from granular import Hertz, LinearDashpot, Scene, ViscoelasticHertz, cases, scenes, until
 from granular._engine.reports import duration
-from granular.studies.frontier_result import LOOKS
+from granular.studies.frontier_result import METHOD_STYLES
 from granular.studies.frontiers import Frontier, frontier as with_any_reference
 
 DOCS_FOLDER = Path(__file__).parents[1] / "docs"
@@ -100,7 +100,7 @@ def _order(report: Frontier, method: str) -> str:
 
 def method_label(method: str) -> str:
     """Name of a method as in the figure."""
-    return str(LOOKS[method]["label"])
+    return str(METHOD_STYLES[method]["label"])
 
 
 def scientific_notation(x: float) -> str:

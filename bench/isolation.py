@@ -13,15 +13,15 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular._engine.reports import COLUMN, GREY, HARD, SOFT, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, canvas, style
 from granular.comparison.outcome import separations
 
 FIGURE_PATH = Path(__file__).parent.parent / "docs" / "figures" / "isolation.png"
 RESTITUTION, GAP_RANGE = 0.9, (1e-6, 1e-2)
 LINE_STYLES: dict[str, dict[str, Any]] = {
-    "hard": {"color": HARD, "lw": 2.4, "label": "hard spheres"},
+    "hard": {"color": HARD_COLOUR, "lw": 2.4, "label": "hard spheres"},
     "ignore": {"color": "black", "lw": 1.0, "ls": "--", "label": "soft, event-driven"},
-    "resolve": {"color": SOFT, "lw": 1.2, "marker": "o", "ms": 2.0, "label": "soft, exact"},
+    "resolve": {"color": SOFT_COLOUR, "lw": 1.2, "marker": "o", "ms": 2.0, "label": "soft, exact"},
 }
 """Line style of each model."""
 
@@ -43,7 +43,7 @@ def compute(points: int) -> dict[str, Any]:
 
 def draw(data: dict[str, Any]) -> Any:
     """Draw separation speeds above, and differences to the exact result below."""
-    figure, axes = canvas(1.5 * COLUMN, 1.4 * COLUMN, 2, 1, sharex=True, height_ratios=(3, 2))
+    figure, axes = canvas(1.5 * COLUMN_WIDTH, 1.4 * COLUMN_WIDTH, 2, 1, sharex=True, height_ratios=(3, 2))
     (speeds,), (errors,) = axes
     exact = np.array(data["resolve"])
     for model, look in LINE_STYLES.items():
@@ -51,7 +51,7 @@ def draw(data: dict[str, Any]) -> Any:
         if model != "resolve":
             errors.plot(data["gap"], np.maximum(np.abs(np.array(data[model]) - exact), 1e-16), **look)
     for axis in (speeds, errors):
-        axis.axvline(data["threshold"], color=GREY, lw=0.8, ls=":")
+        axis.axvline(data["threshold"], color=GREY_COLOUR, lw=0.8, ls=":")
     speeds.annotate("every contact\nisolated", (data["threshold"], 1.2), (4, 0), textcoords="offset points", fontsize=7)
     speeds.set(ylabel="separation speed, m/s", xscale="log", xlim=GAP_RANGE)
     speeds.legend(loc="center left")

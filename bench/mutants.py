@@ -91,7 +91,7 @@ MUTANTS = [
     ("comparison/align.py", 'kept = nth < most[run.contacts["pair"]]', 'kept = nth <= most[run.contacts["pair"]]',
      COMPARISON_TESTS),
     ("comparison/align.py", "late = alone(pair, speed) + np.fmin(", "late = 0.0 * np.fmin(", COMPARISON_TESTS),
-    ("comparison", "    if not error <= SAME:\n        alone", "    if error > 0.1:\n        alone", COMPARISON_TESTS),
+    ("comparison", "    if not error <= ERROR_LIMIT:\n        alone", "    if error > 0.1:\n        alone", COMPARISON_TESTS),
     ("comparison/measures.py", "return -after / before if before != 0.0", "return after / before if before != 0.0",
      COMPARISON_TESTS),
     ("md/isolation.py", 'return float(run.stats["isolated"] / run.stats["contacts"])', "return 1.0", "test_fronts"),

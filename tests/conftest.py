@@ -24,9 +24,10 @@ TAKERS = ("test_costs", "test_costs_hard", "test_levels", "test_sweeps", "test_s
           "test_sweeps_ways")
 """Files that need much of it: the other worker must not come to them while it is being made."""
 PATIENCE = {
-    "granular.md.located.run": {"MAKING": math.inf}, "granular.md.located.pace": {"MAKING_LOOK": math.inf},
-    "granular.md.fixed.run": {"MAKING": math.inf}, "granular.edmd.run": {"VERY_LONG": math.inf},
-    "granular.studies.sweeps.schedule": {"MAKING": math.inf},
+    "granular.md.located.run": {"LOCATED_COMPILE_SECONDS": math.inf},
+    "granular.md.located.pace": {"TEST_COMPILE_SECONDS": math.inf},
+    "granular.md.fixed.run": {"COMPILING_SECONDS": math.inf}, "granular.edmd.run": {"COMPILING_WORK": math.inf},
+    "granular.studies.sweeps.schedule": {"COMPILING_SECONDS": math.inf},
 }
 """How long "auto" waits before it makes machine code, by modules and the names of their limits."""
 

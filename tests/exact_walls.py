@@ -3,7 +3,7 @@
 import mpmath as mp
 import numpy as np
 
-from granular.scene.walls.gap import NOISE
+from granular.scene.walls.gap import GAP_NOISE
 
 
 class Exact:
@@ -15,7 +15,7 @@ class Exact:
         self.height = gap + self.a * mp.sin(self.theta)
         self.drift, self.pull = rate + self.a * self.omega * mp.cos(self.theta), mp.mpf(pull)
         size = gap + wall.amplitude
-        self.noise = lambda s: NOISE * (size + s * (abs(rate) + wall.amplitude * wall.omega + 0.5 * abs(pull) * s))
+        self.noise = lambda s: GAP_NOISE * (size + s * (abs(rate) + wall.amplitude * wall.omega + 0.5 * abs(pull) * s))
 
     def __call__(self, s):
         s = mp.mpf(s)
@@ -58,7 +58,7 @@ class ExactPieces:
         self.first_piece, (m, v) = k, self.moved(k, mp.mpf(0))
         self.height, self.drift = gap + m, rate + v
         extent = float(np.abs(panels.series).sum(axis=1).max())
-        self.noise = lambda s: NOISE * (gap + 2 * extent + s * (abs(rate) + 20 * extent + 0.5 * abs(pull) * s))
+        self.noise = lambda s: GAP_NOISE * (gap + 2 * extent + s * (abs(rate) + 20 * extent + 0.5 * abs(pull) * s))
 
     def moved(self, k, s):
         half = (self.edges[k + 1] - self.edges[k]) / 2

@@ -23,7 +23,7 @@ from granular.md.located import blocks, plan
 from granular.md.located.one_contact import tables
 from granular.md.located.own_law import Collocation
 from granular.md.located.plan import plan_all_due
-from granular.md.located.records import DONE, GENERAL, SLOWEST, WANTS_TABLE
+from granular.md.located.records import DONE, GENERAL, MIN_SPEED_EXPONENT, WANTS_TABLE
 from granular.md.located.system import system_of, to_plain, with_room_for_a_table
 
 INF = math.inf
@@ -142,19 +142,19 @@ def take_table(s: Any, laws: Any, made: dict[Any, Any]) -> None:
     octave = math.frexp(-rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull))[1]
     if (c, octave) not in made:
         plan.make_table(s, laws, lambda kernel: kernel)
-        made[c, octave] = s.tables[place], s.maps[pair.map].table[octave - SLOWEST]
+        made[c, octave] = s.tables[place], s.maps[pair.map].table[octave - MIN_SPEED_EXPONENT]
     else:
         table, found = made[c, octave]
         if found > 0:
             s.run[0].tables += 1
             s.tables[place] = table
-        s.maps[pair.map].table[octave - SLOWEST] = place + 1 if found > 0 else -1
+        s.maps[pair.map].table[octave - MIN_SPEED_EXPONENT] = place + 1 if found > 0 else -1
 
 
 def grazed(rng: Any, scenes: int, margins: int, monkeypatch: Any) -> Counter[str]:
     """Count what is certified, missed, and falsely alarmed, by the way of the scene."""
     seen: Counter[str] = Counter()
-    monkeypatch.setattr(tables, "WARM", 1)
+    monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)
     for i in range(scenes):
         name, way = str(rng.choice(OWN if i % 16 == 15 else at_random.POWERS)), str(rng.choice(WAYS))
         one = grazing(rng, name, way)

@@ -118,7 +118,7 @@ def test_options_of_a_file_that_compare_ignores_are_named(granular, tmp_path):
 ])
 def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sentence):
     code, _, err = granular(line)
-    assert code == cli.MISUSE
+    assert code == cli.EXIT_MISUSE
     assert sentence in err
     assert err.count("\n") == 1
 
@@ -134,7 +134,7 @@ def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sente
 ])
 def test_a_number_beyond_all_sizes_is_named_and_nothing_warns(granular, line, named):
     code, out, err = granular(line)
-    assert (code, out) == (cli.MISUSE, "")
+    assert (code, out) == (cli.EXIT_MISUSE, "")
     assert err.startswith(f"granular: {named}")
     assert err.count("\n") == 1
 
@@ -148,8 +148,8 @@ def test_absurd_numbers_never_warn_and_are_refused_in_one_sentence(granular, see
     words = [f"--{name} {rng.choice(ABSURD)}" for name in rng.choice(options, 2, replace=False)]
     code, _, err = granular(f"run {scene} --engine {engine} --max-events 50 --max-steps 500 {' '.join(words)}"
                             if engine == "md" else f"run {scene} --engine edmd --max-events 50 {' '.join(words)}")
-    assert code in (0, cli.MISUSE, cli.ABNORMAL)
-    assert err.count("\n") == (code == cli.MISUSE)
+    assert code in (0, cli.EXIT_MISUSE, cli.EXIT_ABNORMAL)
+    assert err.count("\n") == (code == cli.EXIT_MISUSE)
 
 
 def test_closed_standard_output_is_no_traceback(monkeypatch):

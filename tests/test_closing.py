@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from bench import reference
-from granular.scene.places import MARGIN, Closing, fitted
+from granular.scene.places import CLOSING_MARGIN, Closing, fitted
 
 LAW = gr.LinearDashpot(1e4, 1.0)
 POINTS, BALLS = [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]
@@ -75,4 +75,4 @@ def test_the_look_is_certified(seed):
     met = look.start + look.after
     assert all(apart(t) >= 0.0 for t in np.linspace(start, 8.0, 2001) if t < met)
     if met < math.inf:
-        assert abs(apart(met)) <= MARGIN
+        assert abs(apart(met)) <= CLOSING_MARGIN

@@ -6,7 +6,7 @@ import pytest
 
 import granular as gr
 from granular.comparison import further
-from granular.comparison.film import FREEZE, HOLD, LONGEST, Story, flying
+from granular.comparison.film import END_SECONDS, MAX_SHOWN_SECONDS, STOP_SECONDS, Story, flying
 from granular.comparison.view import window
 
 pytest.importorskip("matplotlib")
@@ -37,7 +37,7 @@ def test_a_fall_has_three_times_each_with_its_own_rate(two):
     assert times[0] == 0.0
     for act in ("fall", "flight"):
         assert np.diff(shown[act])[:-1] == pytest.approx(1.0 / fps, rel=0.05)
-    assert (len(shown["stop"]), len(shown["end"])) == (FREEZE * fps, HOLD * fps)
+    assert (len(shown["stop"]), len(shown["end"])) == (STOP_SECONDS * fps, END_SECONDS * fps)
     assert set(shown["stop"]) == {two.begin}
     assert len(shown["slow"]) == 6 * fps
     assert 1.0 / (fps * np.diff(shown["slow"])) == pytest.approx(6.0 / 900e-6, rel=0.02)
@@ -175,13 +175,13 @@ def test_a_flight_that_takes_long_is_told_to_be_faster_than_life():
     page = flying(story)
     assert report.rises[0] > 200.0
     assert page.axes["hard"].get_ylim()[1] > report.rises[0]
-    assert len(story.acts["flight"]) == 5 * LONGEST
+    assert len(story.acts["flight"]) == 5 * MAX_SHOWN_SECONDS
     assert page.words[-8:-6] == ["flying, 1.2 × faster"] * 2
     assert page.words[-1] == "the highest point of each ball"
 
 
 def test_what_is_followed_no_farther_leaves_the_picture(two, monkeypatch):
-    monkeypatch.setattr(further, "MOST", 3)
+    monkeypatch.setattr(further, "MAX_EVENTS_PER_RUN", 3)
     story = Story(two, 1.0, 10)
     assert np.isnan(story.heights("hard", np.array([0.1, 20.0, 30.0]))[1:, 1]).sum() == 0  # at their apexes
     assert np.isnan(further.Onward(two.report, "hard").heights(np.array([0.1, 20.0, 30.0]))).sum() == 6

@@ -12,7 +12,7 @@ from granular.comparison import further
 @pytest.mark.usefixtures("interpreted")
 def test_a_rise_is_given_up_where_a_pile_takes_too_many_steps_to_settle(monkeypatch):
     """Before, the soft run was followed for minutes: steps, not contacts, are many."""
-    monkeypatch.setattr(further, "STEPS", 3000)
+    monkeypatch.setattr(further, "MAX_STEPS_PER_RUN", 3000)
     pile = gr.scenes.ball_stack(8, mass_ratio=0.122, gap=0.0216, height=0.237)
     law = [gr.LinearDashpot.from_restitution(0.642, k=2.02e7, pair=pair) for pair in pile.pairs]
     report = gr.compare(pile, law, until=gr.until.separated(), t_end=3.0)

@@ -9,7 +9,7 @@ import pytest
 from condition import STEP, nudged
 from symmetric_scenes import Question, grazes, image, question, symmetry_of
 
-from granular.comparison.outcome import SAME, counts
+from granular.comparison.outcome import ERROR_LIMIT, counts
 
 EXACT, ERROR = 1e-12, 1e-10
 """Tolerances of units (relative) and of errors (absolute) of well-conditioned comparisons."""
@@ -46,7 +46,7 @@ def values(report, speed=1.0, mirror=False):
 
 
 def thresholds(report):
-    """Numbers that the answer compares with `SAME`."""
+    """Numbers that the answer compares with `ERROR_LIMIT`."""
     of_ties = [e for each in report.tie_errors.values() for e in each.tolist()]
     return [report.error, *report.shifts.tolist(), *report.shift_errors.tolist(), *of_ties]
 
@@ -75,7 +75,7 @@ def judge(one: Question, name: str):
     rng = np.random.default_rng(0)
     nudges = [replace(one, scene=nudged(one.scene, rng)).compare() for _ in range(3)]
     if told[0] != told[1]:
-        if any(math.isclose(x, SAME, rel_tol=NEAR) for x in thresholds(here)):
+        if any(math.isclose(x, ERROR_LIMIT, rel_tol=NEAR) for x in thresholds(here)):
             return "threshold", found
         return ("differs" if all(decided(each) == told[0] for each in nudges) else "ill-conditioned"), found
     if any(decided(each) != told[0] for each in nudges):

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import granular as gr
 from granular.laws import dashpot
-from granular.laws.theory import CONVENTIONS, obtained
+from granular.laws.theory import DAMPING_CONVENTIONS, obtained
 
 ASKED = np.array([0.05, *np.round(np.arange(0.1, 0.91, 0.1), 1), 0.95])
 MASS, RADIUS, MODULUS = 0.02, 0.007, 3e7
@@ -73,7 +73,7 @@ def newton(alpha, clipped):
 
 @pytest.mark.parametrize("clipped", [False, True])
 def test_what_is_obtained_is_what_newtons_equation_gives(clipped):
-    names = [(name, e) for name in CONVENTIONS for e in ASKED]
+    names = [(name, e) for name in DAMPING_CONVENTIONS for e in ASKED]
     alpha = np.array([damping(name, e) for name, e in names]) / math.sqrt(MASS * STIFFNESS)
     found = [obtained(name, float(e), clipped=clipped) for name, e in names]
     assert found == pytest.approx(newton(alpha, clipped), rel=0.0, abs=1e-12)
@@ -98,12 +98,12 @@ def test_the_numbers_of_a_released_lammps():
 def test_contacts_that_pull_and_are_damped_too_much_never_part():
     assert obtained("yade/hertz-mindlin", 0.05, clipped=False) == 0.0
     assert dashpot.restitution_pulling(1.0) == 0.0 < dashpot.restitution_pulling(0.99)
-    assert all(obtained(name, 1.0, clipped=c) > 0.999 for name in CONVENTIONS for c in (False, True))
+    assert all(obtained(name, 1.0, clipped=c) > 0.999 for name in DAMPING_CONVENTIONS for c in (False, True))
 
 
 @pytest.mark.parametrize("e", [5e-324, 1e-300, 1e-17])
 def test_every_restitution_above_zero_has_an_answer(e):
-    assert all(0.0 <= obtained(name, e, clipped=c) < 1.0 for name in CONVENTIONS for c in (False, True))
+    assert all(0.0 <= obtained(name, e, clipped=c) < 1.0 for name in DAMPING_CONVENTIONS for c in (False, True))
     assert obtained("yade/hertz-mindlin", 1e-9, clipped=True) == pytest.approx(1.0248e-9, rel=1e-4)
 
 

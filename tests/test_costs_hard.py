@@ -17,7 +17,7 @@ import pytest
 import granular as gr
 from granular._engine import kernels
 from granular.edmd import hanging, run as runs, wall_state
-from granular.edmd.records import ROW
+from granular.edmd.records import LOG_ROW
 from granular.edmd.sorted_queue import SortedQueue
 from granular.run.contact_log import contacts
 
@@ -74,7 +74,7 @@ def test_what_a_scene_has_not_is_not_asked_for(monkeypatch) -> None:
 
 
 def test_rows_of_the_engine_need_no_memory_once_they_are_in_the_log() -> None:
-    settled = [np.zeros(n, ROW) for n in (3, 5000)]
+    settled = [np.zeros(n, LOG_ROW) for n in (3, 5000)]
     assert len(contacts(settled)) == 5003
     assert settled == []
 

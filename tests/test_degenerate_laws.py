@@ -72,8 +72,8 @@ def ended(scene, law, **how):
 @pytest.mark.filterwarnings("ignore:dt = .* s is")
 def test_every_run_ends(monkeypatch, seed):
     """In a number of force calls that does not depend on how strongly contacts creep."""
-    monkeypatch.setattr(pace, "TRIALS", 40)
-    monkeypatch.setattr(pace, "LEAST", 0.2)
+    monkeypatch.setattr(pace, "TRIALS_PER_TEST", 40)
+    monkeypatch.setattr(pace, "MIN_PROGRESS_SHARE", 0.2)
     law = Degenerate(np.random.default_rng([31, seed]))
     for scene, end in SCENES.values():
         law.asked = 0
@@ -88,7 +88,7 @@ def own(force, **members):
 
 
 def test_contacts_that_creep_end_by_the_limit_and_can_be_gone_on_from(monkeypatch):
-    monkeypatch.setattr(pace, "TRIALS", 30)
+    monkeypatch.setattr(pace, "TRIALS_PER_TEST", 30)
     law = own(lambda self, xi, xi_dot, pair: 1e7 * xi**1.5 + 1e7 * xi_dot)
     scene, end = SCENES["pile"]
     run = gr.md.simulate(scene, law, **end)

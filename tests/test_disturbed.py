@@ -72,7 +72,7 @@ def test_ignored_neighbours_begin_when_the_contact_is_over(name, stiffness):
 
 def stopped(seed: int, names: Any, monkeypatch: Any, **options: Any) -> bool:
     """Hold a run that stops against the whole one by pieces; return whether it is disturbed."""
-    monkeypatch.setattr(tables, "WARM", 4)
+    monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 4)
     rng = np.random.default_rng([31, seed])
     scene = at_random.scene(rng, (2, 5), walls=(0.6, 0.4, 0.3), gaps=("wide", "overlapping", "uneven"), size=1e-4)
     laws = at_random.laws(rng, scene, names, (3.0, 8.0))

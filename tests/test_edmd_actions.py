@@ -105,7 +105,7 @@ def test_interpreted_state_and_queue_stay_whole(seed, n, gravity, eps, extra, ac
 def test_compiled_queues_stay_whole(monkeypatch) -> None:
     """The same, going to and fro between the tree and blocks; windows that blocks run are seen."""
     pytest.importorskip("numba")
-    monkeypatch.setattr(blocks, "BLOCK", 64)
+    monkeypatch.setattr(blocks, "PAIRS_PER_BLOCK", 64)
     swept, sweep = [], blocks.BlockQueue._sweep
     monkeypatch.setattr(blocks.BlockQueue, "_sweep", lambda self, *a: swept.append(sweep(self, *a)) or swept[-1])
     for seed in range(6):
@@ -140,13 +140,13 @@ def test_damage_is_seen(damage) -> None:
 def test_merges_are_counted_in_blocks_too(monkeypatch) -> None:
     """Those of the whole scene, each once, though blocks overlap: they were lost."""
     pytest.importorskip("numba")
-    monkeypatch.setattr(blocks, "BLOCK", 256)
+    monkeypatch.setattr(blocks, "PAIRS_PER_BLOCK", 256)
     swept, sweep = [], blocks.BlockQueue._sweep
     monkeypatch.setattr(blocks.BlockQueue, "_sweep", lambda self, *a: swept.append(sweep(self, *a)) or swept[-1])
     random, stats = np.random.default_rng(5), []
     scene = Scene(np.ones(2000), np.zeros(2000), random.uniform(0.5, 1.5, 1999), random.normal(size=2000))
     for large in (10**9, 100):
-        monkeypatch.setattr(blocks, "LARGE", large)
+        monkeypatch.setattr(blocks, "BLOCKS_ABOVE", large)
         options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "log": False, "t_end": 30.0,
                    "samples": 31}
         stats.append(edmd.simulate(scene, ConstantRestitution(0.7), **options).stats)

@@ -9,7 +9,7 @@ from scenes_at_random import gas
 
 from granular import edmd
 from granular.edmd import compiled_queue as blocks, run as runs
-from granular.edmd.records import ROW
+from granular.edmd.records import LOG_ROW
 from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 
@@ -25,10 +25,10 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps, log) -> 
     swept = []
     sweep = blocks.BlockQueue._sweep
     monkeypatch.setattr(blocks.BlockQueue, "_sweep", lambda self, *a: swept.append(sweep(self, *a)) or swept[-1])
-    monkeypatch.setattr(blocks, "BLOCK", 256)
+    monkeypatch.setattr(blocks, "PAIRS_PER_BLOCK", 256)
     scene, runs = gas(4000, 4000, spread, gravity), []
     for large in (10**9, 100):
-        monkeypatch.setattr(blocks, "LARGE", large)
+        monkeypatch.setattr(blocks, "BLOCKS_ABOVE", large)
         times = {"t_end": 20.0, "samples": [0.0, 3.3, 3.4, 20.0], "max_events": 10**9}
         runs.append(edmd.simulate(scene, ConstantRestitution(eps), engine="compiled", log=log, **times))
     one, many = runs
@@ -45,7 +45,7 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps, log) -> 
 def test_rows_of_blocks_come_in_the_order_of_their_times() -> None:
     """Of equal ones within a block in its own; which of two blocks is first in one instant, no block knows."""
     def rows(*given):
-        made = np.zeros(len(given), ROW)
+        made = np.zeros(len(given), LOG_ROW)
         made["pair"], made["t_begin"] = zip(*given, strict=True)
         return made
 
@@ -57,8 +57,8 @@ def test_rows_of_blocks_come_in_the_order_of_their_times() -> None:
 
 
 def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
-    monkeypatch.setattr(blocks, "BLOCK", 256)
-    monkeypatch.setattr(blocks, "LARGE", 100)
+    monkeypatch.setattr(blocks, "PAIRS_PER_BLOCK", 256)
+    monkeypatch.setattr(blocks, "BLOCKS_ABOVE", 100)
     options = {"engine": "compiled", "log": False, "max_events": 30_001}
     end = edmd.simulate(gas(2000, 2000, 1.0), ConstantRestitution(1.0), **options)
     assert end.stats["events"] == end.state["contacts"].sum() == 30_001
@@ -66,12 +66,12 @@ def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
 
 def test_ties_at_random_are_drawn_for_the_pairs_of_the_scene_not_of_a_block(monkeypatch) -> None:
     """Balls on a lattice at whole speeds, which collide three at a time."""
-    monkeypatch.setattr(blocks, "BLOCK", 256)
+    monkeypatch.setattr(blocks, "PAIRS_PER_BLOCK", 256)
     random, n = np.random.default_rng(5), 2000
     scene = Scene([math.inf, *[1.0] * n, math.inf], np.zeros(n + 2), np.ones(n + 1), [0, *random.integers(-2, 3, n), 0])
     ends = []
     for large in (10**9, 100):
-        monkeypatch.setattr(blocks, "LARGE", large)
+        monkeypatch.setattr(blocks, "BLOCKS_ABOVE", large)
         options = {"engine": "compiled", "log": False, "ties": "random", "seed": 3, "t_end": 4.0}
         ends.append(edmd.simulate(scene, ConstantRestitution(0.9), **options))
     assert ends[0].velocity[-1].tobytes() == ends[1].velocity[-1].tobytes()
@@ -82,8 +82,8 @@ def test_blocks_are_given_up_as_soon_as_they_hold_too_many_events(monkeypatch) -
     tried = []
     run = blocks.BlockQueue._run
     monkeypatch.setattr(blocks.BlockQueue, "_run", lambda self, *a: tried.append(a) or run(self, *a))
-    monkeypatch.setattr(blocks, "BLOCK", 512)
-    monkeypatch.setattr(blocks, "LARGE", 100)
+    monkeypatch.setattr(blocks, "PAIRS_PER_BLOCK", 512)
+    monkeypatch.setattr(blocks, "BLOCKS_ABOVE", 100)
     end = edmd.simulate(gas(8000, 8000), ConstantRestitution(1.0), engine="compiled", log=False, max_events=1)
     assert (end.stats["events"], len(tried)) == (1, 1)
 
@@ -105,7 +105,7 @@ def test_a_large_scene_takes_250_bytes_a_ball() -> None:
 
 def test_a_closer_look_in_a_large_scene_keeps_a_log_of_bounded_size(monkeypatch) -> None:
     """Whatever `max_events`: the rows of all of them would not fit into any memory."""
-    monkeypatch.setattr(blocks, "LARGE", 100)
+    monkeypatch.setattr(blocks, "BLOCKS_ABOVE", 100)
     scene = Scene([math.inf, *[1.0] * 120], np.zeros(121), np.linspace(1.0, 2.0, 120), np.zeros(121), 1.0)
     ends = [edmd.simulate(scene, ConstantRestitution(0.5), engine=e, max_events=10**15) for e in ("sorted", "compiled")]
     assert ends[0].status.name == "collapse"
@@ -115,11 +115,11 @@ def test_a_closer_look_in_a_large_scene_keeps_a_log_of_bounded_size(monkeypatch)
 def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_enough(monkeypatch) -> None:
     """Unless no more are asked for."""
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or work >= 500 * runs.LIKELY)
+    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or work >= 500 * runs.EXPECTED_PER_PAIR)
     for n, most, engine in ((100, 10**6, "sorted"), (600, 10**6, "compiled"), (600, 1, "sorted")):
         run = edmd.simulate(gas(n, n), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
         assert run.stats["engine"] == engine
-    assert asked[0] == 101 * (1 + runs.LIKELY)
+    assert asked[0] == 101 * (1 + runs.EXPECTED_PER_PAIR)
 
 
 def test_auto_goes_over_as_soon_as_the_pace_tells_that_it_pays(monkeypatch) -> None:

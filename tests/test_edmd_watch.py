@@ -47,7 +47,9 @@ def alone(law, pair, speed):
 
 def brute(scene, log, laws):
     """Numbers of disturbed rows, and the first later one with its lower pair, by looking at every two rows."""
-    slowest = isolation.SLOWEST * (np.ptp(scene.velocity) + math.sqrt(2.0 * scene.gravity * scene.gap.sum()))
+    slowest = isolation.SLOWEST_SPEED_SHARE * (
+        np.ptp(scene.velocity) + math.sqrt(2.0 * scene.gravity * scene.gap.sum())
+    )
     speed = np.maximum(log["v_in"][:, 0] - log["v_in"][:, 1], slowest)
     pair, time = log["pair"].tolist(), log["t_begin"].tolist()
     lasting = [alone(laws[c], scene.pairs[c], v) for c, v in zip(pair, speed.tolist(), strict=True)]
@@ -155,7 +157,7 @@ def test_same_with_every_engine_and_option(option, monkeypatch):
         pytest.importorskip("numba")
     scene, law = gas(5, 40, 1.0), LAWS["hertz"](0.02)
     plain = gr.edmd.simulate(scene, gr.ConstantRestitution(0.95), t_end=20.0, engine="sorted")
-    monkeypatch.setattr(run, "LOOK", 100)
+    monkeypatch.setattr(run, "REPORT_EVENTS", 100)
     rows = []
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.95), t_end=20.0, watch=law, on_event=rows.append, **option)
     assert hard.velocity[-1].tobytes() == plain.velocity[-1].tobytes()
@@ -170,11 +172,11 @@ def test_same_where_a_run_would_be_made_in_blocks_and_from_sorted_to_compiled(mo
     pytest.importorskip("numba")
     scene, law = gas(6, 60), LAWS["hertz"](0.02)
     once = watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, engine="sorted"))
-    monkeypatch.setattr(blocks, "LARGE", 10)
+    monkeypatch.setattr(blocks, "BLOCKS_ABOVE", 10)
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, engine="compiled", log=False)), once)
     monkeypatch.setattr(run, "pays", lambda work, has: work > 500)
-    monkeypatch.setattr(run, "TRIAL", 600)
-    monkeypatch.setattr(run, "LIKELY", 1)
+    monkeypatch.setattr(run, "EXTRAPOLATION_WORK", 600)
+    monkeypatch.setattr(run, "EXPECTED_PER_PAIR", 1)
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, max_events=3000)), once)
 
 

@@ -17,13 +17,13 @@ from granular._engine import files
 from granular.app import cli
 from granular.app.cli import ends
 
-ASKING = [signal.Signals(one) for one in ends.ASKING]
+ASKING = [signal.Signals(one) for one in ends.END_SIGNALS]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 PATIENCE = 600.0  # s that a loaded machine may take; nothing waits so long where it is right
 
 
 def handlers():
-    return [signal.getsignal(one) for one in ends.ASKING]
+    return [signal.getsignal(one) for one in ends.END_SIGNALS]
 
 
 @pytest.mark.parametrize("asked", ASKING)
@@ -52,7 +52,7 @@ def test_a_second_signal_does_not_disturb_who_sees_to_the_first():
 
 @posix
 def test_a_signal_that_a_library_swallows_is_heard_again(monkeypatch):
-    monkeypatch.setattr(ends, "AGAIN", 0.01)
+    monkeypatch.setattr(ends, "REPEAT_AFTER_SECONDS", 0.01)
 
     def swallowing():
         with suppress(KeyboardInterrupt):
@@ -141,7 +141,7 @@ def test_a_process_of_a_sweep_that_dies_is_one_sentence(tmp_path):
     pytest.importorskip("xarray")
     process = started(tmp_path, "-c", SLOW.replace("time.sleep(1e4)", "os.kill(os.getpid(), 9)"), *MAP)
     _, said = left_nothing(process)
-    assert process.returncode == cli.MISUSE
+    assert process.returncode == cli.EXIT_MISUSE
     assert said.startswith("granular: a process of the sweep was ended from outside")
     assert said.count("\n") == 1
     assert os.listdir(tmp_path) == ["map.nc"]

@@ -201,7 +201,7 @@ def test_rows_about_contacts_of_a_run_that_goes_on():
 def test_rows_that_cannot_be_told(monkeypatch):
     with pytest.raises(ValueError, match="`samples` must be one of contacts, got 'impacts'"):
         ENGINES["hard"](FLOOR, t_end=1.0, samples="impacts")
-    monkeypatch.setattr("granular._engine.check.MOST", 20)
+    monkeypatch.setattr("granular._engine.check.MAX_REQUESTED_COUNT", 20)
     with pytest.raises(ValueError, match="`samples` must give at most 20 samples, got 'contacts' with 183 "
                                          r"contacts\. Give a number of samples, or stop earlier with t_end= or "
                                          r"until=\."):

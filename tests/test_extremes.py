@@ -10,7 +10,7 @@ import granular as gr
 from granular.cases import Case
 from granular.laws.contact_law import resolve
 from granular.studies import extremes
-from granular.studies.extremes import AXES
+from granular.studies.extremes import EXTREME_AXES
 
 ONE = Case(gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.1], [0.0, -1.0]), gr.LinearDashpot(1e4, 20.0), t_end=1.0)
 LINE = Case(gr.Scene([1.0] * 3, [0.1] * 3, [0.1, 0.2], [1.0, 0.0, 0.0]), gr.Hertz(1e5), until=gr.until.separated())
@@ -26,7 +26,7 @@ def report():
     (gr.WaltonBraun(1e4, 2e4), 1.0),
 ])
 def test_stiffer_keeps_the_restitution(law, speed):
-    varied = AXES["stiffness"][0](Case(ONE.scene, law), 1e4).law
+    varied = EXTREME_AXES["stiffness"][0](Case(ONE.scene, law), 1e4).law
     pair = ONE.scene.pairs[0]
     before, after = (gr.binary.collision(one, pair, speed) for one in (law, varied))
     assert after.restitution == pytest.approx(before.restitution, rel=1e-9)
@@ -37,7 +37,7 @@ def test_what_is_pressed_keeps_its_forces_and_unlike_laws_their_restitutions():
     laws = [gr.LinearDashpot(1e6, 5.0), gr.Hertz(1e9), gr.WaltonBraun(1e6, 2e6), gr.ViscoelasticHertz(1e8, 50.0),
             gr.TsujiHertz(1e9, 0.3), gr.MatchedEnd(3.0, 1e6)]
     scene = gr.Scene([1.0] * 7, [0.1] * 7, [1e-2, *[-1e-5] * 5], [0.0] * 7)
-    stiff = AXES["stiffness"][0](Case(scene, laws), 1e4)
+    stiff = EXTREME_AXES["stiffness"][0](Case(scene, laws), 1e4)
     for c, (law, other, pair) in enumerate(zip(laws, stiff.law, scene.pairs, strict=True)):
         before, after = (resolve(one, pair).force(xi, 0.0, xi) for one, xi in (
             (law, -scene.gap[c]), (other, -stiff.scene.gap[c])))
@@ -46,12 +46,12 @@ def test_what_is_pressed_keeps_its_forces_and_unlike_laws_their_restitutions():
             eps = [gr.binary.restitution(one, pair, 1.0) for one in (law, other)]
             assert eps[1] == pytest.approx(eps[0], rel=1e-9)
     assert stiff.scene.gap[0] == 1e-2
-    assert AXES["gap"][0](Case(scene, laws), 1e-3).scene.gap.tolist() == [1e-5, *[-1e-5] * 5]
+    assert EXTREME_AXES["gap"][0](Case(scene, laws), 1e-3).scene.gap.tolist() == [1e-5, *[-1e-5] * 5]
 
 
 def test_what_is_varied():
     def varied(axis, factor, case=LINE):
-        return AXES[axis][0](case, factor)
+        return EXTREME_AXES[axis][0](case, factor)
 
     walled = Case(gr.scenes.three_balls(), [gr.LinearDashpot(1e6, 5.0)] * 2)
     assert varied("gap", 0.0, walled).scene.gap.tolist() == [walled.scene.gap[0], 0.0]
@@ -84,7 +84,7 @@ def test_error_of_a_step_is_that_against_the_closed_form(report):
 
 
 def test_what_changes_nothing_is_not_tried(report):
-    assert all("nothing" in report.left_out[f"gap × {factor:g}"] for factor in AXES["gap"][1])
+    assert all("nothing" in report.left_out[f"gap × {factor:g}"] for factor in EXTREME_AXES["gap"][1])
     assert not report.of("located", "gap × 0")
 
 
@@ -103,7 +103,7 @@ def test_refusals_are_flags_and_scenes_that_cannot_be_are_left_out(monkeypatch):
     def refuses(case, factor):
         raise ValueError("mass is too large.")
 
-    monkeypatch.setitem(extremes.AXES, "mass", (refuses, (1e3,)))
+    monkeypatch.setitem(extremes.EXTREME_AXES, "mass", (refuses, (1e3,)))
     assert gr.stability(LINE, axes="mass", methods="located").left_out == {"mass × 1000": "mass is too large."}
     far = Case(ONE.scene, ONE.law, until=gr.until.separated(), run={"t_start": 1e13})
     short = gr.stability(far, axes=(), methods="verlet").rows[1:]

@@ -89,6 +89,6 @@ def test_looks_on_the_way_are_a_matter_of_time_not_of_steps(monkeypatch):
 
 @pytest.mark.parametrize("chunk", [1, 700, 1 << 20])
 def test_as_many_steps_are_taken_as_are_allowed_wherever_one_looks(chunk, monkeypatch):
-    monkeypatch.setattr(fixed, "CHUNK", chunk)
+    monkeypatch.setattr(fixed, "FIRST_CHUNK_PAIR_STEPS", chunk)
     run = verlet(compressed(5), gr.Hertz(1e6), t_end=1.0, max_steps=1234)
     assert (run.status, run.stats["steps"]) == (gr.Status.max_events, 1234)

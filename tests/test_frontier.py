@@ -15,7 +15,7 @@ from granular._engine.reports import duration
 from granular.app import cli
 from granular.app.cli import output
 from granular.studies import reference
-from granular.studies.frontier_methods import METHODS, Task, contacts_of, errors, expected_orders, own
+from granular.studies.frontier_methods import FRONTIER_METHODS, Task, contacts_of, errors, expected_orders, own
 from granular.studies.frontiers import Frontier, Row
 
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
@@ -31,8 +31,8 @@ def scene_and_law(law=None):
 def coarse():
     """Fewer and coarser points than by default, so that tests are quick."""
     patch = pytest.MonkeyPatch()
-    patch.setattr("granular.studies.frontier_methods.POINTS", 5)
-    patch.setattr("granular.studies.frontier_methods.MOST_STEPS", {"compiled": 100_000, "plain": 20_000})
+    patch.setattr("granular.studies.frontier_methods.STEP_COUNT", 5)
+    patch.setattr("granular.studies.frontier_methods.MAX_STEPS_BY_ENGINE", {"compiled": 100_000, "plain": 20_000})
     yield
     patch.undo()
 
@@ -235,4 +235,4 @@ def test_command_names_its_mistakes(capsys):
     assert "one of located" in capsys.readouterr().err
     assert cli.main(["frontier", "three-balls", "--help"]) == 0
     printed = capsys.readouterr().out
-    assert all(name in printed for name in ("--plot", "--methods", "--restitution", *METHODS[:3]))
+    assert all(name in printed for name in ("--plot", "--methods", "--restitution", *FRONTIER_METHODS[:3]))

@@ -45,7 +45,7 @@ def cases() -> list[Any]:
 @pytest.mark.parametrize(("law", "gravity", "exact", "digits"), cases(), ids=lambda x: getattr(x, "__name__", str(x)))
 def test_contact_against_thirty_digits(law, gravity, exact, digits, monkeypatch):
     """Duration, speeds, impulse, peaks, and where the ball is when all is over: delay and displacement."""
-    monkeypatch.setattr(tables, "WARM", 1)
+    monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)
     gap, speed = 2.0**-10, 1.375
     scene = gr.Scene([INF, 1.0], [0.0, 0.1], [gap], [0.0, -speed], gravity)
     v = MP.sqrt(MP.mpf(speed) ** 2 + 2 * MP.mpf(gravity) * MP.mpf(gap))
@@ -76,7 +76,7 @@ SLOW = ("own Hertz", "softening", "own dashpot", "own with memory")
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_contact_against_pieces(name, gravity, monkeypatch):
     """Of every law, damped too, at random speeds and masses; samples in the contact, its run-off and its neighbours."""
-    monkeypatch.setattr(tables, "WARM", 1)
+    monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)
     rng = np.random.default_rng([LAWS.index(name), int(gravity)])
     for zeta in (0.02, 0.2):
         masses, v = rng.uniform(0.5, 2.0, 2), 10.0 ** rng.uniform(-0.5, 0.5)
@@ -113,7 +113,7 @@ class Bent:
 
 def test_a_law_that_bends_has_no_table_where_it_does(monkeypatch):
     """Not even beyond the last point of an octave of speeds."""
-    monkeypatch.setattr(tables, "WARM", 1)
+    monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)
     law = Bent(1e6, 0.9995 / math.sqrt(2e6))
     scene = gr.Scene([1.0, 1.0], [0.1, 0.1], [1e-3], [0.99995, 0.0])
     new, old = (run(scene, law, engine="plain").contacts for run in (gr.md.simulate, twin))
@@ -137,7 +137,7 @@ class DeadBand:
 @pytest.mark.parametrize("disturbed", ["resolve", "stop", "ignore"])
 def test_a_force_that_comes_back_is_another_contact(disturbed, monkeypatch):
     """In one overlap: the table of such a law was one contact where pieces have three."""
-    monkeypatch.setattr(tables, "WARM", 1)
+    monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)
     scene, law = gr.Scene([1.0, 1.0], [0.1, 0.1], [1e-3], [1.0, 0.0]), DeadBand(1e6, 1e-4, 2e-4)
     new, old = gr.md.simulate(scene, law, disturbed=disturbed), twin(scene, law)
     assert new.stats["contacts"] == old.stats["contacts"] == 3
@@ -156,7 +156,7 @@ def test_a_sample_at_the_onset_shows_the_force_that_sets_in():
 
 def test_the_error_of_a_table_counts_where_it_is_used(monkeypatch):
     """Not where the contact is disturbed, and solved by pieces after all."""
-    monkeypatch.setattr(tables, "WARM", 1)
+    monkeypatch.setattr(tables, "CONTACTS_BEFORE_TABLE", 1)
     law, mass, radius = gr.ViscoelasticHertz(1e7, 100.0), [INF, 1.0, 1.0], [0.0, 0.1, 0.1]
     far, near = (gr.Scene(mass, radius, [1e-3, gap], [0.0, -1.0, -1.0], 9.81) for gap in (1.0, 1e-6))
     run = gr.md.simulate(far, law, t_end=0.05, engine="plain")

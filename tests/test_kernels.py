@@ -85,9 +85,9 @@ def test_what_does_not_mention_the_name_is_not_copied():
 
 
 def test_a_name_that_nobody_reads_is_refused():
-    with pytest.raises(TypeError, match="outer cannot be specialised for SCALES: no kernel in it reads that name"):
+    with pytest.raises(TypeError, match="outer cannot be specialised for SCALES: none of its kernels reads that name"):
         specialised(outer, SCALES=1.0)
-    with pytest.raises(TypeError, match="outer cannot be specialised for DRIVE: no kernel in it reads that name"):
+    with pytest.raises(TypeError, match="outer cannot be specialised for DRIVE: none of its kernels reads that name"):
         fitted(outer, DRIVE=True)
     assert fitted(outer, DRIVEN=True) is outer
 

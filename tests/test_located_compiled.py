@@ -15,7 +15,7 @@ from granular.cases.scenes import gas
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.md import simulate as run
 from granular.md.located.many import Scenes, solve_many
-from granular.md.located.records import PAIR
+from granular.md.located.records import SOFT_PAIR_RECORD
 from granular.run.trajectory import Status
 from granular.scene import Scene
 from granular.scene.walls import Thermal
@@ -86,7 +86,7 @@ def test_solve_many_leaves_balls_that_come_to_rest_to_simulate() -> None:
 
 def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that bounces through the octaves of speed, each with a table; single runs make room, to the same bits."""
-    monkeypatch.setattr(sys.modules["granular.md.located.one_contact.tables"], "WARM", 1)
+    monkeypatch.setattr(sys.modules["granular.md.located.one_contact.tables"], "CONTACTS_BEFORE_TABLE", 1)
     monkeypatch.setattr(sys.modules["granular.md.located.system"], "TABLES", 2)
     ball, k = Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 0.0], 9.81), 1e9
     ends, gamma = [0.4, 0.78], 0.8 * k**0.6
@@ -118,7 +118,7 @@ def test_a_pool_that_grows_leaves_no_trace(scene: Scene, engine: str, monkeypatc
 
 def test_a_dilute_gas_is_small() -> None:
     """A pair in free flight has 128 bytes; a run without log holds about 300 a ball, its results among them."""
-    assert PAIR.itemsize <= 128
+    assert SOFT_PAIR_RECORD.itemsize <= 128
     scene, law = gas(n=20_000, length=20_000.0, seed=1), LinearDashpot(1e6)
     assert scene.pairs is not None
     run(scene, (law,) * (scene.n - 1), engine="compiled", log=False, max_events=10)

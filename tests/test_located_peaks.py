@@ -8,16 +8,18 @@ import numpy as np
 
 from granular._engine.roots import workspace
 from granular.md.located.pieces import heading, summit, value
-from granular.md.located.records import ORDER
+from granular.md.located.records import SERIES_ORDER
 
-WORK = workspace(ORDER)
+WORK = workspace(SERIES_ORDER)
 
 
 def drawn(seed: int) -> tuple[list[float], float]:
     """Coefficients that fall off like those of a step, in any order of sign, some of them steep at first; an end."""
     random = np.random.default_rng(seed)
-    fall = random.uniform(0.2, 1.5) ** np.arange(ORDER + 1) / [math.factorial(j) for j in range(ORDER + 1)]
-    row = random.normal(size=ORDER + 1) * fall * 10.0 ** -random.integers(0, 3)
+    fall = random.uniform(0.2, 1.5) ** np.arange(SERIES_ORDER + 1) / [
+        math.factorial(j) for j in range(SERIES_ORDER + 1)
+    ]
+    row = random.normal(size=SERIES_ORDER + 1) * fall * 10.0 ** -random.integers(0, 3)
     row[1] *= 10.0 ** random.integers(0, 3)
     return row.tolist(), float(random.choice([0.01, 0.5, 1.0, 3.0]))
 

@@ -46,8 +46,8 @@ def test_records_agree_under_random_actions(seed: int, monkeypatch: pytest.Monke
     time, taken = 0.0, 0
     check_blocks(one.s)
     for _ in range(25):
-        monkeypatch.setattr(pace, "PLAIN", int(rng.integers(1, 12)))
-        monkeypatch.setattr(pace, "COMPILED", int(rng.integers(1, 12)))
+        monkeypatch.setattr(pace, "MAX_PIECES_INTERPRETED", int(rng.integers(1, 12)))
+        monkeypatch.setattr(pace, "MAX_PIECES_COMPILED", int(rng.integers(1, 12)))
         time += float(rng.choice([0.0, 1e-4, 2e-3]))
         while one.to(time, False) is Pause.full:
             check_blocks(one.s)

@@ -74,8 +74,8 @@ def test_squeezed_between_two_walls(law):
 def test_rest_is_the_same_compiled(law, looks, monkeypatch):
     """Whether blocks that may rest are looked at interpreted, or by machine code too."""
     pytest.importorskip("numba")
-    monkeypatch.setattr("granular.md.located.pace.LOADING_LOOK", looks)
-    monkeypatch.setattr("granular.md.located.pace.MAKING_LOOK", looks)
+    monkeypatch.setattr("granular.md.located.pace.TEST_LOAD_SECONDS", looks)
+    monkeypatch.setattr("granular.md.located.pace.TEST_COMPILE_SECONDS", looks)
     one, other = (gr.md.simulate(drop(2), DAMPED[law], t_end=5.0, samples=7, engine=engine)
                   for engine in ("plain", "compiled"))
     for name in ("time", "position", "velocity", "gap", "force", "contacts"):

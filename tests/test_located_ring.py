@@ -125,7 +125,7 @@ def test_isolated_contacts_are_those_by_pieces(seed):
 def test_records_agree_and_runs_go_on(seed, monkeypatch):
     rng = np.random.default_rng([12, seed])
     monkeypatch.setattr(system, "ROOM", int(rng.choice([1, 64])))
-    monkeypatch.setattr(pace, "PLAIN", int(rng.integers(1, 12)))
+    monkeypatch.setattr(pace, "MAX_PIECES_INTERPRETED", int(rng.integers(1, 12)))
     scene, law = crowd(rng, 10), LAWS[seed % 5]
     request = requested(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
                         on_event=None, on_progress=None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.md.located.ending import SETTLED
+from granular.md.located.ending import STATIC_OVERLAP_TOLERANCE
 
 FLOOR = gr.Scene([math.inf, 1.0], [0.0, 0.1], [1.0], [0.0, 0.0], 9.81)
 PILE = gr.Scene([math.inf, 1.0, 0.5, 2.0], [0.0, 0.1, 0.1, 0.1], [0.3, 0.1, 0.05], [0.0] * 4, 9.81)
@@ -27,7 +27,7 @@ def test_overlaps_are_static_and_resumed_runs_are_bitwise_identical(scene, law, 
     run = gr.md.simulate(scene, law, engine=engine)
     assert run.status is gr.Status.resting
     still = gr.measures.static_overlaps(run)
-    assert (abs(run.gap[-1] + still) <= 2.0 * SETTLED * still).all()
+    assert (abs(run.gap[-1] + still) <= 2.0 * STATIC_OVERLAP_TOLERANCE * still).all()
     longer = gr.md.simulate(scene, law, engine=engine, t_end=float(run.time[-1]))
     assert len(longer.contacts) == len(run.contacts)  # none is added
     for share in (0.05, 0.3, 0.6, 0.95, 1.0):

@@ -39,7 +39,7 @@ def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
     from granular.md.fixed import run as fixed
 
     monkeypatch.setattr(fixed.Toll, "due", lambda self: True)
-    monkeypatch.setattr(fixed, "CHUNK", chunk)
+    monkeypatch.setattr(fixed, "FIRST_CHUNK_PAIR_STEPS", chunk)
     scene, law = three_balls()
     options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
     auto, plain = (verlet(scene, law, engine=e, **options) for e in ("auto", "plain"))
@@ -76,7 +76,7 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
             return self.k * max(0.0, xi)
 
     monkeypatch.setattr(fixed.Toll, "due", lambda self: True)
-    monkeypatch.setattr(fixed, "CHUNK", 50)
+    monkeypatch.setattr(fixed, "FIRST_CHUNK_PAIR_STEPS", 50)
     run = verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2)
     assert run.stats["engine"] == "plain"
     assert "Wordy" in run.stats["note"]

@@ -167,8 +167,8 @@ def test_however_many_threads_step_a_chain_the_bits_are_the_same(ring, options, 
         met += 1
         return take_steps(*given)
 
-    take_steps = abreast.MARCH["take_steps"]
-    monkeypatch.setitem(abreast.MARCH, "take_steps", counted)
+    take_steps = abreast.MARCH_REPLACEMENTS["take_steps"]
+    monkeypatch.setitem(abreast.MARCH_REPLACEMENTS, "take_steps", counted)
     for parts in (1, 2, 5):
         monkeypatch.setattr(abreast, "parts", lambda pairs, parts=parts: parts)
         runs.append(run(scene, gr.LinearDashpot(1e5, 5.0), dt=2e-4, t_end=0.05, engine="compiled", **options))

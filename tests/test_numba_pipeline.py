@@ -127,10 +127,9 @@ assert "granular._engine.numba_pipeline" not in sys.modules
 
 
 def test_both_pipelines_have_their_own_files_in_the_cache(pipeline, monkeypatch, tmp_path):
-    function = toy()
     for fast in (True, False):
         monkeypatch.setattr(Mode, "fast", fast)
-        result(compiled(function))
+        result(compiled(toy()))
     assert len({path.name for path in tmp_path.rglob("*.nbi") if "highest" in path.name}) == 2
 
 

@@ -12,7 +12,7 @@ from bench import mutants
 from granular._engine import kernels
 from granular._engine.package import EXTRAS, NAME, install
 from granular.app.cli import installation
-from granular.app.page.assemble import LIVE, PLAYER, _needed
+from granular.app.page.assemble import LIVE_PARTS, PLAYER_PARTS, _needed
 
 pytestmark = pytest.mark.core
 ROOT = Path(__file__).parent.parent
@@ -37,7 +37,7 @@ def test_every_file_of_the_package_is_read_by_it():
     """None is there for tests only."""
     page = ROOT / "granular" / "app" / "page"
     files = {str(file.relative_to(page)) for file in page.rglob("*.*") if file.suffix in (".mjs", ".css", ".html")}
-    read = {name for parts in (LIVE, PLAYER) for name in (*_needed(parts[1]), parts[0], *parts[2:])}
+    read = {name for parts in (LIVE_PARTS, PLAYER_PARTS) for name in (*_needed(parts[1]), parts[0], *parts[2:])}
     assert files == read | {"shell/shell.html", "shell/transport.html"}
 
 
@@ -47,9 +47,9 @@ def test_info_says_what_is_missing_and_who_else_is_there(granular, monkeypatch):
     monkeypatch.setattr("granular._engine.files.version_of", lambda name: versions.get(name, "1.0"))
     code, out, _ = granular("info --json found.json")
     assert code == 0
-    assert out.startswith(f"{NAME} {gr.__version__}, in {installation.FOLDER}\n")
+    assert out.startswith(f"{NAME} {gr.__version__}, in {installation.PACKAGE_FOLDER}\n")
     assert f"extra plot   matplotlib missing: {install('plot')}\n" in out
-    assert out.endswith(f"granular 0.24.2 installs a package granular too: {installation.REMEDY}\n")
+    assert out.endswith(f"granular 0.24.2 installs a package granular too: {installation.REINSTALL_HINT}\n")
     found = json.loads(Path("found.json").read_text(encoding="utf-8"))
     assert (found["others"], found["extras"]["plot"]) == (["granular 0.24.2"], {"matplotlib": None})
 
@@ -59,7 +59,7 @@ def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatc
     monkeypatch.setattr(installation, "packages_distributions", dict)
     code, _, err = granular("scenes")
     assert (code, err) == (2, f"granular: {installation.overwritten()}\n")
-    assert "another package was installed over it, or uninstalled; uninstall it and install" in err
+    assert "another package was installed over it, or uninstalled. Uninstall it and install" in err
     code, out, err = granular("info")
     assert (code, err) == (2, f"granular: {installation.overwritten()}\n")
     assert out.startswith(NAME)

@@ -27,7 +27,7 @@ def test_the_page_is_one_small_file_that_loads_nothing(tmp_path) -> None:
     assert set(re.findall(r"https?://[^\s\"']+", html)) == {"http://www.w3.org/2000/svg"}  # a name, not an address
 
 
-@pytest.mark.parametrize("scene", opening.SCENES)
+@pytest.mark.parametrize("scene", opening.PAGE_SCENES)
 def test_a_page_of_two_languages_weighs_at_most_200_kb(scene, tmp_path, monkeypatch) -> None:
     live_page(tmp_path / "page.html", scene)
     assert (tmp_path / "page.html").stat().st_size < 270_000  # of six
@@ -56,16 +56,16 @@ def test_what_can_be_set_are_the_sliders_of_the_page() -> None:
     script = LIMITS.replace("SETUPS\")", f'{(Path(opening.__file__).parent / "physics/setups.mjs").as_uri()}")')
     told = subprocess.run([node, "--input-type=module", "-e", script], capture_output=True, text=True, check=True)
     sliders = json.loads(told.stdout)
-    assert set(sliders) == set(opening.SCENES) - {"story"}
+    assert set(sliders) == set(opening.PAGE_SCENES) - {"story"}
     for scene, limits in sliders.items():
-        ours = {s.slider: [s.least, s.most, s.zero] for s in opening.SETTINGS[scene].values()
+        ours = {s.slider: [s.least, s.most, s.zero] for s in opening.SCENE_SETTINGS[scene].values()
                 if not isinstance(s, opening.Kind)}
         assert ours == limits
 
 
 def test_every_setting_of_every_scene_reaches_the_link() -> None:
     random = np.random.default_rng(16)
-    for scene in opening.SCENES:
+    for scene in opening.PAGE_SCENES:
         for name, setting in opening.settings(scene).items():
             if name == "moving":
                 continue
@@ -92,7 +92,7 @@ def test_modules_are_bundled_each_once_after_what_they_need() -> None:
     assert script.index("function firstUpCrossing(") < script.index("function simulateSoft(")
 
 
-@pytest.mark.parametrize("main_module", [assemble.LIVE[1], assemble.PLAYER[1]])
+@pytest.mark.parametrize("main_module", [assemble.LIVE_PARTS[1], assemble.PLAYER_PARTS[1]])
 def test_no_two_modules_of_a_page_have_a_name_in_common(main_module) -> None:
     """They share one scope, so what is a module's own would be another's too."""
     top = re.compile(r"^(?:export )?(const|let|(?:async )?function\*?|class) ([\w$]+)(.*)", re.MULTILINE)
@@ -116,7 +116,7 @@ def test_a_script_keeps_its_texts_and_patterns() -> None:
 def test_no_template_of_a_script_is_inside_another() -> None:
     """What is inside one is taken for code, and loses its spaces."""
     for module in Path(assemble.__file__).parent.rglob("*.mjs"):
-        templates = re.findall(assemble.KEPT[2], module.read_text(encoding="utf-8"))
+        templates = re.findall(assemble.LITERAL_PATTERNS[2], module.read_text(encoding="utf-8"))
         assert all(one.count("${") <= one.count("}") for one in templates), module.name
 
 
@@ -125,13 +125,13 @@ def test_every_name_a_module_imports_reaches_the_bundle() -> None:
     imports = re.compile(r'^import \{([^}]*)\} from "([^"]+)"', re.MULTILINE)
     for module in folder.rglob("*.mjs"):
         for names, path in imports.findall(module.read_text(encoding="utf-8")):
-            given = assemble.EXPORT.findall((module.parent / path).read_text(encoding="utf-8"))
+            given = assemble.EXPORT_PATTERN.findall((module.parent / path).read_text(encoding="utf-8"))
             assert {name.strip() for name in names.split(",")} <= set(given), f"{module.name} imports from {path}"
 
 
 def test_text_cannot_break_out_of_the_page(tmp_path) -> None:
     assert "</script" not in assemble.embedded({"name": "</script><b>"})
-    assert "<title>&quot;&gt;&lt;b&gt;" in assemble.page(assemble.PLAYER, '"><b>', data={})
+    assert "<title>&quot;&gt;&lt;b&gt;" in assemble.page(assemble.PLAYER_PARTS, '"><b>', data={})
 
 
 @pytest.mark.thirds

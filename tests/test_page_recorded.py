@@ -22,8 +22,8 @@ def test_a_short_run_is_recorded_whole(cradle) -> None:
 
 
 def test_a_long_run_is_thinned_out_evenly_and_every_contact_is_counted(monkeypatch) -> None:
-    monkeypatch.setattr(recording, "CONTACTS", 50)
-    monkeypatch.setattr(recording, "ROWS", 20)
+    monkeypatch.setattr(recording, "MAX_CONTACTS", 50)
+    monkeypatch.setattr(recording, "MAX_SAMPLES", 20)
     scene = gr.scenes.gas(n=30)
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=20 * float(scene.gap.mean()), samples=300)
     data = recording.recorded(run, "gas")
@@ -51,7 +51,7 @@ def test_velocities_are_kept_as_shares_of_the_largest(cradle) -> None:
 
 
 def test_a_wave_narrower_than_a_lane_is_not_lost(monkeypatch) -> None:
-    monkeypatch.setattr(recording, "MAP", (600, 8))
+    monkeypatch.setattr(recording, "MAP_SIZE", (600, 8))
     run = gr.edmd.simulate(gr.scenes.chain(n=40), gr.ConstantRestitution(1.0), t_end=1.0, samples=30)
     field = recording.recorded(run, "chain")["field"]
     values = unpacked(field["values"], "i1").reshape(30, 8)

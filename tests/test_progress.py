@@ -61,7 +61,7 @@ def test_function_of_other_arguments_is_refused_at_once(verb):
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_shows_how_far_it_is(verb, monkeypatch, capsys):
-    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    monkeypatch.setattr(progress, "LINE_INTERVAL", 0.0)
     told = []
     VERBS[verb](on_progress=lambda reached, count: told.append((reached, count)), progress=True)
     lines = capsys.readouterr().err.splitlines()

@@ -67,8 +67,8 @@ def test_an_integrator_is_a_row_of_a_table(monkeypatch):
 
 
 def test_a_tie_rule_is_a_name_and_an_order_or_its_equations(monkeypatch):
-    monkeypatch.setitem(physics.ORDER, "mine", physics.GROUP)
-    monkeypatch.setitem(ties.RULES, "mine", ties.poisson)
+    monkeypatch.setitem(physics.TIE_ORDERS, "mine", physics.GROUP)
+    monkeypatch.setitem(ties.TIE_RULES, "mine", ties.poisson)
     scene, rule = gr.scenes.newtons_cradle(3, gap=0.0), gr.ConstantRestitution(1.0)
     mine, poisson = (gr.edmd.simulate(scene, rule, ties=name, t_end=1.0) for name in ("mine", "poisson"))
     assert (mine.velocity == poisson.velocity).all()
@@ -83,7 +83,7 @@ def test_a_command_is_a_class_and_its_name(monkeypatch, capsys):
             print(parser.case_of(given).scene.n)
 
     monkeypatch.setitem(sys.modules, "granular.app.cli.mine", SimpleNamespace(Mine=Mine))
-    monkeypatch.setitem(parser.COMMANDS, "mine", "mine:Mine")
+    monkeypatch.setitem(parser.COMMAND_CLASSES, "mine", "mine:Mine")
     assert main(["mine", "newtons-cradle", "--n", "7"]) == 0
     assert capsys.readouterr().out == "7\n"
     assert main(["--help"]) == 0

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from granular._engine.kernels import compiled, have_numba
-from granular._engine.roots import NEVER, first_up_crossing, workspace
+from granular._engine.roots import NO_ROOT, first_up_crossing, workspace
 
 DEGREE = 20
 WORK = workspace(DEGREE + 4)
@@ -138,7 +138,7 @@ def assert_certified(p: list[float], theta: float, t: float) -> None:
     while exact and exact[0] == 0:
         del exact[0]
     if not exact:
-        assert t == NEVER
+        assert t == NO_ROOT
         return
     noise = 2 * Fraction(noise_of(p, theta))
     if exact[0] > 0:
@@ -146,7 +146,7 @@ def assert_certified(p: list[float], theta: float, t: float) -> None:
         return
     latest = exact_first_up([exact[0] - noise, *exact[1:]], length)
     earliest = exact_first_up([exact[0] + noise, *exact[1:]], length)
-    if t == NEVER:
+    if t == NO_ROOT:
         assert latest is None
     else:
         assert 0.0 <= t <= theta
@@ -170,7 +170,7 @@ def test_roots_at_the_ends_are_right_to_rounding(kind: Kind) -> None:
     for p, theta in sample(kind, 50):
         t = first_up_crossing(p, theta, WORK)
         exact = exact_first_up([Fraction(c) for c in p], Fraction(theta))
-        if t == NEVER:  # what is left of p after a root next to the right end may drown in its noise
+        if t == NO_ROOT:  # what is left of p after a root next to the right end may drown in its noise
             assert kind is near_right_end
             assert sum(p) <= noise_of(p, theta)
         else:
@@ -182,7 +182,7 @@ def test_simple_roots_are_right_to_their_condition() -> None:
     for p, theta in sample(taylor, 100):
         t = first_up_crossing(p, theta, WORK)
         exact = exact_first_up([Fraction(c) for c in p], Fraction(theta))
-        slope = sum(j * c * t ** (j - 1) for j, c in enumerate(p) if j) if t != NEVER else 0.0
+        slope = sum(j * c * t ** (j - 1) for j, c in enumerate(p) if j) if t != NO_ROOT else 0.0
         if exact is not None and slope > 1e-3:
             size = sum(abs(c) * t**j for j, c in enumerate(p))
             assert abs(t - float(exact)) <= 4 * 2.0**-52 * (t + size / slope)
@@ -193,7 +193,7 @@ def test_nothing_a_dense_sampling_sees_is_missed(kind: Kind) -> None:
     grid = np.linspace(0.0, 1.0, 1001)[1:]
     for p, theta in sample(kind, 300):
         above = np.polynomial.polynomial.polyval(grid * theta, p) > 2 * noise_of(p, theta)
-        seen = float(grid[above.argmax()]) * theta if above.any() else NEVER
+        seen = float(grid[above.argmax()]) * theta if above.any() else NO_ROOT
         assert first_up_crossing(p, theta, WORK) <= seen
 
 
@@ -210,16 +210,16 @@ def test_compiled_gives_the_same_bits() -> None:
     ("p", "theta", "root"),
     [
         ([-1.0, 2.0], 1.0, 0.5),
-        ([-1.0, 2.0], 0.4, NEVER),
+        ([-1.0, 2.0], 0.4, NO_ROOT),
         ([1.0, -1.0], 1.0, 0.0),  # already above
         ([0.0, 1.0], 1.0, 0.0),  # rising from an exact zero
         ([0.0, -1.0, 4.0], 1.0, 0.25),  # a root just left is not found again, the next one is
-        ([0.0, 0.0, 0.0], 1.0, NEVER),
-        ([0.0], 1.0, NEVER),
-        ([-0.0, -1.0], 1.0, NEVER),
-        ([-1.0, 2.0], 0.0, NEVER),
-        ([-0.25, 1.0, -1.0], 1.0, NEVER),  # touches zero from below
-        ([-0.25 * (1 - 2.0**-53), 1.0, -1.0], 1.0, NEVER),  # a hump of 3e-17: nobody can tell
+        ([0.0, 0.0, 0.0], 1.0, NO_ROOT),
+        ([0.0], 1.0, NO_ROOT),
+        ([-0.0, -1.0], 1.0, NO_ROOT),
+        ([-1.0, 2.0], 0.0, NO_ROOT),
+        ([-0.25, 1.0, -1.0], 1.0, NO_ROOT),  # touches zero from below
+        ([-0.25 * (1 - 2.0**-53), 1.0, -1.0], 1.0, NO_ROOT),  # a hump of 3e-17: nobody can tell
         ([0.125, -0.75, 1.0], 1.0, 0.0),
         ([-0.125, 0.75, -1.0], 1.0, 0.25),  # up at 1/4, down at 1/2
         ([-1.0, 0.0, 0.0, 8.0], 1.0, 0.5),

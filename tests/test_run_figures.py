@@ -72,8 +72,8 @@ def test_scales_and_an_empty_log(size):
 
 def test_of_many_contacts_some_are_marked_which_is_said():
     run = gr.edmd.simulate(gas(20), gr.ConstantRestitution(1.0), t_end=12.0)
-    assert len(run.contacts) > figures.MOST
-    every = 1 + len(run.contacts) // figures.MOST
+    assert len(run.contacts) > figures.MAX_MARKS
+    every = 1 + len(run.contacts) // figures.MAX_MARKS
     said = [text.get_text() for text in run.plot().axes[0].get_legend().get_texts()]
     assert said[1] == f"a contact begins (one of {every} shown)"
 

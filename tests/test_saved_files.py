@@ -69,7 +69,7 @@ def test_the_table_holds_all_that_is_public_and_nothing_that_is_a_function(files
     names = ["force", "__call__", "panels", "drawn"]
     physics = [one for one in public if dataclasses.is_dataclass(one) and any(map(vars(one).__contains__, names))]
     places = {f"{one.__module__}:{one.__qualname__}" for one in physics if one is not gr.walls.Motion}
-    assert places | {"granular.md.binary:LawRestitution"} == describe.WORDS.keys()
+    assert places | {"granular.md.binary:LawRestitution"} == describe.CLASS_WORDS.keys()
     moved = gr.Trajectory.load(files / "soft_motion.npz").scene.floor
     assert isinstance(moved, gr.walls.Panels)
     assert moved.displacement(0.1) == pytest.approx(saved_scenes.MOTION.displacement(0.1), rel=1e-13)
@@ -219,7 +219,7 @@ def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
             gr.Trajectory.load(tmp_path / "bomb.npz")
 
 
-OLDER = {"noise", *wall_state.SUMS}
+OLDER = {"noise", *wall_state.BALANCE_FIELDS}
 """What files of some release lack."""
 HARD_NAMES = [name for name in saved_scenes.cut("hard", "sine").state if name not in OLDER]
 
@@ -326,8 +326,8 @@ def test_a_device_is_no_file(tmp_path):
         pytest.skip("this system has no such device")
     link.symlink_to("/dev/zero")
     for path in ("/dev/zero", link):
-        with pytest.raises(ValueError, match=r"`path` must be a regular file, got '.*test_a_device_is\.\.\.\. A "
-                                             r"device or a pipe cannot be read here\."):
+        with pytest.raises(ValueError, match=r"`path` must be a regular file, got '.*\. A device or a pipe "
+                                             r"cannot be read here\."):
             gr.Trajectory.load(path)
 
 

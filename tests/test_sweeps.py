@@ -10,7 +10,7 @@ import pytest
 import granular as gr
 from granular.cases import Case, make
 from granular.studies.sweeps import axis
-from granular.studies.sweeps.results import CODE, RESULTS
+from granular.studies.sweeps.results import RESULTS, STATUS_CODES
 
 xr = pytest.importorskip("xarray")
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "paper_points.json").read_text(encoding="utf-8"))
@@ -79,11 +79,12 @@ def test_units_and_provenance():
 @pytest.mark.usefixtures("interpreted")
 def test_failing_cells_carry_their_status():
     data = gr.sweep("three-balls", {"height": [0.05, 0.6]}, ("contacts", "hard_status"))
-    assert data["status"].values.tolist() == [CODE["misuse"], CODE["until"]]
+    assert data["status"].values.tolist() == [STATUS_CODES["misuse"], STATUS_CODES["until"]]
     assert data["contacts"].values.tolist() == [[-1, -1], [1, 4]]
     assert data.attrs["refusal"].startswith("`height` must be a finite number of at least 0.1, got 0.05. ")
     heavy = gr.sweep("three-balls", "restitution=0.005,0.7", "contacts")
-    assert heavy["status"].values.tolist() == [CODE["time"], CODE["until"]]  # it rests, and is followed to t_end
+    # it rests, and is followed to t_end
+    assert heavy["status"].values.tolist() == [STATUS_CODES["time"], STATUS_CODES["until"]]
 
 
 def test_cases_and_results_of_ones_own():
@@ -182,8 +183,8 @@ def test_threads_are_a_whole_number():
 
 
 def test_status_codes_in_files_keep_their_meaning():
-    from granular.studies.sweeps.results import STATUS
+    from granular.studies.sweeps.results import STATUS_NAMES
 
     names = ["time", "until", "quiet", "resting", "collapse", "disturbed", "max_events", "unstable", "misuse", "broken",
              "bounded"]
-    assert dict(enumerate(names)) | {-1: "not_run"} == {code: STATUS[code] for code in range(-1, len(names))}
+    assert dict(enumerate(names)) | {-1: "not_run"} == {code: STATUS_NAMES[code] for code in range(-1, len(names))}

@@ -8,13 +8,13 @@ import pytest
 
 import granular as gr
 from granular.studies.sweeps import schedule
-from granular.studies.sweeps.results import CODE
+from granular.studies.sweeps.results import STATUS_CODES
 
 xr = pytest.importorskip("xarray")
 
 
 def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
-    monkeypatch.setattr(schedule, "LONGEST", 0.0)  # batches of one cell, whatever the machine's speed
+    monkeypatch.setattr(schedule, "MAX_BATCH_SECONDS", 0.0)  # batches of one cell, whatever the machine's speed
     over, file = ["restitution=0.3:1:20", "gap=1e-6:1e-3:20:log"], tmp_path / "map.nc"
     seen = []
 
@@ -26,7 +26,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         gr.sweep("three-balls", over, save=file, on_progress=watch)
     stopped = xr.load_dataset(file)
-    left = int((stopped["status"] == CODE["not_run"]).sum())
+    left = int((stopped["status"] == STATUS_CODES["not_run"]).sum())
     assert 0 < left < 400
     again = []
     data = gr.sweep("three-balls", over, save=file, on_progress=lambda *so_far: again.append(so_far))
@@ -57,7 +57,7 @@ def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_pa
 def test_a_map_without_an_answer_and_without_a_reason_is_refused(tmp_path):
     file = tmp_path / "map.nc"
     data = gr.sweep("three-balls", "gap=1e-5,1e-4", save=file).load()
-    data["status"][:] = CODE["misuse"]
+    data["status"][:] = STATUS_CODES["misuse"]
     data.to_netcdf(file, engine="netcdf4")
     with pytest.raises(ValueError, match=r"All cells of PosixPath\('.*map\.nc'\) were refused, and the file does "
                                          r"not say why\. Remove the file\."):

@@ -41,8 +41,8 @@ def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
 def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkeypatch):
     """After 16 cells the others are compiled if one by one they would take longer than making the machine code."""
     solved, known = [], located.solve_many
-    monkeypatch.setattr(schedule, "LOADING", making)
-    monkeypatch.setattr(schedule, "MAKING", making)
+    monkeypatch.setattr(schedule, "LOADING_SECONDS", making)
+    monkeypatch.setattr(schedule, "COMPILING_SECONDS", making)
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: False)
     monkeypatch.setattr(located, "solve_many", lambda many, **end: solved.append(len(many.gap)) or known(many, **end))
     data = gr.sweep("three-balls", ["gap=1e-7:1e-2:40:log"], "contacts")
@@ -51,7 +51,7 @@ def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkey
 
 
 def test_any_executor_gives_the_same_bits(monkeypatch):
-    monkeypatch.setattr(schedule, "SHORTEST", 0.005)
+    monkeypatch.setattr(schedule, "MIN_BATCH_SECONDS", 0.005)
     over = ["restitution=0.3:1:20", "gap=1e-7:1e-2:20:log"]
     here = gr.sweep("three-balls", over, sorted(FAST))
     with ProcessPoolExecutor(2) as pool:
@@ -71,19 +71,19 @@ def test_any_number_of_threads_gives_the_same_bits(workers, threads, monkeypatch
     here = gr.sweep("three-balls", over, sorted(FAST), workers=1)
     monkeypatch.setattr(located, "solve_many", solve_many)
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
-    monkeypatch.setattr(schedule, "WORTH", 0.0)
+    monkeypatch.setattr(schedule, "MIN_THREADED_SECONDS", 0.0)
     assert here.identical(gr.sweep("three-balls", over, sorted(FAST), workers=workers))
     assert len(names - {"MainThread"}) <= threads
     assert (len(names) > 1) == (threads > 0)
     names.clear()
-    monkeypatch.setattr(schedule, "WORTH", math.inf)
+    monkeypatch.setattr(schedule, "MIN_THREADED_SECONDS", math.inf)
     gr.sweep("three-balls", over, "contacts", workers=workers)
     assert names == {"MainThread"}
 
 
 def test_an_interrupted_sweep_in_threads_leaves_none_and_keeps_what_is_done(monkeypatch, tmp_path):
-    monkeypatch.setattr(schedule, "WORTH", 0.0)
-    monkeypatch.setattr(schedule, "SHORTEST", 0.0)  # several batches, whatever the machine's speed
+    monkeypatch.setattr(schedule, "MIN_THREADED_SECONDS", 0.0)
+    monkeypatch.setattr(schedule, "MIN_BATCH_SECONDS", 0.0)  # several batches, whatever the machine's speed
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
 
     def interrupt(reached, count):

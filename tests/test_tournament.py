@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granular._engine.kernels import compiled
-from granular._engine.records import LAST, NODE, column, copied, leaf, one, packed, plain, play, replay, tournament
+from granular._engine.records import EMPTY_KEY, NODE, column, copied, leaf, one, packed, plain, play, replay, tournament
 
 FIELDS = np.dtype([("x", float), ("hits", int), ("series", float, (3,))], align=True)
 
@@ -46,7 +46,7 @@ def test_nobody_is_due_at_first() -> None:
     tree = tournament(5)
     assert len(tree) == 16
     assert np.isinf(tree["due"]).all()
-    assert tree["key"].tolist() == [LAST] * 8 + [0, 1, 2, 3, 4] + [LAST] * 3
+    assert tree["key"].tolist() == [EMPTY_KEY] * 8 + [0, 1, 2, 3, 4] + [EMPTY_KEY] * 3
 
 
 def test_records_become_plain_objects_and_come_back() -> None:

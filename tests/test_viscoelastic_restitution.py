@@ -21,7 +21,7 @@ from granular.laws.viscoelastic_restitution import (
     PADE_B4,
     PADE_C1,
     Q_END,
-    SERIES,
+    SERIES_TERMS,
     damping,
     duration,
     peaks,
@@ -93,15 +93,15 @@ def test_no_digits_are_lost_near_elastic() -> None:
     for loss in (1e-3, 1e-6, 1e-9, 1e-12, 1e-15):
         eps = 1.0 - loss
         lost = 1.0 - eps  # exactly
-        h2, h4, h5 = SERIES[2], SERIES[4], SERIES[5]
+        h2, h4, h5 = SERIES_TERMS[2], SERIES_TERMS[4], SERIES_TERMS[5]
         b = damping(eps)
         assert -(h2 * b + h4 * b * b + h5 * b * b * math.sqrt(b)) == pytest.approx(lost, rel=b * b + 1e-15, abs=0.0)
 
 
 def test_series_coefficients() -> None:
     h2 = -math.sqrt(math.pi) * math.gamma(0.6) / (2**0.2 * 5**0.4 * math.gamma(2.1))
-    assert pytest.approx([1.0, 0.0, h2, 0.0, 0.6 * h2 * h2, 4.0 / 15.0], rel=4e-15, abs=1e-25) == SERIES[:6]
-    for h, row in zip(SERIES, KNOWN["series"], strict=True):
+    assert pytest.approx([1.0, 0.0, h2, 0.0, 0.6 * h2 * h2, 4.0 / 15.0], rel=4e-15, abs=1e-25) == SERIES_TERMS[:6]
+    for h, row in zip(SERIES_TERMS, KNOWN["series"], strict=True):
         assert h == pytest.approx(row["h"], rel=0.0, abs=row["uncertainty"])
 
 

@@ -12,7 +12,7 @@ import granular as gr
 from granular._engine import kernels
 from granular._engine.records import one, plain
 from granular.scene.walls import Motion, Piecewise, Sine
-from granular.scene.walls.gap import NOISE, after
+from granular.scene.walls.gap import GAP_NOISE, after
 from granular.scene.walls.hits import first_hit, lift_off, pressing_bounds
 from granular.scene.walls.path import expansion, phase, wall_at
 
@@ -58,9 +58,9 @@ def test_a_gap_later_on_is_right_to_rounding():
             got = after(*records(wall, side), t, tail, gap, rate, pull, s)
             exact = Exact(wall, side, t, tail, gap, rate, pull)
             of_rate = abs(rate) + min(wall.omega * s, 2.0) * wall.amplitude * wall.omega + abs(pull) * s
-            of_gap = gap + s * of_rate if wall.omega * s < 0.1 else exact.noise(s) / NOISE
-            assert abs(got[0] - exact(s)[0]) <= NOISE * of_gap
-            assert abs(got[1] - exact(s)[1]) <= NOISE * (of_rate + of_gap / s)
+            of_gap = gap + s * of_rate if wall.omega * s < 0.1 else exact.noise(s) / GAP_NOISE
+            assert abs(got[0] - exact(s)[0]) <= GAP_NOISE * of_gap
+            assert abs(got[1] - exact(s)[1]) <= GAP_NOISE * (of_rate + of_gap / s)
 
 
 def test_small_bounces_keep_their_digits_anywhere_on_the_path():

@@ -119,7 +119,7 @@ def test_smooth_functions_are_fitted_over_any_span(end, height):
 
 
 def test_a_function_with_too_many_turns_is_refused(monkeypatch):
-    monkeypatch.setattr("granular.scene.walls.motion.MOST", 100)
+    monkeypatch.setattr("granular.scene.walls.motion.MAX_WALL_PANELS", 100)
     with pytest.raises(ValueError, match="`function` must be representable by 100 polynomials, got 83 up to t = "
                                          r"0\.01171875 s\. Use a shorter run, or granular\.walls\.Sine for a "
                                          r"harmonic motion\."):

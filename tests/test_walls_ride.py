@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from walls_at_random import INF, G, records, scenes
 
 from granular.scene.walls import Piecewise, Sine, path
-from granular.scene.walls.gap import NOISE, after
+from granular.scene.walls.gap import GAP_NOISE, after
 from granular.scene.walls.hits import first_hit, lift_off, pressing_bounds
 from granular.scene.walls.path import wall_at
 
@@ -29,7 +29,7 @@ def test_lift_off_where_the_wall_falls_as_the_ball_does(gamma, side):
     a, omega = mp.mpf(wall.amplitude), 2 * mp.pi * 50
     off = 0 if side > 0 else mp.mpf(wall.phase) - mp.pi
     when = (mp.asin(G / (a * omega**2)) - off) / omega + mp.mpf(1e-3)
-    allowed = 4 * NOISE * gamma / max(math.sqrt(gamma**2 - 1), 1e-7) / wall.omega
+    allowed = 4 * GAP_NOISE * gamma / max(math.sqrt(gamma**2 - 1), 1e-7) / wall.omega
     assert rate == 0.0
     assert abs(s - when) <= allowed + 1e-16 * s
     x = after(*floor, 20.0, -1e-3, 0.0, 0.0, G, s)

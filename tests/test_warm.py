@@ -46,7 +46,7 @@ def test_warm_makes_code_for_every_kind_of_ready_made_scene(granular, stubbed):
     assert (code, err, stubbed.count(MAPS)) == (0, "", 1)
     made = [call for call in stubbed if call != MAPS]
     assert {dict(call[2:])["engine"] for call in made} == {"compiled"}
-    assert len(made) == len(set(made)) == len(installation.SCENES) * len(installation.WAYS)
+    assert len(made) == len(set(made)) == len(installation.WARM_SCENES) * len(installation.WARM_RUNS)
     assert {call[0] for call in made} == {frozenset(cases.make(name).scene._flags) for name in cases.names()
                                           if name != "compressed-chain"}
     lines = out.splitlines()
@@ -58,7 +58,7 @@ def test_warm_makes_code_for_every_kind_of_ready_made_scene(granular, stubbed):
 def test_code_that_is_there_is_not_made_again(granular, stubbed):
     first, again = (granular("warm ring-gas")[1].splitlines() for _ in range(2))
     assert first[1].endswith(" s")
-    assert [line.split()[0] for line in again[1:]] == ["ring-gas"] * len(installation.WAYS)
+    assert [line.split()[0] for line in again[1:]] == ["ring-gas"] * len(installation.WARM_RUNS)
     assert all(line.endswith("there already") for line in again[1:])
 
 
@@ -67,8 +67,8 @@ def test_what_is_run_calls_what_other_runs_may():
     again."""
     ways = installation.ways(cases.make("three-balls"))
     hard, soft = (replace(ways[kind].func.__self__, run={}) for kind in ("hard", "soft"))
-    assert hard.simulate("edmd", **installation.END).stats["zooms"] == 1
-    end = installation.END | {"t_end": 0.5}
+    assert hard.simulate("edmd", **installation.WARM_END).stats["zooms"] == 1
+    end = installation.WARM_END | {"t_end": 0.5}
     assert len(soft.simulate("md", **end).contacts) > 2
     cells = many.solve_many(*ways["maps"].args, t_end=0.5, engine="plain")
     assert cells.status[0] >= 0

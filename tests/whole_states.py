@@ -10,15 +10,15 @@ from granular.edmd.compiled_queue import BlockQueue
 from granular.edmd.motion import predicted
 from granular.edmd.physics import rank
 from granular.edmd.records import Walls
-from granular.edmd.sorted_queue import NOBODY
-from granular.edmd.watch import LAST
+from granular.edmd.sorted_queue import LAST_ENTRY
+from granular.edmd.watch import LAST_CONTACT_FIELDS
 
 
 def events_of(queue):
     """Return time and rank of the next event of every pair of a queue, which must be in order."""
     if queue.name == "sorted":
         order, entry, _ = queue.queue
-        assert list(order) == sorted([*(one for one in entry if one[0] < math.inf), NOBODY])
+        assert list(order) == sorted([*(one for one in entry if one[0] < math.inf), LAST_ENTRY])
         return list(entry)
     tree = queue.queue.tolist()
     leaves, pairs = len(tree) // 2, len(queue.state.pairs)
@@ -53,7 +53,7 @@ def check_blocks(queue):
 
 def check_watch(watch):
     """What is known of the last contacts can be."""
-    last = packed(watch.last, LAST).copy()
+    last = packed(watch.last, LAST_CONTACT_FIELDS).copy()
     begun = np.isfinite(last["began"])
     last["lasting"][watch.instants] += 1.0 * begun[watch.instants]
     assert (last["lasting"][begun] > 0.0).all()

@@ -21,7 +21,7 @@ from bench.reference.series import Force, Piece, Power, WallSeries, first_rise, 
 from granular import until as stop
 from granular.studies.reference_events import (
     ACTIVE,
-    CLOSED,
+    CLOSED_MODES,
     DORMANT,
     OPEN,
     Reference,
@@ -151,7 +151,7 @@ class Taylor:
         """
         away = {  # a pair that just began at rest and still closes is already regular
             c: self.time_to_zero_overlap(c) for c, a in enumerate(self.touches)
-            if a.q > 1 and self.mode[c] in CLOSED and not (a.woken and self.now(c, "rate") > 0)
+            if a.q > 1 and self.mode[c] in CLOSED_MODES and not (a.woken and self.now(c, "rate") > 0)
         }
         if not away:
             return -1, 1
@@ -172,7 +172,7 @@ class Taylor:
         x, v, y, rate = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in here)
         walls = {b: WallSeries(mp, path.rates(self.t), path.last, ahead) for b, path in self.paths.items()}
         piece = Piece(x, v, y, rate, [mp.zero] * ahead, {}, walls, pair, q, u)
-        closed = (c for c, mode in enumerate(self.mode) if mode in CLOSED)
+        closed = (c for c, mode in enumerate(self.mode) if mode in CLOSED_MODES)
         piece.force = {c: Force(mp, self.touches[c], self.mode[c] == ACTIVE, x[c], rate[c]) for c in closed}
         power, rho = Power(mp, u, mp.mpf(q - 1), int(ahead > 1)), [] if pair >= 0 else u
         for m in range(ahead, self.order + 1):

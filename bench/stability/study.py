@@ -18,7 +18,7 @@ from granular._engine import check
 from granular._engine.kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
 from granular.laws.rules import ConstantRestitution
-from granular.run.trajectory import EARLY, Status
+from granular.run.trajectory import EARLY_STATUSES, Status
 from granular.scene import Scene
 from granular.scene.walls import Sine
 
@@ -151,7 +151,7 @@ def run_cell(cell: Cell, method: str, seconds: float, plain: bool = False) -> Re
                 run = rerun()
                 error = float(cell.truth.error(run, rerun))
             said = f"{run.status.name}: {run.message}"
-            early = run.status in EARLY and not (cell.cut and run.status is Status.max_events)
+            early = run.status in EARLY_STATUSES and not (cell.cut and run.status is Status.max_events)
             flagged = early or any(warning.category is RuntimeWarning for warning in caught)
             verdict = Verdict.right if error <= tolerance else Verdict.flagged if flagged else Verdict.wrong
         except OutOfTime:

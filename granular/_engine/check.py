@@ -24,14 +24,14 @@ from granular._engine.package import EXTRAS, install
 from granular._engine.signature import Function, face as face, nearest, parameters as parameters
 
 Array = NDArray[np.float64]
-LARGEST = 2**63 - 1
+MAX_INTEGER = 2**63 - 1
 """The largest whole number that arrays hold."""
-MOST = 10_000_000
+MAX_REQUESTED_COUNT = 10_000_000
 """What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
 
 LISTED = 12
 """Names up to this number are listed in a message before the value that was given."""
-EDITED = "The file was edited after it was saved."
+EDITED_STATE = "The file was edited after it was saved."
 """The remedy of a saved state that does not fit."""
 
 
@@ -81,7 +81,7 @@ def number(
     return x
 
 
-def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, fix: str = "") -> int:
+def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = MAX_INTEGER, fix: str = "") -> int:
     """Return `value` as an int within ``[at_least, at_most]``."""
     if type(value) is int and at_least <= value <= at_most:
         return value
@@ -163,12 +163,12 @@ def held(
     if value.dtype.kind != kind or value.shape != shape:
         got = f"{value.dtype} of shape {value.shape}" if name in state else "nothing"
         word = {"f": "float", "i": "int", "b": "bool"}[kind]
-        raise ValueError(must(f"{name!r} in the state of `trajectory`", f"{word} of shape {shape}", got, EDITED))
+        raise ValueError(must(f"{name!r} in the state of `trajectory`", f"{word} of shape {shape}", got, EDITED_STATE))
     good = (value >= least) & (value <= most) & (not finite or np.isfinite(value)) | (nan and np.isnan(value))
     if not good.all():
         wrong = value[~good].flat[0] if value.shape else value
         raise ValueError(must(f"{name!r} in the state of "
-                              "`trajectory`", f"in [{least:g}, {most:g}]", str(wrong), EDITED))
+                              "`trajectory`", f"in [{least:g}, {most:g}]", str(wrong), EDITED_STATE))
     return value
 
 

@@ -48,6 +48,8 @@ class Mode:
 
     fast: bool | None = None
     """Whether kernels are compiled by the fast pipeline. None before numba is loaded."""
+    on_switch: ClassVar[list[Callable[[], None]]] = []
+    """Functions to call when the process switches to the default pipeline. They clear caches."""
 
 
 def numba_version() -> tuple[int, ...]:
@@ -59,6 +61,8 @@ def use_default_pipeline(reason: BaseException) -> None:
     """Compile by numba's default pipeline from now on, and warn once."""
     if Mode.fast:
         Mode.fast = False
+        for clear in Mode.on_switch:
+            clear()
         warnings.warn(
             f"the fast compiler pipeline failed with numba {sys.modules['numba'].__version__} "
             f"({type(reason).__name__}: {reason}). Kernels are compiled by the default pipeline, which takes twice as "

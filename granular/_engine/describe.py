@@ -13,7 +13,7 @@ import numpy as np
 
 from granular._engine.files import plain_text
 
-PLACES = {
+CLASS_PLACES = {
     "law": {
         "linear-dashpot": "granular.laws.dashpot:LinearDashpot",
         "hertz": "granular.laws.hertz:Hertz",
@@ -37,9 +37,9 @@ PLACES = {
     },
 }
 """Classes that a file can name, by words. No other object is created from a file."""
-WORDS = {place: word for kind in PLACES.values() for word, place in kind.items()}
+CLASS_WORDS = {place: word for kind in CLASS_PLACES.values() for word, place in kind.items()}
 """Word of each class, by its place."""
-OLDER = {f"granular.{place}": word for place, word in {
+OLD_CLASS_PLACES = {f"granular.{place}": word for place, word in {
     "laws.dashpot:LinearDashpot": "linear-dashpot",
     "laws.hertz:Hertz": "hertz",
     "laws.hertz:ViscoelasticHertz": "viscoelastic-hertz",
@@ -71,8 +71,8 @@ def to_json(physics: Any) -> dict[str, Any]:
     """
     kind = type(physics)
     place = f"{kind.__module__}:{kind.__qualname__}"
-    described: dict[str, Any] = {"class": WORDS.get(place, place), "shown": plain_text(repr(physics))}
-    if place in WORDS:
+    described: dict[str, Any] = {"class": CLASS_WORDS.get(place, place), "shown": plain_text(repr(physics))}
+    if place in CLASS_WORDS:
         described["fields"] = _numbers(physics)
     return described
 
@@ -96,7 +96,7 @@ def scene_to_json(scene: Any) -> dict[str, Any]:
 
 def by_words(text: str) -> str:
     """Return JSON text of an older format with words instead of places."""
-    for place, word in OLDER.items():
+    for place, word in OLD_CLASS_PLACES.items():
         text = text.replace(f'"{place}"', f'"{word}"')
     return text
 
@@ -109,18 +109,18 @@ def from_json(what: str, value: Any) -> Any:
     LookupError
         If it is a user-defined class. The message is its description.
     TypeError, ValueError
-        If it is not in `PLACES`, has other fields, or values that its class refuses.
+        If it is not in `CLASS_PLACES`, has other fields, or values that its class refuses.
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
         raise ValueError(f"The description of a {what} must be a class with its fields, got "
                          f"{plain_text(repr(value), 60)}.")
-    word = OLDER.get(value["class"], value["class"])
-    if "fields" not in value and word not in WORDS.values():
+    word = OLD_CLASS_PLACES.get(value["class"], value["class"])
+    if "fields" not in value and word not in CLASS_WORDS.values():
         raise LookupError(plain_text(value["shown"]))
-    if word not in PLACES[what]:
-        raise ValueError(f"The class of a {what} must be one of {', '.join(PLACES[what])}, got "
+    if word not in CLASS_PLACES[what]:
+        raise ValueError(f"The class of a {what} must be one of {', '.join(CLASS_PLACES[what])}, got "
                          f"{plain_text(repr(word), 60)}. A later version of granular may know more.")
-    module, name = PLACES[what][word].split(":")
+    module, name = CLASS_PLACES[what][word].split(":")
     kind, given = getattr(import_module(module), name), value.get("fields")
     known = [f.name for f in fields(kind)]
     if not isinstance(given, dict) or sorted(given) != sorted(known):

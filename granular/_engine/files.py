@@ -21,7 +21,7 @@ import numpy as np
 from granular._engine.check import misuse
 from granular._engine.package import VERSION
 
-FORMAT = 3
+FILE_FORMAT = 3
 """Number of the current file format.
 
 Files without a number are of format 1. Up to format 2, laws, rules and walls were named by the places of their
@@ -30,15 +30,15 @@ classes, since then by words.
 STDOUT = "/dev/stdout"
 FORMAT_BYTES = 1 << 20
 """Upper bound of the bytes that a format takes besides its numbers."""
-LONGEST = 500
+MAX_SHOWN_CHARACTERS = 500
 """Maximum length of a text from a file that is shown."""
-DENSEST, ROOM = 1032, 4096
+MAX_EXPANSION, ROOM = 1032, 4096
 """Largest expansion of a deflated byte, and size of a small header."""
 Head: TypeAlias = tuple[np.dtype[Any], tuple[int, ...]]
 """Kind and shape of an array."""
 
 
-def plain_text(text: str, most: int = LONGEST) -> str:
+def plain_text(text: str, most: int = MAX_SHOWN_CHARACTERS) -> str:
     """Return a text for terminal and page, without control characters.
 
     Characters that control or turn text become blanks, and the text is shortened to `most` characters.
@@ -229,9 +229,9 @@ def check_ending(path: str | os.PathLike[str], needed: str) -> None:
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
     """Raise `Later` for a file of a later format, or with unknown contents."""
     name = os.fspath(path)
-    if not isinstance(number, int) or not 1 <= number <= FORMAT:
+    if not isinstance(number, int) or not 1 <= number <= FILE_FORMAT:
         shown = plain_text(repr(number), 60)
-        raise Later(f"The format of {name} must be at most {FORMAT}, got {shown}. Read it with a later version of "
+        raise Later(f"The format of {name} must be at most {FILE_FORMAT}, got {shown}. Read it with a later version of "
                     "granular.")
     if listed := plain_text(", ".join(sorted(unknown))):
         raise Later(f"The file {name!r} contains {listed}, which this version does not know. Read it with a later "
@@ -255,7 +255,12 @@ def provenance() -> dict[str, Any]:
 
     packages = ("numpy", "scipy", "numba", "sortedcontainers")
     versions = {"granular": VERSION, **{name: version_of(name) for name in packages}}
-    return {"format": FORMAT, "versions": versions, "python": platform.python_version(), "machine": platform.machine()}
+    return {
+        "format": FILE_FORMAT,
+        "versions": versions,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+    }
 
 
 class Foreign(ValueError):
@@ -269,7 +274,7 @@ def heads(file: IO[bytes]) -> dict[str, Head]:
     """
     with _opened(file) as archive:
         members, size = archive.infolist(), file.seek(0, os.SEEK_END)
-        sound = all(info.compress_type in (0, 8) and info.file_size <= DENSEST * info.compress_size + ROOM
+        sound = all(info.compress_type in (0, 8) and info.file_size <= MAX_EXPANSION * info.compress_size + ROOM
                     for info in members)
         if not sound or sum(info.compress_size for info in members) > size:
             raise ValueError("members overlap or are larger than possible")

@@ -186,15 +186,11 @@ def version() -> int:
     return crc32(text) or 1  # 0 would read like "unknown"
 
 
-def dispatcher(function: Callable[..., Any], inline: bool = False, within: bool = False) -> Any:
-    """Return the numba dispatcher of a kernel. `within` another kernel it is a `Part` in the fast pipeline."""
-    load_numba()
-    return _dispatcher(function, inline, within, bool(Mode.fast))
-
-
 @cache
-def _dispatcher(function: Callable[..., Any], inline: bool, within: bool, fast: bool) -> Any:
+def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False) -> Any:
+    """Return the numba dispatcher of a kernel. `within` another kernel it is a `Part` in the fast pipeline."""
     numba, code = load_numba(), without_dead_branches(function)
+    fast = bool(Mode.fast)
     called = {name: dispatcher(callee, inline, True)
               for name, callee in _callees(function).items()
               if name in _globals_read(code) and not (fast and callee is by_reference)}
@@ -299,19 +295,17 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     return bool(dispatcher(function, inline).overloads)
 
 
+@cache
 def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is in numba's cache on disk.
 
     Loading it takes up to one second, compiling up to 12 s. Loads numba. Code that another process adds to the cache
     later is ignored.
     """
-    return have_numba() and _is_on_disk(dispatcher(function, inline))
-
-
-@cache
-def _is_on_disk(dispatcher: Any) -> bool:
+    if not have_numba():
+        return False
     try:
-        return bool(dispatcher._cache._cache_file._load_index())
+        return bool(dispatcher(function, inline)._cache._cache_file._load_index())
     except (AttributeError, OSError):  # another version of numba, or no writable folder for the cache
         return False
 
@@ -367,6 +361,7 @@ def interpreted(function: F) -> F:
     return function
 
 
+@cache
 def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[..., Any]:
     """Return the compiled version of a kernel, in which the kernels that it calls are compiled as well.
 
@@ -387,6 +382,9 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
     if on_making and not on_disk(function, inline):
         on_making.pop()()
     return dispatcher(function, inline)  # type: ignore[no-any-return]
+
+
+Mode.on_switch += [dispatcher.cache_clear, on_disk.cache_clear, compiled.cache_clear]
 
 
 def _callees(function: Callable[..., Any]) -> dict[str, Callable[..., Any]]:

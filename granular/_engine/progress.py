@@ -14,9 +14,9 @@ from importlib.util import find_spec
 
 from granular._engine import check
 
-INTERVAL = 30.0
+LINE_INTERVAL = 30.0
 """Time in s between two lines."""
-DELAY = 2.0
+BAR_DELAY = 2.0
 """Time in s before a bar is shown."""
 BAR = "{l_bar}{bar}| {elapsed}<{remaining}{postfix}"
 Told = Callable[[float, int], object]
@@ -47,7 +47,7 @@ def shown(
 def _reported(tell: Told | None, things: str, end: float, start: float) -> Iterator[Told]:
     watched = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
     tqdm = import_module("tqdm.auto").tqdm if watched and find_spec("tqdm") else None
-    bar = tqdm and tqdm(total=1.0, bar_format=BAR, leave=False, delay=DELAY)
+    bar = tqdm and tqdm(total=1.0, bar_format=BAR, leave=False, delay=BAR_DELAY)
     begin = last = time.monotonic()
 
     def report(reached: float, count: int) -> None:
@@ -57,7 +57,7 @@ def _reported(tell: Told | None, things: str, end: float, start: float) -> Itera
         if bar is not None:
             bar.set_postfix_str(text, refresh=False)
             bar.update(min(share, 1.0) - bar.n)
-        elif now - last >= INTERVAL:
+        elif now - last >= LINE_INTERVAL:
             last = now
             left = f", {min(share, 1.0):.0%}, about {(now - begin) * (1.0 / share - 1.0):.0f} s left" if share else ""
             print(f"granular: {text}, {now - begin:.0f} s so far{left}", file=sys.stderr, flush=True)

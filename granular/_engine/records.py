@@ -27,9 +27,9 @@ Records = Any
 Record = Any
 """A single record."""
 NODE = np.dtype([("due", float), ("key", int)], align=True)
-LAST = 1 << 62
+EMPTY_KEY = 1 << 62
 """Key of empty leaves, larger than all others."""
-FEW = 64
+SMALL_RECORD_COUNT = 64
 """Number of records up to which simple conversion and sorting are used."""
 
 
@@ -40,7 +40,7 @@ def plain(records: Records) -> list[Any]:
     if records.ndim > 1:
         return list(map(plain, records))
     make = twin(records.dtype)
-    if len(records) < FEW and not make.has_rows:
+    if len(records) < SMALL_RECORD_COUNT and not make.has_rows:
         return list(starmap(make, records.tolist()))
     return list(map(make, *(records[name].tolist() for name in records.dtype.names)))
 
@@ -119,7 +119,7 @@ def tournament(n: int) -> np.ndarray[Any, Any]:
     """Return the tree of `n` owners with their numbers as keys, without events."""
     leaves = 1 << max(0, n - 1).bit_length()
     tree = np.empty(2 * leaves, NODE)
-    tree["due"], tree["key"] = math.inf, LAST
+    tree["due"], tree["key"] = math.inf, EMPTY_KEY
     tree["key"][leaves : leaves + n] = np.arange(n)
     return tree
 

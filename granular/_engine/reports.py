@@ -22,12 +22,12 @@ from granular._engine.package import VERSION
 Rows = Sequence[Sequence[str]]
 """Rows of a table as text. The first row is the header."""
 LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
-PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+UNIT_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
-HARD, SOFT = "#c1440e", "#1f4e79"
+HARD_COLOUR, SOFT_COLOUR = "#c1440e", "#1f4e79"
 """Colours of hard and soft spheres, which also differ in grey print."""
-GREY = "#8a8a8a"
-COLUMN, PAGE = 3.4, 7.0
+GREY_COLOUR = "#8a8a8a"
+COLUMN_WIDTH, PAGE = 3.4, 7.0
 """Widths in inches."""
 
 
@@ -181,7 +181,7 @@ def rounded(value: float, digits: int, *, up: bool) -> str:
 
 
 def unit_of(
-    value: float, si: str, least: float = 2.0, prefixes: Sequence[tuple[float, str]] = PREFIXES
+    value: float, si: str, least: float = 2.0, prefixes: Sequence[tuple[float, str]] = UNIT_PREFIXES
 ) -> tuple[float, str]:
     """Return the largest multiple of a unit in which `value` is at least `least`.
 

@@ -19,8 +19,8 @@ from granular._engine.kernels import kernel
 Row: TypeAlias = list[float]  # compiled: a float64 array
 Rows: TypeAlias = list[Row]  # compiled: a two-dimensional array
 
-NEVER = math.inf
-DEEPEST = 60  # an interval of width 2⁻⁵⁵ is decided by the rounding error or by its relative width
+NO_ROOT = math.inf
+MAX_SUBDIVISIONS = 60  # an interval of width 2⁻⁵⁵ is decided by the rounding error or by its relative width
 
 
 def workspace(degree: int) -> list[list[float]]:
@@ -28,7 +28,7 @@ def workspace(degree: int) -> list[list[float]]:
 
     Compiled code takes an array of the same shape.
     """
-    return [[0.0] * (degree + 2) for _ in range(DEEPEST + 1)]
+    return [[0.0] * (degree + 2) for _ in range(MAX_SUBDIVISIONS + 1)]
 
 
 @kernel
@@ -40,7 +40,7 @@ def first_up_crossing(p: Row, theta: float, work: Rows, sign: float = 1.0) -> fl
     p : sequence of floats
         Power-series coefficients, lowest first, so that p(τ) = Σ p_j τ^j. Exact zeros at the front are divided out:
         the root of the previous event, written as p_0 = 0, is not found again. If p is positive right after 0, the
-        result is 0. It is `NEVER` (inf) without a crossing.
+        result is 0. It is `NO_ROOT` (inf) without a crossing.
     theta : float
         End of the interval, not negative. The earliest event found so far is the best choice.
     work : rows of floats
@@ -69,11 +69,11 @@ def first_up_crossing(p: Row, theta: float, work: Rows, sign: float = 1.0) -> fl
             fall += c
             drag += j * c
     if s[0] + rise <= 0.0 or (n > 3 and _cubic_bound(s, rise) <= 0.0):
-        return NEVER
+        return NO_ROOT
     noise = 4.0 * (n + 1) * 2.0**-53 * (rise - fall)
     if n > 0 and s[1] + drag > n * noise and abs(rise + fall) > noise:  # increasing: at most one root
         end = rise + fall
-        return theta * _polish(s, n, 0.0, 1.0, s[0] / (s[0] - end)) if end > 0.0 else NEVER
+        return theta * _polish(s, n, 0.0, 1.0, s[0] / (s[0] - end)) if end > 0.0 else NO_ROOT
     return theta * _isolate(work, n)
 
 
@@ -102,13 +102,13 @@ def _isolate(work: Rows, n: int) -> float:
             top -= 1
             continue
         changes = _sign_changes(b, n)
-        if changes == 0 or b[0] > noise or width < 1e-15 * left or top == DEEPEST:
+        if changes == 0 or b[0] > noise or width < 1e-15 * left or top == MAX_SUBDIVISIONS:
             return left
         if changes == 1 and b[n] > noise:  # Descartes: exactly one root
             return _polish(s, n, left, left + width, left + width * _polygon_root(b, n))
         _halve(b, work[top + 1], n)
         top += 1
-    return NEVER
+    return NO_ROOT
 
 
 @kernel

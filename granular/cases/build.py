@@ -25,12 +25,12 @@ from granular.scene import Pair, walls
 
 on_running: list[Callable[[str], object]] = []
 """Functions to call with the place of Python code before a file runs it."""
-CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
+CONSTRUCTOR_NAMES = ("from_restitution", "from_material", "from_acceleration")
 """Alternative constructors of classes."""
 LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__ if is_dataclass(getattr(laws, name))}
 RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
 WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
-MOVING = ("floor", "ceiling", "plate")
+WALL_MOTION_KEYS = ("floor", "ceiling", "plate")
 """Keys of a scene that contain the motion of a wall."""
 Way = Callable[..., Any]
 parameters = cache(parameters_of)
@@ -186,7 +186,7 @@ def wall(table: Any, folder: str = "") -> Any:
 def walled(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
     """Return the keys of a scene with tables of walls replaced by motions."""
     made = dict(table)
-    for name in table.keys() & set(MOVING):
+    for name in table.keys() & set(WALL_MOTION_KEYS):
         with place(name):
             made[name] = wall(table[name], folder)
     return made
@@ -241,5 +241,5 @@ def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> 
     if "type" not in table:
         raise ValueError(f"The key 'type' is missing. It must be one of {', '.join(types)}.")
     kind = types[check.choice("type", table["type"], list(types))]
-    ways = [kind] + [getattr(kind, name) for name in CONSTRUCTORS if hasattr(kind, name)]
+    ways = [kind] + [getattr(kind, name) for name in CONSTRUCTOR_NAMES if hasattr(kind, name)]
     return call(ways, {key: value for key, value in table.items() if key != "type"}, **held)

@@ -18,8 +18,8 @@ from granular.run.trajectory import Trajectory
 from granular.run.until import Until
 from granular.scene import Scene
 
-ENGINES = ("edmd", "md")
-HELD = {"t_end", "until", "on_event", "on_progress", "progress"}
+ENGINE_NAMES = ("edmd", "md")
+CASE_ARGUMENTS = {"t_end", "until", "on_event", "on_progress", "progress"}
 """Arguments of `simulate` that a `Case` contains, or that are not data."""
 
 
@@ -135,7 +135,7 @@ class Case:
             For misuse, such as an unknown option, or ``"md"`` for a case without force law.
         """
         simulate = engine_named(engine)
-        check.known(changes, keyword_options(simulate) | HELD, f"option of {engine}.simulate", TypeError)
+        check.known(changes, keyword_options(simulate) | CASE_ARGUMENTS, f"option of {engine}.simulate", TypeError)
         return simulate(self.scene, self.physics(engine), **self.options(simulate) | changes)
 
     def options(self, run: Callable[..., Any]) -> dict[str, Any]:
@@ -162,17 +162,19 @@ class Case:
 def checked_run(run: Any) -> Mapping[str, Any]:
     """Return options of the engines. Raises for options that neither engine has."""
     if check.of_kind("run", run, Mapping, "a mapping of options to values"):
-        check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINES)),
+        check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINE_NAMES)),
                      "option", TypeError)
     return run  # type: ignore[no-any-return]
 
 
 def engine_named(engine: str) -> Callable[..., Trajectory]:
     """Return the `simulate` of one engine."""
-    simulate: Callable[..., Trajectory] = import_module(f"granular.{check.choice('engine', engine, ENGINES)}").simulate
+    simulate: Callable[..., Trajectory] = import_module(
+        f"granular.{check.choice('engine', engine, ENGINE_NAMES)}"
+    ).simulate
     return simulate
 
 
 def keyword_options(run: Callable[..., Any]) -> set[str]:
-    """Return the keyword options of a function such as `simulate`, without `HELD`."""
-    return {p.name for p in parameters_of(run) if p.kind is p.KEYWORD_ONLY} - HELD
+    """Return the keyword options of a function such as `simulate`, without `CASE_ARGUMENTS`."""
+    return {p.name for p in parameters_of(run) if p.kind is p.KEYWORD_ONLY} - CASE_ARGUMENTS

@@ -22,7 +22,7 @@ from granular.run import until
 from granular.scene import Pair, Scene, walls
 from granular.scene.walls.motion import ends, fastest
 
-STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
+STEEL_CONTACT = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Hertz contacts of steel balls of 1 kg, with Tsuji's damping for ε below 1."""
 
 
@@ -67,8 +67,8 @@ def of_restitution(
     tuple of laws, rule or None
         The rule is None if the restitution depends on the speed. It then has to be taken from the laws.
     """
-    known = list(WAYS) if material is None else [name for name in WAYS if "Hertz" in name]
-    way = WAYS[check.choice("law" if material is None else "the law of a material", law, known)]
+    known = list(LAW_CONSTRUCTORS) if material is None else [name for name in LAW_CONSTRUCTORS if "Hertz" in name]
+    way = LAW_CONSTRUCTORS[check.choice("law" if material is None else "the law of a material", law, known)]
     needs = {parameter.name for parameter in build.parameters(way)}
     k, speed = check.number("stiffness", stiffness, above=0.0), first_impact_speed(scene)
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
@@ -90,7 +90,7 @@ def _elastic_hertz(restitution: float, k: float) -> Hertz:
     return Hertz(k)
 
 
-WAYS = {"Hertz": _elastic_hertz} | {
+LAW_CONSTRUCTORS = {"Hertz": _elastic_hertz} | {
     name: kind.from_restitution for name, kind in build.LAWS.items() if hasattr(kind, "from_restitution")}
 """Laws of `of_restitution`, and their constructors."""
 
@@ -189,19 +189,21 @@ def crossings(count: float, periods: float, scene: Scene, law: Any) -> float | N
 TEMPLATES = {
     "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(falls, 10)),
     "ball-stack": Template(scenes.ball_stack, until.separated(), partial(falls, 10), {"restitution": 0.9}),
-    "real-balls": Template(scenes.real_balls, until.contact(pair=0, nth=2), partial(falls, 10),
-                           touch=of_balls),
-    "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL),
-    "chain": Template(scenes.chain, until.separated(), contact=STEEL),
+    "real-balls": Template(scenes.real_balls, until.contact(pair=0, nth=2), partial(falls, 10), touch=of_balls),
+    "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL_CONTACT),
+    "chain": Template(scenes.chain, until.separated(), contact=STEEL_CONTACT),
     "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
     "gas": Template(scenes.gas, None, partial(flights, 10), {"restitution": 0.9}),
     "ring-gas": Template(scenes.ring_gas, None, partial(flights, 10), {"restitution": 0.9}),
     "heated-gas": Template(scenes.heated_gas, None, partial(flights, 20), {"restitution": 1.0}),
     "bouncing-ball": Template(scenes.bouncing_ball, None, partial(bounces, 6, 50)),  # at ε = 0.7 it rests after 17/3
     "vibrated-column": Template(scenes.vibrated_column, None, partial(shaken, 20), contact={"restitution": 0.95}),
-    "pendulum-cradle": Template(scenes.pendulum_cradle, None, partial(swings, 10), STEEL | {"restitution": 0.95}),
-    "compressed-chain": Template(scenes.compressed_chain, None, contact=STEEL | {"stiffness": 1e10},
-                                 pressed=partial(crossings, 2, 50)),
+    "pendulum-cradle": Template(
+        scenes.pendulum_cradle, None, partial(swings, 10), STEEL_CONTACT | {"restitution": 0.95}
+    ),
+    "compressed-chain": Template(
+        scenes.compressed_chain, None, contact=STEEL_CONTACT | {"stiffness": 1e10}, pressed=partial(crossings, 2, 50)
+    ),
 }
 
 

@@ -25,12 +25,12 @@ from granular.laws.rules import ConstantRestitution
 from granular.run import until
 from granular.scene import Pair, Scene, in_order
 
-TABLES = ("scene", "law", "rule", "run", "about")
-MOST_BYTES = 32_000_000
+TABLE_NAMES = ("scene", "law", "rule", "run", "about")
+MAX_FILE_BYTES = 32_000_000
 """Maximum size of a file: a scene of 300 000 balls."""
-LONG_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+\s*\.\s*){50}""")
+LONG_KEY_PATTERN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+\s*\.\s*){50}""")
 """Pattern of keys with 50 parts. tomllib needs gigabytes for one of thousands."""
-STIFFNESS = ("k", "k_load")
+STIFFNESS_FIELDS = ("k", "k_load")
 """Fields of a law that its `from_restitution` takes."""
 Table = dict[str, Any]
 
@@ -102,9 +102,9 @@ def loads(text: str) -> Case:
 def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
     """Read the tables of a file, with or without a byte order mark."""
     with open(path, "rb") as stream:
-        content = stream.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise ValueError(f"The file is larger than {MOST_BYTES // 1_000_000} MB. Build such a scene in Python.")
+        content = stream.read(MAX_FILE_BYTES + 1)
+    if len(content) > MAX_FILE_BYTES:
+        raise ValueError(f"The file is larger than {MAX_FILE_BYTES // 1_000_000} MB. Build such a scene in Python.")
     try:
         return _parsed(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError:
@@ -113,7 +113,7 @@ def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    if LONG_KEY.search(text):
+    if LONG_KEY_PATTERN.search(text):
         raise ValueError("The file is not a case: a key has more than 50 parts. Keys such as scene.mass have two.")
     try:
         return tomllib.loads(text)
@@ -126,7 +126,7 @@ def _parsed(text: str) -> dict[str, Any]:
 def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     """Return a case from the tables of a file in a folder."""
     for key in tables:
-        check.known([key], TABLES, "table or key")
+        check.known([key], TABLE_NAMES, "table or key")
     if "scene" not in tables:
         raise ValueError("The table [scene] is missing. It names a ready-made scene, or gives mass, radius, gap and "
                          "velocity.")
@@ -280,7 +280,7 @@ def _of_restitution(given: Any, restitution: float, pair: Pair) -> Table:
     """Return the table of a law with ε, or an empty one if it does not reproduce it."""
     kept = _numbers(given) if type(given) in LAWS.values() else {}
     table = {"type": type(given).__name__, "restitution": restitution} | {
-        name: value for name, value in kept.items() if name in STIFFNESS}
+        name: value for name, value in kept.items() if name in STIFFNESS_FIELDS}
     try:
         return table if law(table, pair) == given else {}
     except (TypeError, ValueError):

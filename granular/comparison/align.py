@@ -23,23 +23,23 @@ from granular._engine.check import Array, typed
 from granular.comparison.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
 from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
-from granular.run.drive import EVENTS
+from granular.run.drive import DEFAULT_MAX_EVENTS
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
 from granular.scene.places import Closing
 from granular.scene.walls.motion import ends
 
-PATIENCE = 20.0
+FOLLOWED_DURATIONS = 20.0
 """Durations of an isolated contact for which a running contact is followed."""
-MOST = 100_000
+MIN_COLLISION_LIMIT = 100_000
 """Least limit on the collisions of a continued hard run beside a shaken wall."""
-CUT = (Status.time, Status.until)
+CONTINUABLE_STATUSES = (Status.time, Status.until)
 """Statuses of runs that can be continued."""
-RULES = ("left", "right", "poisson")
+TIE_RULES_TO_TRY = ("left", "right", "poisson")
 """Tie rules to try: two sequential orders, and Poisson's rule for groups."""
-FEW = 1000
+MAX_BODIES_FOR_POISSON = 1000
 """Bodies above which Poisson's rule is not tried: its cost is quadratic."""
-MOST_OF_OTHERS = 10
+COLLISION_LIMIT_FACTOR = 10
 """Limit on the collisions under another tie rule, over the run's collisions."""
 
 
@@ -107,7 +107,7 @@ def _running(soft: Trajectory) -> tuple[Any, Array]:
     endless = np.isnan(soft.contacts["t_end"])
     running = soft.contacts[endless]
     alone = Durations(soft.law or (), soft.scene)(running["pair"], strengths(soft)[endless])
-    return running, PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
+    return running, FOLLOWED_DURATIONS * np.where(np.isfinite(alone), alone, 0.0)
 
 
 def _endless(soft: Trajectory, until: Array) -> Trajectory:
@@ -208,10 +208,10 @@ def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Traject
     end = min(end, ends(*run.scene.motions))
     if run.scene.is_wall[[0, -1]].all():  # nor beyond where they leave no room
         end = min(end, Closing(run.scene, float(run.time[0]), flattened=run.rule is None).look(end))
-    if run.status not in CUT or not end > run.time[-1]:
+    if run.status not in CONTINUABLE_STATUSES or not end > run.time[-1]:
         return run
     if run.rule is not None:
-        later = edmd.resume(run, t_end=end, max_events=max(MOST, 10 * len(run.contacts)))
+        later = edmd.resume(run, t_end=end, max_events=max(MIN_COLLISION_LIMIT, 10 * len(run.contacts)))
     elif run.state:
         later = md.resume(run, t_end=end)
     else:
@@ -251,7 +251,7 @@ def unfollowed(soft: Trajectory) -> Any:
     """
     short, (running, patience) = np.zeros(soft.scene.n_pairs, np.bool_), _running(soft)
     short[running["pair"]] = running["duration"] < 0.99 * patience
-    return short & (soft.status in CUT)
+    return short & (soft.status in CONTINUABLE_STATUSES)
 
 
 def touching(scene: Scene) -> Any:
@@ -298,10 +298,12 @@ def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, A
     """
     if hard.scene.n < 3 or not tied(hard).any():
         return
-    limit = min(options.get("max_events", EVENTS), MOST_OF_OTHERS * (len(hard.contacts) + hard.scene.n))
-    by_itself = hard.scene.n <= FEW and "merge_below" not in hard.stats and not (
+    limit = min(
+        options.get("max_events", DEFAULT_MAX_EVENTS), COLLISION_LIMIT_FACTOR * (len(hard.contacts) + hard.scene.n)
+    )
+    by_itself = hard.scene.n <= MAX_BODIES_FOR_POISSON and "merge_below" not in hard.stats and not (
         options.get("collapse") == "merge" or options.get("tc") or options.get("elastic_below"))
-    for name in RULES if by_itself else RULES[:2]:
+    for name in TIE_RULES_TO_TRY if by_itself else TIE_RULES_TO_TRY[:2]:
         if name != options.get("ties", "left"):
             yield {**options, "ties": name, "max_events": limit}
 

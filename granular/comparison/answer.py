@@ -9,9 +9,9 @@ no                  hard spheres collide forever where soft ones separate; or no
 not uniquely        a ball leaves with another velocity under another tie rule, or from gaps shifted by 1e-12
 not ball by ball    hard spheres diverge from those with gaps shifted by 1e-12 of themselves: beyond predictability
 no verdict          a soft contact was still running and cannot be followed
-no                  other numbers of contacts, an error above `SAME`, or soft balls at rest that sink
+no                  other numbers of contacts, an error above `ERROR_LIMIT`, or soft balls at rest that sink
 no verdict          another tie rule, or the run from shifted gaps, was refused or stopped early
-yes                 the error is at most `SAME`, and all other balls are at rest in both runs
+yes                 the error is at most `ERROR_LIMIT`, and all other balls are at rest in both runs
 ==================  ==================================================================================================
 """
 
@@ -31,9 +31,9 @@ from granular._engine.reports import rounded
 from granular.comparison import align, measures, outcome
 from granular.comparison.measures import static_overlaps
 from granular.comparison.numbers import Compared, smaller_radius
-from granular.comparison.outcome import FAINT, SAME, counted, differences
+from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, counted, differences
 from granular.md import isolation
-from granular.run.trajectory import EARLY, Status, Trajectory
+from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 
 
 @_check.face
@@ -47,7 +47,7 @@ class Answer(Enum):
     yes = "Yes"
 
 
-ORDER = tuple(Answer)
+ANSWER_ORDER = tuple(Answer)
 
 
 @_check.face
@@ -91,7 +91,7 @@ class Checked(Compared):
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
             "distance": math.nan if self._early else self._distance(differences(*self.levelled)),
-            "predictability": math.nan if self._twin.status in EARLY else self._distance(
+            "predictability": math.nan if self._twin.status in EARLY_STATUSES else self._distance(
                 differences(*self._shifted)),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
             "isolated_share": isolation.isolated_share(self.levelled[1]),
@@ -135,7 +135,7 @@ class Checked(Compared):
     @cached_property
     def twin(self) -> Trajectory:
         """Second hard run, from gaps shifted by 1e-12 of themselves."""
-        most = align.MOST_OF_OTHERS * (self.hard.stats["events"] + self.scene.n)
+        most = align.COLLISION_LIMIT_FACTOR * (self.hard.stats["events"] + self.scene.n)
         options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], most)}
         return edmd.simulate(align.nudged(self.scene), self.rule, **options)
 
@@ -150,7 +150,7 @@ class Checked(Compared):
         Contacts just before a common end time are also removed.
         """
         hard = self.settled
-        twin = hard if self._twin.status in EARLY else self._twin
+        twin = hard if self._twin.status in EARLY_STATUSES else self._twin
         return measures.before_the_end(*(counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard)))
 
     @cached_property
@@ -167,13 +167,13 @@ class Checked(Compared):
             except (ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
                 found[name] = "refused the scene"
                 continue
-            found[name] = f"stopped early ({run.status.name})" if run.status in EARLY else counted(
+            found[name] = f"stopped early ({run.status.name})" if run.status in EARLY_STATUSES else counted(
                 outcome.at_once(run), self.soft)[0]
         return found
 
     def unchecked(self, j: int) -> str:
         """Return the check of component `j` that could not be made, or an empty string."""
-        if self._twin.status in EARLY:
+        if self._twin.status in EARLY_STATUSES:
             return f"the run from gaps shifted by 1e-12 of themselves stopped early ({self._twin.status.name})"
         pairs = self.components.of_pair == j
         if pairs.sum() < 2 or not align.tied(self.settled)[pairs].any():
@@ -201,7 +201,7 @@ class Judged(Checked):
     def reasons(self) -> tuple[Reason, ...]:
         """Reason of each component, the worst first, then by decreasing error."""
         found = [*_unfinished(self)] or [_judged(self, j) for j in range(self.components.count)]
-        found.sort(key=lambda reason: (ORDER.index(reason.answer), -float(np.nan_to_num(reason.error))))
+        found.sort(key=lambda reason: (ANSWER_ORDER.index(reason.answer), -float(np.nan_to_num(reason.error))))
         if not found or found[0].answer is Answer.yes:
             found[:0] = [_yes(self, [reason.words for reason in found if reason.words])]
         return tuple(found)
@@ -223,10 +223,14 @@ def _unfinished(report: Checked) -> Iterator[Reason]:
     It is "no" if the soft run is complete and the hard spheres would collide forever, otherwise "undecided".
     """
     soft, hard = report.soft, report.settled
-    if soft.status not in EARLY and hard.status in EARLY and (so := _forever(report, range(report.scene.n_pairs))):
+    if (
+        soft.status not in EARLY_STATUSES
+        and hard.status in EARLY_STATUSES
+        and (so := _forever(report, range(report.scene.n_pairs)))
+    ):
         yield Reason(Answer.no, so)
     for name, run in (("soft-sphere", soft), ("event-driven", hard)):
-        if run.status in EARLY:
+        if run.status in EARLY_STATUSES:
             yield Reason(Answer.undecided, f": the {name} run did not get to its end; {run.status.name}: "
                                            f"{run.message.rstrip('.')}")
 
@@ -246,18 +250,18 @@ def _judged(report: Checked, j: int) -> Reason:
     if sinking and report.lying[j]:
         return so(*sinking)
     ties, rule = max(((float(e[j]), name) for name, e in report.tie_errors.items()), default=(0.0, ""))
-    if ties > SAME:
+    if ties > ERROR_LIMIT:
         return so(Answer.not_unique,
                   ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
                   f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
     chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
-    if chaos > SAME and align.touching(report.scene)[list(pairs)].any():
+    if chaos > ERROR_LIMIT and align.touching(report.scene)[list(pairs)].any():
         return so(Answer.not_unique,
                   ": touching balls have no one hard-sphere answer; here it hangs on the option ties")
-    if chaos > SAME:
+    if chaos > ERROR_LIMIT:
         crowded = "; contacts overlap in time" if overlap else ""
         return so(Answer.not_ball_by_ball, f": beyond predictability (compare ensembles){crowded}")
-    if shift > SAME:
+    if shift > ERROR_LIMIT:
         return so(Answer.not_unique,
                   ": hard spheres from gaps shifted by 1e-12 of themselves, as where balls collide almost at once, "
                   f"differ by {shift:.2g} of the fastest impact")
@@ -266,7 +270,7 @@ def _judged(report: Checked, j: int) -> Reason:
                                     "cannot be followed; choose a later end, or method='located'", tuple(lasting))
     if wrong:
         return so(Answer.no, f": {_other_counts(report, wrong, len(pairs))}", wrong)
-    if not error <= SAME:
+    if not error <= ERROR_LIMIT:
         alone = "" if overlap else ", though no contacts overlap in time"
         driven = "; at a driven wall timing is outcome" if report.scene.driven and not overlap else ""
         leaves = _leaves(report, j)
@@ -278,11 +282,13 @@ def _judged(report: Checked, j: int) -> Reason:
 
 
 def _yes(report: Checked, trivially: list[str]) -> Reason:
-    """Return the reason for "yes". The error must be at most `SAME`, and not nan."""
+    """Return the reason for "yes". The error must be at most `ERROR_LIMIT`, and not nan."""
     error, isolated = report.error, report.measures["isolated_share"]
-    if not error <= SAME:
+    if not error <= ERROR_LIMIT:
         return Reason(Answer.undecided, ": no contact has come to its end")
-    within = f"within {rounded(error, 1, up=True)} of the fastest impact" if error >= FAINT else "to rounding"
+    within = (
+        f"within {rounded(error, 1, up=True)} of the fastest impact" if error >= MIN_CONTACT_STRENGTH else "to rounding"
+    )
     agree = f"outcomes agree {within}"
     if len(trivially) == report.components.count:
         touch = len(report.settled.contacts) + len(report.soft.contacts) > 0
@@ -290,7 +296,7 @@ def _yes(report: Checked, trivially: list[str]) -> Reason:
         words = max(trivially, default=nothing)
     elif isolated == 1.0:
         words = f": every contact is binary (certified), and {agree}"
-    elif report.measures["shared_impulse"] > FAINT:
+    elif report.measures["shared_impulse"] > MIN_CONTACT_STRENGTH:
         words = f", {within}, though contacts overlap in time"
     else:
         how = "every contact is binary" if not isolated < 1.0 else (
@@ -315,7 +321,7 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
         depth = np.fmax(still, np.where(settled | np.isnan(still), depth, 0.0))
     load = "their weight" if report.scene.external_force is None and not report.scene.driven else "what presses them"
     share = float(np.max(depth / smaller_radius(report.scene)[log["pair"]]))
-    if share > SAME:
+    if share > ERROR_LIMIT:
         what = "nothing collides, but soft spheres" if lying else "where balls come to rest, soft ones"
         return Answer.no, f": {what} sink by {share:.2g} of a radius under {load}"
     deepest = f"soft spheres overlap by {depth.max():.3g} m under {load}"
@@ -350,7 +356,7 @@ def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
 def _leaves(report: Checked, j: int) -> str:
     """Text on the ball of component `j` with the largest difference, or ""."""
     one = report.departure(j)
-    if one is None or not one.difference > SAME:
+    if one is None or not one.difference > ERROR_LIMIT:
         return ""
     digits = 3 + 3 * (f"{one.soft_velocity:.3g}" == f"{one.hard_velocity:.3g}")
     return f"ball {one.ball} leaves at {one.soft_velocity:.{digits}g} instead of {one.hard_velocity:.{digits}g} m/s"

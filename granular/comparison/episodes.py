@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 
 from granular._engine.check import Array, typed
-from granular.comparison.outcome import INSTANT, approach, carried, counts, last_contacts, partings, sticking
+from granular.comparison.outcome import (
+    SIMULTANEITY_TOLERANCE,
+    approach,
+    carried,
+    counts,
+    last_contacts,
+    partings,
+    sticking,
+)
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 
@@ -154,7 +162,9 @@ def flights(run: Trajectory, met: Any) -> Array:
     free = np.append(onset[1:], np.inf)[: len(body)] - end[by_end]
     free[np.diff(body[by_end], append=-1) != 0] = np.inf
     if run.rule is not None:
-        over = np.where(np.abs(free) > INSTANT * (end[by_end] - run.time[0]), np.arange(len(body)), len(body))
+        over = np.where(
+            np.abs(free) > SIMULTANEITY_TOLERANCE * (end[by_end] - run.time[0]), np.arange(len(body)), len(body)
+        )
         free = free[np.minimum.accumulate(over[::-1])[::-1]]
     return np.asarray(free[np.argsort(by_end)].reshape(-1, 2))
 

@@ -10,22 +10,22 @@ import numpy as np
 
 from granular._engine import files
 from granular._engine.check import Array
-from granular._engine.reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
+from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, canvas, unit_of
 from granular.comparison.further import with_rows
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, pair_name, parameters, window
-from granular.run.figures import NAMED, SMALL, head, world_lines
-from granular.run.trajectory import EARLY, Trajectory, points
+from granular.run.figures import MAX_LABELS, SMALL_FONT, head, world_lines
+from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
-THIN = 1.5
+MIN_MARK_WIDTH = 1.5
 """Least width in points of the mark of a contact."""
-OF_FORCE = ((1e6, "M"), (1e3, "k"), *PREFIXES[:3])
+FORCE_PREFIXES = ((1e6, "M"), (1e3, "k"), *UNIT_PREFIXES[:3])
 """Multiples of the newton."""
-COLUMNS = 300
+FORCE_MAP_COLUMNS = 300
 """Time intervals of a force map. Each shows its largest force."""
-FEW = 6
+MAX_FORCE_CURVES = 6
 """Pairs up to which forces are drawn as curves; for more pairs as a map."""
 
 
@@ -33,7 +33,7 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     """Draw the figure, see `Comparison.plot`."""
     view, n = window(report), report.scene.n_pairs
     look = closeup(view)
-    heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= FEW else [0.2 * min(n, 12) + 1.0]), 2.4]
+    heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= MAX_FORCE_CURVES else [0.2 * min(n, 12) + 1.0]), 2.4]
     figure, panels = canvas(7.0, sum(heights) + 1.4 + 2.2 * bool(look), len(heights) + bool(look),
                             height_ratios=heights + [1.9] * bool(look))
     axes = panels[: len(heights), 0]
@@ -51,7 +51,7 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
         axis.tick_params(labelbottom=axis is shared[-1])
     shared[-1].set_xlabel(view.named)
     axes[0].legend(*axes[-1].get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3,
-                   frameon=False, borderaxespad=0.2, **SMALL)
+                   frameon=False, borderaxespad=0.2, **SMALL_FONT)
     figure.align_ylabels(panels[:, 0])
     return files.write_figure(path, figure, dpi=200)
 
@@ -66,10 +66,10 @@ def mark(axis: Any, view: View, look: Closeup) -> None:
     """Shade the interval of the enlarged view if it is only a part of the figure."""
     begin, end = look.view.begin, look.view.end
     if end - begin < 0.8 * (view.end - view.begin):
-        axis.axvspan(view.clock(begin), view.clock(end), color=GREY, alpha=0.2, lw=0, zorder=0)
+        axis.axvspan(view.clock(begin), view.clock(end), color=GREY_COLOUR, alpha=0.2, lw=0, zorder=0)
 
 
-def timeline(axis: Any, view: View, named: int = NAMED) -> None:
+def timeline(axis: Any, view: View, named: int = MAX_LABELS) -> None:
     """Draw bars for soft contacts and marks for hard collisions, one line per pair.
 
     Up to `named` pairs have names.
@@ -80,13 +80,13 @@ def timeline(axis: Any, view: View, named: int = NAMED) -> None:
     start = view.clock(soft["t_begin"])
     width = view.clock(np.nan_to_num(soft["t_end"], nan=view.end)) - start
     for c in range(n):
-        axis.broken_barh(np.column_stack([start, width])[soft["pair"] == c], (c - 0.31, 0.3), color=SOFT, lw=0)
-    axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
-    axis.scatter(view.clock(hard["t_begin"]), hard["pair"] + 0.22, marker="|", s=60, color=HARD)
+        axis.broken_barh(np.column_stack([start, width])[soft["pair"] == c], (c - 0.31, 0.3), color=SOFT_COLOUR, lw=0)
+    axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT_COLOUR, lw=MIN_MARK_WIDTH)
+    axis.scatter(view.clock(hard["t_begin"]), hard["pair"] + 0.22, marker="|", s=60, color=HARD_COLOUR)
     _tell_of_later(axis, view)
     axis.set(ylim=(-0.6, n - 0.3), xlim=view.limits, ylabel="contacts" if n <= named else "contacts\nof pair")
     if n <= named:
-        axis.set_yticks(range(n), [f"pair {c}: {pair_name(view.report.scene, c)}" for c in range(n)], **SMALL)
+        axis.set_yticks(range(n), [f"pair {c}: {pair_name(view.report.scene, c)}" for c in range(n)], **SMALL_FONT)
     else:
         axis.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
@@ -98,7 +98,7 @@ def _tell_of_later(axis: Any, view: View) -> None:
         return
     pairs, last = np.unique(later["pair"]), float(later["t_begin"].max())
     unit, name = unit_of(last, "s")
-    axis.plot(np.full(len(pairs), view.shown[1]), pairs, ls="", marker=">", ms=5, color=SOFT, clip_on=False)
+    axis.plot(np.full(len(pairs), view.shown[1]), pairs, ls="", marker=">", ms=5, color=SOFT_COLOUR, clip_on=False)
     axis.set_title(f"{len(later)} later contact{'s' * (len(later) > 1)}, the last at t = {last / unit:.4g} {name} ▸",
                    fontsize=8, loc="right")
 
@@ -106,19 +106,19 @@ def _tell_of_later(axis: Any, view: View) -> None:
 def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
     """Draw forces: curves with their own units for few pairs, otherwise a map."""
     force = np.asarray(soft.force)
-    if soft.scene.n_pairs > FEW:
+    if soft.scene.n_pairs > MAX_FORCE_CURVES:
         _force_map(figure, axes[0], view, soft)
         return
     for axis, c in zip(axes[::-1], range(soft.scene.n_pairs), strict=True):
-        unit, name = unit_of(float(force[:, c].max(initial=0.0)) or 2.0, "N", prefixes=OF_FORCE)
+        unit, name = unit_of(float(force[:, c].max(initial=0.0)) or 2.0, "N", prefixes=FORCE_PREFIXES)
         force_curve(axis, view.clock(soft.time), force[:, c] / unit)
         axis.set_ylabel(f"force of\n{pair_name(soft.scene, c)}, {name}")
 
 
 def force_curve(axis: Any, clock: Array, force: Array) -> None:
     """Draw a force over time, filled down to zero."""
-    axis.fill_between(clock, force, color=SOFT, alpha=0.25, lw=0)
-    axis.plot(clock, force, color=SOFT, lw=1.0)
+    axis.fill_between(clock, force, color=SOFT_COLOUR, alpha=0.25, lw=0)
+    axis.plot(clock, force, color=SOFT_COLOUR, lw=1.0)
     axis.set_ylim(0.0, 1.12 * float(force.max(initial=0.0)) or 1.0)
 
 
@@ -129,18 +129,20 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     """
     from matplotlib.colors import PowerNorm
 
-    largest = np.zeros((COLUMNS, soft.scene.n_pairs))
+    largest = np.zeros((FORCE_MAP_COLUMNS, soft.scene.n_pairs))
     left, right = view.shown
 
     def columns(times: Array) -> Any:
-        return np.clip(((view.clock(times) - left) * (COLUMNS / (right - left))).astype(int), 0, COLUMNS - 1)
+        return np.clip(
+            ((view.clock(times) - left) * (FORCE_MAP_COLUMNS / (right - left))).astype(int), 0, FORCE_MAP_COLUMNS - 1
+        )
 
     np.maximum.at(largest, columns(soft.time), np.asarray(soft.force))
     log = view.report.counted[1].contacts
-    log = log[log["duration"] * COLUMNS < view.end - view.begin]
+    log = log[log["duration"] * FORCE_MAP_COLUMNS < view.end - view.begin]
     np.fmax.at(largest, (columns(log["t_begin"]), log["pair"]), log["force_max"])  # nan at thermal walls
     peak = float(largest.max())
-    unit, name = unit_of(peak or 2.0, "N", prefixes=OF_FORCE)
+    unit, name = unit_of(peak or 2.0, "N", prefixes=FORCE_PREFIXES)
     image = axis.imshow(
         largest.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
         extent=(left, right, -0.5, soft.scene.n_pairs - 0.5),
@@ -155,7 +157,7 @@ def draw_runs(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
     of = {label: (run.time, np.asarray(points(run))) for label, run in runs.items()}
     unit = world_lines(axis, view, view.report.scene, of)
     for t, y in (of["hard"],) if "hard" in of else ():
-        why = next((run.status.name for run in (view.report.hard, runs["hard"]) if run.status in EARLY), "")
+        why = next((run.status.name for run in (view.report.hard, runs["hard"]) if run.status in EARLY_STATUSES), "")
         if why and t[-1] < view.end:
-            axis.plot(np.full(y.shape[1], view.clock(t[-1])), y[-1] / unit, "x", color=HARD, ms=5,
+            axis.plot(np.full(y.shape[1], view.clock(t[-1])), y[-1] / unit, "x", color=HARD_COLOUR, ms=5,
                       label=f"end of the hard run: {why}")

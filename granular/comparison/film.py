@@ -17,23 +17,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine.check import Array
-from granular._engine.reports import GREY
-from granular.comparison.figure import FEW, both, draw_runs, force_curve, timeline
+from granular._engine.reports import GREY_COLOUR
+from granular.comparison.figure import MAX_FORCE_CURVES, both, draw_runs, force_curve, timeline
 from granular.comparison.further import Onward, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
-from granular.run.figures import COLOURS, NAMED
+from granular.run.figures import LINE_COLOURS, MAX_LABELS
 from granular.run.films import Page, blank, check, pace, radii, save, slowed
-from granular.run.trajectory import EARLY, Trajectory, points
+from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
-FREEZE, HOLD = 0.9, 1.2  # how long in s the film stops at the floor, and at its end
-SHORTEST, LONGEST = 0.2, 6.0  # a flight lasts so many s at least; it and the fall are shown for so many at most
-SLOW = 10.0  # contacts that are slowed down less are no act of their own
-SAID = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, {}",
+STOP_SECONDS, END_SECONDS = 0.9, 1.2  # how long in s the film stops at the floor, and at its end
+# a flight lasts so many s at least; it and the fall are shown for so many at most
+MIN_FLIGHT_TIME, MAX_SHOWN_SECONDS = 0.2, 6.0
+MIN_SLOWDOWN = 10.0  # contacts that are slowed down less are no act of their own
+ACT_CAPTIONS = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, {}",
         "end": "the highest point of each ball"}
-PANELS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # beside the balls, with their heights
+PANEL_HEIGHTS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # beside the balls, with their heights
 
 
 def animate(
@@ -61,7 +62,7 @@ class Story:
     @cached_property
     def tops(self) -> dict[str, Array]:
         """Time in s and height in m of each body's apex, for both engines, (n, 2)."""
-        return {name: apexes(self.view.report, name, range(self.view.report.scene.n)) for name in COLOURS}
+        return {name: apexes(self.view.report, name, range(self.view.report.scene.n)) for name in LINE_COLOURS}
 
     @cached_property
     def acts(self) -> dict[str, Array]:
@@ -72,15 +73,20 @@ class Story:
         view, fps = self.view, self.fps
         contacts = np.linspace(view.begin, view.end, max(2, round(self.seconds * fps)))
         scene, runs = view.report.scene, (view.report.hard, view.report.soft)
-        falls = scene.gravity > 0.0 and scene.is_wall[0] and not scene.fed and all(r.status not in EARLY for r in runs)
-        if not (self.whole and falls and self.seconds >= SLOW * (view.end - view.begin)):
+        falls = (
+            scene.gravity > 0.0
+            and scene.is_wall[0]
+            and not scene.fed
+            and all(r.status not in EARLY_STATUSES for r in runs)
+        )
+        if not (self.whole and falls and self.seconds >= MIN_SLOWDOWN * (view.end - view.begin)):
             return {"slow": contacts}
-        end = max(view.end + SHORTEST, *(float(np.nan_to_num(top[:, 0]).max()) for top in self.tops.values()))
+        end = max(view.end + MIN_FLIGHT_TIME, *(float(np.nan_to_num(top[:, 0]).max()) for top in self.tops.values()))
         return {
-            "fall": np.arange(max(float(runs[1].time[0]), view.begin - LONGEST), view.begin, 1.0 / fps),
-            "stop": np.full(round(FREEZE * fps), view.begin), "slow": contacts,
-            "flight": np.linspace(view.end, end, 1 + round(fps * min(LONGEST, end - view.end)))[1:],
-            "end": np.full(round(HOLD * fps), end),
+            "fall": np.arange(max(float(runs[1].time[0]), view.begin - MAX_SHOWN_SECONDS), view.begin, 1.0 / fps),
+            "stop": np.full(round(STOP_SECONDS * fps), view.begin), "slow": contacts,
+            "flight": np.linspace(view.end, end, 1 + round(fps * min(MAX_SHOWN_SECONDS, end - view.end)))[1:],
+            "end": np.full(round(END_SECONDS * fps), end),
         }
 
     def heights(self, name: str, times: Array) -> Array:
@@ -99,7 +105,7 @@ class Story:
         """Return an empty page: the balls of both engines, and panels of given heights."""
         report = self.view.report
         words = (report.verdict, parameters(report)) if self.charts else ("", "")
-        return blank(*words, report.scene, COLOURS, panels if self.charts else {}, beside, tall=1.25)
+        return blank(*words, report.scene, LINE_COLOURS, panels if self.charts else {}, beside, tall=1.25)
 
 
 def flying(story: Story) -> Page:
@@ -107,20 +113,22 @@ def flying(story: Story) -> Page:
     report, shown = story.view.report, {name: times for name, times in story.acts.items() if name != "slow"}
     time = np.concatenate(list(shown.values()))
     drawn = np.union1d(np.linspace(time[0], time[-1], 1200), time)
-    heights = {name: story.heights(name, drawn) for name in COLOURS}
+    heights = {name: story.heights(name, drawn) for name in LINE_COLOURS}
     page, above = story.page({"heights": 1.0}, 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
     for name in page.axes.keys() - {"time"}:
         page.axes[name].set_ylim(0.0, above)
-        page.axes[name].axhline(report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY, lw=0.8, ls=":")
+        page.axes[name].axhline(
+            report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY_COLOUR, lw=0.8, ls=":"
+        )
     for name, path in heights.items():
         stand(page, story, name, time, np.nan_to_num(path[np.searchsorted(drawn, time)], nan=-above))
         if story.charts:
             flown = np.where(drawn[:, None] > story.tops[name][:, 0], np.nan, path)
-            page.axes["heights"].plot(drawn, flown, color=COLOURS[name], ls={"hard": "--"}.get(name, "-"), lw=1.1)
+            page.axes["heights"].plot(drawn, flown, color=LINE_COLOURS[name], ls={"hard": "--"}.get(name, "-"), lw=1.1)
     page.panels[0].set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
     page.axes["hard"].set_ylabel("height, radii taken out, m; dotted: dropped from here")
     fast = pace(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
-    page.tell(page.panels, time, [SAID[act].format(fast) for act, times in shown.items() for _ in times])
+    page.tell(page.panels, time, [ACT_CAPTIONS[act].format(fast) for act, times in shown.items() for _ in times])
     return page
 
 
@@ -131,7 +139,7 @@ def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> N
     """
     from matplotlib import markers, transforms
 
-    scene, axis, colour = story.view.report.scene, page.axes[name], COLOURS[name]
+    scene, axis, colour = story.view.report.scene, page.axes[name], LINE_COLOURS[name]
     balls = np.flatnonzero(~scene.is_wall)
     size = 18.0 * min(1.0, 6.0 / len(balls)) * radii(scene)  # in points
     standing = markers.MarkerStyle("o", transform=transforms.Affine2D().translate(0.0, 0.5))
@@ -142,9 +150,18 @@ def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> N
         drawn = [
             *axis.plot([place], [0.0], marker=standing, ms=size[body], mfc=f"{colour}30", mec=colour, gid="ball"),
             *axis.plot([place - 0.4, place + 0.4], [0.0, 0.0], color=colour, lw=1.4),
-            axis.text(place, 0.0, number(top, 3) * (len(balls) <= FEW or body == balls[-1]), color=colour, fontsize=8,
-                      transform=transforms.offset_copy(axis.transData, page.figure, 0.0, size[body] + 3.0, "points"),
-                      ha="center", va="bottom", clip_on=True, gid=f"apex {body}"),
+            axis.text(
+                place,
+                0.0,
+                number(top, 3) * (len(balls) <= MAX_FORCE_CURVES or body == balls[-1]),
+                color=colour,
+                fontsize=8,
+                transform=transforms.offset_copy(axis.transData, page.figure, 0.0, size[body] + 3.0, "points"),
+                ha="center",
+                va="bottom",
+                clip_on=True,
+                gid=f"apex {body}",
+            ),
         ]
         page.moving += [(artist, np.stack([0.0 * path, path], 1))
                         for artist, path in zip(drawn, (heights[:, body], there, there), strict=True)]
@@ -157,7 +174,7 @@ def touching(story: Story) -> Page:
     if look is not None and (look.view is not view or len(look.touches) < 2):
         look = None  # a short moment of a long film, or nothing hops
     runs = both(report, np.unique(np.concatenate([time, view.moments, look.moments if look else []])))
-    page = story.page(dict(list(PANELS.items())[: 4 if look else 3]), 3.2)
+    page = story.page(dict(list(PANEL_HEIGHTS.items())[: 4 if look else 3]), 3.2)
     if story.charts:
         chart(page.panels, view, look, runs)
     slowed(page, report.scene, {
@@ -168,7 +185,7 @@ def touching(story: Story) -> Page:
 
 def chart(panels: list[Any], view: View, look: Closeup | None, runs: dict[str, Trajectory]) -> None:
     """Draw contacts, forces, paths and, if there is one, the enlarged view."""
-    timeline(panels[0], view, NAMED if view.report.scene.gravity > 0.0 else FEW)
+    timeline(panels[0], view, MAX_LABELS if view.report.scene.gravity > 0.0 else MAX_FORCE_CURVES)
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))
     panels[1].set(ylim=(0.0, 1.05), ylabel="force /\nits peak")

@@ -21,26 +21,26 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine import check
-from granular.comparison.outcome import SAME
-from granular.run.trajectory import EARLY, Status, Trajectory
+from granular.comparison.outcome import ERROR_LIMIT
+from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 from granular.run.until import Separated
 from granular.scene import Scene, speed_scale
 
-ROUNDING = 1e-14
+ROOT_ROUNDING_ERROR = 1e-14
 """Values below this share of the largest one are zero.
 
 A function that jumps near its root may have no change of sign there.
 """
-MERGED = 1e-4
+MERGING_SPEED_FACTOR = 1e-4
 """Hard spheres stick after the stop below this share of the impact speed."""
-LONGEST = 1000.0
+MAX_FALL_TIMES = 1000.0
 """Limit on the time to an apex, in fall times."""
-MOST = 3000
+MAX_EVENTS_PER_RUN = 3000
 """Limit on the events of each run."""
-STEPS = 10 * MOST
+MAX_STEPS_PER_RUN = 10 * MAX_EVENTS_PER_RUN
 """Limit on the steps of each soft run. A pile that settles has few events."""
 Flight = tuple[float, float, float]
-MANY = 12
+MAX_PRINTED_BALLS = 12
 """Number of balls that are printed: those with the largest differences."""
 
 
@@ -52,7 +52,7 @@ def roots(function: Callable[[float], float], grid: check.Array, scale: float) -
     from scipy.optimize import brentq
 
     values = np.array([function(x) for x in grid.tolist()])
-    values[np.abs(values) <= ROUNDING * (scale + np.nanmax(np.abs(values), initial=0.0))] = 0.0
+    values[np.abs(values) <= ROOT_ROUNDING_ERROR * (scale + np.nanmax(np.abs(values), initial=0.0))] = 0.0
     found = grid[values == 0.0].tolist()
     for k in np.flatnonzero(np.multiply(values[:-1], values[1:]) < 0.0):
         root = float(brentq(function, grid[k], grid[k + 1], xtol=1e-14))
@@ -93,18 +93,20 @@ class Onward:
         """The run up to its stop. A soft run has a checkpoint."""
         run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
         return run if self.engine == "hard" or "origin" in run.state else md.simulate(
-            run.scene, run.law, t_end=float(run.time[-1]), max_events=MOST, max_steps=STEPS)
+            run.scene, run.law, t_end=float(run.time[-1]), max_events=MAX_EVENTS_PER_RUN, max_steps=MAX_STEPS_PER_RUN)
 
     def run(self, t_end: float, samples: check.Array | None = None) -> Trajectory:
         """Continue the run up to `t_end` in s."""
         run, start = self.before, float(self.before.time[-1])
         if self.engine == "soft":
-            return md.resume(run, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
+            return md.resume(
+                run, t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN, max_steps=MAX_STEPS_PER_RUN
+            )
         speed = self.report.impact_speed  # nan before the first collision
         return edmd.simulate(
             run.scene.replace(gap=run.gap[-1], velocity=run.velocity[-1], origin=0.0), self.report.rule, t_start=start,
-            t_end=t_end, samples=samples, max_events=MOST, collapse="merge",
-            merge_below=MERGED * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
+            t_end=t_end, samples=samples, max_events=MAX_EVENTS_PER_RUN, collapse="merge",
+            merge_below=MERGING_SPEED_FACTOR * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
     def heights(self, times: check.Array) -> check.Array:
         """Heights in m without radii above the lowest body, (len(times), n).
@@ -149,11 +151,11 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     found = np.full((len(bodies), 2), math.nan)
     no_end = engine == "hard" and (options["ties"] in ("newton", "poisson", "reflect")
                                    or options["tc"] > 0.0 or options["elastic_below"] > 0.0)  # carried on without them
-    if report.settled.status in EARLY or report.soft.status in EARLY or not scene.gravity or no_end:
+    if report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity or no_end:
         return found
     fall, sight = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), found[:, 0]
     first = onward.before.contacts[~np.isnan(onward.before.contacts["t_end"])]
-    for ahead in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), LONGEST):
+    for ahead in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), MAX_FALL_TIMES):
         end = float(np.fmin(onward.before.time[-1] + ahead, sight.max()))
         run = onward.run(end)
         log = np.concatenate([first, run.contacts])
@@ -230,8 +232,8 @@ class Against:
     def __str__(self) -> str:
         rows = [part for one in (self.hard, self.soft) for part in (_last(one), np.fmax.reduce(np.abs(one)))]
         balls = np.flatnonzero(np.isfinite(rows[3]) | np.isfinite(rows[1]))
-        shown = np.sort(balls[np.argsort(-np.nan_to_num(rows[3][balls]), kind="stable")][:MANY])
-        head = f"{'last known':>12}{'largest':>10}  {f'beyond {SAME} from':<22}"
+        shown = np.sort(balls[np.argsort(-np.nan_to_num(rows[3][balls]), kind="stable")][:MAX_PRINTED_BALLS])
+        head = f"{'last known':>12}{'largest':>10}  {f'beyond {ERROR_LIMIT} from':<22}"
         lines = [f"{'velocities less those of':26}{'hard spheres':<46}soft spheres", f"{'':24}{head}{head}".rstrip()]
         for i in shown.tolist():
             words = [f"{last[i]:>12.3g}{most[i]:>10.3g}  {self._since(one[:, i]):<22}"
@@ -241,11 +243,11 @@ class Against:
                           * (len(shown) < len(balls))])
 
     def _since(self, apart: check.Array) -> str:
-        """Time from which a ball differs by more than `SAME`, as text.
+        """Time from which a ball differs by more than `ERROR_LIMIT`, as text.
 
         If a run stopped early, the time up to which the ball agrees is known.
         """
-        off, known = np.flatnonzero(np.abs(apart) > SAME), np.flatnonzero(np.isfinite(apart))
+        off, known = np.flatnonzero(np.abs(apart) > ERROR_LIMIT), np.flatnonzero(np.isfinite(apart))
         if len(off):
             return f"t = {self.time[off[0]]:.9g} s"
         return "never" if len(known) == len(apart) else (

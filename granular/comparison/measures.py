@@ -36,7 +36,7 @@ __all__ = [
 ]
 __dir__ = __all__.copy
 
-ACCOUNT = {
+BALANCE_LABELS = {
     "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
     "dissipated": "dissipated", "end": "at the end", "remainder": "remainder",
 }

@@ -21,13 +21,13 @@ from granular.laws.kinds import resolved
 from granular.laws.rules import ConstantRestitution
 from granular.md.binary import LawRule, at_speed_or_nan
 from granular.run import until as stop
-from granular.run.trajectory import EARLY, Trajectory
+from granular.run.trajectory import EARLY_STATUSES, Trajectory
 from granular.scene import Scene
 
 if TYPE_CHECKING:
     from granular.comparison.further import Rises
 
-MERGED = 1e-9
+STICKING_SPEED_FACTOR = 1e-9
 """Hard spheres stick after a collapse below this share of the fastest approach."""
 
 
@@ -191,7 +191,9 @@ class Compared:
         from granular.comparison.further import roots
 
         check.callback("observable", observable, "run")
-        fractions = np.linspace(0.0, 1.0, check.whole("resolution", resolution, at_least=2, at_most=check.MOST))
+        fractions = np.linspace(
+            0.0, 1.0, check.whole("resolution", resolution, at_least=2, at_most=check.MAX_REQUESTED_COUNT)
+        )
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel
 
@@ -285,7 +287,7 @@ class Compared:
 
     @property
     def _early(self) -> bool:
-        return self.settled.status in EARLY or self.soft.status in EARLY
+        return self.settled.status in EARLY_STATUSES or self.soft.status in EARLY_STATUSES
 
     @property
     def _speed(self) -> float:
@@ -295,7 +297,11 @@ class Compared:
     def _carried_on(self, run: Trajectory, options: Mapping[str, Any]) -> Trajectory:
         """Repeat a hard run that ended in a collapse, with slow collisions sticking."""
         if "verdict" in run.stats:
-            merging = {**options, "collapse": "merge", "merge_below": MERGED * measures.fastest_approach(run)}
+            merging = {
+                **options,
+                "collapse": "merge",
+                "merge_below": STICKING_SPEED_FACTOR * measures.fastest_approach(run),
+            }
             with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
                 return edmd.simulate(run.scene, self.rule, **merging)
         return run

@@ -17,21 +17,21 @@ from granular._engine.check import Array, typed
 from granular.md.isolation import Durations
 from granular.run.trajectory import Trajectory
 
-SAME = 0.01
+ERROR_LIMIT = 0.01
 """Largest difference, over the unit of the error, at which outcomes agree."""
-INSTANT = 1e-12
+SIMULTANEITY_TOLERANCE = 1e-12
 """Collisions are simultaneous if closer than this share of the time elapsed.
 
 Rounding errors decide their order.
 """
-FAINT = 1e-12
+MIN_CONTACT_STRENGTH = 1e-12
 """Contacts weaker than this share of the fastest approach are ignored.
 
 One contact leaves a rounding error of about 1e-15, and a thousand contacts leave this one.
 """
-ROUNDING = 1e-13
+VELOCITY_ROUNDING_ERROR = 1e-13
 """Relative rounding error of a difference of two velocities."""
-ROUNDS = 100
+MAX_WEIGHT_ITERATIONS = 100
 """Limit on the iterations of v = a t_c(v).
 
 For F = k ξ^p the error decreases by the factor (p - 1)/(p + 1) per iteration, 1/5 for Hertz spheres.
@@ -145,14 +145,14 @@ def at_once(hard: Trajectory) -> Trajectory:
     """Combine the simultaneous collisions of each pair of hard spheres.
 
     The order of collisions within an instant follows from the tie rule and has no physical meaning. A pair therefore
-    separates with the velocities that its bodies have after all collisions of the instant. Collisions within `INSTANT`
-    of the elapsed time are simultaneous.
+    separates with the velocities that its bodies have after all collisions of the instant. Collisions within
+    `SIMULTANEITY_TOLERANCE` of the elapsed time are simultaneous.
     """
     log = hard.contacts
     if len(log) < 2:
         return hard
     time, rows = log["t_begin"], np.arange(len(log))
-    instant = np.cumsum(np.diff(time, prepend=time[0]) > INSTANT * (time - hard.time[0]))
+    instant = np.cumsum(np.diff(time, prepend=time[0]) > SIMULTANEITY_TOLERANCE * (time - hard.time[0]))
     after = log["v_out"].copy()
     body, k = np.column_stack(hard.scene.bodies(log["pair"])).ravel(), np.repeat(rows, 2)
     by_body = np.lexsort((k, instant[k], body))
@@ -276,7 +276,7 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
         parting = np.where(approach(run) > 0.0, 0.0, np.nan_to_num(log["v_out"][:, 1] - log["v_out"][:, 0]))
         np.maximum.at(speed, log["pair"], np.maximum(approach(run), parting))
     scale = max(float(np.abs(run.contacts["v_in"]).max(initial=0.0)) for run in (hard, soft))
-    return np.maximum(parts.largest(speed), max(ROUNDING * scale, np.finfo(float).tiny))
+    return np.maximum(parts.largest(speed), max(VELOCITY_ROUNDING_ERROR * scale, np.finfo(float).tiny))
 
 
 def _sagging(soft: Trajectory, acceleration: Array) -> Array:
@@ -284,7 +284,8 @@ def _sagging(soft: Trajectory, acceleration: Array) -> Array:
     if not acceleration.any():
         return acceleration
     speed, alone = acceleration, Durations(soft.law or (), soft.scene)
-    for _ in range(ROUNDS):  # the first guess has another unit, so only the limit does not depend on units
+    # the first guess has another unit, so only the limit does not depend on units
+    for _ in range(MAX_WEIGHT_ITERATIONS):
         before, lasting = speed, alone(np.arange(len(speed)), speed)
         speed = acceleration * np.where(np.isfinite(lasting), lasting, 0.0)
         if (np.abs(speed - before) <= np.finfo(float).resolution * speed).all():
@@ -342,7 +343,7 @@ def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
 def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
     """Remove contacts at rounding level from both runs.
 
-    They are weaker than `FAINT` times the fastest approach of their component in either run.
+    They are weaker than `MIN_CONTACT_STRENGTH` times the fastest approach of their component in either run.
     """
     parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)
     for run in (hard, soft):
@@ -352,11 +353,11 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
 
 
 def without_rounding(run: Trajectory, fastest: Array) -> Trajectory:
-    """Remove contacts weaker than `FAINT` times `fastest` (n-1,) in m/s from a run.
+    """Remove contacts weaker than `MIN_CONTACT_STRENGTH` times `fastest` (n-1,) in m/s from a run.
 
     Balls that an engine leaves with a relative speed of 1e-16 m/s would meet again after about 1e12 s.
     """
-    kept = strengths(run) > FAINT * fastest[run.contacts["pair"]]
+    kept = strengths(run) > MIN_CONTACT_STRENGTH * fastest[run.contacts["pair"]]
     return run if kept.all() else replace(run, contacts=run.contacts[kept])
 
 
@@ -377,7 +378,7 @@ def order(run: Trajectory) -> int:
     events = np.column_stack([np.concatenate(column) for column in (time, pair, kind)])
     events = events[(events[:, 0] >= run.time[0]) & (events[:, 0] <= run.time[-1])]
     events = events[np.argsort(events[:, 0], kind="stable")]
-    events[:, 0] = np.cumsum(np.diff(events[:, 0], prepend=0.0) > INSTANT * (events[:, 0] - run.time[0]))
+    events[:, 0] = np.cumsum(np.diff(events[:, 0], prepend=0.0) > SIMULTANEITY_TOLERANCE * (events[:, 0] - run.time[0]))
     near = range(2 if run.law is None else 3)
     groups = np.concatenate([(events[:, 1] - shift) % scene.n_pairs for shift in near])
     found = np.column_stack([groups, np.tile(events, (len(near), 1))])

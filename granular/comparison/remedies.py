@@ -11,7 +11,7 @@ from granular import edmd
 from granular._engine import check
 from granular._engine.reports import Report, aligned, number, problem
 from granular.comparison import align, measures
-from granular.comparison.outcome import SAME, energy_left
+from granular.comparison.outcome import ERROR_LIMIT, energy_left
 from granular.laws.rules import ConstantRestitution
 from granular.run.trajectory import Status, Trajectory
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
 __all__ = ["Remedies", "Remedy"]
-SLOW = 0.01
+SLOW_SPEED_FACTOR = 0.01
 """Default speed for merging and elastic collisions, over the fastest impact."""
-LONGEST, STEP, COUNT, HALVINGS = 10.0, 10.0**0.5, 9, 11
+MAX_TC_DURATIONS, TC_STEP_FACTOR, TC_COUNT, TC_HALVINGS = 10.0, 10.0**0.5, 9, 11
 """Search for tc: from ten contact durations down to a thousandth in these steps.
 
 The interval is then halved this number of times, to 1e-3 of itself.
@@ -107,7 +107,7 @@ def table(report: Judged, observable: Callable[[Trajectory], float] | None, give
     """Return the table of remedies, see `Comparison.remedies`."""
     measure, soft = check.callback("observable", observable, "run") or energy_left, report.soft
     duration = float(measures.durations(report.hard, report.law).min(initial=math.inf))
-    slow = SLOW * measures.fastest_approach(report.hard)
+    slow = SLOW_SPEED_FACTOR * measures.fastest_approach(report.hard)
     tc, merge, elastic = (
         report.hard_options[name] or usual if given[name] is None else check.number(name, given[name], above=0.0)
         for name, usual in (("tc", duration), ("merge_below", slow), ("elastic_below", slow)))
@@ -123,7 +123,7 @@ def table(report: Judged, observable: Callable[[Trajectory], float] | None, give
         return Remedy(name, setting, float(measure(run)), error, len(run.contacts), run.status.name)
 
     newton = Remedy("Newton, soft spheres", 0.0, float(measure(soft)), 0.0, len(soft.contacts), soft.status.name)
-    hard, within = row("hard spheres"), SAME * (1.0 if observable is None else abs(newton.value))
+    hard, within = row("hard spheres"), ERROR_LIMIT * (1.0 if observable is None else abs(newton.value))
     rows = [hard, row("merge", merge, collapse="merge", merge_below=merge), row("TC model", tc, tc=tc),
             row("elastic cut-off", elastic, elastic_below=elastic), row("sticky", rule=ConstantRestitution(0.0))]
     best = hard if _off(hard, newton) <= within else _best(
@@ -142,7 +142,7 @@ def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
     options = {**report.hard_options, **none, **remedy}
     if options == report.hard_options and rule is report.rule:
         return report.hard
-    most = align.MOST_OF_OTHERS * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
+    most = align.COLLISION_LIMIT_FACTOR * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
     return edmd.simulate(report.scene, rule, **options | {"max_events": min(options["max_events"], most)})
 
 
@@ -157,11 +157,11 @@ def _best(at: Callable[[float], Remedy], newton: Remedy, duration: float) -> Rem
 
     tc decreases from long durations until it crosses the value of soft spheres, and is then bisected.
     """
-    tried = [at(LONGEST * duration / STEP**k) for k in range(COUNT)]
+    tried = [at(MAX_TC_DURATIONS * duration / TC_STEP_FACTOR**k) for k in range(TC_COUNT)]
     above = tried[0].value > newton.value
     low = next((row.setting for row in tried if (row.value > newton.value) is not above), tried[-1].setting)
-    high = STEP * low
-    for _ in range(HALVINGS):
+    high = TC_STEP_FACTOR * low
+    for _ in range(TC_HALVINGS):
         tried.append(middle := at(math.sqrt(low * high)))
         low, high = (low, middle.setting) if (middle.value > newton.value) is above else (middle.setting, high)
     return min(tried, key=lambda row: _off(row, newton))

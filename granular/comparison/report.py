@@ -12,7 +12,7 @@ import numpy as np
 from granular._engine.reports import named_pairs, number, pairs_by_law, problem, shortened
 from granular.comparison import measures
 from granular.comparison.numbers import smaller_radius
-from granular.comparison.outcome import FAINT, PairOutcome
+from granular.comparison.outcome import MIN_CONTACT_STRENGTH, PairOutcome
 from granular.laws.kinds import resolved
 from granular.md import isolation
 from granular.run.trajectory import Status, Trajectory
@@ -21,19 +21,19 @@ from granular.run.until import Contact
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
-FEW, MANY = 2, 8
+SHORT_PAIR_COUNT, FULL_PAIR_COUNT = 2, 8
 """Pairs listed in the short report; pairs or laws listed in the full report."""
 SAME_RESTITUTION = 1e-9
 """Difference of ε below which two values are equal."""
-SHALLOWER = 0.5 ** np.arange(16)
+OVERLAP_SHARES = 0.5 ** np.arange(16)
 """Shares of the largest overlap at which force laws are checked for attraction."""
-LIGHTEST, HEAVIEST, FASTEST = 0.15, 23_000.0, 20_000.0
+MIN_DENSITY, MAX_DENSITY, MAX_WAVE_SPEED = 0.15, 23_000.0, 20_000.0
 """Limits of solids: densities in kg/m³, and the speed of sound in m/s.
 
 Aerographene has 0.16 and osmium 22 590 kg/m³, and diamond 18 000 m/s. The speed of sound has no lower limit:
 soft balls have deep overlaps, which are reported.
 """
-MEASURES = {
+MEASURE_FORMATS = {
     "error": "largest error of a velocity, of the fastest impact = {error:.3g}",
     "shared_impulse": "impulse shared with a neighbour      φ   = {shared_impulse:.4g}",
     "floor_share": "floor's impulse while pressed from above  = {floor_share:.4g}   (explains, does not decide)",
@@ -43,14 +43,14 @@ MEASURES = {
                 "   (hard spheres from gaps shifted by 1e-12: {predictability:.1g})",
     "mass_centre_ratio": "restitution of the mass centre, soft / hard = {mass_centre_ratio:.4g}",
 }
-GROUPS = {
+GROUP_FORMATS = {
     "mass_ratio": "mass ratio {mass_ratio:.4g}", "stiffness_ratio": "stiffness ratio {stiffness_ratio:.4g}",
     "gap_omega_over_speed": "Δh ω₀/v {gap_omega_over_speed:.3g}",
     "gravity_over_omega_speed": "g/(ω₀v) {gravity_over_omega_speed:.2g}",
     "shaking": "Γ {shaking:.6g}", "shaking_omega": "ω/ω₀ {shaking_omega:.3g}",
 }
 """Formats of measures and groups. Values that are nan are left out."""
-MORE = "More (laws, overlaps, φ, p, Λ, D) with -v, in Python with report.details()."
+DETAILS_HINT = "More (laws, overlaps, φ, p, Λ, D) with -v, in Python with report.details()."
 
 
 def text(report: Judged) -> str:
@@ -59,13 +59,21 @@ def text(report: Judged) -> str:
     It contains the verdict, its reason, and the largest difference of the engines.
     """
     first, *more = warnings(report) or [""]
-    return "\n".join([
-        report.verdict, *list(_why(report))[:2], "",
-        f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}", "",
-        *_deciding(report), *_pairs(report, FEW), *_ends(report), *_known(MEASURES, {"error": report.error}),
-        *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
-        MORE,
-    ])
+    return "\n".join(
+        [
+            report.verdict,
+            *list(_why(report))[:2],
+            "",
+            f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}",
+            "",
+            *_deciding(report),
+            *_pairs(report, SHORT_PAIR_COUNT),
+            *_ends(report),
+            *_known(MEASURE_FORMATS, {"error": report.error}),
+            *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
+            DETAILS_HINT,
+        ]
+    )
 
 
 def details(report: Judged) -> str:
@@ -75,9 +83,9 @@ def details(report: Judged) -> str:
     return "\n".join([
         report.verdict, *_why(report), "",
         str(report.scene), *_laws(report), "",
-        *_deciding(report), *_pairs(report, MANY, speeds=True), *_ends(report), *_account(report), "",
-        *_known(MEASURES, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
-        "groups: " + ", ".join(_known(GROUPS, report.groups)),
+        *_deciding(report), *_pairs(report, FULL_PAIR_COUNT, speeds=True), *_ends(report), *_account(report), "",
+        *_known(MEASURE_FORMATS, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
+        "groups: " + ", ".join(_known(GROUP_FORMATS, report.groups)),
         *(f"warning: {w}" for w in warnings(report)),
     ])
 
@@ -116,7 +124,7 @@ def _attraction(report: Judged) -> Iterator[str]:
     depth = np.zeros(len(each))
     np.maximum.at(depth, kind[log["pair"]], log["xi_max"])
     for c, (law, deepest) in enumerate(zip(each, depth.tolist(), strict=True)):
-        pulls = [xi for xi in deepest * SHALLOWER if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
+        pulls = [xi for xi in deepest * OVERLAP_SHARES if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
         if pulls:
             pair = int(np.flatnonzero(kind == c)[0])
             yield (f"the law of pair {pair} pulls at an overlap of {max(pulls):.2g} m; a contact force is clipped to 0 "
@@ -134,11 +142,11 @@ def _no_solid(report: Judged) -> Iterator[str]:
         density = scene.mass / (4.0 / 3.0 * math.pi * scene.radius**3)
         waves = 2.0 * smaller_radius(scene) * np.sqrt(slope / scene.pairs.m_eff)
     balls = ~scene.is_wall & (scene.radius > 0.0)
-    odd = np.flatnonzero(balls & ~((density >= LIGHTEST) & (density <= HEAVIEST)))
+    odd = np.flatnonzero(balls & ~((density >= MIN_DENSITY) & (density <= MAX_DENSITY)))
     for i in odd[:1]:
         yield (f"density of ball {i}{_and(odd)} is {density[i]:.2g} kg/m³, which no solid has: are radii in m and "
                "masses in kg?")
-    fast = np.flatnonzero((waves > FASTEST) & (waves < math.inf))
+    fast = np.flatnonzero((waves > MAX_WAVE_SPEED) & (waves < math.inf))
     for c in fast[:1] if not len(odd) else ():
         yield (f"waves in the contact of pair {c}{_and(fast)} run at {waves[c]:.2g} m/s, faster than sound in any "
                "solid: is its stiffness in SI units?")
@@ -216,10 +224,10 @@ def _laws(report: Judged) -> list[str]:
     """Return a line for each law, or for each pair, and one for the collision rule."""
     eps, n = np.array(report.law_restitution), len(report.law)
     of_law = pairs_by_law(report.law)
-    few = len(of_law) > 1 and n <= MANY
+    few = len(of_law) > 1 and n <= FULL_PAIR_COUNT
     rows = [(repr(law), [c]) for c, law in enumerate(report.law)] if few else list(of_law.items())
-    return [*(_law(named_pairs(some, n), law, eps[some]) for law, some in rows[:MANY]),
-            *[f"({len(rows) - MANY} more laws not shown)"] * (len(rows) > MANY),
+    return [*(_law(named_pairs(some, n), law, eps[some]) for law, some in rows[:FULL_PAIR_COUNT]),
+            *[f"({len(rows) - FULL_PAIR_COUNT} more laws not shown)"] * (len(rows) > FULL_PAIR_COUNT),
             _law("rule", repr(report.rule), np.array(report.restitution_spec))]
 
 
@@ -249,7 +257,7 @@ def _ends(report: Judged) -> Iterator[str]:
     hard, soft = report.hard, report.soft
     yield _line("all contacts", len(report.settled.contacts), len(soft.contacts))
     if any(left := _left_out(report)):
-        yield _line("left out as rounding", *left, f"  slower than {FAINT:g} of U")
+        yield _line("left out as rounding", *left, f"  slower than {MIN_CONTACT_STRENGTH:g} of U")
     because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
     at = hard.stats.get("collapse_time", hard.time[-1])
     yield _line("ended at t, s", f"{at:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
@@ -296,7 +304,7 @@ def _account(report: Judged) -> Iterator[str]:
         return
     hard, soft = measures.balance(report.hard), measures.balance(report.soft)
     yield "\nenergy, J"
-    for name, words in measures.ACCOUNT.items():
+    for name, words in measures.BALANCE_LABELS.items():
         if hard[name] or soft[name]:  # what is 0 in both is not shown; nan is
             yield _line(words, number(hard[name]), number(soft[name]))
     if report.scene.driven:

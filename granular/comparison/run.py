@@ -17,7 +17,7 @@ from granular.comparison.answer import Judged
 from granular.laws.kinds import checked
 from granular.md.binary import rule_of_comparison
 from granular.run import until as stop
-from granular.run.drive import EVENTS
+from granular.run.drive import DEFAULT_MAX_EVENTS
 from granular.run.trajectory import Trajectory
 from granular.run.until import check_end
 from granular.scene import Scene, checked as a_scene
@@ -260,7 +260,11 @@ def compare(
     used = rule_of_comparison(laws, scene) if rule is None else rule
     remedied = collapse != "stop" or tc != 0.0 or elastic_below != 0.0
     check_end(scene, t_end, until, max_events, elastic=lambda: not remedied and known.elastic)
-    end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": EVENTS if max_events is None else max_events}
+    end: dict[str, Any] = {
+        "until": until,
+        "t_end": t_end,
+        "max_events": DEFAULT_MAX_EVENTS if max_events is None else max_events,
+    }
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below,
                                           "tc": tc, "elastic_below": elastic_below}
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}

@@ -15,25 +15,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine.check import Array
-from granular._engine.reports import GREY, HARD, PREFIXES, SOFT, shortened, unit_of
+from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, shortened, unit_of
 from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
-from granular.run.figures import FAR, MARGIN, Span
+from granular.run.figures import CONTACTS_MARGIN, FAR_SPAN_LENGTHS, Span
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
-LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
-MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last
-MUCH = 0.6  # a lens that would show this share of the time axis has the same one
-NUMBERED = 12  # so many touches are numbered, and hops measured
-ROOM = 0.05  # share of the width that two numbers stand apart at least
-SAME = 1e-9
+# late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
+NEGLIGIBLE_IMPULSE_SHARE = 0.01
+MAX_PAIRS_FOR_CLOSEUP = 20  # with more pairs than these, contacts somewhere else would always be found to last
+MAX_CLOSEUP_SHARE = 0.6  # a lens that would show this share of the time axis has the same one
+MAX_NUMBERED_TOUCHES = 12  # so many touches are numbered, and hops measured
+MIN_LABEL_DISTANCE = 0.05  # share of the width that two numbers stand apart at least
+EQUAL_NUMBER_TOLERANCE = 1e-9
 """Relative difference below which two numbers are equal."""
-EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-OF_MASS = ((1e3, "k"), *PREFIXES)
+SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+MASS_PREFIXES = ((1e3, "k"), *UNIT_PREFIXES)
 """Multiples of the gram."""
 
 
@@ -68,13 +69,16 @@ def window(report: Judged) -> View:
                            for log, time in ((run.contacts, float(run.time[-1])) for run in runs)])
     first = float(min(run.contacts["t_begin"].min(initial=math.inf) for run in report.counted))
     last = float(ends.max())
-    while len(bulk := ends[3.0 * (ends - first) < last - first]) and share[ends > bulk.max()].sum() <= LONE:
+    while (
+        len(bulk := ends[3.0 * (ends - first) < last - first])
+        and share[ends > bulk.max()].sum() <= NEGLIGIBLE_IMPULSE_SHARE
+    ):
         last = float(bulk.max())
-    margin = MARGIN * (last - first) or 1e-3 * abs(first) or 1.0
+    margin = CONTACTS_MARGIN * (last - first) or 1e-3 * abs(first) or 1.0
     begin, end = max(first - margin, start), last + margin
     if report.hard.status is report.soft.status is Status.time:
         end = min(end, max(last, float(report.soft.time[-1])))
-    return View(begin, end, first if first > FAR * (end - begin) else 0.0, report)
+    return View(begin, end, first if first > FAR_SPAN_LENGTHS * (end - begin) else 0.0, report)
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,7 @@ def closeup(view: View) -> Closeup | None:
     shared = np.zeros(len(log), bool)
     shared[[row for overlap in report.overlaps for row in (overlap.lower, overlap.upper)]] = True
     shared &= log["t_begin"] <= end
-    if not shared.any() or scene.n_pairs > MOST:
+    if not shared.any() or scene.n_pairs > MAX_PAIRS_FOR_CLOSEUP:
         return None
     onset, until = log["t_begin"], np.nan_to_num(log["t_end"], nan=end)
     spell = np.cumsum(np.append(True, onset[1:] > np.maximum.accumulate(until)[:-1]))
@@ -136,9 +140,9 @@ def closeup(view: View) -> Closeup | None:
     pair, inside = int(pairs[best]), spell == spells[best]
     touches = np.column_stack([onset, until])[inside & (log["pair"] == pair)]
     first, last = float(onset[inside].min()), float(min(until[inside].max(), end))
-    if last - first > MUCH * (end - view.begin):
+    if last - first > MAX_CLOSEUP_SHARE * (end - view.begin):
         return Closeup(pair, view, touches)
-    margin = MARGIN * (last - first)
+    margin = CONTACTS_MARGIN * (last - first)
     return Closeup(pair, View(max(first - margin, view.begin), min(last + margin, end), first, report), touches)
 
 
@@ -153,22 +157,30 @@ def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> No
     height = max((hop for _, hop in hops), default=to_see)
     bottom = 1.2 * min(depth, 2.0 * height if hops else depth)
     unit, name = unit_of(1.3 * height, "m")
-    axis.axhline(0.0, color=GREY, lw=0.6)
+    axis.axhline(0.0, color=GREY_COLOUR, lw=0.6)
     for label, run in runs.items():
-        colour, dash = {"soft": (SOFT, "-"), "hard": (HARD, "--")}[label]
+        colour, dash = {"soft": (SOFT_COLOUR, "-"), "hard": (HARD_COLOUR, "--")}[label]
         t, y = look.path(run)
         axis.plot(view.clock(t), y / unit, color=colour, ls=dash, lw=1.2)
-    axis.fill_between(view.clock(time), np.minimum(gap, 0.0) / unit, color=SOFT, alpha=0.25, lw=0)
+    axis.fill_between(view.clock(time), np.minimum(gap, 0.0) / unit, color=SOFT_COLOUR, alpha=0.25, lw=0)
     axis.set(xlim=view.limits, ylim=(-bottom / unit, (1.45 * height + 0.2 * bottom) / unit),
              xlabel=view.named, ylabel=f"distance of\n{pair_name(view.report.scene, look.pair)}, {name}")
-    least = ROOM * (view.shown[1] - view.shown[0])
-    for i, x in apart(view.clock(look.touches[:NUMBERED].mean(axis=1)), least):
-        axis.annotate(str(i + 1), (x, 0.965), xycoords=("data", "axes fraction"), ha="center", va="top",
-                      color=SOFT, fontsize=8, bbox={"boxstyle": "circle,pad=0.2", "fc": "white", "ec": SOFT, "lw": 0.6})
-    for i, x in apart(view.clock(np.array([t for t, _ in hops[:NUMBERED]])), 1.8 * least):
+    least = MIN_LABEL_DISTANCE * (view.shown[1] - view.shown[0])
+    for i, x in apart(view.clock(look.touches[:MAX_NUMBERED_TOUCHES].mean(axis=1)), least):
+        axis.annotate(
+            str(i + 1),
+            (x, 0.965),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="top",
+            color=SOFT_COLOUR,
+            fontsize=8,
+            bbox={"boxstyle": "circle,pad=0.2", "fc": "white", "ec": SOFT_COLOUR, "lw": 0.6},
+        )
+    for i, x in apart(view.clock(np.array([t for t, _ in hops[:MAX_NUMBERED_TOUCHES]])), 1.8 * least):
         size, of = unit_of(hops[i][1], "m", 1.0)
         axis.annotate(f"{float(f'{hops[i][1] / size:.2g}'):g} {of}", (x, hops[i][1] / unit), (0, 2),
-                      textcoords="offset points", ha="center", va="bottom", color=SOFT, fontsize=8)
+                      textcoords="offset points", ha="center", va="bottom", color=SOFT_COLOUR, fontsize=8)
 
 
 def apart(places: Array, least: float) -> list[tuple[int, float]]:
@@ -198,16 +210,19 @@ def _scene(report: Judged) -> str:
     scene, balls = report.scene, ~report.scene.is_wall
     inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
     ratio = report.groups["mass_ratio"]
-    return ", ".join([
-        f"{balls.sum()} balls" if balls.sum() > 1 else "1 ball",
-        *["on a ring"] * scene.ring,
-        *[f"pendula of Ω = {number(scene.pendulum)} rad/s"] * (scene.pendulum > 0.0),
-        f"m = {_span(1e3 * scene.mass[balls], 'g', OF_MASS)}" + f" ({number(ratio)} : 1)" * (ratio > 1.0 + SAME),
-        *[f"gap {_span(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner)),
-        *[f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0),
-        *[f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0),
-        *(shortened(repr(wall)) for wall in (scene.floor, scene.ceiling) if wall is not None),
-    ])
+    return ", ".join(
+        [
+            f"{balls.sum()} balls" if balls.sum() > 1 else "1 ball",
+            *["on a ring"] * scene.ring,
+            *[f"pendula of Ω = {number(scene.pendulum)} rad/s"] * (scene.pendulum > 0.0),
+            f"m = {_span(1e3 * scene.mass[balls], 'g', MASS_PREFIXES)}"
+            + f" ({number(ratio)} : 1)" * (ratio > 1.0 + EQUAL_NUMBER_TOLERANCE),
+            *[f"gap {_span(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner)),
+            *[f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0),
+            *[f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0),
+            *(shortened(repr(wall)) for wall in (scene.floor, scene.ceiling) if wall is not None),
+        ]
+    )
 
 
 def _laws(report: Judged) -> str:
@@ -243,13 +258,13 @@ def _durations(report: Judged) -> Any:
     return Durations(report.law, report.scene)(np.arange(n), np.full(n, report._speed))
 
 
-def _span(values: Any, unit: str = "", prefixes: Any = PREFIXES, digits: int = 4) -> str:
+def _span(values: Any, unit: str = "", prefixes: Any = UNIT_PREFIXES, digits: int = 4) -> str:
     """Return one number, or a range of numbers, with a unit."""
     known = values[np.isfinite(values)]
     if not len(known):
         return "–"
     low, high = float(known.min()), float(known.max())
-    if high - low <= SAME * abs(high):
+    if high - low <= EQUAL_NUMBER_TOLERANCE * abs(high):
         return _one(high, unit, prefixes, digits)
     between = " and " if len(values) == 2 else " … "
     ends = (float(known[0]), float(known[-1])) if len(values) == 2 else (low, high)
@@ -268,4 +283,4 @@ def number(value: float, digits: int = 4) -> str:
     factor, _, power = f"{value:.{digits}g}".partition("e")
     if not power:
         return factor
-    return f"{factor}·" * (factor != "1") + f"10{str(int(power)).translate(EXPONENTS)}"
+    return f"{factor}·" * (factor != "1") + f"10{str(int(power)).translate(SUPERSCRIPT_DIGITS)}"

@@ -19,7 +19,7 @@ from granular._engine.kernels import FORCED, HUNG, RING, kernel, rare
 from granular._engine.records import Record, Records
 from granular.edmd.driven import presses, rate_of
 from granular.edmd.hanging import swing_together
-from granular.edmd.motion import NOISE, carry, total
+from granular.edmd.motion import COLLISION_NOISE, carry, total
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import borne, enter
 from granular.scene.walls.hits import pressing_bounds
@@ -165,7 +165,7 @@ def go_together(bodies: Records, b: int, c: int, e: int, now: float, w: float, w
         push = common(bodies, b, e)
         u = (bodies[c].fall_velocity + (bodies[c].force_acceleration - push) * now) + part * w
         enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
-        noise = NOISE * (u * u)
+        noise = COLLISION_NOISE * (u * u)
         for i in range(b, e + 1):  # the mean by mass: a maximum would grow with every hit
             noise += bodies[i].mass / (lower + upper) * bodies[i].noise
         for i in range(b, e + 1):
@@ -195,7 +195,7 @@ def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
             mass += bodies[i].mass
     for i in range(first, last + 2):
         if bodies[i].fall_velocity == u and bodies[i].is_free > 0.0:
-            bodies[i].noise = noise / mass + NOISE * (u * u + w * w)
+            bodies[i].noise = noise / mass + COLLISION_NOISE * (u * u + w * w)
 
 
 @kernel

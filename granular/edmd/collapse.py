@@ -16,27 +16,28 @@ from granular._engine.flight import time_to_contact
 from granular._engine.records import Records, column
 from granular.edmd.clusters import press_again
 from granular.edmd.physics import Physics
-from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log
+from granular.edmd.records import APART, BUDGET, LATER, RELATIVE_FIELDS, RESTS, SPENT, TINY, UNTIL, Log
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
 from granular.edmd.zoom import soonest, write_back, zoom
 
-REACH = 64
+SLICE_REACH = 64
 """Number of pairs on either side of the suspect in the slice."""
-SLOW = 2.0**-20
+SLOW_RATE_FACTOR = 2.0**-20
 """Largest rate of a pair in a collapse, in units of the speed scale."""
-ROUNDING = 1e-12
+NEGLIGIBLE_SPEED_FACTOR = 1e-12
 """Negligible speed, in units of the speed scale."""
-ALONE = 64.0
+ISOLATION_FACTOR = 64.0
 """Minimum isolation of a slow group.
 
 A group is classified only if no pair outside collides within this many times the wait for its own next collision.
 """
-PATIENCE, STEP = 64, 16_384
+UNDECIDED_FACTOR, CHECK_INTERVAL = 64, 16_384
 """Collisions in relative coordinates before an undecided slice is classified.
 
-`PATIENCE` is in units of the square of the number of pairs. After this number a slice can be classified by its speeds,
-or by its bound if `max_events` ends the run. `STEP` is the number of collisions between two such classifications.
+`UNDECIDED_FACTOR` is in units of the square of the number of pairs. After this number a slice can be classified by its
+speeds, or by its bound if `max_events` ends the run. `CHECK_INTERVAL` is the number of collisions between two such
+classifications.
 """
 
 
@@ -72,17 +73,17 @@ def begin(state: State, queue: SortedQueue) -> None:
     The suspect has just collided.
     """
     run, c, n = state.run, int(state.run.suspect), len(state.pairs)
-    first, end = max(0, c - REACH), min(n, c + REACH + 1)
+    first, end = max(0, c - SLICE_REACH), min(n, c + SLICE_REACH + 1)
     if state.ring:
-        whole = n <= 2 * REACH + 1  # the largest gap comes last, and no collapse extends across it
-        first = (int(np.argmax(state.row(run.now)[1])) + 1 if whole else c - REACH) % n
-        end = first + min(n, 2 * REACH + 1)
+        whole = n <= 2 * SLICE_REACH + 1  # the largest gap comes last, and no collapse extends across it
+        first = (int(np.argmax(state.row(run.now)[1])) + 1 if whole else c - SLICE_REACH) % n
+        end = first + min(n, 2 * SLICE_REACH + 1)
     state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0)
     state.clock.zooms += 1
-    # A run with that many undecided collisions is classified again after each `STEP`.
-    if run.zoomed >= PATIENCE * (end - first) ** 2:
-        run.allowance = STEP
-    state.near = near = np.zeros(end - first, NEAR)
+    # A run with that many undecided collisions is classified again after each `CHECK_INTERVAL`.
+    if run.zoomed >= UNDECIDED_FACTOR * (end - first) ** 2:
+        run.allowance = CHECK_INTERVAL
+    state.near = near = np.zeros(end - first, RELATIVE_FIELDS)
     pairs, bodies = state.slices()
     u, noise = column(bodies, "fall_velocity"), column(bodies, "noise")
     pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
@@ -121,8 +122,8 @@ def look(
         # A spent allowance alone is not a collapse: the bound must also be negligible.
         if verdict is None or not (end == TINY or verdict.bound < 1e-9 * state.clock.speed):
             verdict = None
-            if end == SPENT and run.zoomed >= PATIENCE * len(near) ** 2:
-                run.allowance = run.looked + STEP
+            if end == SPENT and run.zoomed >= UNDECIDED_FACTOR * len(near) ** 2:
+                run.allowance = run.looked + CHECK_INTERVAL
                 verdict = _faint(state, physics)
                 if verdict is None:
                     return end, None
@@ -179,7 +180,7 @@ def left(state: State, physics: Physics) -> Verdict | None:
 
     The slice must have had many collisions, and no other event may be due soon.
     """
-    if state.near is None or state.run.zoomed < PATIENCE * len(state.near) ** 2:
+    if state.near is None or state.run.zoomed < UNDECIDED_FACTOR * len(state.near) ** 2:
         return None
     verdict = bound(state, physics)
     return verdict if verdict is not None and _is_alone(state, verdict) else None
@@ -209,10 +210,10 @@ def _faint(state: State, physics: Physics) -> Verdict | None:
     """
     # Each step lowers the limit of slow rates by 2^4, down to 2^-56 of the scale.
     for k in range(0, 40, 4):
-        verdict = judged(state, physics, SLOW * 2.0**-k)
+        verdict = judged(state, physics, SLOW_RATE_FACTOR * 2.0**-k)
         if verdict is None:
             break
-        if verdict.bound < ROUNDING * state.clock.speed and _is_alone(state, verdict):
+        if verdict.bound < NEGLIGIBLE_SPEED_FACTOR * state.clock.speed and _is_alone(state, verdict):
             state.run.faint += 1
             return verdict if state.run.faint >= 2 else None
     state.run.faint = 0
@@ -249,10 +250,12 @@ def _is_alone(state: State, verdict: Verdict) -> bool:
     columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "closing_acceleration")
     wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
     first, last = ((k - state.run.first) % len(state.pairs) for k in (verdict.first, verdict.last))
-    return min(wait[:first] + wait[last + 1 :], default=math.inf) > ALONE * min(wait[first : last + 1])
+    return min(wait[:first] + wait[last + 1 :], default=math.inf) > ISOLATION_FACTOR * min(wait[first : last + 1])
 
 
-def judged(state: State, physics: Physics, share: float = SLOW, collided: int | None = None) -> Verdict | None:
+def judged(
+    state: State, physics: Physics, share: float = SLOW_RATE_FACTOR, collided: int | None = None
+) -> Verdict | None:
     """Return a verdict on the neighbours of the suspect with slow rates, or None.
 
     Rates are slow if they are below `share` of the speed scale. The verdict is *proved* for two alternating pairs, else

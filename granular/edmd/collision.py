@@ -22,24 +22,24 @@ from granular.edmd.clusters import (
 )
 from granular.edmd.driven import place, take_wall_velocity
 from granular.edmd.hanging import swing_off
-from granular.edmd.motion import NOISE, across, add, carry, collide, impulse, rate_at_touch, velocities
+from granular.edmd.motion import COLLISION_NOISE, across, add, carry, collide, impulse, rate_at_touch, velocities
 from granular.edmd.physics import Restitution
 from granular.edmd.records import CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import book, borne, enter
 from granular.scene.walls.thermal import drawn
 
-SUSPICIOUS = 8
+SUSPICIOUS_STREAK = 8
 """Streak from which a collapse is suspected."""
-FAINT = 2.0**-26
+MIN_RELATIVE_REBOUND = 2.0**-26
 """Rebound that raises a suspicion immediately, in units of the fall velocities.
 
 Half of the digits of such a rate are lost in the velocities.
 """
-CLOSE, FEW = 2.0**-20, 64
+MIN_INTERVAL, MAX_REBASED = 2.0**-20, 64
 """Limits for moving the zero of time when balls merge.
 
-The zero of time is moved if the time between two collisions of a pair is below `CLOSE` times the time on the clock. It
-is moved for at most `FEW` pairs, because all pairs have to be advanced.
+The zero of time is moved if the time between two collisions of a pair is below `MIN_INTERVAL` times the time on the
+clock. It is moved for at most `MAX_REBASED` pairs, because all pairs have to be advanced.
 """
 
 
@@ -77,8 +77,13 @@ def event(
         # The first factor is a cheap test: without gravity and mergers nothing is stuck.
         if (FORCED or run.gravity > 0.0 or run.merged > 0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
             first, last = wake(run, pairs, bodies, c, now, walls)
-        else:
-            first, last = carry_neighbours(run, pairs, bodies, c, now, walls)
+        else:  # carry the neighbours to `now`
+            if c > 0:
+                first = c - 1
+                run.clamps += carry(pairs[first], bodies[first], lower, now, walls)
+            if c + 1 < len(pairs):
+                last = c + 1
+                run.clamps += carry(pairs[last], upper, bodies[last + 1], now, walls)
         if HUNG:
             swing_off(pairs, bodies, c, now, w, e, row)
         else:
@@ -93,19 +98,6 @@ def event(
     if RING:
         across(bodies, c)
     return first, last, -e * w
-
-
-@kernel
-def carry_neighbours(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Carry the pairs beside pair `c` to time `now`; return the first and the last of the pairs concerned."""
-    first, last = c, c
-    if c > 0:
-        first = c - 1
-        run.clamps += carry(pairs[first], bodies[first], bodies[c], now, walls)
-    if c + 1 < len(pairs):
-        last = c + 1
-        run.clamps += carry(pairs[last], bodies[last], bodies[last + 1], now, walls)
-    return first, last
 
 
 @kernel
@@ -139,11 +131,18 @@ def streak(
     events depends on it.
     """
     if run.slow < 0.0:
-        # Order: cheap tests first. `FEW` because all pairs are advanced when the clock moves.
-        fine = FORCED or HUNG or run.merge_below == 0.0 or e == 0.0 or run.pairs > FEW or now - last >= CLOSE * now
-        return 0 if fine else SUSPICIOUS
-    if 0.0 < e * speed < FAINT * max(abs(lower.fall_velocity), abs(upper.fall_velocity)):
-        return SUSPICIOUS
+        # Order: cheap tests first. `MAX_REBASED` because all pairs are advanced when the clock moves.
+        fine = (
+            FORCED
+            or HUNG
+            or run.merge_below == 0.0
+            or e == 0.0
+            or run.pairs > MAX_REBASED
+            or now - last >= MIN_INTERVAL * now
+        )
+        return 0 if fine else SUSPICIOUS_STREAK
+    if 0.0 < e * speed < MIN_RELATIVE_REBOUND * max(abs(lower.fall_velocity), abs(upper.fall_velocity)):
+        return SUSPICIOUS_STREAK
     if speed < run.slow:
         return count + 3
     return count + 1 if now - last <= run.short else 0
@@ -176,7 +175,7 @@ def leave_thermal_wall(
         upper.fall_velocity = lower.fall_velocity + (pair.closing_acceleration * now + s)
     else:
         lower.fall_velocity = upper.fall_velocity - (pair.closing_acceleration * now + s)
-    ball.noise = NOISE * (ball.fall_velocity * ball.fall_velocity + s * s)
+    ball.noise = COLLISION_NOISE * (ball.fall_velocity * ball.fall_velocity + s * s)
     given = impulse(lower, upper, w - s)
     enter(lower, upper, given, 0.0, walls)
     side.heat, side.heat_low = add(side.heat, side.heat_low, 0.5 * (s + w) * given)
@@ -270,7 +269,7 @@ def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
     body.fall_velocity += more
     body.force_acceleration = push
     if walls.sides[0].lands:
-        body.noise += NOISE * (body.fall_velocity * body.fall_velocity)
+        body.noise += COLLISION_NOISE * (body.fall_velocity * body.fall_velocity)
 
 
 @rare

@@ -29,19 +29,19 @@ from granular._engine.records import Record, Records, copied, leaf, one, packed,
 from granular.edmd.clusters import rest
 from granular.edmd.motion import predicted
 from granular.edmd.physics import LEFT, MASK, RANDOM, rank
-from granular.edmd.records import BUDGET, LATER, NEVER, ROW, RUN, Log, Walls
+from granular.edmd.records import BUDGET, LATER, LOG_ROW, NEVER, RUN_FIELDS, Log, Walls
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 
-LARGE = 100_000
+BLOCKS_ABOVE = 100_000
 """Number of bodies from which advancing in blocks is faster."""
-BLOCK = 4096
+PAIRS_PER_BLOCK = 4096
 """Number of pairs per block, without the halo."""
-ROOM = 64
+FIRST_LOG_ROWS = 64
 """Number of log rows allocated first."""
-GROWTH = 4
+LOG_GROWTH_FACTOR = 4
 """Growth factor of the next allocation of log rows, up to `chunk` rows."""
-MARGIN = 2.0
+SPEED_MARGIN_FACTOR = 2.0
 """Assumed maximum speed, in units of the largest speed at the start of the window.
 
 A light ball among heavy balls can gain speed.
@@ -84,15 +84,15 @@ class TreeQueue(SortedQueue):
 
     name = "compiled"
     chunk = 65_536
-    room, size = np.empty(0, ROW), ROOM
+    room, size = np.empty(0, LOG_ROW), FIRST_LOG_ROWS
     kernel = staticmethod(partial(compiled, inline=True))
     hold = staticmethod(packed)
     loop, predict = staticmethod(loop), staticmethod(refresh)
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, at most the rest of the current allocation."""
-        if len(self.room) < min(n, ROOM):
-            self.room, self.size = np.empty(self.size, ROW), min(GROWTH * self.size, TreeQueue.chunk)
+        if len(self.room) < min(n, FIRST_LOG_ROWS):
+            self.room, self.size = np.empty(self.size, LOG_ROW), min(LOG_GROWTH_FACTOR * self.size, TreeQueue.chunk)
         return self.room[:n]
 
     def kept(self, rows: Records) -> Records:
@@ -132,7 +132,7 @@ def in_order(rows: Any, sizes: list[int]) -> Any:
         if (part[1:] != part[:-1])[same].any():
             return None
     del time, later, same
-    return [raw(rows)[order[k : k + TreeQueue.chunk]].view(ROW) for k in range(0, len(order), TreeQueue.chunk)]
+    return [raw(rows)[order[k : k + TreeQueue.chunk]].view(LOG_ROW) for k in range(0, len(order), TreeQueue.chunk)]
 
 
 class BlockQueue(TreeQueue):
@@ -144,7 +144,7 @@ class BlockQueue(TreeQueue):
     # Practically unlimited, so that the budget never splits a window.
     chunk = 1 << 40
     as_one = 0.0  # tau until which the current window is advanced without blocks
-    spare = np.empty(0, ROW)  # log rows of a window by block; reused, because allocating is slower
+    spare = np.empty(0, LOG_ROW)  # log rows of a window by block; reused, because allocating is slower
 
     def rebuild(self) -> None:
         """Predict all pairs again, which begins a window."""
@@ -172,7 +172,7 @@ class BlockQueue(TreeQueue):
         If it is not, state and log are unchanged. The tree is deleted, because two states are in memory during the
         sweep.
         """
-        s, done, sizes, page = self.state, 0, list[int](), np.empty(0 if log is None else TreeQueue.chunk, ROW)
+        s, done, sizes, page = self.state, 0, list[int](), np.empty(0 if log is None else TreeQueue.chunk, LOG_ROW)
         speed, ends = self._blocks(edge)
         if not ends:
             return False
@@ -211,7 +211,7 @@ class BlockQueue(TreeQueue):
         """
         if at + len(rows) > len(self.spare):
             # A quarter more than estimated, so that few blocks cause another copy.
-            old, self.spare = self.spare[:at], np.empty(max(at + len(rows), blocks * len(rows)) * 5 // 4, ROW)
+            old, self.spare = self.spare[:at], np.empty(max(at + len(rows), blocks * len(rows)) * 5 // 4, LOG_ROW)
             raw(self.spare)[:at] = raw(old)
         raw(self.spare)[at : at + len(rows)] = rows
 
@@ -224,7 +224,9 @@ class BlockQueue(TreeQueue):
         of them are stored in `page`.
         """
         s, fastest = self.state, np.zeros(1)
-        part = State(one(np.array([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
+        part = State(
+            one(np.array([s.run], RUN_FIELDS)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1])
+        )
         # Practically unlimited: only the end of the window stops a block.
         part.run.edge, part.run.budget = edge, 1 << 40
         queue = TreeQueue(part, self.physics)
@@ -249,14 +251,14 @@ class BlockQueue(TreeQueue):
         start, n, g = max(s.run.now, 0.0), len(s.pairs), s.run.gravity
         left = edge - start
         velocity, gap = s.row(start)
-        speed = MARGIN * (float(np.abs(velocity).max()) + 2.0 * g * left)
+        speed = SPEED_MARGIN_FACTOR * (float(np.abs(velocity).max()) + 2.0 * g * left)
         place = np.concatenate([[0.0], np.cumsum(gap)])
-        first = np.arange(0, n, BLOCK)
-        last = np.minimum(first + BLOCK, n)
+        first = np.arange(0, n, PAIRS_PER_BLOCK)
+        last = np.minimum(first + PAIRS_PER_BLOCK, n)
         slack = 2.0 * speed * left * (1.0 + 1e-9) + 1e-9 * float(place[-1]) / n  # cumulative sums round
         low = np.maximum(np.searchsorted(place, place[first] - slack, side="right") - 2, 0)
         high = np.minimum(np.searchsorted(place, place[last] + slack, side="left") + 2, n)
         # Beyond this length, more than two thirds of the work would be discarded with the halos.
-        longer = float(np.median(high - low)) > 3 * BLOCK
+        longer = float(np.median(high - low)) > 3 * PAIRS_PER_BLOCK
         ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
         return speed - g * left, ends

@@ -20,7 +20,7 @@ from granular.scene.walls.gap import after, state
 from granular.scene.walls.hits import first_hit, lift_off, opens
 from granular.scene.walls.path import moved
 
-NEVER = math.inf
+NO_EVENT_TIME = math.inf
 
 
 @kernel
@@ -44,9 +44,9 @@ def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
     when no room is left, and then the run ends.
     """
     if pair.wall == BOTH:
-        return NEVER
+        return NO_EVENT_TIME
     side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
-    pair.wait = first_hit(side, walls.panels, side.epoch, side.low + pair.at, pair.gap, rate, a, NEVER)
+    pair.wait = first_hit(side, walls.panels, side.epoch, side.low + pair.at, pair.gap, rate, a, NO_EVENT_TIME)
     return pair.at + pair.wait  # type: ignore[no-any-return]
 
 
@@ -58,9 +58,9 @@ def opening(pair: Record, walls: Walls) -> float:
     A pair opens when no acceleration presses it together any more, or when the velocity of its wall jumps.
     """
     if pair.wall < 0:
-        return pair.at if pair.closing_acceleration < 0.0 else NEVER
+        return pair.at if pair.closing_acceleration < 0.0 else NO_EVENT_TIME
     side = walls.sides[pair.wall]
-    wait, rate = lift_off(side, walls.panels, side.epoch, side.low + pair.at, pair.closing_acceleration, NEVER)
+    wait, rate = lift_off(side, walls.panels, side.epoch, side.low + pair.at, pair.closing_acceleration, NO_EVENT_TIME)
     time = pair.at + wait
     if rate != 0.0:
         time += 2.0**-50 * (abs(side.epoch) + abs(time))  # after the jump despite rounding

@@ -6,11 +6,11 @@ import math
 from typing import Any
 
 from granular._engine.records import column
-from granular.edmd.motion import LATEST
+from granular.edmd.motion import LATEST_TIME
 from granular.run.trajectory import Status
 from granular.run.until import raised
 
-WHY = {
+VERDICT_REASONS = {
     "exact": "body {ball} comes to rest on the wall after infinitely many bounces",
     "proved": "the {count} pairs collide in turn forever; rates left: {bound:.2g} m/s",
     "bounded": "unless hit from outside, none of their bodies will be faster than {bound:.2g} m/s",
@@ -29,7 +29,7 @@ def sentence(run: Any, status: Status, s: dict[str, Any], now: float) -> str:
         count = (verdict.last - verdict.first) % run.scene.n_pairs + 1
         ball = verdict.first + bool(run.scene.is_wall[verdict.first])
         numbers = {"ball": ball, "bound": verdict.bound, "count": "two" if count == 2 else count}
-        why = WHY[verdict.kind].format(**numbers)
+        why = VERDICT_REASONS[verdict.kind].format(**numbers)
         if verdict.bound == math.inf:
             why = "forces may pull them apart: how fast they will be is not known"
         what, fix = ("what may be an inelastic", "; give collapse='merge' to continue") if (
@@ -41,8 +41,8 @@ def sentence(run: Any, status: Status, s: dict[str, Any], now: float) -> str:
     elif status is not Status.max_events:
         known = status is Status.time and not run.scene.driven and run.state.near is None
         said = f"{status.value}: {when}" + "; no collision can follow" * (known and run.queue.soonest() == math.inf)
-    elif LATEST < run.state.time(run.queue.soonest()) < math.inf:
-        said = f"{status.value}: {when}; the next one is later than {LATEST:.2g} s, where runs end"
+    elif LATEST_TIME < run.state.time(run.queue.soonest()) < math.inf:
+        said = f"{status.value}: {when}; the next one is later than {LATEST_TIME:.2g} s, where runs end"
     else:
         said = f"{status.value} ({raised('max_events', run.request.end)}): max_events reached at {when}"
         if math.isfinite(run.horizon):

@@ -28,28 +28,28 @@ from granular._engine.records import Record, Records
 from granular.edmd.driven import beside, next_wall_hit, opening, rate_at_wall, rate_of, take_wall_velocity
 from granular.edmd.records import FREE, Walls
 
-NOISE = 2.0**-96
+COLLISION_NOISE = 2.0**-96
 """Noise that a collision adds, in units of the squared velocities.
 
 It corresponds to 16 units in the last place of a velocity. The rounding error is less than 3 units.
 """
-UNCERTAIN = 2.0**-76
+MAX_RELATIVE_NOISE = 2.0**-76
 """Largest noise of a ball, in units of the largest squared velocity."""
 CLOCK_ROUNDING = 2.0**-52
 """Relative rounding error of a time."""
-REBASED = 2.0**-104
-"""Noise that re-basing under gravity adds, in the same units as `NOISE`.
+REBASING_NOISE = 2.0**-104
+"""Noise that re-basing under gravity adds, in the same units as `COLLISION_NOISE`.
 
 It corresponds to one unit in the last place. The rounding error is half a unit.
 """
-COMPARABLE = 2.0**-20
+MIN_REMOVED_DRIFT = 2.0**-20
 """Smallest centre-of-mass velocity of a ring that is removed.
 
 In units of the largest velocity of a ball.
 """
-LONGEST = 1000
+MAX_WINDOW_EXPONENT = 1000
 """Largest binary exponent of the clock window, a power of 2 in s."""
-LATEST = 2.0**LONGEST
+LATEST_TIME = 2.0**MAX_WINDOW_EXPONENT
 """Time in s after which runs end."""
 
 
@@ -233,10 +233,10 @@ def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None
     below, above = lower.noise, upper.noise
     if a > 0.0 and not (FORCED and pair.wall >= 0 and lower.is_free == 0.0):
         x, y = lower.fall_velocity, a * w
-        lower.noise = (1.0 - a) * (1.0 - a) * below + a * a * above + NOISE * (x * x + y * y)
+        lower.noise = (1.0 - a) * (1.0 - a) * below + a * a * above + COLLISION_NOISE * (x * x + y * y)
     if b > 0.0 and not (FORCED and pair.wall >= 0 and upper.is_free == 0.0):
         x, y = upper.fall_velocity, b * w
-        upper.noise = b * b * below + (1.0 - b) * (1.0 - b) * above + NOISE * (x * x + y * y)
+        upper.noise = b * b * below + (1.0 - b) * (1.0 - b) * above + COLLISION_NOISE * (x * x + y * y)
 
 
 @kernel
@@ -287,10 +287,10 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
                 body.fall_velocity -= fallen
                 # A subtraction of 0 does not round.
                 if fallen != 0.0:
-                    body.noise += REBASED * (body.fall_velocity * body.fall_velocity)
+                    body.noise += REBASING_NOISE * (body.fall_velocity * body.fall_velocity)
             else:
                 body.fall_velocity -= body.is_free * (run.gravity * shift)
-                body.noise += body.is_free * REBASED * (body.fall_velocity * body.fall_velocity)
+                body.noise += body.is_free * REBASING_NOISE * (body.fall_velocity * body.fall_velocity)
     else:
         cut(bodies)
     if (HUNG or RING) and run.gap_sum > 0.0:
@@ -308,7 +308,7 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
 
 @kernel
 def cut(bodies: Records) -> None:
-    """Limit the noise of all bodies to `UNCERTAIN` times the largest squared velocity.
+    """Limit the noise of all bodies to `MAX_RELATIVE_NOISE` times the largest squared velocity.
 
     Rounding errors of relative velocities decrease as the velocities do. The noise, which neighbouring balls have in
     common, does not decrease. Without the limit, slow balls would pass through each other.
@@ -317,7 +317,7 @@ def cut(bodies: Records) -> None:
     for i in range(len(bodies)):
         fastest = max(fastest, abs(bodies[i].fall_velocity))
     for i in range(len(bodies)):
-        bodies[i].noise = min(bodies[i].noise, UNCERTAIN * (fastest * fastest))
+        bodies[i].noise = min(bodies[i].noise, MAX_RELATIVE_NOISE * (fastest * fastest))
 
 
 @kernel
@@ -334,7 +334,7 @@ def span(length: float, speed: float, g: float) -> float:
     if g > 0.0:
         window = min(window, speed / g)
     # frexp returns the exponent of the next power of two.
-    return math.ldexp(1.0, min(math.frexp(window)[1], LONGEST))
+    return math.ldexp(1.0, min(math.frexp(window)[1], MAX_WINDOW_EXPONENT))
 
 
 @kernel
@@ -381,7 +381,7 @@ def centre(bodies: Records) -> None:
         fastest = max(fastest, abs(bodies[i].fall_velocity))
     mean = (momentum + low) / mass
     for i in range(n):
-        if abs(mean) > COMPARABLE * fastest:
+        if abs(mean) > MIN_REMOVED_DRIFT * fastest:
             bodies[i].fall_velocity -= mean
     same(bodies[n], bodies[0])
 

@@ -18,7 +18,7 @@ from granular.scene.walls.motion import fastest
 
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)
-ORDER = {"left": LEFT, "right": RIGHT, "random": RANDOM, "newton": GROUP, "poisson": GROUP, "reflect": GROUP}
+TIE_ORDERS = {"left": LEFT, "right": RIGHT, "random": RANDOM, "newton": GROUP, "poisson": GROUP, "reflect": GROUP}
 """Order of simultaneous collisions, by the option `ties`.
 
 The last three rules solve a touching group as a whole, see `granular.edmd.ties`. Groups that do not touch each other
@@ -26,24 +26,24 @@ act from the left.
 """
 MASK = (1 << 24) - 1
 """Mask of the pair number in a rank, and the largest number of pairs of a scene."""
-OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
+RUN_OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
 """Names of the options that change the physics, as stored in a saved run."""
-TURN, SHARE = 4.0, 0.25
+WINDOW_TURNS, GAP_SHARE = 4.0, 0.25
 """Limits of the clock window of pendula.
 
-`TURN` is the window in units of 1/Ω. If two walls fix the sum of the gaps, the window is at most that of a line with
-gaps of `SHARE` times the length. The rounding error of the sum acts at every bounce.
+`WINDOW_TURNS` is the window in units of 1/Ω. If two walls fix the sum of the gaps, the window is at most that of a
+line with gaps of `GAP_SHARE` times the length. The rounding error of the sum acts at every bounce.
 """
-SMALLEST, LARGEST = 1e-75, 1e75
+MIN_SPEED, MAX_NUMBER = 1e-75, 1e75
 """Smallest speed and largest number in a scene.
 
 Squares, products and ratios of these numbers neither underflow nor overflow.
 """
-SIZE = f"a number of at most {LARGEST:g}"
+SIZE_REQUIREMENT = f"a number of at most {MAX_NUMBER:g}"
 
 
 class Physics:
-    """A scene, one rule per pair, and the values of `OPTIONS` by name.
+    """A scene, one rule per pair, and the values of `RUN_OPTIONS` by name.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
         if not merging:
             raise ValueError(f"`merge_below` must be None unless collapse='merge', got {merge_below!r}.")
         below = check.number("merge_below", merge_below, above=0.0)
-    check.choice("ties", options["ties"], tuple(ORDER))
+    check.choice("ties", options["ties"], tuple(TIE_ORDERS))
     options["seed"] = check.whole("seed", options["seed"])
     for name in ("tc", "elastic_below"):
         options[name] = check.number(name, options[name], at_least=0.0)
@@ -129,15 +129,15 @@ def check_scene(scene: Scene) -> None:
     fix = "Hard spheres cannot overlap. Set the gap to 0, or use granular.md."
     check.every("gap", scene.gap, scene.gap >= 0.0, "non-negative", fix)
     size, fix = np.abs(scene.velocity), "Use other units."
-    need = f"0 or a number of magnitude {SMALLEST:g} to {LARGEST:g}"
-    check.every("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall, SIZE, fix)
-    check.every("gap", scene.gap, scene.gap <= LARGEST, SIZE, fix)
-    check.every("velocity", scene.velocity, (size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)), need, fix)
+    need = f"0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}"
+    check.every("mass", scene.mass, (scene.mass <= MAX_NUMBER) | scene.is_wall, SIZE_REQUIREMENT, fix)
+    check.every("gap", scene.gap, scene.gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
+    check.every("velocity", scene.velocity, (size == 0.0) | ((size >= MIN_SPEED) & (size <= MAX_NUMBER)), need, fix)
     for name, one in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
-        if not (one == 0.0 or SMALLEST <= one <= LARGEST):
+        if not (one == 0.0 or MIN_SPEED <= one <= MAX_NUMBER):
             raise ValueError(check.misuse(name, one, need, fix))
     if scene.rest_gap is not None:
-        check.every("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST, SIZE, fix)
+        check.every("rest_gap", scene.rest_gap, scene.rest_gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
     check.refuse({
         "`external_force` must be None for hard spheres on a ring, because it would press them together in mid-air. "
         "Use granular.md.": scene.ring and scene.external_force is not None,
@@ -146,9 +146,11 @@ def check_scene(scene: Scene) -> None:
         f"`scene` must have at most {MASK + 1} bodies, got {scene.n}.": scene.n_pairs > MASK,
     })
     for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True) if scene.heated else ():
-        if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
-            raise ValueError(f"The thermal speed √(T/m) must be in [{SMALLEST:g}, {LARGEST:g}] m/s, got temperature "
-                             f"{heat.temperature!r} and mass[{ball}] = {float(scene.mass[ball])!r}. Use other units.")
+        if heat is not None and not MIN_SPEED <= math.sqrt(heat.temperature / scene.mass[ball]) <= MAX_NUMBER:
+            raise ValueError(
+                f"The thermal speed √(T/m) must be in [{MIN_SPEED:g}, {MAX_NUMBER:g}] m/s, got temperature "
+                f"{heat.temperature!r} and mass[{ball}] = {float(scene.mass[ball])!r}. Use other units."
+            )
 
 
 def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
@@ -162,7 +164,7 @@ def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
         why = "Different ones can multiply the energy." if ties == "newton" else "It is not defined otherwise."
         raise ValueError(f"`rule` must be one constant restitution for all pairs if ties={ties!r}, got restitutions "
                          f"from {eps.min():g} to {eps.max():g}. {why} Use ties='poisson'.")
-    if ORDER[ties] == GROUP and (merges or lasts or spares):
+    if TIE_ORDERS[ties] == GROUP and (merges or lasts or spares):
         raise ValueError(f"`ties` must not solve groups as a whole if balls stick, or with collapse='merge', tc= or "
                          f"elastic_below=, got {ties!r}. Use ties='left'.")
     if merges + lasts + spares > 1:
@@ -208,7 +210,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
         rest: Any = scene.rest_gap
         fall = scene.pendulum * float(np.abs(scene.gap - rest).max())
         room = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else it depends on Ω only
-        return max(speed, fall), fall, SHARE * room, scene.pendulum / TURN * max(speed, fall)
+        return max(speed, fall), fall, GAP_SHARE * room, scene.pendulum / WINDOW_TURNS * max(speed, fall)
     # Touching balls have no mean gap; their radius sets the length then.
     length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), felt_gravity(scene)
     if scene.external_force is not None:

@@ -13,10 +13,10 @@ Then (h, v) repeats itself, scaled by μ and λ, so all its collisions take a fi
 With ``w = v + δ`` and ``g = h + ζ``, bounds on ``(R/λ)ⁿ δ``, on ``G(v + δ) - G(v)`` and on ``(G/μ)ⁿ ζ`` for all n show
 that no rate and no gap ever changes its sign. These (ζ, δ) form a cone about (h, v) that every period maps into itself.
 
-The state is followed in `DIGITS` digits, starting from its exact binary values, until it lies in the cone. Bounds are
-computed in double precision with a margin, not in interval arithmetic. The proof assumes constant restitution, no
-accelerations between these pairs, and no hit from outside during the remaining time. This time is returned, and the
-caller has to check it.
+The state is followed in `DECIMAL_DIGITS` digits, starting from its exact binary values, until it lies in the cone.
+Bounds are computed in double precision with a margin, not in interval arithmetic. The proof assumes constant
+restitution, no accelerations between these pairs, and no hit from outside during the remaining time. This time is
+returned, and the caller has to check it.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ import numpy as np
 from granular._engine.check import Array
 from granular._engine.records import Records, column
 
-DIGITS = 60
+DECIMAL_DIGITS = 60
 """Decimal digits in which collisions are followed."""
-MOST, LONGEST = 2**13, 2**9
+MAX_PROOF_COLLISIONS, MAX_PERIOD = 2**13, 2**9
 """Largest number of collisions followed, and of collisions per period."""
-MARGIN, ROUNDING = 1e-6, 1e-12
+EIGENVALUE_MARGIN, GAP_MARGIN = 1e-6, 1e-12
 """Relative margins of the leading eigenvalue and of the gaps.
 
-The leading eigenvalue must exceed the others by `MARGIN`. A gap must exceed its bound by `ROUNDING` times the largest
-gap.
+The leading eigenvalue must exceed the others by `EIGENVALUE_MARGIN`. A gap must exceed its bound by `GAP_MARGIN` times
+the largest gap.
 """
 
 
@@ -61,12 +61,12 @@ def forever(pairs: Records, gap: Array, rate: Array) -> Forever | None:
     """
     with localcontext() as context:
         # The exponent range holds rates far below the smallest double.
-        context.prec, context.Emin, context.Emax = DIGITS, -(10**9), 10**9
+        context.prec, context.Emin, context.Emax = DECIMAL_DIGITS, -(10**9), 10**9
         shares = np.array([[Decimal(x) for x in column(pairs, name).tolist()] for name in ("low", "high", "eps")])
         group, more = Group(exact(gap), exact(rate), shares, []), 128
-        while len(group.word) < MOST and group.go_on(more):
+        while len(group.word) < MAX_PROOF_COLLISIONS and group.go_on(more):
             # Doubles the number of collisions, so that the tests cost little.
-            more = min(len(group.word), LONGEST)
+            more = min(len(group.word), MAX_PERIOD)
             word = repeated(group.word)
             first, end = min(word, default=0), max(word, default=-1) + 1
             # A pair in between that never collides, or a single pair: no proof of this kind.
@@ -132,7 +132,7 @@ def repeated(log: list[int]) -> list[int]:
     Without such a sequence the list is empty.
     """
     # Three repetitions, because two can occur by chance.
-    for n in range(2, min(LONGEST, len(log) // 3) + 1):
+    for n in range(2, min(MAX_PERIOD, len(log) // 3) + 1):
         if log[-n:] == log[-2 * n : -n] == log[-3 * n : -2 * n]:
             return log[-n:]
     return []
@@ -168,7 +168,7 @@ def leading(matrix: Any, like: Any) -> Leading | None:
     simple.
     """
     sizes = -np.sort(-np.abs(np.linalg.eigvals(matrix.astype(float))))
-    if not sizes[1] < (1.0 - MARGIN) * sizes[0]:
+    if not sizes[1] < (1.0 - EIGENVALUE_MARGIN) * sizes[0]:
         return None
     power = matrix / abs(matrix).max()  # its 2³⁰th power is right times left: (1 - MARGIN)^(2³⁰) vanishes
     for _ in range(30):
@@ -182,7 +182,7 @@ def leading(matrix: Any, like: Any) -> Leading | None:
     beside = np.eye(len(right)) - np.outer(right, left).astype(float)
     once, power, norms = (matrix / value).astype(float), beside, [size(beside)]
     # A norm of at most ½ bounds all further norms by a geometric series.
-    while value > 0 and norms[-1] > 0.5 and len(norms) < MOST:
+    while value > 0 and norms[-1] > 0.5 and len(norms) < MAX_PROOF_COLLISIONS:
         power = once @ power
         norms.append(size(power))
     if not (value > 0 and norms[-1] <= 0.5):
@@ -226,7 +226,7 @@ def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
     off = of_gaps.most * zeta + bound * math.expm1(ever) * (1.0 + zeta)
     after = (gaps @ of_gaps.right).astype(float)
     # Contributions of ζ, of δ and of rounding.
-    doubt = size(gaps.astype(float)) * off + drift * (1.0 + off) + ROUNDING * np.abs(after).max(axis=1)
+    doubt = size(gaps.astype(float)) * off + drift * (1.0 + off) + GAP_MARGIN * np.abs(after).max(axis=1)
     # The pair that has just collided has gap 0.
     after[np.arange(len(word)), word] = math.inf
     if not (after.min(axis=1) > doubt).all():

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from granular._engine.check import EDITED, LARGEST, held
-from granular.edmd.physics import ORDER, Physics
-from granular.scene.walls.path import WALL
+from granular._engine.check import EDITED_STATE, MAX_INTEGER, held
+from granular.edmd.physics import TIE_ORDERS, Physics
+from granular.scene.walls.path import WALL_DTYPE
 
-PAIR = np.dtype(
+PAIR_FIELDS = np.dtype(
     [
         ("gap", float), ("at", float),  # m, at the time `at` in s since the epoch
         ("closing_acceleration", float),  # by gravity, m/s²
@@ -26,7 +26,7 @@ PAIR = np.dtype(
     ],
     align=True,
 )
-BODY = np.dtype(
+BODY_FIELDS = np.dtype(
     [
         ("fall_velocity", float),  # free-fall velocity at the epoch, m/s
         ("is_free", float),  # 1 falls; 0 a wall, or a ball that rests on a wall
@@ -35,9 +35,9 @@ BODY = np.dtype(
     ],
     align=True,
 )
-NEAR = np.dtype([("gap", float), ("rate", float)])
+RELATIVE_FIELDS = np.dtype([("gap", float), ("rate", float)])
 """Gap (m) and rate (m/s) of a pair that is followed in relative coordinates."""
-RUN = np.dtype(
+RUN_FIELDS = np.dtype(
     [
         ("pairs", int), ("gravity", float), ("tc", float), ("elastic_below", float), ("merge_below", float),
         ("order", int), ("seed", int),  # of simultaneous collisions
@@ -61,7 +61,7 @@ RUN = np.dtype(
     align=True,
 )
 """Numbers of a run that kernels use."""
-CLOCK = np.dtype(
+CLOCK_FIELDS = np.dtype(
     [
         ("frame", float),  # m/s, velocity of the frame of the run
         ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first sample; the zero of tau
@@ -75,7 +75,7 @@ CLOCK = np.dtype(
     ]
 )
 """Numbers of a run that kernels do not use, except beside driven walls."""
-ROW = np.dtype(
+LOG_ROW = np.dtype(
     [
         ("pair", int), ("t_begin", float),
         ("lower_in", float), ("upper_in", float), ("lower_out", float), ("upper_out", float),
@@ -90,10 +90,10 @@ from the velocities: in relative coordinates velocities cannot represent the cha
 transfer more than their own momentum.
 """
 Log: TypeAlias = list[Any]
-"""The log: chunks of records `ROW`, as arrays or as lists of objects."""
-SIDE = np.dtype(
+"""The log: chunks of records `LOG_ROW`, as arrays or as lists of objects."""
+WALL_FIELDS = np.dtype(
     [
-        *((name, WALL[name]) for name in WALL.names or ()),
+        *((name, WALL_DTYPE[name]) for name in WALL_DTYPE.names or ()),
         ("epoch", float), ("low", float),  # s, the zero of time of the run
         ("work", float), ("work_low", float), ("lost", float), ("lost_low", float),  # J; total loss in side 0
         ("temperature", float), ("seed", int),  # J, of a thermal wall; else 0
@@ -111,9 +111,9 @@ A wall without panels moves at constant speed.
 class Walls(NamedTuple):
     """Data of driven or thermal walls and of forces for kernels, else None."""
 
-    sides: Any  # two records `SIDE`, of the floor and of the ceiling
+    sides: Any  # two records `WALL_FIELDS`, of the floor and of the ceiling
     panels: Any  # of the paths of both
-    clock: Any  # the record `CLOCK`
+    clock: Any  # the record `CLOCK_FIELDS`
 
 
 FREE, FLOOR, CEILING = 0, 1, 2
@@ -126,25 +126,26 @@ A pair is beside both walls if its bodies rest on them or are these walls. The v
 
 def more(of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]) -> tuple[np.dtype[Any], np.dtype[Any]]:
     """Return the record types of pairs and bodies with additional fields."""
-    return np.dtype(PAIR.descr + of_pair, align=True), np.dtype(BODY.descr + of_body, align=True)
+    return np.dtype(PAIR_FIELDS.descr + of_pair, align=True), np.dtype(BODY_FIELDS.descr + of_body, align=True)
 
 
-PLAIN = PAIR, BODY
-OF_FORCED = more(
+PLAIN_RECORDS = PAIR_FIELDS, BODY_FIELDS
+FORCED_RECORDS = more(
     # The driven wall beside the pair (0 floor, 1 ceiling, 2 both, -1 none); 0 free, 1 or 2 stuck while its bodies rest
     # on the floor or the ceiling; time (s) from `at` to its next hit; the thermal wall beside it (-1 none).
     [("wall", int), ("stuck", int), ("wait", float), ("heat", int)],
     # m/s², by all forces, and by its own force alone.
     [("force_acceleration", float), ("own_acceleration", float)],
 )
-OF_HUNG = more(
+PENDULUM_RECORDS = more(
     [("rate", float), ("rest", float), ("omega", float)],  # m/s, at `at`; m, gap at rest; Ω in rad/s
     # Ω times the displacement at time 0, extrapolated without the later collisions (m/s), and Ω.
     [("sway", float), ("omega", float)],
 )
 """Record types of pairs and bodies.
 
-`PLAIN` serves plain scenes, `OF_FORCED` scenes with forces, driven or thermal walls, and `OF_HUNG` pendula.
+`PLAIN_RECORDS` serves plain scenes, `FORCED_RECORDS` scenes with forces, driven or thermal walls, and
+`PENDULUM_RECORDS` pendula.
 """
 NEVER, APART, EACH = -1, -2, -3
 """Special values of `stop_pair`.
@@ -168,24 +169,32 @@ LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = ra
 
 The last five end the use of relative coordinates.
 """
-NUMBERS = {"start": "f", "epoch": "f", "epoch_low": "f", "now": "f", "length": "f", "window": "f", "speed": "f",
+SAVED_NUMBERS = {"start": "f", "epoch": "f", "epoch_low": "f", "now": "f", "length": "f", "window": "f", "speed": "f",
            "fall": "f", "short": "f", "events": "i", "rebases": "i", "zooms": "i", "zoomed": "i", "allowance": "i",
            "tc": "f", "elastic_below": "f", "merge_below": "f", "seed": "i"}
 """Saved numbers and their kinds ("f" float, "i" integer).
 
 The numbers from `length` on are not negative.
 """
-ANY = ("start", "epoch", "epoch_low", "now")
-ENTRIES = {"gap": (0.0, math.inf), "contacts": (0, LARGEST), "streak": (0, LARGEST), "last": (-math.inf, math.inf),
-           "wall": (-1, 2), "stuck": (0, 2), "is_free": (0.0, 1.0), "noise": (0.0, math.inf)}
+SIGNED_NUMBERS = ("start", "epoch", "epoch_low", "now")
+ENTRY_LIMITS = {
+    "gap": (0.0, math.inf),
+    "contacts": (0, MAX_INTEGER),
+    "streak": (0, MAX_INTEGER),
+    "last": (-math.inf, math.inf),
+    "wall": (-1, 2),
+    "stuck": (0, 2),
+    "is_free": (0.0, 1.0),
+    "noise": (0.0, math.inf),
+}
 """Smallest and largest entry of an array of pairs or bodies.
 
 Arrays that are not listed can have any finite entries.
 """
-WHOLE = ("contacts", "streak", "wall", "stuck")
-ADDED = ("noise",)
+INTEGER_ARRAYS = ("contacts", "streak", "wall", "stuck")
+ADDED_ARRAYS = ("noise",)
 """Arrays that earlier releases did not save."""
-RENAMED = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
+NEW_NAMES = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
            "hits": "contacts", "shut": "stuck"}
 """New names of saved arrays by their names in earlier releases."""
 
@@ -195,17 +204,17 @@ def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
 
     Each number must have its kind and be within its limits.
     """
-    for name, kind in NUMBERS.items():
+    for name, kind in SAVED_NUMBERS.items():
         # Balls that stick at any speed have an infinite limit.
         infinite = name == "merge_below" and physics.eps.max() == 0.0
-        held(saved, name, kind, (), least=-math.inf if name in ANY else 0, finite=not infinite)
+        held(saved, name, kind, (), least=-math.inf if name in SIGNED_NUMBERS else 0, finite=not infinite)
     # Earlier releases saved three counters.
     held(saved, "tally", "i", (4 if np.size(saved.get("tally", 0)) == 4 else 3,), least=0)
-    if not isinstance(saved.get("ties"), str) or saved["ties"] not in ORDER:
-        raise ValueError(f"'ties' in the state of `trajectory` must be one of {', '.join(ORDER)}. {EDITED}")
+    if not isinstance(saved.get("ties"), str) or saved["ties"] not in TIE_ORDERS:
+        raise ValueError(f"'ties' in the state of `trajectory` must be one of {', '.join(TIE_ORDERS)}. {EDITED_STATE}")
     if math.frexp(saved["window"])[0] != 0.5:
         raise ValueError(f"'window' in the state of `trajectory` must be a power of two, got {saved['window']!r}. "
-                         f"{EDITED}")
+                         f"{EDITED_STATE}")
 
 
 def check_entries(
@@ -219,9 +228,9 @@ def check_entries(
     n = physics.scene.n_pairs
     for length, names in ((n, of_pairs), (n + 1, of_bodies)):
         for name in names:
-            if name in saved or name not in ADDED:
-                least, most = ENTRIES.get(name, (-math.inf, math.inf))
-                held(saved, name, "i" if name in WHOLE else "f", (length,), least, most, finite=name != "last")
+            if name in saved or name not in ADDED_ARRAYS:
+                least, most = ENTRY_LIMITS.get(name, (-math.inf, math.inf))
+                held(saved, name, "i" if name in INTEGER_ARRAYS else "f", (length,), least, most, finite=name != "last")
     _check_look(saved, n, physics.scene.ring)
     _check_watch(saved, n)
 
@@ -237,7 +246,7 @@ def _check_look(saved: Mapping[str, Any], n: int, ring: bool) -> None:
     most = n if ring else n - int(held(saved, "zoom_first", "i", (), 0, n - 1))
     if len(size) != 1 or not 0 < size[0] <= most:
         raise ValueError(f"'zoom_gap' in the state of `trajectory` must have 1 to {most} pairs, got shape {size}. "
-                         f"{EDITED}")
+                         f"{EDITED_STATE}")
     held(saved, "zoom_first", "i", (), 0, n - 1)
     dial = (min(np.size(saved.get("zoom_dial", 0)), 5),)
     for name, shape, least in (("base", (), -math.inf), ("gap", size, 0.0), ("rate", size, -math.inf),

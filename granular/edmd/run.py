@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._engine.check import EDITED
+from granular._engine.check import EDITED_STATE
 from granular._engine.kernels import fitted, worth
-from granular._engine.records import FEW, column, packed
+from granular._engine.records import SMALL_RECORD_COUNT, column, packed
 from granular.edmd import hanging, wall_state
 from granular.edmd.ending import counters, sentence
-from granular.edmd.motion import LATEST
-from granular.edmd.physics import GROUP, ORDER, Physics, scales
-from granular.edmd.records import APART, BUDGET, EACH, LATER, NEVER, ROW, SUSPECT, UNTIL
+from granular.edmd.motion import LATEST_TIME
+from granular.edmd.physics import GROUP, TIE_ORDERS, Physics, scales
+from granular.edmd.records import APART, BUDGET, EACH, LATER, LOG_ROW, NEVER, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.run.contact_log import Rows
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from granular.edmd import collapse
     from granular.edmd.watch import Watch
 
-TAIL = 8
-"""Part of a run, as 1/`TAIL`, whose pace at `max_events` shows a slowing down."""
-LOOK = 4096
+TAIL_DIVISOR = 8
+"""Part of a run, as 1/`TAIL_DIVISOR`, whose pace at `max_events` shows a slowing down."""
+REPORT_EVENTS = 4096
 """Number of events between two calls that hand over rows and report progress."""
-AT_FIRST = 8
+FIRST_CHUNK_EVENTS = 8
 """Number of events before the duration of a collision has been measured."""
-LONG, VERY_LONG = 100_000, 500_000
+LOADING_WORK, COMPILING_WORK = 100_000, 500_000
 """Work (in collisions) from which compiled code pays.
 
-`LONG` applies if the machine code is in the cache, `VERY_LONG` if it has to be compiled.
+`LOADING_WORK` applies if the machine code is in the cache, `COMPILING_WORK` if it has to be compiled.
 """
-LIKELY = 25
+EXPECTED_PER_PAIR = 25
 """Assumed number of collisions per pair before the run."""
-TRIAL = 2048
+EXTRAPOLATION_WORK = 2048
 """Work (in collisions) from which the remaining work is extrapolated."""
 
 
@@ -86,11 +86,11 @@ class Run:
         self.may_compile = engine == "auto"
         n = len(self.scene.gap)  # setting up a ball costs as much as a collision, a sample of it 1/16
         shown = 0 if request.samples is None else n * np.size(request.samples) // 16
-        work = n + min(LIKELY * n, request.max_events) + shown
+        work = n + min(EXPECTED_PER_PAIR * n, request.max_events) + shown
         fast = engine == "compiled" or (self.may_compile and pays(work, physics.has))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.most = 1 if request.singly else request.max_events
-        self.tail = state.clock.last_event - request.max_events // TAIL
+        self.tail = state.clock.last_event - request.max_events // TAIL_DIVISOR
         self.pace = [(self.events, request.start)]  # at the start and where the last part begins
         self.verdict: collapse.Verdict | None = None
         self.ended, self.at_rest = math.nan, False  # s, time of a collapse; whether all balls rest after it
@@ -103,7 +103,7 @@ class Run:
         self.halvings = 0  # number of times that closing walls have halved the room
         if self.horizon < math.inf and state.clock.length > 0.0:
             self.halvings = round(math.log2(scales(self.scene)[2] / state.clock.length))
-        single = ORDER[physics.options["ties"]] != GROUP and not enclosed
+        single = TIE_ORDERS[physics.options["ties"]] != GROUP and not enclosed
         self.keeps_rows = request.rows or watch is not None
         self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of time themselves
 
@@ -111,7 +111,7 @@ class Run:
         from granular.edmd import compiled_queue
 
         self.may_compile = False
-        in_blocks = self.scene.n > compiled_queue.LARGE and self.state.walls is None and not self.scene.endless
+        in_blocks = self.scene.n > compiled_queue.BLOCKS_ABOVE and self.state.walls is None and not self.scene.endless
         return compiled_queue.BlockQueue if in_blocks else compiled_queue.TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
@@ -127,7 +127,7 @@ class Run:
             self.queue = queue(state.copied(), self.physics)
             self.queue.state = state
         if queue is SortedQueue:
-            self.queue.chunk = AT_FIRST  # a user's rule can be slow
+            self.queue.chunk = FIRST_CHUNK_EVENTS  # a user's rule can be slow
 
     def to(self, time: float, last: bool) -> Pause:
         """Advance towards `time`, by some thousand events at most.
@@ -136,7 +136,7 @@ class Run:
         """
         state, seen, late = self.state, self.events, -math.inf
         while last or time > self.request.start:
-            halved = self._next_halving(time)
+            halved = self._next_halving(time) if self.scene.driven or self.horizon < math.inf else math.inf
             limit, before, late = max(state.tau(min(time, self.horizon, halved)), late), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
@@ -167,7 +167,7 @@ class Run:
                     elif not self._meet_before(time):
                         return self._reached(time, limit)
                     continue
-                if state.clock.epoch + due > LATEST:
+                if state.clock.epoch + due > LATEST_TIME:
                     return Pause.work
                 self.queue.shift_to(due)
             elif why == SUSPECT:
@@ -175,7 +175,9 @@ class Run:
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group exceeds the budget
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
-            if self.events - seen >= min(self.most, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
+            if self.events - seen >= min(
+                self.most, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else REPORT_EVENTS
+            ):
                 return Pause.full
         return Pause.reached
 
@@ -218,7 +220,7 @@ class Run:
         self.verdict = self._closer.Verdict("exact", int(pair), int(pair), 0.0)
         self.ended, self.at_rest = float(time), True
         if not self._is_still():
-            raise ValueError(f"The state of `trajectory` has a collapse_time although balls move. {EDITED}")
+            raise ValueError(f"The state of `trajectory` has a collapse_time although balls move. {EDITED_STATE}")
 
     def _is_still(self) -> bool:
         """Return whether all balls are at rest on a wall."""
@@ -297,7 +299,7 @@ class Run:
         """
         begin, worked = self.began
         done, took, left = self._work() - worked, self.time() - begin, self.request.end - self.time()
-        ahead = done / took * left if done >= TRIAL and took > 0.0 and left < math.inf else 0.0
+        ahead = done / took * left if done >= EXTRAPOLATION_WORK and took > 0.0 and left < math.inf else 0.0
         return max(done, min(ahead, float(self.state.clock.last_event - self.events)))
 
     def _work(self) -> int:
@@ -313,7 +315,7 @@ class Run:
         Velocities are converted from the frame of the run, which can be falling.
         """
         for chunk in filter(len, written):
-            rows = packed(chunk, ROW)
+            rows = packed(chunk, LOG_ROW)
             if self.moves_on:
                 self.settled.extend([rows] if self.request.rows else [])
                 continue
@@ -377,7 +379,8 @@ class Run:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             more = more | self.watch.checkpoint(self.state, self.queue)
         state = partial(self.state.checkpoint, numbers, more)
-        return End(row, status, message, stats, state if self.scene.n <= FEW else state())  # arrays save memory
+        # arrays save memory
+        return End(row, status, message, stats, state if self.scene.n <= SMALL_RECORD_COUNT else state())
 
 
 def pays(work: float, has: tuple[str, ...]) -> bool:
@@ -385,8 +388,8 @@ def pays(work: float, has: tuple[str, ...]) -> bool:
 
     `has` are the kernel flags of the scene. The compiler is imported only if the work is sufficient.
     """
-    if work < LONG:
+    if work < LOADING_WORK:
         return False
     from granular.edmd.compiled_queue import loop
 
-    return worth(fitted(loop, **dict.fromkeys(has, True)), work, LONG, VERY_LONG, inline=True)
+    return worth(fitted(loop, **dict.fromkeys(has, True)), work, LOADING_WORK, COMPILING_WORK, inline=True)

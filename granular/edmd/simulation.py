@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from granular._engine import check
 from granular._engine.kernels import no_compiler
 from granular._engine.package import CROSS_ROOM_LOADERS
-from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
+from granular.edmd.physics import GROUP, RUN_OPTIONS, TIE_ORDERS, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
 from granular.laws import rules
@@ -29,7 +29,7 @@ from granular.scene.places import fitted
 if TYPE_CHECKING:
     from granular.edmd.watch import Watch
 
-ENGINES = ("auto", "sorted", "compiled")
+ENGINE_NAMES = ("auto", "sorted", "compiled")
 
 
 @check.face
@@ -200,7 +200,7 @@ def _stopping(run: Run) -> Any:
 
     The modules for levels are imported only then.
     """
-    if not isinstance(run.request.until, stop.LEVELS):
+    if not isinstance(run.request.until, stop.LEVEL_TYPES):
         return run
     from granular.edmd import levels
     from granular.run.levels import Watched
@@ -210,7 +210,7 @@ def _stopping(run: Run) -> Any:
 
 @check.face
 def events(
-    scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = check.LARGEST, **options: Any
+    scene: Scene, rule: Rule | list[Rule] | tuple[Rule, ...], *, max_events: int = check.MAX_INTEGER, **options: Any
 ) -> Iterator[Event]:
     """Yield the collisions of a run one at a time, with the scene after each.
 
@@ -312,7 +312,7 @@ def resume(
     start = float(check.held(saved, "start", "f", ()))
     scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     check_scene(scene)
-    physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in OPTIONS})
+    physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in RUN_OPTIONS})
     check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
     state = State.restored(physics, saved)
     request = requested(
@@ -357,10 +357,10 @@ def checked_engine(engine: str, physics: Physics) -> str:
     """Return the engine that can be used; "auto" means that compilation is possible."""
     if isinstance(engine, str) and engine == "sorted":
         return engine
-    name, why, missing = check.choice("engine", engine, ENGINES), "", no_compiler()
+    name, why, missing = check.choice("engine", engine, ENGINE_NAMES), "", no_compiler()
     if physics.rule is not None:
         why = "every rule must be a ConstantRestitution"
-    elif ORDER[physics.options["ties"]] == GROUP:
+    elif TIE_ORDERS[physics.options["ties"]] == GROUP:
         why = f"ties={physics.options['ties']!r} runs only interpreted"
     if name == "compiled" and why:
         raise ValueError(f"`engine` must be 'sorted' or 'auto' here, got 'compiled': {why}.")

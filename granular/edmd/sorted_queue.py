@@ -12,17 +12,17 @@ from typing import Any
 from sortedcontainers import SortedList
 
 from granular._engine.kernels import FORCED, RING, fitted, interpreted, kernel
-from granular._engine.records import FEW, Record, Records, plain, twin
+from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, plain, twin
 from granular.edmd.clusters import rest
-from granular.edmd.collision import SUSPICIOUS, event, leave
+from granular.edmd.collision import SUSPICIOUS_STREAK, event, leave
 from granular.edmd.motion import approaching, predicted, velocities
 from granular.edmd.physics import GROUP, MASK, RANDOM, Physics, Restitution, rank
-from granular.edmd.records import APART, BUDGET, FREE, LATER, ROW, SUSPECT, TOUCHING, UNTIL, Log, Walls
+from granular.edmd.records import APART, BUDGET, FREE, LATER, LOG_ROW, SUSPECT, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
 from granular.edmd.ties import collide_as_one, is_touched
 from granular.edmd.wall_state import advance_epoch, date_rows
 
-NOBODY = (math.inf, MASK)
+LAST_ENTRY = (math.inf, MASK)
 """Last entry of every queue, so that no queue is empty."""
 
 
@@ -78,7 +78,7 @@ def loop(
             if closes < 0:
                 return UNTIL
         # Last, so that the queue is consistent when the loop returns.
-        if pairs[c].streak >= SUSPICIOUS:
+        if pairs[c].streak >= SUSPICIOUS_STREAK:
             run.suspect, run.rebound = c, rebound
             return SUSPECT
 
@@ -176,7 +176,7 @@ class SortedQueue:
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, at most `chunk` rows."""
-        return list(map(object.__new__, repeat(twin(ROW), min(n, self.chunk))))
+        return list(map(object.__new__, repeat(twin(LOG_ROW), min(n, self.chunk))))
 
     def kept(self, rows: Records) -> Records:
         """Return rows of the log as they are stored, without the unused room behind them."""
@@ -186,8 +186,9 @@ class SortedQueue:
         """Create an empty queue for `n` pairs."""
         run = self.state.run
         entry = [(math.inf, rank(c, run.order, run.seed, self.state.pairs[c].contacts)) for c in range(n)]
-        order: Any = [NOBODY] if n < FEW else SortedList([NOBODY])  # a list is faster for few pairs
-        self.queue = order, entry, partial(insort, order) if n < FEW else order.add
+        # a list is faster for few pairs
+        order: Any = [LAST_ENTRY] if n < SMALL_RECORD_COUNT else SortedList([LAST_ENTRY])
+        self.queue = order, entry, partial(insort, order) if n < SMALL_RECORD_COUNT else order.add
 
     def rebuild(self) -> None:
         """Predict all pairs again."""

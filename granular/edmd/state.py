@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import EDITED, Array, held
-from granular._engine.records import FEW, Record, Records, column, copied, one, packed, taken, twin
+from granular._engine.check import EDITED_STATE, Array, held
+from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
-from granular.edmd.physics import ORDER, Physics, felt_gravity, frame_velocity, scales, shares
+from granular.edmd.physics import TIE_ORDERS, Physics, felt_gravity, frame_velocity, scales, shares
 from granular.edmd.records import (
-    CLOCK,
-    NEAR,
+    CLOCK_FIELDS,
+    FORCED_RECORDS,
     NEVER,
-    OF_FORCED,
-    OF_HUNG,
-    PLAIN,
-    RENAMED,
-    RUN,
+    NEW_NAMES,
+    PENDULUM_RECORDS,
+    PLAIN_RECORDS,
+    RELATIVE_FIELDS,
+    RUN_FIELDS,
     Walls,
     check_entries,
     check_numbers,
@@ -34,15 +34,15 @@ from granular.scene.places import remembered
 OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
 OF_BODIES = ("fall_velocity", "is_free", "noise")
 """Names of the saved fields of pairs and bodies that change during a run."""
-SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
+SAVED_SCALARS = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
-NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
-NOUGHT = {kind: np.zeros((), kind).item() for kind in (RUN, CLOCK)}
-OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or ()))
+RUN_NUMBER_NAMES = (*(RUN_FIELDS.names or ()), *(CLOCK_FIELDS.names or ()))
+ZERO_RECORDS = {kind: np.zeros((), kind).item() for kind in (RUN_FIELDS, CLOCK_FIELDS)}
+OF_RUN, OF_CLOCK = attrgetter(*(RUN_FIELDS.names or ())), attrgetter(*(CLOCK_FIELDS.names or ()))
 """Names of all numbers of a run, and functions that read them from objects."""
-TALLY, LOOK = ("clamps", "merged", "lost", "settled"), ("elapsed", "looked", "ordinary", "clamped", "faint")
+RUN_COUNTS, SLICE_DATA = ("clamps", "merged", "lost", "settled"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers saved as arrays, of which earlier releases saved fewer."""
-SHORTER = -40
+MIN_WINDOW_BITS = -40
 """Binary exponent by which the window may be shorter than at the start.
 
 Closing walls shorten the window, and other releases may have chosen a shorter one.
@@ -89,7 +89,7 @@ class State:
         scene, options, kind = physics.scene, physics.options, physics.has
         walls = wall_state.walls(scene, t_start) if "FORCED" in kind else None
         pairs, bodies = first(scene)
-        if len(scene.mass) <= FEW:  # cached by `first`
+        if len(scene.mass) <= SMALL_RECORD_COUNT:  # cached by `first`
             pairs, bodies = copied(pairs), copied(bodies)
         pairs["eps"], frame = physics.eps, frame_velocity(scene)
         bodies["fall_velocity"] -= frame
@@ -99,12 +99,12 @@ class State:
             physics.eps.min() == 1.0)
         window = span(length, speed, strength)
         run = _begun(
-            RUN, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
-            merge_below=merge_below, order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
+            RUN_FIELDS, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
+            merge_below=merge_below, order=TIE_ORDERS[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
             short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # -1: no pair has collided
             allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # -1: none is slow
         )
-        clock = _begun(CLOCK, frame=frame, start=t_start, epoch=t_start, goal=-math.inf, strength=strength,
+        clock = _begun(CLOCK_FIELDS, frame=frame, start=t_start, epoch=t_start, goal=-math.inf, strength=strength,
                        length=length, window=window, speed=speed, fall=fall)
         state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in kind, walls and Walls(*walls, clock))
         if state.walls is not None:
@@ -122,39 +122,41 @@ class State:
         States saved before velocities had noise have exact velocities. In these states, free-fall velocities are given
         at the epoch in scenes without walls too. The frame of such scenes now falls from the start of the run.
         """
-        saved = {RENAMED.get(name, name): value for name, value in saved.items()}
+        saved = {NEW_NAMES.get(name, name): value for name, value in saved.items()}
         check_numbers(saved, physics)
         state = cls.of(physics, float(saved["start"]))
         of_pairs, of_bodies = state._changing()
         check_entries(saved, physics, of_pairs, of_bodies)
-        least = math.ldexp(float(state.clock.window), SHORTER)
+        least = math.ldexp(float(state.clock.window), MIN_WINDOW_BITS)
         if float(saved["window"]) < least:
             raise ValueError(f"'window' in the state of `trajectory` must be at least {least!r}, got "
-                             f"{saved['window']!r}. {EDITED}")
+                             f"{saved['window']!r}. {EDITED_STATE}")
         for name in of_pairs:
             state.pairs[name] = saved[name]
         for name in of_bodies:
             state.bodies[name] = saved.get(name, 0.0)
-        state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
+        state.set(**{name: np.asarray(saved[name]).item() for name in SAVED_SCALARS})
         # Not strict: earlier releases saved fewer counters.
-        state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=False)))
+        state.set(**dict(zip(RUN_COUNTS, saved["tally"].tolist(), strict=False)))
         state.scale(state.clock.speed)
-        if len(saved["tally"]) < len(TALLY) and not state.ring:  # saved in the frame of the scene
+        if len(saved["tally"]) < len(RUN_COUNTS) and not state.ring:  # saved in the frame of the scene
             state.bodies["fall_velocity"] -= state.clock.frame
         # Saved before velocities had noise.
         if "noise" not in saved:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
-            for name in wall_state.SUMS:
+            for name in wall_state.BALANCE_FIELDS:
                 state.walls.sides[name] = held(saved, name, "f", (2,)) if name in saved else 0.0
             wall_state.set_epoch(state)
         if "zoom_gap" in saved:
-            look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
+            look = {
+                name: RUN_FIELDS[name].type(x).item() for name, x in zip(SLICE_DATA, saved["zoom_dial"], strict=False)
+            }
             state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **look)
-            state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
+            state.near = np.zeros(len(saved["zoom_gap"]), RELATIVE_FIELDS)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         if not state.sound():
-            raise ValueError(f"The state of `trajectory` contradicts itself or the scene. {EDITED}")
+            raise ValueError(f"The state of `trajectory` contradicts itself or the scene. {EDITED_STATE}")
         return state
 
     def set(self, **numbers: Any) -> None:
@@ -166,7 +168,7 @@ class State:
         """Return the numbers of the run and of the clock by name."""
         run: Any = self.run.item() if isinstance(self.run, np.void) else OF_RUN(self.run)
         clock: Any = self.clock.item() if isinstance(self.clock, np.void) else OF_CLOCK(self.clock)
-        return dict(zip(NAMES, run + clock, strict=True))
+        return dict(zip(RUN_NUMBER_NAMES, run + clock, strict=True))
 
     def checkpoint(self, run: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
         """Return all data for `Trajectory.state`, without copying arrays.
@@ -177,13 +179,13 @@ class State:
         pairs, bodies = packed(self.pairs), packed(self.bodies)
         raw: dict[str, Any] = dict(zip(of_bodies, map(bodies.__getitem__, of_bodies), strict=True))
         raw |= zip(of_pairs, map(pairs.__getitem__, of_pairs), strict=True)
-        raw |= zip(SAVED, map(run.__getitem__, SAVED), strict=True)
+        raw |= zip(SAVED_SCALARS, map(run.__getitem__, SAVED_SCALARS), strict=True)
         if self.walls is not None:
-            raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.SUMS}
-        raw["tally"] = np.array(list(map(run.__getitem__, TALLY)))
+            raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.BALANCE_FIELDS}
+        raw["tally"] = np.array(list(map(run.__getitem__, RUN_COUNTS)))
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
-            raw["zoom_dial"] = np.array([run[name] for name in LOOK], dtype=np.float64)
+            raw["zoom_dial"] = np.array([run[name] for name in SLICE_DATA], dtype=np.float64)
             raw |= {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
         return raw | options
 
@@ -195,9 +197,9 @@ class State:
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.void):
-            self.run = one(np.array([OF_RUN(self.run)], RUN))
+            self.run = one(np.array([OF_RUN(self.run)], RUN_FIELDS))
             if self.walls is not None:  # kernels beside walls move the clock too
-                self.clock = one(np.array([OF_CLOCK(self.clock)], CLOCK))
+                self.clock = one(np.array([OF_CLOCK(self.clock)], CLOCK_FIELDS))
         if self.walls is not None:
             self.walls = Walls(how(self.walls.sides), how(self.walls.panels), self.clock)
 
@@ -333,7 +335,7 @@ class State:
 def first(scene: Scene) -> tuple[Records, Records]:
     """Return the records of pairs and bodies at the start of a run, without ε."""
     kind, n, g = scene._flags, scene.n, felt_gravity(scene)
-    of_pair, of_body = OF_FORCED if "FORCED" in kind else OF_HUNG if "HUNG" in kind else PLAIN
+    of_pair, of_body = FORCED_RECORDS if "FORCED" in kind else PENDULUM_RECORDS if "HUNG" in kind else PLAIN_RECORDS
     pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
     for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
         bodies[name][:n] = value
@@ -372,7 +374,7 @@ def columns(records: Records, *names: str) -> Any:
 
 def _begun(kind: np.dtype[Any], **numbers: Any) -> Record:
     """Return an object with the fields of `kind`; fields that are not given are 0."""
-    record = twin(kind)(*NOUGHT[kind])
+    record = twin(kind)(*ZERO_RECORDS[kind])
     for name, number in numbers.items():
         setattr(record, name, number)
     return record

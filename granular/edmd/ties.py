@@ -25,16 +25,16 @@ from granular._engine.kernels import FORCED, RING, kernel, rare
 from granular._engine.records import Records, twin
 from granular.edmd import hanging
 from granular.edmd.collision import release
-from granular.edmd.motion import NOISE, carry, predicted, same, touches, velocities
+from granular.edmd.motion import COLLISION_NOISE, carry, predicted, same, touches, velocities
 from granular.edmd.physics import Physics
-from granular.edmd.records import BUDGET, ROW, TOUCHING, UNTIL, Log, Walls
+from granular.edmd.records import BUDGET, LOG_ROW, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
 from granular.edmd.wall_state import enter
 
 Row = list[float]
 Floats = Sequence[float]
 Solver = Callable[[Floats, Floats, Floats], Row]
-PASSES = 10_000
+MAX_PASSES = 10_000
 """Largest number of repetitions of a rule."""
 Fit = Callable[[Any], Any]
 """Function that specialises a kernel for the scene."""
@@ -107,7 +107,7 @@ def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, in
     for k in hit:
         s.pairs[k].contacts, s.pairs[k].last = s.pairs[k].contacts + 1, now
     if log is not None:
-        log.append([twin(ROW)(first + i, now, *before[i : i + 2], *parted[i : i + 2], x)
+        log.append([twin(LOG_ROW)(first + i, now, *before[i : i + 2], *parted[i : i + 2], x)
                     for i, x in enumerate(p) if x > 0.0])
     run.events += len(hit)
     # Without an impulse the same event would repeat forever.
@@ -159,7 +159,7 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
     if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or meet):
         why = "The walls close on the balls and leave no way out." if ties != "reflect" else "Use ties='poisson'."
         raise ValueError(f"ties={ties!r} has no solution for balls wedged between two walls. {why}")
-    return RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
+    return TIE_RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
 
 
 def _velocities(first: int, last: int, s: State, fit: Fit) -> Row:
@@ -180,7 +180,7 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
     bodies = s.bodies[first : last + 2]
     fastest = max(abs(body.fall_velocity) for body in bodies)
     # One bound for the group, because every impulse depends on all rates.
-    doubt = max(body.noise for body in bodies) + NOISE * (fastest * fastest)
+    doubt = max(body.noise for body in bodies) + COLLISION_NOISE * (fastest * fastest)
     for body in bodies:
         body.noise = doubt if body.mass < math.inf else body.noise
     parted = [c + 1 for c in range(first, last + 1) if abs(_rate(c, s)) > fastest * 2.0**-40]
@@ -257,7 +257,7 @@ def _repeated(name: str, inverse_mass: Floats, rate: Floats, impulses: Callable[
     The arguments of `impulses` are the rates and a flag per pair that approaches.
     """
     total, now, tiny = [0.0] * len(rate), list(rate), noise(rate)
-    for _ in range(PASSES):
+    for _ in range(MAX_PASSES):
         approaching = [r < -tiny for r in now]
         if not any(approaching):
             return total
@@ -267,7 +267,7 @@ def _repeated(name: str, inverse_mass: Floats, rate: Floats, impulses: Callable[
     raise gave_up(name)
 
 
-RULES: dict[str, Solver] = {"newton": newton, "poisson": poisson, "reflect": reflect}
+TIE_RULES: dict[str, Solver] = {"newton": newton, "poisson": poisson, "reflect": reflect}
 
 
 def complementary(inverse_mass: Floats, q: Floats) -> Row:
@@ -319,4 +319,6 @@ def noise(rate: Floats) -> float:
 def gave_up(rule: str) -> ValueError:
     """Return the error of a rule that did not converge."""
     other = "left" if rule == "poisson" else "poisson"
-    return ValueError(f"ties={rule!r} did not converge within {PASSES} passes on a touching group. Use ties={other!r}.")
+    return ValueError(
+        f"ties={rule!r} did not converge within {MAX_PASSES} passes on a touching group. Use ties={other!r}."
+    )

@@ -19,22 +19,22 @@ from granular._engine.check import Array
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records, column, plain
 from granular.edmd.driven import beside, place, synchronise
-from granular.edmd.motion import NOISE, add, impulse, rebase, span
+from granular.edmd.motion import COLLISION_NOISE, add, impulse, rebase, span
 from granular.edmd.physics import frame_velocity
-from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, SIDE, Walls
+from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, WALL_FIELDS, Walls
 from granular.scene import Scene
 from granular.scene.places import driven_walls
-from granular.scene.walls.path import PANEL
+from granular.scene.walls.path import PANEL_DTYPE
 
-SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
+BALANCE_FIELDS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
 """Saved fields of the energy balance."""
-BELOW = 1.0 - 2.0**-53
+NEXT_BELOW_FACTOR = 1.0 - 2.0**-53
 """Factor that turns a power of two into the next smaller float."""
 
 
 def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
-    """Return the records `SIDE` of both walls, and the panels of both."""
-    sides = np.zeros(2, SIDE)
+    """Return the records `WALL_FIELDS` of both walls, and the panels of both."""
+    sides = np.zeros(2, WALL_FIELDS)
     sides["velocity"] = np.where(scene.is_wall, scene.velocity - frame_velocity(scene), 0.0)[[0, -1]]
     driven = driven_walls(scene, t_start)
     for body, one, _ in driven:
@@ -45,7 +45,7 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
             side["temperature"], side["seed"] = heat.temperature, heat.seed
     sides["begin"] = t_start
     # An empty panel gives kernels the type of the array.
-    return sides, np.concatenate([rows for _, _, rows in driven] or [np.zeros(1, PANEL)])
+    return sides, np.concatenate([rows for _, _, rows in driven] or [np.zeros(1, PANEL_DTYPE)])
 
 
 def begin(state: Any, scene: Scene) -> None:
@@ -68,7 +68,7 @@ def begin(state: Any, scene: Scene) -> None:
             bodies["fall_velocity"][-which] = place(seen, which, 0.0)[1]
             speed = float(sides["speed"][which])
             # The velocity of a driven wall is computed, and so has a rounding error.
-            bodies["noise"][-which] = NOISE * speed * speed
+            bodies["noise"][-which] = COLLISION_NOISE * speed * speed
 
 
 def set_epoch(state: Any) -> None:
@@ -161,7 +161,7 @@ def advance_epoch(
     date_rows(clock, rows, done)
     # By whole windows, as `State.shift_to` does.
     shift(run, pairs, bodies, now - now % clock.window, walls)
-    run.edge = min((clock.goal - clock.epoch) - clock.epoch_low, clock.window * BELOW)
+    run.edge = min((clock.goal - clock.epoch) - clock.epoch_low, clock.window * NEXT_BELOW_FACTOR)
     return True
 
 

@@ -29,7 +29,7 @@ from granular.laws.rules import different
 from granular.scene import Scene
 
 Durations = Callable[[Any, check.Array], check.Array]
-LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
+LAST_CONTACT_FIELDS = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
 """Last contact of a pair.
 
 Fields: begin (s since the epoch), duration (s), and whether it is disturbed (1) or not (0).
@@ -66,12 +66,12 @@ class Watch:
             instance("watch", one, "A collision rule does not determine the duration of a contact.")
         kinds.checked(laws, scene)
         self.duration = durations(laws, scene)
-        self.last: Records = np.zeros(scene.n_pairs, LAST)
+        self.last: Records = np.zeros(scene.n_pairs, LAST_CONTACT_FIELDS)
         self.last["began"] = -math.inf
         self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
         self.epoch, self.seen, self.disturbed, self.first = (0.0, 0.0), 0, 0, (math.nan, -1)
         if saved is not None and "watch_began" in saved:
-            for name in LAST.names or ():
+            for name in LAST_CONTACT_FIELDS.names or ():
                 self.last[name] = saved[f"watch_{name}"]
             self.epoch = float(saved["epoch"]), float(saved["epoch_low"])
             self.seen, self.disturbed, pair = map(int, saved["watch_counts"])
@@ -115,7 +115,7 @@ class Watch:
     def checkpoint(self, state: State, queue: SortedQueue) -> dict[str, Any]:
         """Return all data needed to continue."""
         self._to_epoch(state, queue)
-        raw: dict[str, Any] = {f"watch_{name}": column(self.last, name) for name in LAST.names or ()}
+        raw: dict[str, Any] = {f"watch_{name}": column(self.last, name) for name in LAST_CONTACT_FIELDS.names or ()}
         return raw | {"watch_counts": np.array([self.seen, self.disturbed, self.first[1]]), "watch_time": self.first[0]}
 
 

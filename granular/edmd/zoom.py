@@ -19,7 +19,7 @@ from granular.edmd.physics import GROUP, Restitution, rank
 from granular.edmd.records import APART, BUDGET, CEILING, FLOOR, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
 from granular.edmd.wall_state import book, enter
 
-GOES_ON = -1
+NO_OBSTACLE = -1
 
 
 @kernel
@@ -32,8 +32,8 @@ def zoom(
     while True:
         j, dt = soonest(run, near, pairs)
         why = obstacle(run, near, pairs, bodies, j, dt, walls)
-        if why != GOES_ON or done == run.budget:
-            return BUDGET if why == GOES_ON else why
+        if why != NO_OBSTACLE or done == run.budget:
+            return BUDGET if why == NO_OBSTACLE else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.closing_acceleration)
         e = pair.eps if rule is None else rule(number(run, j), -w)
@@ -65,7 +65,7 @@ def zoom(
             settle(near, pairs, bodies, j)
             return RESTS
         why = end_after_bounce(run, near, pairs, j, w, e, dt)
-        if why != GOES_ON:
+        if why != NO_OBSTACLE:
             return why
 
 
@@ -82,7 +82,7 @@ def end_after_bounce(run: Record, near: Records, pairs: Records, j: int, w: floa
         return TINY
     run.ordinary = run.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
     # Four ordinary collisions per pair in a row: not a collapse.
-    return QUIET if run.ordinary >= 4 * len(near) else GOES_ON
+    return QUIET if run.ordinary >= 4 * len(near) else NO_OBSTACLE
 
 
 @kernel
@@ -98,8 +98,8 @@ def recede(near: Records) -> bool:
 def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int, dt: float, walls: Walls) -> int:
     """Return why the slice cannot be advanced to the collision of pair `j` after `dt`.
 
-    Returns `GOES_ON` if it can. A thermal wall is outside the slice, because its hits are not collisions. Balls that
-    move as one with others are outside too.
+    Returns `NO_OBSTACLE` if it can. A thermal wall is outside the slice, because its hits are not collisions. Balls
+    that move as one with others are outside too.
     """
     if dt == math.inf:
         return QUIET
@@ -116,7 +116,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
         return LATER
     if c == run.stop_pair and pairs[j].contacts >= run.stop_contacts:
         return UNTIL  # the slice stays before the wait `dt`
-    return GOES_ON
+    return NO_OBSTACLE
 
 
 @kernel

@@ -233,7 +233,7 @@ def _traced(law: Any, pair: Pair) -> tuple[float, float] | None:
     return force.xi, force.rate
 
 
-TRAITS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", "pair")}
+TRAIT_ARGUMENTS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", "pair")}
 """Argument names of the traits that are methods."""
 
 
@@ -249,7 +249,7 @@ def instance(name: str, law: Any, fix: str = "For hard spheres use granular.edmd
         more = ("xi_max",) if remembers else ()
         fix = "Without xi_max, leave `memory` out." if remembers else "With xi_max, set memory = True."
         takes(f"`force` of {quoted(name)}", law.force, "xi", "xi_dot", "pair", *more, fix=fix)
-        for trait, given in TRAITS.items():
+        for trait, given in TRAIT_ARGUMENTS.items():
             if callable(function := getattr(law, trait, None)):
                 takes(f"`{trait}` of {quoted(name)}", function, *given)
     return law

@@ -91,7 +91,7 @@ class SceneLaws:
         return np.array([value(law) for law in each])[kind]
 
 
-FEW, REMEMBERED = 64, 64
+CACHED_PAIRS, CACHED_SCENES = 64, 64
 """Largest number of pairs of a cached scene, and number of cached scenes."""
 
 
@@ -105,7 +105,7 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
         return laws
     fits = isinstance(laws, tuple) and len(laws) == len(scene.gap)
     given, pairs = tuple(laws) if fits else per_pair("laws", laws, scene.n_pairs), scene.pairs
-    each = {id(law): law for law in given} if len(given) <= FEW else {0: None}
+    each = {id(law): law for law in given} if len(given) <= CACHED_PAIRS else {0: None}
     floats = {number: _floats_of(law) for number, law in each.items()}
     if None in floats.values():
         return _asked(given, pairs)
@@ -126,7 +126,7 @@ def _floats_of(law: Any) -> tuple[type, tuple[str, ...], bytes] | None:
     return type(law), tuple(holds), pack(f"{len(holds)}d", *holds.values())
 
 
-@lru_cache(maxsize=REMEMBERED)
+@lru_cache(maxsize=CACHED_SCENES)
 def _remembered(floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: bytes, r_eff: bytes) -> SceneLaws:
     given = {one: one[0](**dict(zip(one[1], unpack(f"{len(one[1])}d", one[2]), strict=True))) for one in set(floats)}
     laws = _asked(tuple(given[one] for one in floats), Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff)))
@@ -140,10 +140,10 @@ def _remembered(floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: 
 def _asked(given: tuple[Any, ...], pairs: Pairs) -> SceneLaws:
     kind, first = alike(_kinds_of(given))
     # refine the kinds in two stages: laws that need the sizes, then laws that need the number of the pair
-    sized = np.array([not _says(given[c], UNKNOWN, formless=False) for c in first.tolist()])[kind]
+    sized = np.array([not _says(given[c], UNKNOWN_VALUE, formless=False) for c in first.tolist()])[kind]
     kind, first = alike(kind, np.where(sized, pairs.m_eff, 0.0), np.where(sized, pairs.r_eff, 0.0))
     numbered = np.array([
-        sized[c] and not _says(given[c], replace(pairs[c], index=UNKNOWN)) for c in first.tolist()
+        sized[c] and not _says(given[c], replace(pairs[c], index=UNKNOWN_VALUE)) for c in first.tolist()
     ])[kind]
     kind, first = alike(kind, np.where(numbered, np.arange(len(given)), 0))
     return SceneLaws(given, pairs, kind, [resolve(given[c], pairs[c]) for c in first.tolist()])
@@ -179,7 +179,7 @@ def _kinds_of(laws: tuple[Any, ...]) -> Kinds:
     return _numbered(held(law) or id(law) for law in each)[0][kind]
 
 
-VALUES = (type(None), bool, int, float, str, bytes, np.generic, Enum, type, types.BuiltinFunctionType, np.ufunc)
+CONSTANT_TYPES = (type(None), bool, int, float, str, bytes, np.generic, Enum, type, types.BuiltinFunctionType, np.ufunc)
 """Types whose objects cannot change."""
 
 
@@ -209,7 +209,7 @@ def _is_value(held_by: Any) -> bool:
         return all(map(_is_value, held_by))
     if isinstance(held_by, types.FunctionType):
         return held_by.__closure__ is None
-    return isinstance(held_by, VALUES) or held(held_by) is not None
+    return isinstance(held_by, CONSTANT_TYPES) or held(held_by) is not None
 
 
 class _Unknown:
@@ -218,7 +218,7 @@ class _Unknown:
     __eq__ = __hash__ = __bool__ = None  # type: ignore[assignment]
 
 
-UNKNOWN: Any = _Unknown()
+UNKNOWN_VALUE: Any = _Unknown()
 
 
 def _says(law: Any, pair: Any, formless: bool = True) -> bool:
@@ -234,11 +234,11 @@ def _says(law: Any, pair: Any, formless: bool = True) -> bool:
     return formless or found.form is not None
 
 
-RUNG = 4.0
+OVERLAP_RATIO = 4.0
 """Ratio of successive overlaps at which a law is tested before a run."""
-TRIED = 256
+MAX_TESTED_PAIRS = 256
 """Maximum number of different pairs that are tested."""
-SLOW = 1e-6
+TEST_RATE = 1e-6
 """Rate in m/s at which a law is tested in a scene at rest."""
 
 
@@ -251,11 +251,11 @@ def checked(law: Any, scene: Scene) -> SceneLaws:
     if laws.sound:
         return laws
     speed = speed_scale(scene)
-    for one in laws.each[:TRIED]:
+    for one in laws.each[:MAX_TESTED_PAIRS]:
         if is_own(one.law):
             _check_pure(one, speed)
     _check_said(laws)
-    for one in laws.each[:TRIED]:
+    for one in laws.each[:MAX_TESTED_PAIRS]:
         if one.form is None:
             xi = _probed(one, speed)
             if one.potential is not None and not one.memory:
@@ -268,7 +268,7 @@ def _check_said(laws: SceneLaws) -> None:
     for number, one in enumerate(laws.each):
         if one.form is not None:
             _check_form(one, *one.form)
-            if one.potential is not None and number < TRIED:
+            if one.potential is not None and number < MAX_TESTED_PAIRS:
                 _check_potential(one, float(one.potential(0.5, one.pair)), 0.5)
 
 
@@ -294,7 +294,7 @@ def _probed(law: PairLaw, speed: float) -> float:
     deepest = _size(law)
     # from far below typical overlaps up to the radius
     xi, energy, dampings = 1e-10 * deepest, 0.5 * law.pair.m_eff * speed * speed, set()
-    speed = speed or SLOW
+    speed = speed or TEST_RATE
     while True:
         force, closing, parting = (finite(law, xi, rate) for rate in (0.0, speed, -speed))
         dampings.add(math.nan if force > 0.0 else closing)
@@ -305,9 +305,9 @@ def _probed(law: PairLaw, speed: float) -> float:
         if parting > max(0.0, closing) + 1e-9 * abs(closing):
             raise _gains(law, xi, speed)
         # the impact certainly stops before the next overlap
-        if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > deepest:
+        if 0.5 * OVERLAP_RATIO * OVERLAP_RATIO * xi * force > energy or OVERLAP_RATIO * xi > deepest:
             break
-        xi *= RUNG
+        xi *= OVERLAP_RATIO
     # the same push at every overlap, and no push at rest
     if len(dampings) == 1 and (damping := dampings.pop()) > 0.0:
         raise _without_spring(law, damping, speed)

@@ -10,10 +10,10 @@ from granular.laws.contact_law import PairLaw, finite
 from granular.scene import Pair
 
 __all__ = ["MatchedEnd", "PowerLaw", "WaltonBraun"]
-SHARE = 0.1
+OVERLAP_SHARE = 0.1
 """Overlap, in effective radii, of a contact whose force does not depend on it."""
 
-SAME = 1e-12
+FORCE_TOLERANCE = 1e-12
 """Relative difference below which forces count as equal."""
 
 
@@ -198,9 +198,9 @@ def overlap_under(law: PairLaw, force: float) -> float:
         return math.pow(force / law.form[0], 1.0 / law.form[1]) if law.form[0] > 0.0 else _none(law, force)
     size = law.pair.r_eff if 0.0 < law.pair.r_eff < math.inf else 1.0
     # a force that is constant over 8 decades of overlap does not determine it
-    if all(abs(at_rest(law, share * size) - force) <= SAME * force
-           for share in (1e-9, SHARE)):
-        return SHARE * size
+    if all(abs(at_rest(law, share * size) - force) <= FORCE_TOLERANCE * force
+           for share in (1e-9, OVERLAP_SHARE)):
+        return OVERLAP_SHARE * size
     high = size
     while not at_rest(law, high) >= force:
         high = 2.0 * high if high < 1e100 * size else _none(law, force)

@@ -352,7 +352,7 @@ def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
 
     The α that gives exactly ε under clipped forces is √5 ζ(ε), see `TsujiHertz.from_restitution`.
     """
-    zeta = CONVENTIONS[check.choice("convention", convention, list(CONVENTIONS))](
+    zeta = DAMPING_CONVENTIONS[check.choice("convention", convention, list(DAMPING_CONVENTIONS))](
         check.number("restitution", restitution, above=0.0, at_most=1.0))
     return dashpot.restitution(zeta) if check.truth("clipped", clipped) else dashpot.restitution_pulling(zeta)
 
@@ -382,7 +382,7 @@ def _polynomial(x: float, *coefficients: float) -> float:
     return float(np.polynomial.polynomial.polyval(x, coefficients))
 
 
-CONVENTIONS: dict[str, Callable[[float], float]] = {
+DAMPING_CONVENTIONS: dict[str, Callable[[float], float]] = {
     "lammps/tsuji": _marshall, "lammps/tsuji-2026": lambda eps: math.sqrt(2.0) * _marshall(eps),
     "lammps/coeff_restitution": _of_logarithm, "lethe": _of_logarithm, "liggghts/hertz": _of_logarithm,
     "mfix/hertz": lambda eps: 2.0 / math.sqrt(5.0) * _of_logarithm(eps), "yade/hertz-mindlin": _thornton,

@@ -29,19 +29,19 @@ from granular._engine import check
 from granular._engine.kernels import kernel
 
 _TABLE = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
-EXPONENT, STRETCHED_DURATION, DEEPEST, STRONGEST = (
+EXPONENT_TABLE, DURATION_TABLE, OVERLAP_TABLE, FORCE_TABLE = (
     tuple(map(tuple, _TABLE[name])) for name in ("exponent", "stretched_duration", "deepest", "strongest")
 )
 Q_END: float = _TABLE["q_end"]
-SERIES: tuple[float, ...] = tuple(_TABLE["series"])
-PIECES_PER_Q = len(EXPONENT) / Q_END
-LAST_PIECE = len(EXPONENT) - 1
-LOSS_END = Q_END * Q_END * math.fsum(EXPONENT[-1])  # -ln ε where the table ends
-TURNING = math.pow(1.5, 2.0 / 3.0)  # b^(2/3) y where strong damping stops the approach
-STRONGEST_END = 0.75 * math.pow(0.375, 1.0 / 3.0)  # b^(-2/3) F where the approach is still hardly stopped
-DRIFT = 1.5 * math.log(3.0) - math.log(1.5) / 3.0 - math.pi * math.sqrt(3.0) / 6.0
+SERIES_TERMS: tuple[float, ...] = tuple(_TABLE["series"])
+PIECES_PER_Q = len(EXPONENT_TABLE) / Q_END
+LAST_PIECE = len(EXPONENT_TABLE) - 1
+LOSS_END = Q_END * Q_END * math.fsum(EXPONENT_TABLE[-1])  # -ln ε where the table ends
+OVERLAP_LIMIT = math.pow(1.5, 2.0 / 3.0)  # b^(2/3) y where strong damping stops the approach
+FORCE_LIMIT = 0.75 * math.pow(0.375, 1.0 / 3.0)  # b^(-2/3) F where the approach is still hardly stopped
+DURATION_CONSTANT = 1.5 * math.log(3.0) - math.log(1.5) / 3.0 - math.pi * math.sqrt(3.0) / 6.0
 
-H2, H4, H5 = SERIES[2], SERIES[4], SERIES[5]
+H2, H4, H5 = SERIES_TERMS[2], SERIES_TERMS[4], SERIES_TERMS[5]
 PADE_C1 = H5 / (H2 * H2 - H4)
 PADE_B4 = H2 * H2 - H4
 
@@ -57,9 +57,9 @@ def restitution(b: float) -> float:
     log_b1 = math.log1p(b)
     q = math.sqrt(log_b1)
     if not q < Q_END:
-        return TURNING * math.pow(b, -5.0 / 3.0)
+        return OVERLAP_LIMIT * math.pow(b, -5.0 / 3.0)
     piece, z = _place(q)
-    return math.exp(-log_b1 * _horner(EXPONENT[piece], z))
+    return math.exp(-log_b1 * _horner(EXPONENT_TABLE[piece], z))
 
 
 @kernel
@@ -72,9 +72,9 @@ def duration(b: float) -> float:
     log_b1 = math.log1p(b)
     q = math.sqrt(log_b1)
     if not q < Q_END:
-        return (10.0 / 3.0 * math.log(b) + DRIFT) / math.sqrt(TURNING) * math.pow(b, -2.0 / 3.0)
+        return (10.0 / 3.0 * math.log(b) + DURATION_CONSTANT) / math.sqrt(OVERLAP_LIMIT) * math.pow(b, -2.0 / 3.0)
     piece, z = _place(q)
-    return math.exp(-2.0 / 3.0 * log_b1) * _horner(STRETCHED_DURATION[piece], z)
+    return math.exp(-2.0 / 3.0 * log_b1) * _horner(DURATION_TABLE[piece], z)
 
 
 @kernel
@@ -87,9 +87,9 @@ def peaks(b: float) -> tuple[float, float]:
     q, scale = math.sqrt(log_b1), math.exp(2.0 / 3.0 * log_b1)
     if not q < Q_END:
         scale = math.pow(b, 2.0 / 3.0)
-        return TURNING / scale, STRONGEST_END * scale
+        return OVERLAP_LIMIT / scale, FORCE_LIMIT * scale
     piece, z = _place(q)
-    return _horner(DEEPEST[piece], z) / scale, _horner(STRONGEST[piece], z) * scale
+    return _horner(OVERLAP_TABLE[piece], z) / scale, _horner(FORCE_TABLE[piece], z) * scale
 
 
 @kernel
@@ -120,12 +120,12 @@ def damping(restitution: float) -> float:
     eps = check.number("restitution", restitution, above=0.0, at_most=1.0)
     loss = 0.0 - math.log(eps)  # no -0
     if loss > LOSS_END:
-        return math.pow(TURNING / eps, 0.6)
+        return math.pow(OVERLAP_LIMIT / eps, 0.6)
     before, miss_before, log_b1 = 0.0, loss, 0.6 * loss  # secant method for K ln(1 + b) = loss; K < 5/3
     # converges superlinearly; the limit only guards against rounding
     for _ in range(20):
         piece, z = _place(math.sqrt(log_b1))
-        miss = loss - log_b1 * _horner(EXPONENT[piece], z)
+        miss = loss - log_b1 * _horner(EXPONENT_TABLE[piece], z)
         if miss == miss_before:
             break
         step = miss * (log_b1 - before) / (miss_before - miss)
@@ -142,8 +142,8 @@ def restitution_series(b: float, order: int = 5) -> float:
     0.88). For order 10 this happens at b = 0.36 (ε = 0.68), for order 20 at b = 0.76 (ε = 0.47). The error exceeds
     1e-6 at b = 0.012, 0.098 and 0.48. Near b = 1 more terms do not help.
     """
-    order = check.whole("order", order, at_most=len(SERIES) - 1)
-    return _horner(SERIES[order::-1], math.sqrt(check.number("b", b, at_least=0.0)))
+    order = check.whole("order", order, at_most=len(SERIES_TERMS) - 1)
+    return _horner(SERIES_TERMS[order::-1], math.sqrt(check.number("b", b, at_least=0.0)))
 
 
 def restitution_pade(b: float) -> float:

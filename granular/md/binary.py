@@ -29,13 +29,13 @@ from granular.scene.state import Scene
 __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
 __dir__ = __all__.copy
 
-MAX_STEPS = 20_000
+MAX_CONTACT_STEPS = 20_000
 """Number of steps after which a contact is assumed not to end."""
-SLOWEST, FASTEST = 1e-50, 1e50
+SLOWEST_IMPACT, FASTEST_IMPACT = 1e-50, 1e50
 """Impact speeds in m/s between which a contact is integrated.
 
 Beyond them overlaps, forces or energies leave the range of floats."""
-STUCK = 1e-9
+STUCK_SPEED_SHARE = 1e-9
 """Largest remaining downward speed of a contact that absorbs all speed.
 
 It is relative to the impact speed."""
@@ -105,9 +105,9 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     known, v = _resolved(law, pair), _speed(speed)
     if known.form is not None and known.is_linear:
         return _in_range(_dashpot(known.form[0], known.form[2], pair, v), v)
-    if known.form is not None and known.form[2] == 0.0 and SLOWEST <= v <= FASTEST:
+    if known.form is not None and known.form[2] == 0.0 and SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
         return _in_range(_elastic_power(known.form[0], known.form[1], pair, v), v)
-    if is_bilinear(known) and SLOWEST <= v <= FASTEST:
+    if is_bilinear(known) and SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
         return _in_range(Collision(*law.isolated(pair, v)), v)
     return _integrated(law, pair, v)
 
@@ -169,7 +169,7 @@ def at_speed(known: PairLaw, speed: float) -> float:
 
         k, _, gamma, _ = known.form
         return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * known.pair.m_eff**-0.4 * speed**0.2))
-    return _integrated(known.law, known.pair, max(speed, SLOWEST)).restitution
+    return _integrated(known.law, known.pair, max(speed, SLOWEST_IMPACT)).restitution
 
 
 def at_speed_or_nan(known: PairLaw, speed: float) -> float:
@@ -421,18 +421,18 @@ def _bounce(law: Any, pair: Pair, v: float) -> Collision:
     If the force sets in late, the earlier touch is logged as a contact without force. The contact with the largest
     impulse is therefore evaluated.
     """
-    if not SLOWEST <= v <= FASTEST:
+    if not SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
         raise _no_numbers(v)
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
     # the law has to see the original pair, not the pair of this auxiliary scene
     scene.__dict__["pairs"] = Pairs(np.array([pair.m_eff]), np.array([pair.r_eff]), pair.index)
-    run = simulate(scene, law, max_events=8, max_steps=MAX_STEPS)
+    run = simulate(scene, law, max_events=8, max_steps=MAX_CONTACT_STEPS)
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
     if not math.isfinite(contact["force_max"]):
         raise _no_numbers(v)
     # a contact without an end has no row values at its end: use the final state instead
     left = float(run.velocity[-1][1] if math.isnan(contact["t_end"]) else contact["v_out"][1])
-    if contact["impulse"] > 0.5 * pair.m_eff * v and abs(left) <= STUCK * v and not left > 0.0:
+    if contact["impulse"] > 0.5 * pair.m_eff * v and abs(left) <= STUCK_SPEED_SHARE * v and not left > 0.0:
         raise Stuck(f"`law` must let the bodies separate, got {law!r}. At {v!r} m/s a contact takes all speed and does "
                     "not end. Use weaker damping.")
     if contact["force_max"] == 0.0 or contact["v_out"][1] < 0.0:

@@ -72,11 +72,11 @@ def _grouped(count: int) -> str:
     return f"{count:_}".replace("_", " ")
 
 
-SMOOTH, COSTLY = 8, 2
+SMOOTH_VALUES_PER_OCTAVE, COSTLY_VALUES_PER_OCTAVE = 8, 2
 """Number of values per octave, of a closed form and of an integrated contact.
 
 The former is smooth, the latter costly."""
-SLOWEST = 2.0**-30
+SLOWEST_SPEED_SHARE = 2.0**-30
 """Smallest speed relative to the scene's own speeds.
 
 Slower contacts get the duration at this speed."""
@@ -100,10 +100,10 @@ class Durations:
         if (self.damping > -np.inf).any():
             from granular.laws import viscoelastic_restitution
 
-            self.damped = Curve(viscoelastic_restitution.duration, SMOOTH)
-        self.curves = {k: Curve(partial(_duration, each[k]), COSTLY)
+            self.damped = Curve(viscoelastic_restitution.duration, SMOOTH_VALUES_PER_OCTAVE)
+        self.curves = {k: Curve(partial(_duration, each[k]), COSTLY_VALUES_PER_OCTAVE)
                        for k in np.flatnonzero(np.isnan(self.unit)).tolist()}
-        self.slowest = max(SLOWEST * speed_scale(scene), 1e-75)
+        self.slowest = max(SLOWEST_SPEED_SHARE * speed_scale(scene), 1e-75)
 
     def __call__(self, pair: Ints, speed: Array) -> Array:
         """Return the durations in s of contacts of pairs at impact speeds in m/s.

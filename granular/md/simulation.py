@@ -26,15 +26,15 @@ from granular.run.until import check_end
 from granular.scene.places import Closing, checked, fitted
 from granular.scene.state import Scene
 
-SHORTEST = 1e-60
+SMALLEST_DT = 1e-60
 """Smallest `dt` in s: "gear5" needs its fifth power, which underflows below."""
-EXACT = 1e-16
+DEFAULT_TOL = 1e-16
 """Default `tol`."""
-FINEST = 1e-17
+SMALLEST_TOL = 1e-17
 """Smallest `tol`.
 
 Smaller values only cost steps, because sums of floats are accurate to 1e-16."""
-STEPS = 20_000_000
+DEFAULT_MAX_STEPS = 20_000_000
 """Default of `max_steps`."""
 STEPS_PER_CONTACT = 500
 """Default number of steps per shortest contact.
@@ -53,14 +53,14 @@ def simulate(
     samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
     max_events: int | None = None,
-    max_steps: int = STEPS,
+    max_steps: int = DEFAULT_MAX_STEPS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     progress: bool = False,
     engine: str = "auto",
     method: str | None = None,
     dt: float | None = None,
-    tol: float = EXACT,
+    tol: float = DEFAULT_TOL,
     disturbed: str = "resolve",
 ) -> Trajectory:
     """Run a scene as soft spheres.
@@ -187,7 +187,7 @@ def simulate(
         method = "located" if dt is None else "verlet"
     if not isinstance(method, str) or method != "located" or dt is not None:
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
-    finest = check.number("tol", tol, at_least=FINEST, at_most=1e-3)
+    finest = check.number("tol", tol, at_least=SMALLEST_TOL, at_most=1e-3)
     with _in_range(laws.given[0]):
         return in_time(lambda asked: drive(_stopping(
             located.Run(scene, laws, asked, engine, finest, disturbed))), request)
@@ -198,7 +198,7 @@ def _stopping(run: located.Run) -> Any:
 
     The monitoring code is imported only in this case.
     """
-    if not isinstance(run.request.until, stop.LEVELS):
+    if not isinstance(run.request.until, stop.LEVEL_TYPES):
         return run
     from granular.md.located import levels
     from granular.run.levels import Watched
@@ -211,11 +211,11 @@ def _requested(
 ) -> Request:
     """Check the options that `simulate` and `resume` share."""
     request = requested(scene, start, t_end, **options)
-    endless = disturbed != "stop" and options["max_steps"] == STEPS
+    endless = disturbed != "stop" and options["max_steps"] == DEFAULT_MAX_STEPS
     check_end(scene, t_end, options["until"], options["max_events"], dented=lambda: _dented(scene, laws),
               elastic=lambda: endless and laws.elastic)
     check.choice("engine", engine, ("auto", "plain", "compiled"))
-    check.choice("disturbed", disturbed, located.DISTURBED)
+    check.choice("disturbed", disturbed, located.DISTURBED_OPTIONS)
     return request
 
 
@@ -231,11 +231,11 @@ def _stepped(
                          f"{', '.join(fixed.INTEGRATORS)}.")
     check.refuse({
         f"`tol` must be left out for method {method!r}, which has a fixed step, got {tol!r}. Give `dt`, or use "
-        "method='located'.": tol != EXACT,
+        "method='located'.": tol != DEFAULT_TOL,
         f"`disturbed` must be 'resolve' for method {method!r}, got {disturbed!r}. Use method='located'.":
             disturbed != "resolve",
     })
-    step = _default_step(scene, laws) if dt is None else check.number("dt", dt, at_least=SHORTEST)
+    step = _default_step(scene, laws) if dt is None else check.number("dt", dt, at_least=SMALLEST_DT)
     if request.start + step == request.start:
         raise ValueError(f"`dt` must be large enough to advance the clock at t_start = {request.start!r}, got "
                          f"{step!r}.")
@@ -254,7 +254,7 @@ def _stepped(
 
 
 @check.face
-def events(scene: Scene, law: Any, *, max_events: int = check.LARGEST, **options: Any) -> Iterator[Event]:
+def events(scene: Scene, law: Any, *, max_events: int = check.MAX_INTEGER, **options: Any) -> Iterator[Event]:
     """Yield the contacts of a run as they end, each with the scene at that time.
 
     Accepts all options of `simulate` except `samples`, `on_event`, `log`, `method` and `dt`. Method "located" is used,
@@ -303,7 +303,7 @@ def resume(
     samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
     max_events: int | None = None,
-    max_steps: int = STEPS,
+    max_steps: int = DEFAULT_MAX_STEPS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     progress: bool = False,

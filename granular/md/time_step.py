@@ -19,7 +19,7 @@ from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, alike
 from granular.scene import Scene, speed_scale
 
-WARN = 0.2
+DOUBTFUL_DT_LAMBDA = 0.2
 """dt·λ above which results are doubtful."""
 
 

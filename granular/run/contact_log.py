@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from granular._engine.check import Array, must
-from granular._engine.records import FEW, raw
+from granular._engine.records import SMALL_RECORD_COUNT, raw
 from granular.scene.places import positions, velocities
 from granular.scene.state import Scene
 
@@ -47,23 +47,23 @@ largest force in N, or nan in EDMD, where it is infinite. For a contact that is 
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 """Contacts as a structured array, with the columns of an engine or of the log."""
-SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
+SIDE_COLUMNS = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
 """Columns of an engine that are one side of a public column with two."""
-COLUMNS = [(name, float) for name in (*SIDES, "xi_max", "force_max", "impulse")]
+SOFT_FIELDS = [(name, float) for name in (*SIDE_COLUMNS, "xi_max", "force_max", "impulse")]
 """Columns of soft spheres after the times.
 
 They are velocities of the lower and the upper body at onset and end in m/s, largest overlap in m, largest force in N
 and impulse in N s.
 """
 CONTACT_ROW = np.dtype(
-    [("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *COLUMNS], align=True)
+    [("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *SOFT_FIELDS], align=True)
 """Record of a contact of soft spheres.
 
 Times are in s. Values that are not yet known are nan.
 """
-ROUNDING = 1e-9
+MOMENTUM_ROUNDING = 1e-9
 """Largest rounding error relative to the largest momentum or velocity."""
-PART = 2048
+COPY_ROWS = 2048
 """Number of contacts that are copied at a time, column by column.
 
 That number of rows fits into the cache of the processor.
@@ -80,8 +80,8 @@ def contacts(settled: list[Rows]) -> Rows:
     stop = 0
     while settled:
         some = settled.pop(0)
-        for k in range(0, len(some), PART):
-            rows = some[k : k + PART]
+        for k in range(0, len(some), COPY_ROWS):
+            rows = some[k : k + COPY_ROWS]
             part, stop = log[stop : stop + len(rows)], stop + len(rows)
             if rows.dtype in (CONTACT, CONTACT_ROW):  # the same bytes
                 raw(part)[:] = raw(rows)
@@ -90,7 +90,7 @@ def contacts(settled: list[Rows]) -> Rows:
             if "t_end" not in names:
                 part["t_end"], part["force_max"] = rows["t_begin"], np.nan
             for name in names:
-                column, side = SIDES.get(name, (name, slice(None)))
+                column, side = SIDE_COLUMNS.get(name, (name, slice(None)))
                 part[column].T[side] = rows[name].T
     return log
 
@@ -128,7 +128,7 @@ def in_order(log: Rows) -> Rows:
     if len(log) < 2:
         return log
     onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
-    if len(log) <= FEW:
+    if len(log) <= SMALL_RECORD_COUNT:
         return log.take(np.lexsort((pair, onset)))
     if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
         order = np.argsort(onset, kind="stable")  # a stable sort is fast for nearly sorted onsets
@@ -164,7 +164,7 @@ def given_by_walls(run: Any) -> Array:
         size = np.abs(gained).sum(axis=1).max() + np.abs(given).max()
         met = run.contacts["t_begin"][run.contacts["pair"] == scene.n_pairs - 1].min(initial=np.inf)
         touched = (run.time >= met) | (run.gap[0, -1] <= 0.0)
-        given[touched & (np.abs(given[:, 0] - _passed(run, 0)) > ROUNDING * size)] = np.nan
+        given[touched & (np.abs(given[:, 0] - _passed(run, 0)) > MOMENTUM_ROUNDING * size)] = np.nan
     given[:, 1] = below[:, -1] - given[:, 0]
     return given
 
@@ -188,7 +188,7 @@ def _passed(run: Any, pair: int) -> Array:
     over, begun = np.searchsorted(np.sort(end), time, "right"), np.searchsorted(np.sort(rows["t_begin"]), time)
     passed: Array = np.where((over >= begun) & is_logged(run), sums[over], np.nan)
     sped = np.abs((run.velocity[0] - run.scene.velocity)[~run.scene.is_wall]).max()
-    if sped > ROUNDING * np.abs(run.velocity).max():  # otherwise the first row precedes all contacts
+    if sped > MOMENTUM_ROUNDING * np.abs(run.velocity).max():  # otherwise the first row precedes all contacts
         passed -= passed[0]
     return passed
 

@@ -23,7 +23,7 @@ from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
 
-EVENTS = 1_000_000
+DEFAULT_MAX_EVENTS = 1_000_000
 """Default of `max_events`, the number of contacts after which a run ends."""
 
 
@@ -50,7 +50,7 @@ class Request(NamedTuple):
 
 
 def requested(
-    scene: Scene, start: float, t_end: float | None, *, max_steps: int = check.LARGEST, progress: bool = False,
+    scene: Scene, start: float, t_end: float | None, *, max_steps: int = check.MAX_INTEGER, progress: bool = False,
     **given: Any,
 ) -> Request:
     """Return the checked options that all engines share."""
@@ -67,12 +67,12 @@ def requested(
         samples=_sample_times(given["samples"], start, end),
         log=stream is not None or check.truth("log", log),
         stream=stream,
-        max_events=EVENTS if given["max_events"] is None else check.whole(
+        max_events=DEFAULT_MAX_EVENTS if given["max_events"] is None else check.whole(
             "max_events", given["max_events"]),
         on_event=check.callback("on_event", given["on_event"], "row"),
         told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=check.whole("max_steps", max_steps, at_least=1),
-        singly=isinstance(given["until"], stop.LEVELS) or given["on_event"] is one_by_one,
+        singly=isinstance(given["until"], stop.LEVEL_TYPES) or given["on_event"] is one_by_one,
     )
 
 
@@ -93,7 +93,7 @@ def _sample_times(samples: Any, start: float, end: float) -> check.Array | int |
         return check.choice("samples", samples, ("contacts",))
     if check.is_one(samples):
         fix = "Give None for the first and the last state."
-        count = check.whole("samples", samples, at_least=2, at_most=check.MOST, fix=fix)
+        count = check.whole("samples", samples, at_least=2, at_most=check.MAX_REQUESTED_COUNT, fix=fix)
         return count if end == math.inf else np.linspace(start, end, count)
     times = check.array("samples", samples)
     if len(times) == 0:
@@ -106,7 +106,7 @@ def _sample_times(samples: Any, start: float, end: float) -> check.Array | int |
     return times
 
 
-AROUND = np.arange(-2, 11) / 8
+CONTACT_SAMPLES = np.arange(-2, 11) / 8
 """Times of rows about a contact, in units of its duration from its onset."""
 
 
@@ -133,21 +133,23 @@ def _about(log: Rows, start: float, end: float) -> check.Array:
 
     For an instantaneous contact they include the last float before it.
     """
-    if len(log) * len(AROUND) > check.MOST:
-        raise ValueError(f"`samples` must give at most {check.MOST} samples, got 'contacts' with {len(log)} contacts. "
-                         "Give a number of samples, or stop earlier with t_end= or until=.")
+    if len(log) * len(CONTACT_SAMPLES) > check.MAX_REQUESTED_COUNT:
+        raise ValueError(
+            f"`samples` must give at most {check.MAX_REQUESTED_COUNT} samples, got 'contacts' with {len(log)} "
+            "contacts. Give a number of samples, or stop earlier with t_end= or until=."
+        )
     begin, over = log["t_begin"], np.where(np.isnan(log["t_end"]), end, log["t_end"])
-    spread = (begin[:, None] + (over - begin)[:, None] * AROUND).ravel()
+    spread = (begin[:, None] + (over - begin)[:, None] * CONTACT_SAMPLES).ravel()
     times = np.concatenate([[start, end], begin, over, spread, np.nextafter(begin[begin == over], -math.inf)])
     return np.unique(times.clip(start, end))
 
 
-SAME = 1e-9
+STATE_TOLERANCE = 1e-9
 """Largest deviation of a state from the last row saved with it.
 
 It is relative to the largest gap or velocity.
 """
-AWHILE = 0.25
+CHECK_INTERVAL = 0.25
 """Approximate processor time in s between two checks of a run."""
 
 
@@ -266,7 +268,7 @@ def portion(done: int, spent: float) -> int:
     It is extrapolated from the amount `done` in `spent` seconds of processor time.
     """
     # at most doubled, because one fast part does not predict the next; 1e-9 s guards against division by 0
-    return max(1, int(done * min(2.0, AWHILE / max(spent, 1e-9))))
+    return max(1, int(done * min(2.0, CHECK_INTERVAL / max(spent, 1e-9))))
 
 
 def drive(run: Run) -> Trajectory:
@@ -351,7 +353,7 @@ def _alike(one: check.Array, other: check.Array, scale: float = 0.0) -> bool:
 
     The tolerance is relative to the largest number or to `scale`.
     """
-    return bool(np.abs(one - other).max() <= SAME * max(float(np.abs(other).max()), scale))
+    return bool(np.abs(one - other).max() <= STATE_TOLERANCE * max(float(np.abs(other).max()), scale))
 
 
 def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile, tell: Told | None) -> Pause:

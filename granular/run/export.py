@@ -18,7 +18,7 @@ from granular.scene import Scene, checked
 
 __all__ = ["lammps"]
 __dir__ = __all__.copy
-HEAD = """\
+DECK_HEADER = """\
 # Written by granular. SI units; the line of balls is the x axis, upwards is +x. No friction.
 # Run: lmp -in THIS_FILE, with -var dt 1e-8 -var steps 1000000 for other numbers than the two below.
 #
@@ -79,7 +79,7 @@ def lammps(
     step = check.number("dt", dt, above=0.0)
     end = check.number("t_end", t_end, above=0.0)
     steps = max(1, round(check.number("`t_end / dt`", end / step, at_most=1e15)))
-    text = "\n".join([HEAD, f"variable dt index {step!r}", f"variable steps index {steps}",
+    text = "\n".join([DECK_HEADER, f"variable dt index {step!r}", f"variable steps index {steps}",
                       *_bodies(scene), *_contacts(scene, laws), *_run(scene), ""])
     if path is not None:
         write_text(path, text)

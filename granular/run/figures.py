@@ -16,36 +16,36 @@ import numpy as np
 
 from granular._engine import files
 from granular._engine.check import Array
-from granular._engine.reports import HARD, SOFT, canvas, unit_of
+from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, canvas, unit_of
 from granular.scene import Scene
 from granular.scene.places import points
 
-FAR = 3.0
+FAR_SPAN_LENGTHS = 3.0
 """Lengths of a span from t = 0 to its start above which its clock is shifted.
 
 The clock then starts with the first contact of the span.
 """
-PAD, MARGIN = 0.015, 0.06
+AXIS_PAD, CONTACTS_MARGIN = 0.015, 0.06
 """Shares of the time axis.
 
 PAD is left free at its ends so that marks are not cut. MARGIN is shown before and after the contacts.
 """
-SHORT = 0.2
+SHORT_SPAN_SHARE = 0.2
 """Share of a run below which its contacts are drawn again in a panel of their own."""
-ROWS, BRIEF = 100, 0.01
+MIN_PATH_ROWS, BRIEF_CONTACT_SHARE = 100, 0.01
 """Number of rows in a span that define the paths.
 
 With fewer rows, contacts may last at most the share BRIEF of the span.
 """
-NAMED = 12
+MAX_LABELS = 12
 """Largest number of pairs or balls that are labelled."""
-MANY, MOST = 500, 2000
+MANY_CONTACTS, MAX_MARKS = 500, 2000
 """Numbers of contacts above which marks are small, and only some are drawn.
 
 The drawn contacts are evenly spaced in the log.
 """
-INK, COLOURS = "#1d1c1a", {"hard": HARD, "soft": SOFT}
-SMALL: dict[str, Any] = {"fontsize": 8}
+INK_COLOUR, LINE_COLOURS = "#1d1c1a", {"hard": HARD_COLOUR, "soft": SOFT_COLOUR}
+SMALL_FONT: dict[str, Any] = {"fontsize": 8}
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Span:
     def limits(self) -> tuple[float, float]:
         """Limits of the time axis, with free space at both ends."""
         left, right = self.shown
-        return left - PAD * (right - left), right + PAD * (right - left)
+        return left - AXIS_PAD * (right - left), right + AXIS_PAD * (right - left)
 
     def clock(self, time: Any) -> Any:
         """Return the values of the clock at times in s."""
@@ -117,11 +117,11 @@ def spans_of(run: Any) -> list[Span]:
     """Return the span of the run, and the span of its contacts if it is a small part."""
     begin, end, touches = float(run.time[0]), float(run.time[-1]), _touches(run)
     first, last = float(touches.min(initial=end)), float(touches.max(initial=begin))
-    late = len(touches) > 0 and first > FAR * (end - begin)
+    late = len(touches) > 0 and first > FAR_SPAN_LENGTHS * (end - begin)
     whole = Span(begin, end if end > begin else begin + 1.0, first if late else 0.0)
-    margin = MARGIN * (last - first)
+    margin = CONTACTS_MARGIN * (last - first)
     near = Span(max(first - margin, begin), min(last + margin, end), first)
-    small = 0.0 < near.end - near.begin < SHORT * (end - begin)
+    small = 0.0 < near.end - near.begin < SHORT_SPAN_SHARE * (end - begin)
     spans = [span for span in [whole, near][: 1 + small] if _known(run, span, touches)]
     if not spans:
         raise ValueError(f"`run` must have more samples to draw its paths, got {len(run.time)}. Simulate with "
@@ -138,7 +138,7 @@ def _known(run: Any, span: Span, touches: Array) -> bool:
     logged = len(touches) > 0 or run.stats.get("contacts", run.stats.get("events", 0)) == 0
     lasts = float((touches[:, 1] - touches[:, 0]).max(initial=0.0))
     rows = np.count_nonzero((run.time >= span.begin) & (run.time <= span.end))
-    return bool(rows >= ROWS or (even and logged and lasts < BRIEF * (span.end - span.begin)))
+    return bool(rows >= MIN_PATH_ROWS or (even and logged and lasts < BRIEF_CONTACT_SHARE * (span.end - span.begin)))
 
 
 def _touches(run: Any) -> Array:
@@ -189,14 +189,14 @@ def _path(knots: Array, velocity: Array, is_row: Any, rows: Array, times: Array)
 def draw_paths(axis: Any, run: Any, span: Span) -> None:
     """Draw the paths of one run, and a mark at the onset of each contact."""
     touches, name = _touches(run), engine(run)
-    every = 1 + len(touches) // MOST
+    every = 1 + len(touches) // MAX_MARKS
     seen = np.flatnonzero((touches[:, 1] >= span.begin) & (touches[:, 0] <= span.end))[::every]
     times, onset = span.times(touches[seen], 1500), touches[seen, 0].clip(span.begin)
     unit = world_lines(axis, span, run.scene, {name: (times, paths(run, times))})
     met = paths(run, onset)[range(len(seen)), run.contacts["pair"][seen]]
-    axis.plot(span.clock(onset), met / unit, ".", ms=4 if len(seen) < MANY else 2, color=INK, zorder=3,
+    axis.plot(span.clock(onset), met / unit, ".", ms=4 if len(seen) < MANY_CONTACTS else 2, color=INK_COLOUR, zorder=3,
               label="a contact begins" + f" (one of {every} shown)" * (every > 1) if len(seen) else "_")
-    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2, **SMALL)
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2, **SMALL_FONT)
 
 
 def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Array, Array]]) -> float:
@@ -212,20 +212,22 @@ def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Arra
     unit, name = unit_of(max(float(high - low), 1e-300), "m")
     for label, (t, y) in of.items():
         dash = {"soft": "-", "hard": "--"}[label] if len(of) > 1 else "-"
-        lines = axis.plot(span.clock(t), y / unit, color=COLOURS[label], ls=dash, lw=min(1.0, 0.3 + 20.0 / scene.n))
+        lines = axis.plot(
+            span.clock(t), y / unit, color=LINE_COLOURS[label], ls=dash, lw=min(1.0, 0.3 + 20.0 / scene.n)
+        )
         lines[0].set_label(f"{label} spheres")
     room = 0.5 * (high - low)  # for hard balls; faster balls can leave the picture
     bottom = max(min(float(y.min()) for y in shown.values()), low - room)
     top = min(max(float(y.max()) for y in shown.values()), high + room)
     pad = 0.04 * (top - bottom) or 1.0
-    if scene.n <= NAMED:
-        name_balls(axis, span, scene, first[-1] / unit, (top - bottom) / unit, COLOURS[next(iter(of))])
+    if scene.n <= MAX_LABELS:
+        name_balls(axis, span, scene, first[-1] / unit, (top - bottom) / unit, LINE_COLOURS[next(iter(of))])
     axis.set(xlim=span.limits, ylabel=f"paths, radii\ntaken out, {name}",
              ylim=((bottom - pad) / unit, (top + pad) / unit))
     return unit
 
 
-def name_balls(axis: Any, span: Span, scene: Scene, places: Array, height: float, colour: str = SOFT) -> None:
+def name_balls(axis: Any, span: Span, scene: Scene, places: Array, height: float, colour: str = SOFT_COLOUR) -> None:
     """Number the balls at the ends of their paths, with one label for close balls."""
     balls = [body for body in np.argsort(places, kind="stable").tolist() if not scene.is_wall[body]]
     starts = [i for i in range(len(balls)) if i == 0 or places[balls[i]] - places[balls[i - 1]] > 0.05 * height]
@@ -235,7 +237,7 @@ def name_balls(axis: Any, span: Span, scene: Scene, places: Array, height: float
         together = len(some) > 2 and some[-1] - some[0] == len(some) - 1
         said = f"{some[0]}–{some[-1]}" if together else ", ".join(map(str, some))
         axis.annotate(said, (span.shown[1], places[some].mean()), (10, 0),
-                      textcoords="offset points", va="center", color=colour, annotation_clip=False, **SMALL)
+                      textcoords="offset points", va="center", color=colour, annotation_clip=False, **SMALL_FONT)
 
 
 def head(figure: Any, said: str, more: str, size: float = 9.0) -> None:

@@ -14,17 +14,17 @@ import numpy as np
 from granular._engine import files
 from granular._engine.check import Array, choice, number, optional, whole
 from granular._engine.reports import duration
-from granular.run.figures import COLOURS, INK, Span, draw_paths, engine, head, paths, spans_of, words
+from granular.run.figures import INK_COLOUR, LINE_COLOURS, Span, draw_paths, engine, head, paths, spans_of, words
 from granular.scene import Scene
 
-ENDINGS = (".gif", ".mp4")
+FILM_ENDINGS = (".gif", ".mp4")
 MOST_BALLS = 60  # more balls cannot be distinguished
-STYLE = {
+FILM_STYLE = {
     "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
     "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.labelsize": 8.5, "axes.titlesize": 10.5,
 }
-SIZE, BARE = (9.6, 5.4), (6.4, 4.8)  # inches, with and without charts
-THICK, LEAST = 0.14, 0.16  # largest radius per length of the stage; smallest radius relative to it
+PAGE_SIZE, BARE_PAGE_SIZE = (9.6, 5.4), (6.4, 4.8)  # inches, with and without charts
+BALL_RADIUS, MIN_RADIUS_RATIO = 0.14, 0.16  # largest radius per length of the stage; smallest radius relative to it
 
 
 def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> None:
@@ -52,7 +52,7 @@ def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> 
 
 def check_film(path: str | PathLike[str]) -> str:
     """Return the ending of a film, or raise `ValueError` if it is not supported."""
-    return choice(f"the ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
+    return choice(f"the ending of {Path(path).name}", Path(path).suffix.lower(), FILM_ENDINGS)
 
 
 @dataclass(eq=False)
@@ -74,8 +74,8 @@ class Page:
         The title changes from picture to picture. Space is reserved for the longest title.
         """
         self.words, path = words, np.stack([clock, 0.0 * clock], 1)
-        self.moving += [(axis.axvline(0.0, color=INK, lw=1.0, gid="clock"), path) for axis in axes]
-        self.moving.append((axes[0].set_title(max(words, key=len), loc="left", color=INK), 0.0 * path))
+        self.moving += [(axis.axvline(0.0, color=INK_COLOUR, lw=1.0, gid="clock"), path) for axis in axes]
+        self.moving.append((axes[0].set_title(max(words, key=len), loc="left", color=INK_COLOUR), 0.0 * path))
 
     def show(self, k: int) -> Any:
         """Draw picture number `k` and return its pixels.
@@ -119,13 +119,13 @@ def blank(
     else:
         rows = [*stages, *([panel] for panel in panels)]
         ratios = {"height_ratios": [*[tall] * len(stages), *panels.values()]}
-    with optional("matplotlib", "animate").rc_context(STYLE):
+    with optional("matplotlib", "animate").rc_context(FILM_STYLE):
         figure = optional("matplotlib.figure", "animate").Figure(
-            SIZE if panels else BARE, 100, layout="constrained")
+            PAGE_SIZE if panels else BARE_PAGE_SIZE, 100, layout="constrained")
         head(figure, said, more, 10.0)
         axes = figure.subplot_mosaic(rows, **ratios)
     for name in names:
-        axes[name].set_title(f"{name} spheres", color=COLOURS[name])
+        axes[name].set_title(f"{name} spheres", color=LINE_COLOURS[name])
     if not panels:
         axes["time"].set(xticks=[], yticks=[])
     return Page(figure, axes, [axis for name, axis in axes.items() if name not in names])
@@ -170,7 +170,7 @@ def stage(page: Page, scene: Scene, of: dict[str, Array]) -> None:
     upright, first, radius = scene.gravity > 0.0, next(iter(of.values())), radii(scene)
     # horizontal stages are longer; `turn` swaps x and y
     length, turn = (1.0, 1) if upright else (3.6, -1)
-    radius *= min(THICK, 0.28 * length / max(float(radius.sum()), 1e-9))
+    radius *= min(BALL_RADIUS, 0.28 * length / max(float(radius.sum()), 1e-9))
     low, high = float(first.min()), float(first.max())
     top = min(max(float(places.max()) for places in of.values()), high + 0.35 * (high - low))
     room = length - 0.06 - 2.0 * float(radius.sum())
@@ -181,12 +181,12 @@ def stage(page: Page, scene: Scene, of: dict[str, Array]) -> None:
     scale = min(room / max(top - low, 1e-300), 1.0 / max(float(sinks.max()), 1e-300))
     free = 0.0 if upright else 0.5 * (room - (high - low) * scale)
     for name, places in of.items():
-        axis, colour = page.axes[name], COLOURS[name]
+        axis, colour = page.axes[name], LINE_COLOURS[name]
         axis.set(**dict(zip(("xlim", "ylim")[::turn], ((-0.16, 0.16), (-0.03, length)), strict=True)), aspect="equal")
         axis.set_axis_off()
         along = free + np.cumsum(2.0 * radius) - radius + (places - low) * scale
         for body, (wall, r, place) in enumerate(zip(scene.is_wall, radius, along.T, strict=True)):
-            drawn = axis.plot(*([-THICK, THICK], [0.0, 0.0])[::turn], color=INK, lw=2) if wall else [
+            drawn = axis.plot(*([-BALL_RADIUS, BALL_RADIUS], [0.0, 0.0])[::turn], color=INK_COLOUR, lw=2) if wall else [
                 axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4)),
                 axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, ha="center", va="center",
                           clip_on=True),
@@ -199,7 +199,7 @@ def radii(scene: Scene) -> Array:
 
     They are square roots with a lower limit. All point particles have the same radius.
     """
-    drawn = np.maximum(LEAST, np.sqrt(scene.radius / (float(scene.radius.max()) or 1.0)))
+    drawn = np.maximum(MIN_RADIUS_RATIO, np.sqrt(scene.radius / (float(scene.radius.max()) or 1.0)))
     return np.where(scene.is_wall, 0.0, drawn)
 
 

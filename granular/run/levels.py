@@ -21,16 +21,16 @@ from granular.run.drive import Pause
 from granular.scene import Scene
 from granular.scene.places import positions, velocities
 
-DEGREE = 8
-PLACES = 0.5 * (1.0 + np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE))
+FIT_DEGREE = 8
+FIT_NODES = 0.5 * (1.0 + np.cos(np.pi * np.arange(FIT_DEGREE + 1) / FIT_DEGREE))
 """Nodes of an interval as shares of its length, from its end to its begin."""
-FIT = np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * PLACES - 1.0, DEGREE))
+FIT_MATRIX = np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * FIT_NODES - 1.0, FIT_DEGREE))
 """Matrix from values at the nodes to Chebyshev coefficients."""
-SLOPES = np.arange(2, DEGREE + 1) ** 2
+MAX_SLOPES = np.arange(2, FIT_DEGREE + 1) ** 2
 """Largest slopes of the Chebyshev polynomials of degree 2 and higher."""
-ROUNDING = 2.0**-48
+LEVEL_ROUNDING = 2.0**-48
 """Relative rounding error of the values."""
-FARTHEST, WINDOW = 2.0**300, 1.0
+MAX_FLIGHT_TIME, FIRST_WINDOW = 2.0**300, 1.0
 """Largest time in s up to which endless free flight is followed.
 
 WINDOW is the time in s that is searched first, and the step in which the path of a wall is followed.
@@ -50,14 +50,14 @@ def first_above(watched: Callable[[float], float], sign: float, level: float, be
         a, b = stretches.pop()
         if above(a):
             return a
-        values = sign * np.array([watched(min(b, a + part * (b - a))) for part in PLACES.tolist()]) - level
-        c = FIT @ values
-        noise = ROUNDING * (float(np.abs(values).max()) + abs(level))
+        values = sign * np.array([watched(min(b, a + part * (b - a))) for part in FIT_NODES.tolist()]) - level
+        c = FIT_MATRIX @ values
+        noise = LEVEL_ROUNDING * (float(np.abs(values).max()) + abs(level))
         # Σ |c| bounds the polynomial; twice the last two coefficients estimate the truncation error
         if not c[0] + np.abs(c[1:]).sum() + 2.0 * np.abs(c[-2:]).sum() > noise:
             continue
         # the linear term exceeds the largest slope of all other terms
-        rises = c[1] > np.abs(c[2:]) @ SLOPES + SLOPES[-1] * np.abs(c[-2:]).sum()
+        rises = c[1] > np.abs(c[2:]) @ MAX_SLOPES + MAX_SLOPES[-1] * np.abs(c[-2:]).sum()
         middle = 0.5 * (a + b)
         if not a < middle < b or rises:
             if above(b):
@@ -91,11 +91,11 @@ def first_met(
     sides = [(-1.0, -below)] if below is not None else [(1.0, level.above or 0.0)]
     # a speed exceeds the level with either sign of the velocity
     sides += [(-1.0, level.above)] if isinstance(level, stop.Speed) else []
-    seen, span = cache(watched), WINDOW
+    seen, span = cache(watched), FIRST_WINDOW
     while True:
         until = begin + span if end == math.inf else end
         found = min(first_above(seen, sign, high, begin, until) for sign, high in sides)
-        if found < math.inf or until == end or span > FARTHEST:
+        if found < math.inf or until == end or span > MAX_FLIGHT_TIME:
             return found
         begin, span = until, 2.0 * span
 
@@ -133,7 +133,7 @@ class Watched:
         run, level, (begin, due) = self.run, self.run.request.until, self.between.calm(self.run)
         if run.scene.driven and due == math.inf:
             # the path of a driven wall is followed in windows, because it can be endless
-            due = begin + WINDOW
+            due = begin + FIRST_WINDOW
         # one float beyond the event, so that it takes place
         goal = min(math.nextafter(due, math.inf), time)
         met = first_met(self.between.watched(run, level), level, run.scene, begin, min(due, time))

@@ -20,13 +20,13 @@ from granular._engine import check, files
 from granular.run import saved_run
 from granular.scene import Scene, positions
 
-ROWS = {"position": ("body", "m"), "velocity": ("body", "m/s"), "gap": ("pair", "m"), "force": ("pair", "N"),
+ROW_UNITS = {"position": ("body", "m"), "velocity": ("body", "m/s"), "gap": ("pair", "m"), "force": ("pair", "N"),
         "ledger": ("share", "J")}
 """Second dimension and unit of the arrays of a run."""
-LOG = {"pair": "1", "t_begin": "s", "t_end": "s", "duration": "s", "v_in": "m/s", "v_out": "m/s", "xi_max": "m",
+LOG_UNITS = {"pair": "1", "t_begin": "s", "t_end": "s", "duration": "s", "v_in": "m/s", "v_out": "m/s", "xi_max": "m",
        "force_max": "N", "impulse": "N s"}
 """Units of the columns of the contact log."""
-NAMES = {name: "contact_pair" if name == "pair" else name for name in LOG}
+LOG_NAMES = {name: "contact_pair" if name == "pair" else name for name in LOG_UNITS}
 """Names of these columns in a dataset that also contains the arrays."""
 NEEDS = {".npz": (), ".nc": ("xarray", "netCDF4"), ".csv": ("pandas",), ".extxyz": ()}
 """File endings and the packages that they require."""
@@ -46,10 +46,10 @@ def about(run: Any) -> dict[str, str]:
 def dataset(run: Any) -> Any:
     """Convert a run to a dataset, see `granular.Trajectory.to_xarray`."""
     xarray = check.optional("xarray", "to_xarray")
-    rows = {name: (("time", dim), getattr(run, name), {"units": unit}) for name, (dim, unit) in ROWS.items()
+    rows = {name: (("time", dim), getattr(run, name), {"units": unit}) for name, (dim, unit) in ROW_UNITS.items()
             if getattr(run, name) is not None}
-    log = {NAMES[name]: (("contact", "side")[: run.contacts[name].ndim], run.contacts[name], {"units": unit})
-           for name, unit in LOG.items()}
+    log = {LOG_NAMES[name]: (("contact", "side")[: run.contacts[name].ndim], run.contacts[name], {"units": unit})
+           for name, unit in LOG_UNITS.items()}
     scene = run.scene
     labels = {"time": ("time", run.time, {"units": "s"}), "side": ["lower", "upper"],
               "mass": ("body", scene.mass, {"units": "kg"}), "radius": ("body", scene.radius, {"units": "m"})}
@@ -60,9 +60,9 @@ def frame(run: Any, what: str = "contacts") -> Any:
     """Convert a run to a data frame, see `granular.Trajectory.to_frame`."""
     pandas = check.optional("pandas", "to_frame")
     if check.choice("what", what, ("contacts", "samples")) == "contacts":
-        flat = [_flat(name, run.contacts[name], ("lower", "upper")) for name in LOG]
+        flat = [_flat(name, run.contacts[name], ("lower", "upper")) for name in LOG_UNITS]
     else:
-        flat = [_flat(name, values, range(values.shape[-1])) for name in ("time", *ROWS)
+        flat = [_flat(name, values, range(values.shape[-1])) for name in ("time", *ROW_UNITS)
                 if (values := getattr(run, name)) is not None]
     return pandas.DataFrame(dict(chain.from_iterable(flat)))
 
@@ -157,7 +157,7 @@ def _netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> None:
     """
     words, arrays = saved_run.packed(run)
     stream, data = io.BytesIO(), dataset(run)
-    own = saved_run.TABLES - ({"contacts"} if run.rule is not None else set())  # empty: hard spheres
+    own = saved_run.TABLE_ARRAYS - ({"contacts"} if run.rule is not None else set())  # empty: hard spheres
     np.savez(stream, words=np.array(saved_run.said(words)),
              **{name: array for name, array in arrays.items() if name not in own})
     data["checkpoint"] = "byte", np.frombuffer(stream.getvalue(), np.uint8), {"long_name": "read by granular.load"}

@@ -429,7 +429,7 @@ class Trajectory(PublicWhenRead):
                 f"{len(self.contacts)} contacts, {self.status.name}: {self.message})")
 
 
-EARLY = (Status.collapse, Status.bounded, Status.max_events, Status.unstable, Status.broken)
+EARLY_STATUSES = (Status.collapse, Status.bounded, Status.max_events, Status.unstable, Status.broken)
 """Statuses of runs that ended early.
 
 No conclusion is drawn from the end of such a run.

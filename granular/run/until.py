@@ -28,7 +28,7 @@ class _Checked:
     __slots__ = ()
 
     def __post_init__(self) -> None:
-        for name, check in CHECKS[type(self).__name__].items():
+        for name, check in FIELD_CHECKS[type(self).__name__].items():
             object.__setattr__(self, name, check(name, getattr(self, name)))
 
 
@@ -83,12 +83,12 @@ class Position(_Checked):
 
 Level = Force | Speed | Position
 Until = Contact | Separated | Level
-LEVELS = (Force, Speed, Position)
-NUMBER, LEVEL = _check.whole, partial(_check.number, at_least=0.0)
-CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
-    "Contact": {"pair": NUMBER, "nth": partial(_check.whole, at_least=1)},
-    "Force": {"pair": NUMBER, "above": LEVEL}, "Speed": {"ball": NUMBER, "above": LEVEL},
-    "Position": {"ball": NUMBER} | dict.fromkeys(
+LEVEL_TYPES = (Force, Speed, Position)
+CHECK_NUMBER, CHECK_LEVEL = _check.whole, partial(_check.number, at_least=0.0)
+FIELD_CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
+    "Contact": {"pair": CHECK_NUMBER, "nth": partial(_check.whole, at_least=1)},
+    "Force": {"pair": CHECK_NUMBER, "above": CHECK_LEVEL}, "Speed": {"ball": CHECK_NUMBER, "above": CHECK_LEVEL},
+    "Position": {"ball": CHECK_NUMBER} | dict.fromkeys(
         ("above", "below"), lambda name, place: place if place is None else _check.number(name, place)),
 }
 """Checks of the numbers of each condition."""
@@ -196,7 +196,7 @@ def checked(until: Until | None, scene: Scene) -> Until | None:
     """Return `until` if it fits the scene, else raise `TypeError` or `ValueError`."""
     if until is None or isinstance(until, Separated):
         return until
-    if not isinstance(until, (Contact, *LEVELS)):
+    if not isinstance(until, (Contact, *LEVEL_TYPES)):
         raise TypeError(_check.misuse("until", until, "a condition from granular.until, such as until.contact(0, 2)"))
     name = f"of until.{type(until).__name__.lower()}"
     if isinstance(until, (Contact, Force)):
@@ -212,7 +212,7 @@ def without_levels(until: Until | None, who: str) -> None:
 
     `who` names the function that supports `contact` and `separated` only.
     """
-    if isinstance(until, LEVELS):
+    if isinstance(until, LEVEL_TYPES):
         raise ValueError(f"`until` must be until.contact or until.separated for {who}, got {until!r}. Or give `t_end` "
                          "in s.")
 

@@ -16,7 +16,7 @@ import numpy as np
 from granular._engine import check
 from granular._engine.check import Array
 from granular._engine.flight import time_to_contact
-from granular._engine.records import FEW, plain
+from granular._engine.records import SMALL_RECORD_COUNT, plain
 from granular.scene.state import Scene, summed
 from granular.scene.walls.motion import fastest, fitted as fitted_motion
 from granular.scene.walls.path import moved
@@ -146,7 +146,7 @@ def remembered(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
     @wraps(function)
     def asked(scene: Scene) -> Any:
         # the dictionary of a frozen dataclass can still be written
-        known = vars(scene) if scene.n <= FEW else {}
+        known = vars(scene) if scene.n <= SMALL_RECORD_COUNT else {}
         if name not in known:
             known[name] = function(scene)
         return known[name]
@@ -161,7 +161,7 @@ def checked(scene: Any) -> Scene:
     return scene
 
 
-HALF = 2.0**-26
+MAX_LENGTH_ERROR = 2.0**-26
 """Largest accepted relative error of the sum of gaps of a box.
 
 It is half of the digits of a float, much more than rounding causes, and much less than the error of a wrong state.
@@ -206,7 +206,7 @@ def flaw(
     room, due = float(gap.sum()), float(scene.gap.sum()) + (above - below)
     # the rounding error of the sum is proportional to the lengths in it
     size = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(below) + abs(above)
-    return "" if abs(room - due) <= HALF * size else f"gaps add up to {room:.12g} m instead of {due:.12g} m"
+    return "" if abs(room - due) <= MAX_LENGTH_ERROR * size else f"gaps add up to {room:.12g} m instead of {due:.12g} m"
 
 
 def unending(scene: Scene) -> str:
@@ -268,7 +268,7 @@ def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tu
     return found
 
 
-MARGIN = 2.0**-30
+CLOSING_MARGIN = 2.0**-30
 """Share of the free length between two closing walls at which they count as met.
 
 Hard balls that bounce between the walls at 2/(1 - ε) times the speed of the walls give their sum of gaps a rounding
@@ -310,7 +310,7 @@ class Closing:
             self._read(driven_walls(scene, start))
         elif enclosed and self.speed > 0.0:
             self.after = self.room / self.speed
-        self.horizon = start + (1.0 - MARGIN) * self.after
+        self.horizon = start + (1.0 - CLOSING_MARGIN) * self.after
 
     def _read(self, driven: list[tuple[int, Any, Any]]) -> None:
         """Store the paths of driven walls and the bounds that the search needs.
@@ -334,11 +334,11 @@ class Closing:
         until = time - self.start if time < math.inf else 0.0
         while self.looked <= until and self.horizon == math.inf:
             gap, rate = self._at(self.looked)
-            if gap <= MARGIN * self.room and rate <= 0.0:
+            if gap <= CLOSING_MARGIN * self.room and rate <= 0.0:
                 self.after, self.horizon = self.looked, self.start + self.looked
                 break
             # safe because of the bound `most`; half of the margin keeps the step positive
-            near = self.looked + time_to_contact(max(0.0, gap - 0.5 * MARGIN * self.room), rate, self.most)
+            near = self.looked + time_to_contact(max(0.0, gap - 0.5 * CLOSING_MARGIN * self.room), rate, self.most)
             later = self.jumps[np.searchsorted(self.jumps, self.looked, side="right") :]  # where the rate changes
             step = min(near, float(later[:1].min(initial=math.inf)))
             # at least one float forward, so that the loop ends

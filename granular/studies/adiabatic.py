@@ -32,7 +32,7 @@ from granular.scene import Scene, checked as checked_scene
 __all__ = ["AdiabaticSolution", "contacts"]
 __dir__ = __all__.copy
 
-LIGHTER = 2.0**-60
+MASS_FACTOR = 2.0**-60
 """Factor of the upper ball's mass and of its law: m2/m1 becomes 1e-18 of itself.
 
 It is a power of two, so that the motion of the upper ball is bitwise identical. With a smaller factor, rest could not
@@ -143,7 +143,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
 
 
 def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
-    """Return the linear laws of both contacts, the upper one for a ball `LIGHTER`."""
+    """Return the linear laws of both contacts, the upper one for a ball `MASS_FACTOR`."""
     walls = checked_scene(scene).is_wall.tolist()
     check.refuse({
         f"`scene` must have a floor and two balls, as in granular.scenes.three_balls(), got {scene}.":
@@ -152,7 +152,7 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
             scene._flags,
     })
     laws = []
-    for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):
+    for one, factor in zip(checked(law, scene), (1.0, MASS_FACTOR), strict=True):
         pair = one.pair
         if one.form is None or not one.is_linear:
             raise ValueError(f"The law of pair {pair.index} must be linear, such as LinearDashpot, got {one.law!r}. "
@@ -166,7 +166,7 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
 def _first_touch(scene: Scene) -> tuple[float, Scene]:
     """Return the time in s of the first floor contact, and the scene there.
 
-    The scene is in the frame of the floor, with an upper ball `LIGHTER`.
+    The scene is in the frame of the floor, with an upper ball `MASS_FACTOR`.
     """
     check.every("gap", scene.gap, scene.gap >= 0.0, "non-negative")
     (floor, upper), (fall, follow) = scene.gap.tolist(), scene.across(scene.velocity).tolist()
@@ -178,7 +178,9 @@ def _first_touch(scene: Scene) -> tuple[float, Scene]:
         raise ValueError(f"The lower ball must reach the floor before the balls meet, got gap[1] = {upper!r} m closing "
                          f"at {-follow!r} m/s.")
     v10 = rate_at_contact(floor, fall, scene.gravity)
-    return t10, scene.replace(mass=scene.mass * [1.0, 1.0, LIGHTER], gap=[0.0, gap], velocity=[0.0, v10, v10 + follow])
+    return t10, scene.replace(
+        mass=scene.mass * [1.0, 1.0, MASS_FACTOR], gap=[0.0, gap], velocity=[0.0, v10, v10 + follow]
+    )
 
 
 def _followed(run: Trajectory, laws: list[LinearDashpot], limit: int) -> Trajectory:

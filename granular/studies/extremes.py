@@ -16,27 +16,27 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.progress import shown
-from granular._engine.reports import HARD, PAGE, Report, aligned, canvas, number
+from granular._engine.reports import HARD_COLOUR, PAGE, Report, aligned, canvas, number
 from granular.cases.case import Case
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.run.trajectory import EARLY, Trajectory
+from granular.run.trajectory import EARLY_STATUSES, Trajectory
 from granular.studies.frontier_methods import Task, contacts_of, errors
 from granular.studies.frontiers import rounding_level
 from granular.studies.reference_events import Reference
 from granular.studies.sweeps.plan import planned
-from granular.studies.sweeps.results import REFUSED
+from granular.studies.sweeps.results import CELL_ERRORS
 from granular.studies.sweeps.subject import SceneLike
 
-METHODS = ("located", *INTEGRATORS)
-STEPS = (8, 32, 128)
+STABILITY_METHODS = ("located", *INTEGRATORS)
+STEPS_PER_CONTACT = (8, 32, 128)
 """Numbers of fixed steps per shortest contact of the given scene.
 
 The method's own choice of dt is tried as well.
 """
-MOST = 200_000
+MAX_STEPS = 200_000
 """Maximum number of steps of a run."""
-SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
+VERDICT_SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
 
 
 def _stiffer(case: Case, factor: float) -> Case:
@@ -75,7 +75,7 @@ def _unequal(case: Case, factor: float) -> Case:
     return replace(case, scene=case.scene.replace(mass=mass))
 
 
-AXES: Mapping[str, tuple[Callable[[Case, float], Case], tuple[float, ...]]] = {
+EXTREME_AXES: Mapping[str, tuple[Callable[[Case, float], Case], tuple[float, ...]]] = {
     "stiffness": (_stiffer, (1e2, 1e4, 1e6, 1e8)), "gap": (_closer, (1e-3, 1e-6, 0.0)),
     "damping": (_damped, (0.0, 0.1, 10.0, 100.0)), "mass": (_unequal, (1e-3, 1e3, 1e6)),
 }
@@ -115,7 +115,7 @@ class Tried:
     @property
     def sign(self) -> str:
         """Number of right digits, or the sign of the verdict."""
-        return SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
+        return VERDICT_SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
 
 
 @check.face
@@ -160,7 +160,7 @@ class Stability(Report):
         ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
         figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
         blues = check.optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
-        colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD}
+        colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD_COLOUR}
         for (y, x), sign in np.ndenumerate(np.array([" ".join(line[1:]).split() for line in lines])):
             axis.fill_between([x, x + 1], y, y + 1, color=colours.get(sign, "white"), lw=0)
             axis.text(x + 0.5, y + 0.55, sign, ha="center", va="center", fontsize=7.5)
@@ -172,11 +172,13 @@ class Stability(Report):
         return files.write_figure(path, figure, dpi=150)
 
     def _about(self) -> str:
-        return (f"{self.title}: right digits of the velocities, of the impact speed\n"
-                f"fixed steps: {', '.join(f'1/{n}' for n in STEPS)} of the shortest contact of the scene as given, "
-                f"{self.duration:.3g} s, and the method's own\n"
-                f"! flagged by a status or a warning   ✗ wrong without a word: error above {self.error:g}, or another "
-                "number of contacts\n? not known to the judge either")
+        return (
+            f"{self.title}: right digits of the velocities, of the impact speed\n"
+            f"fixed steps: {', '.join(f'1/{n}' for n in STEPS_PER_CONTACT)} of the shortest contact of the scene "
+            f"as given, {self.duration:.3g} s, and the method's own\n"
+            f"! flagged by a status or a warning   ✗ wrong without a word: error above {self.error:g}, or another "
+            "number of contacts\n? not known to the judge either"
+        )
 
     def _numbers(self) -> dict[str, Any]:
         return {**vars(self), "rows": [asdict(row) for row in self.rows]}
@@ -185,7 +187,7 @@ class Stability(Report):
         wrong = sorted((row for row in self.rows if row.verdict == "wrong"), key=lambda row: -np.nan_to_num(row.error))
         lines = self.table() + [
             [name, *(str(sum(row.verdict == name for row in self.of(method))) for method in self.table()[0][1:])]
-            for name in ("right", *SIGNS)
+            for name in ("right", *VERDICT_SIGNS)
         ]
         told = [f"wrong without a word: {len(wrong)} of {len(self.rows)} runs"] + [
             f"  {row.method}, {row.scene}, dt = {number(row.dt, '.2g', 'its own choice')}: error {row.error:.2g}, "
@@ -198,8 +200,8 @@ class Stability(Report):
 @check.face
 def stability(
     scene: SceneLike,
-    axes: str | Sequence[str] = tuple(AXES),
-    methods: str | Sequence[str] = METHODS,
+    axes: str | Sequence[str] = tuple(EXTREME_AXES),
+    methods: str | Sequence[str] = STABILITY_METHODS,
     *,
     error: float = 0.01,
     on_progress: Callable[[float, int], object] | None = None,
@@ -258,7 +260,10 @@ def stability(
     >>> report.of("located", "stiffness × 1e+08")[0].verdict
     'right'
     """
-    chosen, extreme = check.choices("methods", methods, METHODS, 1), check.choices("axes", axes, tuple(AXES))
+    chosen, extreme = (
+        check.choices("methods", methods, STABILITY_METHODS, 1),
+        check.choices("axes", axes, tuple(EXTREME_AXES)),
+    )
     plan, limit = planned(scene, {}, (), fixed), check.number("error", error, above=0.0)
     case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
     with shown(progress, on_progress, "runs") as told:
@@ -267,9 +272,15 @@ def stability(
         if not durations:
             raise ValueError(f"`scene` must have a contact that ends within the run, got {case.scene}.")
         todo = [("as given", _closer, 1.0)] + [
-            (f"{axis} × {factor:g}", AXES[axis][0], factor) for axis in extreme for factor in AXES[axis][1]
+            (f"{axis} × {factor:g}", EXTREME_AXES[axis][0], factor)
+            for axis in extreme
+            for factor in EXTREME_AXES[axis][1]
         ]
-        rows, left_out, steps = list[Tried](), dict[str, str](), [*(min(durations) / n for n in STEPS), math.nan]
+        rows, left_out, steps = (
+            list[Tried](),
+            dict[str, str](),
+            [*(min(durations) / n for n in STEPS_PER_CONTACT), math.nan],
+        )
         settings = [(method, dt) for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]
         for done, (name, vary, factor) in enumerate(todo):
             try:
@@ -280,7 +291,7 @@ def stability(
                 for i, setting in enumerate(settings, 1):
                     rows.append(_tried(one, (name, *setting), judged, limit))
                     tell((done + i / len(settings)) / len(todo), len(rows))
-            except REFUSED as refusal:
+            except CELL_ERRORS as refusal:
                 left_out[name] = str(refusal)
                 tell((done + 1) / len(todo), len(rows))
     return Stability(plan.subject.title, limit, min(durations), tuple(rows), left_out)
@@ -307,7 +318,7 @@ def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
     """
     run = case.simulate("md", method="located")
     truth = Reference(contacts_of(run), float(run.time[-1]), run.status.name, "located")
-    if run.status in EARLY or not truth.durations:
+    if run.status in EARLY_STATUSES or not truth.durations:
         return run, truth, math.inf
     level = rounding_level(Task(case.scene, tuple(run.law or ()), case.until, case.t_end, truth))
     return run, truth, max(1.0, level / float(np.finfo(float).eps)) * run.stats["error_estimate"] + level
@@ -324,13 +335,13 @@ def _tried(case: Case, row: tuple[str, str, float], judged: tuple[Trajectory, Re
         warnings.simplefilter("always")
         if method != "located":
             try:
-                run = case.simulate("md", method=method, max_steps=MOST, dt=None if math.isnan(dt) else dt)
-            except REFUSED as refusal:
+                run = case.simulate("md", method=method, max_steps=MAX_STEPS, dt=None if math.isnan(dt) else dt)
+            except CELL_ERRORS as refusal:
                 return Tried(*row, math.nan, 0, "flagged", str(refusal))
             error, _, other = errors(truth, contacts_of(run), case.scene.n_pairs)
     warned = [str(one.message) for one in heard if one.category is RuntimeWarning]
     verdict = (
-        "flagged" if run.status in EARLY else "undecided" if not judged[2] <= limit
+        "flagged" if run.status in EARLY_STATUSES else "undecided" if not judged[2] <= limit
         else "right" if error <= limit and not other else "flagged" if warned else "wrong"
     )
     said = "; ".join([f"{run.status.name}: {run.message}", *warned])

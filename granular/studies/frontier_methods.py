@@ -33,20 +33,20 @@ from granular.studies.reference import (
 )
 from granular.studies.reference_events import Logbook
 
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
-COARSEST, FINER, POINTS = 8, 4, 8
+LOCATED_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
+COARSEST_STEPS, STEP_RATIO, STEP_COUNT = 8, 4, 8
 """Steps per shortest contact at first, factor per point, and number of points."""
-MOST_STEPS = {"compiled": 3_000_000, "plain": 100_000}
-SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
-PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
-METHODS = ("located", *INTEGRATORS, "edmd", *PEERS)
-RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
+MAX_STEPS_BY_ENGINE = {"compiled": 3_000_000, "plain": 100_000}
+SCIPY_SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
+SCIPY_METHODS = (*(f"{name}+events" for name in SCIPY_SOLVERS), *SCIPY_SOLVERS)
+FRONTIER_METHODS = ("located", *INTEGRATORS, "edmd", *SCIPY_METHODS)
+RELATIVE_TOLERANCES = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
         "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
-MOST = 60_000
+MAX_EVALUATIONS = 60_000
 """Maximum number of force evaluations of a solver."""
-LOOKS = 8
+SAMPLES_PER_STEP = 8
 """Samples per step in which a solver without events finds contacts."""
-BEYOND = 0.05
+EXTRA_CONTACT_SHARE = 0.05
 """Share of the longest contact by which a solver without events continues.
 
 It then finds the end of the last contact.
@@ -100,9 +100,9 @@ def own(task: Task, name: str) -> Method:
         rule = restitution_of(task.laws, task.scene)
         return Method(name, "", (math.nan,), lambda _: _outcome(edmd.simulate(task.scene, rule, **end), "events"))
     setting_name, unit, engine = "tol", "steps", _engine(task, name)
-    settings: tuple[float, ...] = TOLERANCES
+    settings: tuple[float, ...] = LOCATED_TOLERANCES
     if name in INTEGRATORS:
-        setting_name, unit, settings = "dt", "evaluations", _steps(task.truth, MOST_STEPS[engine])
+        setting_name, unit, settings = "dt", "evaluations", _steps(task.truth, MAX_STEPS_BY_ENGINE[engine])
     elif all(law.is_linear for law in task.resolved.each):
         setting_name, settings = "", (math.nan,)
 
@@ -120,7 +120,7 @@ def _steps(truth: Reference, most: int) -> tuple[float, ...]:
     reached = accumulate([-math.inf, *ends], max)
     closed = sum(max(0.0, end - max(float(row.t_begin), before))
                  for row, end, before in zip(truth.contacts, ends, reached, strict=False))
-    steps = [COARSEST * FINER**k for k in range(POINTS)]
+    steps = [COARSEST_STEPS * STEP_RATIO**k for k in range(STEP_COUNT)]
     return tuple(shortest / n for n in steps if n * closed / shortest <= most)
 
 
@@ -165,27 +165,27 @@ def peer(task: Task, name: str) -> Method | None:
     short, _, events = name.partition("+")
     if not events and (task.scene.heated or any(law.memory for law in task.resolved.each)):
         return None
-    way, solver = _with_events if events else _without_events, SOLVERS[short]
+    way, solver = _with_events if events else _without_events, SCIPY_SOLVERS[short]
 
     def run(rtol: float) -> Outcome:
         try:
             return way(task, solver, rtol)
         except TooMuchWork:
-            return Outcome(tuple, MOST, "evaluations", "stopped")
+            return Outcome(tuple, MAX_EVALUATIONS, "evaluations", "stopped")
 
-    return Method(name, "rtol", RTOL[solver], run)
+    return Method(name, "rtol", RELATIVE_TOLERANCES[solver], run)
 
 
 def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
-    done, work = solve_with(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MOST)
+    done, work = solve_with(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MAX_EVALUATIONS)
     return Outcome(lambda: done.contacts, work, "evaluations", done.status)
 
 
 def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
     from scipy.integrate import solve_ivp
 
-    truth, newton = task.truth, Newton(task.scene, task.resolved, MOST)
-    end = truth.t_stop + (0.0 if truth.status == "time" else BEYOND * max(truth.durations))
+    truth, newton = task.truth, Newton(task.scene, task.resolved, MAX_EVALUATIONS)
+    end = truth.t_stop + (0.0 if truth.status == "time" else EXTRA_CONTACT_SHARE * max(truth.durations))
     done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
                      atol=rtol * newton.scales())
     return Outcome(lambda: _read(task, newton, done), newton.evaluations, "evaluations",
@@ -194,7 +194,7 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
 
 def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
     """Return contacts from a continuous solution: sign changes, then zeros."""
-    knots = np.unique(np.linspace(done.t[:-1], done.t[1:], LOOKS + 1))
+    knots = np.unique(np.linspace(done.t[:-1], done.t[1:], SAMPLES_PER_STEP + 1))
     log, changes = Logbook(task.until), []
 
     def seen(t: float) -> Array:

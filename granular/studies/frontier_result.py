@@ -23,16 +23,16 @@ from granular.run import until as stop
 from granular.scene import Scene
 from granular.studies.reference import Reference
 
-FEWEST = 3
+MIN_ORDER_POINTS = 3
 """Number of points needed to measure an order."""
-NEAR = 8.0
+ROUNDING_MULTIPLE = 8.0
 """Errors up to this multiple of the rounding level are rounding errors."""
-GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
+ERROR_GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 """Errors for which the fastest methods are listed."""
-OF_A_CONTACT = ("t_begin", "t_end", "v_in", "v_out")
-MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
-CROSS = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
-LEAST = 2e-17
+CONTACT_FIELDS = ("t_begin", "t_end", "v_in", "v_out")
+SOLVER_MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
+CROSS_STYLE = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
+MIN_DRAWN_ERROR = 2e-17
 """Errors below it are drawn here, because a double has no more digits."""
 
 
@@ -146,8 +146,8 @@ class Frontier(Report):
         out. nan if unknown.
         """
         rows = [row for row in self.of(method) if row.good and not row.rounding and row.velocity_error > 0.0]
-        rows = rows[len(rows) // 4 :] if len(rows) > FEWEST else rows
-        if len(rows) < FEWEST or math.isnan(rows[0].setting):
+        rows = rows[len(rows) // 4 :] if len(rows) > MIN_ORDER_POINTS else rows
+        if len(rows) < MIN_ORDER_POINTS or math.isnan(rows[0].setting):
             return math.nan
         setting, error = (np.log([getattr(row, name) for row in rows]) for name in ("setting", "velocity_error"))
         return float(np.polyfit(setting, error, 1)[0])
@@ -164,7 +164,7 @@ class Frontier(Report):
                      *(_row(row, self.dials[row.method]) for row in self.rows)], "<>>><><"),
             *([aligned(orders, "<>")] if len(orders) > 1 else []),
             aligned([["error of v below", "located", "fastest other"],
-                     *(_goal(self, goal) for goal in GOALS if goal >= self.floor)], "<><"),
+                     *(_goal(self, goal) for goal in ERROR_GOALS if goal >= self.floor)], "<><"),
         ])
 
     def _numbers(self) -> dict[str, Any]:
@@ -176,7 +176,7 @@ class Frontier(Report):
             "reference": {
                 "solver": truth.solver, "velocity_error": truth.velocity_error, "time_error": truth.time_error,
                 "impact_speed": truth.impact_speed, "status": truth.status, "t_stop": truth.t_stop,
-                "contacts": [{"pair": row.pair} | {name: _digits(getattr(row, name)) for name in OF_A_CONTACT}
+                "contacts": [{"pair": row.pair} | {name: _digits(getattr(row, name)) for name in CONTACT_FIELDS}
                              for row in truth.contacts],
             },
             "rounding_level": self.rounding_level, "floor": self.floor,
@@ -201,7 +201,7 @@ class Frontier(Report):
 
 def floor(reference: Reference, rounding_level: float) -> float:
     """See `Frontier.floor`. The error of a reference can be unknown (nan)."""
-    return float(np.fmax(NEAR * rounding_level, reference.velocity_error))
+    return float(np.fmax(ROUNDING_MULTIPLE * rounding_level, reference.velocity_error))
 
 
 def laws(report: Frontier) -> str:
@@ -216,7 +216,7 @@ def _origin(report: Frontier) -> str:
         f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
         f"{truth.time_error:.1g} of the longest contact; {len(truth.contacts)} contacts\n"
         f"errors below {report.floor:.1g} are not resolved: rounding of the scene's numbers is "
-        f"{report.rounding_level:.1g} × {NEAR:g}\n"
+        f"{report.rounding_level:.1g} × {ROUNDING_MULTIPLE:g}\n"
         f"run on {on.get('processor')}, {on.get('cores')} cores, Python {on.get('python')}, numpy {on.get('numpy')}, "
         f"scipy {on.get('scipy')}, numba {on.get('numba')}"
     )
@@ -258,29 +258,32 @@ def _look(colour: str, line: str, marker: str, label: str, width: float = 0.9, s
     return {"color": colour, "ls": line, "marker": marker, "label": label, "lw": width, "ms": size, "mfc": inside}
 
 
-FAMILIES = {
+STYLE_FAMILIES = {
     "": {"located": _look("#0b3c6f", "-", "*", "located (default)", 1.8, 11.0) | {"zorder": 5},
          "edmd": _look("#000000", "none", "p", "event-driven (hard spheres)", size=8.0)},
     "fixed step (dt)": {x.name: _look("#c1440e", "--", marker, x.label)
                         for x, marker in zip(INTEGRATORS.values(), cycle("os^D"), strict=False)},
     "SciPy, restarted at events (rtol)": {f"{name}+events": _look("#3f8f5f", "-", marker, f"{label}, events")
-                                          for name, (marker, label) in MARKERS.items()},
-    "SciPy, no events (rtol)": {name: _look("#8a8a8a", ":", *look) for name, look in MARKERS.items()},
+                                          for name, (marker, label) in SOLVER_MARKERS.items()},
+    "SciPy, no events (rtol)": {name: _look("#8a8a8a", ":", *look) for name, look in SOLVER_MARKERS.items()},
 }
 """Style of each method: family by colour and line, member by marker."""
-LOOKS = {name: look for members in FAMILIES.values() for name, look in members.items()}
+METHOD_STYLES = {name: look for members in STYLE_FAMILIES.values() for name, look in members.items()}
 
 
 def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
     """Draw a line per method. Points with wrong contact counts are crossed out."""
     for method in report.methods:
-        points = [(1e3 * row.seconds, max(getattr(row, quantity), LEAST), row.wrong_count) for row in report.of(method)
-                  if math.isfinite(getattr(row, quantity))]
+        points = [
+            (1e3 * row.seconds, max(getattr(row, quantity), MIN_DRAWN_ERROR), row.wrong_count)
+            for row in report.of(method)
+            if math.isfinite(getattr(row, quantity))
+        ]
         times, errors, _ = zip(*points, strict=True) if points else ((), (), ())
-        axis.plot(times, errors, **LOOKS[method] | {"mew": 0.8})
+        axis.plot(times, errors, **METHOD_STYLES[method] | {"mew": 0.8})
         for time, error, wrong in points:
             if wrong:
-                axis.plot(time, error, ms=9, **CROSS)
+                axis.plot(time, error, ms=9, **CROSS_STYLE)
     axis.set(xscale="log", yscale="log", axisbelow=True)
     axis.set_xlabel("run time, ms", fontsize=8)
     axis.set_ylabel(f"error / {unit}", fontsize=8)
@@ -290,9 +293,9 @@ def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
 
 def _shade(axis: Any, top: float, name: str) -> None:
     """Shade errors below the resolution of a double."""
-    axis.axhspan(LEAST / 2.0, top, color="0.93", lw=0, zorder=0)
+    axis.axhspan(MIN_DRAWN_ERROR / 2.0, top, color="0.93", lw=0, zorder=0)
     axis.text(0.98, top, name, transform=axis.get_yaxis_transform(), ha="right", va="top", fontsize=7, color="0.35")
-    axis.set_ylim(bottom=LEAST / 2.0)
+    axis.set_ylim(bottom=MIN_DRAWN_ERROR / 2.0)
 
 
 def _legend(figure: Any, report: Frontier) -> None:
@@ -303,9 +306,9 @@ def _legend(figure: Any, report: Frontier) -> None:
         return Line2D([], [], **look | {"lw": 1.2, "ms": 9.0 if look["marker"] in "*x" else 4.5})
 
     columns = {head: [entry(look) for name, look in members.items() if name in report.methods]
-               for head, members in FAMILIES.items()}
+               for head, members in STYLE_FAMILIES.items()}
     if any(row.wrong_count for row in report.rows):
-        columns[""].append(entry(CROSS | {"label": "wrong number of contacts"}))
+        columns[""].append(entry(CROSS_STYLE | {"label": "wrong number of contacts"}))
     columns = {head: entries for head, entries in columns.items() if entries}
     depth, handles = max(map(len, columns.values())), []
     for head, entries in columns.items():

@@ -19,8 +19,8 @@ from granular.run import until as stop
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, checked as a_scene
 from granular.studies.frontier_methods import (
-    METHODS,
-    PEERS,
+    FRONTIER_METHODS,
+    SCIPY_METHODS,
     Method,
     Task,
     contacts_of,
@@ -34,12 +34,12 @@ from granular.studies.reference import Reference, solve
 
 __all__ = ["Frontier", "Row", "frontier"]
 
-ALIKE = 1e-3
+MAX_REFERENCE_DIFFERENCE = 1e-3
 """Error of the default method above which a reference belongs to another scene.
 
 In units of the impact speed.
 """
-LONG = 0.1
+REPEAT_SECONDS = 0.1
 """Total time in s after which a run is not repeated."""
 
 
@@ -107,7 +107,7 @@ def frontier(
     """
     laws = checked(law, a_scene(scene)).given
     stop.without_levels(stop.checked(until, scene), "frontier")
-    chosen = METHODS if methods is None else check.choices("methods", methods, METHODS, 1)
+    chosen = FRONTIER_METHODS if methods is None else check.choices("methods", methods, FRONTIER_METHODS, 1)
     check.of_kind("reference", reference, Reference | None, "a Reference, as granular.studies.reference.solve returns")
     count = check.whole("repeats", repeats, at_least=1)
     with shown(progress, on_progress, "settings") as tell:
@@ -126,7 +126,7 @@ def frontier(
             warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
             level = rounding_level(task)
             _check_reference(truth, run, level)
-            tried = [*filter(None, (peer(task, name) if name in PEERS else own(task, name) for name in chosen))]
+            tried = [*filter(None, (peer(task, name) if name in SCIPY_METHODS else own(task, name) for name in chosen))]
             rows = _measured(task, tried, count, level, tell)
     return Frontier(
         scene, laws, until, t_end, truth, rows, {method.name: method.setting_name for method in tried},
@@ -140,8 +140,12 @@ def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:
     A difference that rounding errors explain is accepted.
     """
     error, _, wrong = errors(truth, contacts_of(run), run.scene.n_pairs)
-    alike = not wrong and error <= ALIKE and math.isclose(truth.t_stop, run.time[-1], rel_tol=ALIKE)
-    if level < ALIKE and not alike:
+    alike = (
+        not wrong
+        and error <= MAX_REFERENCE_DIFFERENCE
+        and math.isclose(truth.t_stop, run.time[-1], rel_tol=MAX_REFERENCE_DIFFERENCE)
+    )
+    if level < MAX_REFERENCE_DIFFERENCE and not alike:
         raise ValueError(f"`reference` must belong to this scene, law and end, with {len(run.contacts)} contacts until "
                          f"{run.time[-1]:g} s, got {len(truth.contacts)} contacts until {float(truth.t_stop):g} s.")
 
@@ -166,7 +170,7 @@ def _measured(task: Task, tried: Sequence[Method], repeats: int, level: float, t
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:
     """Run one method at one setting, repeatedly to time it."""
     times: list[float] = []
-    while len(times) < repeats and sum(times) <= LONG:
+    while len(times) < repeats and sum(times) <= REPEAT_SECONDS:
         begin = time.thread_time()
         outcome = method.run(setting)
         times.append(time.thread_time() - begin)

@@ -35,14 +35,14 @@ from granular.studies.reference_walls import heats, paths
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
 
-TOLERANCES = (3e-14, 1e-12)
+REFERENCE_TOLERANCES = (3e-14, 1e-12)
 """Relative tolerances of the two solutions by DOP853."""
-LOOKS = 20
+STEPS_PER_PIECE = 20
 """Minimum number of steps per period, and per piece of a driven wall's path.
 
 With larger steps the solver can miss a short contact.
 """
-SLEEP = 1e-13
+RESTING_OVERLAP_SHARE = 1e-13
 """Overlap, over that of an impact, up to which a resting pair counts as open."""
 
 
@@ -88,7 +88,9 @@ def solve(
     its path, is integrated in at least twenty steps. Shorter contacts can be missed.
     """
     problem = checked_problem(scene, law, until, t_end, t_start)
-    best, other = (solve_with(*problem[:4], "DOP853", rtol, t_start=problem.t_start)[0] for rtol in TOLERANCES)
+    best, other = (
+        solve_with(*problem[:4], "DOP853", rtol, t_start=problem.t_start)[0] for rtol in REFERENCE_TOLERANCES
+    )
     v_error, t_error = distance(best, other)
     return replace(best, velocity_error=v_error, time_error=t_error)
 
@@ -274,7 +276,7 @@ class Restarted(Newton):
 
     def asleep(self, c: int) -> float:
         """Return the overlap in m up to which resting pair c counts as open."""
-        return SLEEP * float(self.scale[c])
+        return RESTING_OVERLAP_SHARE * float(self.scale[c])
 
     def ends(self, c: int) -> list[Watch]:
         """Return the possible events of pair c while its force acts."""
@@ -307,7 +309,7 @@ class Restarted(Newton):
         self.edge = min((path.until(self.t) for path in self.paths.values()), default=math.inf)
         end = min(end, self.edge)
         period = 2.0 * math.pi / self.scene.pendulum if self.square else self.edge - self.t
-        look = {"max_step": period / LOOKS} if period < math.inf else {}
+        look = {"max_step": period / STEPS_PER_PIECE} if period < math.inf else {}
         for event in events:
             vars(event).update(terminal=True, direction=1)
         done = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options, **look)

@@ -17,7 +17,7 @@ from granular.studies.reference_walls import Heat, Number
 
 OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
 """Modes: no overlap; force; overlap with the force clipped to zero; touching at rest."""
-CLOSED = (ACTIVE, RESIDUAL)
+CLOSED_MODES = (ACTIVE, RESIDUAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +296,7 @@ class Run:
         motion = self.motion
         self.rouse()
         watches = [watch for c in self.pairs for watch in self.watches(c)]
-        busy = motion.curved or any(mode in CLOSED for mode in motion.mode)
+        busy = motion.curved or any(mode in CLOSED_MODES for mode in motion.mode)
         event = motion.go(watches, self.t_end) if busy else self.fly(watches)
         if motion.t >= self.t_end:
             return "time"
@@ -309,7 +309,7 @@ class Run:
         if event is None:
             return ""
         done, rates = self.act(event.pair, event.what), [motion.now(c, "rate") for c in self.pairs]
-        closed = any(mode in CLOSED for mode in motion.mode)
+        closed = any(mode in CLOSED_MODES for mode in motion.mode)
         return "until" if done or self.log.separated(rates, closed) else ""
 
     def rouse(self) -> None:

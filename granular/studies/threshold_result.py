@@ -12,23 +12,23 @@ from textwrap import fill
 from typing import Any
 
 from granular._engine import check, files
-from granular._engine.reports import GREY, HARD, SOFT, Report, aligned, canvas, rounded
+from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, rounded
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
-from granular.comparison.outcome import SAME
+from granular.comparison.outcome import ERROR_LIMIT
 from granular.md import isolation
-from granular.run.trajectory import EARLY, Status
+from granular.run.trajectory import EARLY_STATUSES, Status
 from granular.studies.sweeps.schedule import Answer
 
 HOLDS, FAILS, UNDECIDED = ("holds", "fails", "undecided")
-NONE, CUT = "nothing touches", "a contact is cut off by the end time"
+NO_TOUCH, CONTACT_CUT_OFF = "nothing touches", "a contact is cut off by the end time"
 """Reasons why all contacts of a value are trivially isolated."""
 Interval = tuple[float, float]
-MOST = 20
+MAX_PRINTED_CROSSINGS = 20
 """Maximum number of crossings that are printed."""
-MARKERS: dict[str, dict[str, Any]] = {
-    HOLDS: {"color": SOFT, "marker": "o", "mfc": SOFT}, FAILS: {"color": HARD, "marker": "x"},
-    UNDECIDED: {"color": GREY, "marker": "s", "mfc": "none"},
+VERDICT_MARKERS: dict[str, dict[str, Any]] = {
+    HOLDS: {"color": SOFT_COLOUR, "marker": "o", "mfc": SOFT_COLOUR}, FAILS: {"color": HARD_COLOUR, "marker": "x"},
+    UNDECIDED: {"color": GREY_COLOUR, "marker": "s", "mfc": "none"},
 }
 
 
@@ -84,10 +84,10 @@ def isolated(case: Case, limit: float) -> tuple[str, float, str]:
     time, pair = run.first_disturbed
     if pair >= 0:
         return FAILS, time, f"the first disturbed: {isolation.first_disturbed(run)}"
-    if run.status in EARLY:
+    if run.status in EARLY_STATUSES:
         return UNDECIDED, math.nan, f"{run.status.name}: {run.message}"
     cut = run.status is Status.time and run.force is not None and run.force[-1].any()
-    return HOLDS, math.nan, (isolation.sentence(run) or NONE) + (f"; {CUT}" if cut else "")
+    return HOLDS, math.nan, (isolation.sentence(run) or NO_TOUCH) + (f"; {CONTACT_CUT_OFF}" if cut else "")
 
 
 def error(case: Case, limit: float) -> tuple[str, float, str]:
@@ -98,12 +98,12 @@ def error(case: Case, limit: float) -> tuple[str, float, str]:
     report = Answer(case).report
     if report.answer is Judgement.undecided:
         return UNDECIDED, math.nan, report.verdict
-    if report.error <= SAME and report.answer is not Judgement.yes:  # small, but for another reason it is no yes
+    if report.error <= ERROR_LIMIT and report.answer is not Judgement.yes:  # small, but for another reason it is no yes
         return FAILS, report.error, report.verdict
     return HOLDS if report.error <= limit else FAILS, report.error, f"error {report.error:.3g}"
 
 
-CRITERIA = {
+THRESHOLD_CRITERIA = {
     "isolated": Criterion(isolated, "every contact", "isolated", ("isolated", "disturbed")),
     "error": Criterion(error, "the error of hard spheres", "at most {error:g} of the fastest impact",
                        ("small error", "large error")),
@@ -197,10 +197,10 @@ class Threshold(Report):
         """
         figure, ((axis,),) = canvas(5.2, 3.2)
         for low, high in self.holds:
-            axis.axvspan(low, high, color=SOFT, alpha=0.12, lw=0)
+            axis.axvspan(low, high, color=SOFT_COLOUR, alpha=0.12, lw=0)
         for crossing in self.crossings:
             axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
-        for verdict, look in MARKERS.items():
+        for verdict, look in VERDICT_MARKERS.items():
             shown = [one for one in self.values if one.verdict == verdict]
             known = [one for one in shown if math.isfinite(one.measure)]
             axis.plot([one.value for one in known], [one.measure for one in known], ls="none", ms=4, mew=0.9, **look)
@@ -254,12 +254,12 @@ class Threshold(Report):
 def _decided(report: Threshold) -> str:
     """Return the first sentence."""
     low, high = report.between
-    asked, scan = CRITERIA[report.criterion], f"{report.over} from {low:g} to {high:g}{_unit(report)}"
+    asked, scan = THRESHOLD_CRITERIA[report.criterion], f"{report.over} from {low:g} to {high:g}{_unit(report)}"
     how = asked.how.format(error=report.limit)
     if not report.holds:
         return f"Nowhere is {asked.what} {how}: {scan} was scanned."
     said = f"{asked.what[0].upper()}{asked.what[1:]} is {how}"
-    if all(one.why == NONE for one in report.values):
+    if all(one.why == NO_TOUCH for one in report.values):
         return f"No contact begins: {scan} was scanned."
     if report.holds == (report.between,):
         return f"{said} everywhere: {scan} was scanned."
@@ -271,9 +271,9 @@ def _decided(report: Threshold) -> str:
 
 def _little(report: Threshold) -> Iterator[str]:
     """Return the sentence on values with few contacts or none."""
-    for what in (NONE, CUT):
+    for what in (NO_TOUCH, CONTACT_CUT_OFF):
         many = sum(what in one.why for one in report.values)
-        if 0 < many < len(report.values) or (many and what == CUT):
+        if 0 < many < len(report.values) or (many and what == CONTACT_CUT_OFF):
             yield f" At {many} of {len(report.values)} values {what}."
 
 
@@ -303,19 +303,19 @@ def _crossings(report: Threshold) -> Iterator[str]:
         return
     rows = [[f"{report.over}{f' / {report.units}' if report.units != '1' else ''}", "below", "above", "because"]]
     digits = 3 + math.ceil(-math.log10(report.within))
-    for crossing in found[:MOST]:
+    for crossing in found[:MAX_PRINTED_CROSSINGS]:
         low, high = crossing.low, crossing.high
         rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low.verdict),
                      _name(report, high.verdict),
                      next((one.why for one in (low, high) if one.verdict != HOLDS), "")])
     yield "\n" + aligned(rows, "<")
-    if len(found) > MOST:
-        yield f"({len(found) - MOST} more crossings not shown; all are in the JSON)"
+    if len(found) > MAX_PRINTED_CROSSINGS:
+        yield f"({len(found) - MAX_PRINTED_CROSSINGS} more crossings not shown; all are in the JSON)"
 
 
 def _name(report: Threshold, verdict: str) -> str:
     """Return the text of a verdict for the criterion."""
-    good, bad = CRITERIA[report.criterion].words
+    good, bad = THRESHOLD_CRITERIA[report.criterion].words
     return {HOLDS: good, FAILS: bad}.get(verdict, verdict)
 
 

@@ -13,18 +13,18 @@ from granular._engine import check
 from granular._engine.progress import Told, shown
 from granular.cases.build import sentence_of
 from granular.studies.sweeps.plan import Plan, planned
-from granular.studies.sweeps.results import REFUSED
+from granular.studies.sweeps.results import CELL_ERRORS
 from granular.studies.sweeps.subject import SceneLike
-from granular.studies.threshold_result import CRITERIA, UNDECIDED, Criterion, Crossing, Threshold, Value
+from granular.studies.threshold_result import THRESHOLD_CRITERIA, UNDECIDED, Criterion, Crossing, Threshold, Value
 
 __all__ = ["Crossing", "Threshold", "Value", "threshold"]
 
-SPACINGS: Mapping[str, Callable[[float, float, int], check.Array]] = {"log": np.geomspace, "linear": np.linspace}
-GAPS = (1e-6, 1e-2)
+GRID_SPACINGS: Mapping[str, Callable[[float, float, int], check.Array]] = {"log": np.geomspace, "linear": np.linspace}
+DEFAULT_GAPS = (1e-6, 1e-2)
 """Default interval of gaps in m."""
-MOST = 100_000
+MAX_SCAN_VALUES = 100_000
 """Maximum number of values of a scan."""
-LEAST = 1e-9
+ZERO_SHARE = 1e-9
 """Share of the interval below which a value is equivalent to 0."""
 
 
@@ -97,16 +97,18 @@ def threshold(
     >>> [f"{crossing.value:.1e}" for crossing in found.crossings]
     ['4.4e-03']
     """
-    asked = CRITERIA[check.choice("criterion", criterion, list(CRITERIA))]
+    asked = THRESHOLD_CRITERIA[check.choice("criterion", criterion, list(THRESHOLD_CRITERIA))]
     check.of_kind("over", over, str, "the name of one parameter, such as 'gap'")
     plan = planned(scene, {over: np.zeros(0)}, (), fixed, run)
     if between is None and over.partition("[")[0] not in ("gap", "scene.gap"):
         raise ValueError(f"`between` must give the first and the last value of {over}, such as (0.5, 2), got None.")
-    low, high = _ends(GAPS if between is None else between, check.choice("spacing", spacing, list(SPACINGS)))
-    number = check.whole("points", points, at_least=2, at_most=MOST)
+    low, high = _ends(
+        DEFAULT_GAPS if between is None else between, check.choice("spacing", spacing, list(GRID_SPACINGS))
+    )
+    number = check.whole("points", points, at_least=2, at_most=MAX_SCAN_VALUES)
     width = check.number("within", within, at_least=1e-12, at_most=0.5)
     limit = check.number("error", error, above=0.0)
-    grid = SPACINGS[spacing](low, high, number)
+    grid = GRID_SPACINGS[spacing](low, high, number)
     grid[[0, -1]] = low, high
     if plan.subject.is_whole(over):
         grid = _wholes(over, grid)
@@ -149,7 +151,7 @@ def _judged(
     def judge(value: float) -> Value:
         try:
             return Value(value, *asked.judge(plan.case((int(value) if whole else value,)), limit))
-        except REFUSED as refusal:
+        except CELL_ERRORS as refusal:
             refused.append(sentence_of(refusal))
             return Value(value, UNDECIDED, math.nan, refused[-1])
 
@@ -168,12 +170,12 @@ def scanned(
 ) -> Iterator[Value]:
     """Evaluate every value of an ascending grid, then bisect changes of the verdict.
 
-    Changes are known to `within`, relative to the value, or to `LEAST` of the interval if that is larger. If a
+    Changes are known to `within`, relative to the value, or to `ZERO_SHARE` of the interval if that is larger. If a
     midpoint has a third verdict, both halves are bisected. Intervals between two neighbours of the grid with the same
     verdict are missed. For `whole` parameters only integers are tried.
     """
     found: list[Value] = []
-    least = LEAST * (grid[-1] - grid[0])
+    least = ZERO_SHARE * (grid[-1] - grid[0])
     todo: Sequence[float] = grid
     while todo:
         for value in todo:

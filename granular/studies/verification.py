@@ -20,15 +20,15 @@ from typing import Any
 
 from granular._engine import check as _check, files
 
-COLUMNS = ("run", "quantity", "value", "unit", "digits", "condition")
-ENDINGS = (".csv", ".json")
-LONGEST = 10_000
+TABLE_COLUMNS = ("run", "quantity", "value", "unit", "digits", "condition")
+FILE_SUFFIXES = (".csv", ".json")
+MAX_LINE_LENGTH = 10_000
 """Maximum length of a line of a table in characters."""
-COARSE = 1e-3
+MAX_RIGHT_DIFFERENCE = 1e-3
 """Largest relative difference that can be right, for any number of digits."""
-FARTHEST = 400
+MAX_EXPONENT = 400
 """Largest power of ten of a number. Decimal arithmetic ends far beyond."""
-ROUNDING = 16 * 2.0**-52
+INPUT_ROUNDING = 16 * 2.0**-52
 """Relative size of a dozen rounding errors of the inputs.
 
 It is multiplied by a condition number.
@@ -113,15 +113,15 @@ def write(name: str, path: str | PathLike[str]) -> None:
     Comments in the table contain the set-up.
     """
     told, ending = case(name), Path(path).suffix.lower()
-    if ending not in ENDINGS:
-        raise ValueError(f"`path` must be a name that ends in {' or '.join(ENDINGS)}, got {str(path)!r}.")
+    if ending not in FILE_SUFFIXES:
+        raise ValueError(f"`path` must be a name that ends in {' or '.join(FILE_SUFFIXES)}, got {str(path)!r}.")
     if ending == ".json":
         return files.write_json(path, {"case": name, "conventions": kit()["conventions"], **told})
     text = io.StringIO()
     for line in (f"case: {name}. {told['about']}", f"source: {told['source']}", *kit()["conventions"],
                  *(f"{run}: {json.dumps(one['set-up'])}" for run, one in told["runs"].items())):
         print("#", line, file=text)
-    table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    table = csv.DictWriter(text, TABLE_COLUMNS, lineterminator="\n")
     table.writeheader()
     table.writerows(map(asdict, answers(name)))
     files.write_text(path, text.getvalue())
@@ -169,18 +169,21 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
     except UnicodeDecodeError:
         raise ValueError(f"The file {str(path)!r} must be a .csv file in UTF-8.") from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if any(len(line) > LONGEST for _, line in lines):
-        raise ValueError(f"The file {str(path)!r} must be a table of answers, got a line of more than {LONGEST} "
-                         "characters.")
+    if any(len(line) > MAX_LINE_LENGTH for _, line in lines):
+        raise ValueError(
+            f"The file {str(path)!r} must be a table of answers, got a line of more than {MAX_LINE_LENGTH} characters."
+        )
     table = csv.DictReader(line for _, line in lines)
-    if missing := [column for column in COLUMNS[:3] if column not in (table.fieldnames or ())]:
-        raise ValueError(f"The file {str(path)!r} must have the columns {', '.join(COLUMNS[:3])}, but {missing[0]!r} "
-                         "is missing. Write such a table with granular verify CASE -o FILE.csv.")
+    if missing := [column for column in TABLE_COLUMNS[:3] if column not in (table.fieldnames or ())]:
+        raise ValueError(
+            f"The file {str(path)!r} must have the columns {', '.join(TABLE_COLUMNS[:3])}, but {missing[0]!r} "
+            "is missing. Write such a table with granular verify CASE -o FILE.csv."
+        )
     for (number, _), row in zip(lines[1:], table, strict=False):
         value = (row["value"] or "").strip()
         if value:
             try:
-                if not (Decimal(value).is_finite() and abs(Decimal(value).adjusted()) <= FARTHEST):
+                if not (Decimal(value).is_finite() and abs(Decimal(value).adjusted()) <= MAX_EXPONENT):
                     raise InvalidOperation
             except InvalidOperation:
                 raise ValueError(f"The value in line {number} of {str(path)!r} must be empty or a finite number, got "
@@ -197,6 +200,6 @@ def _judged(answer: Answer, theirs: str | None, tolerance: float | None) -> Verd
     exponent = number.as_tuple().exponent
     unit = Decimal(1).scaleb(exponent if isinstance(exponent, int) else 0)  # of the last digit written
     least = Decimal(1).scaleb(ours.adjusted() - answer.digits + 1)
-    right = off <= COARSE and miss <= max(unit, least) if tolerance is None else off <= tolerance
-    word = "right" if right else "ill-conditioned" if off <= ROUNDING * answer.condition else "wrong"
+    right = off <= MAX_RIGHT_DIFFERENCE and miss <= max(unit, least) if tolerance is None else off <= tolerance
+    word = "right" if right else "ill-conditioned" if off <= INPUT_ROUNDING * answer.condition else "wrong"
     return Verdict(answer, theirs, word, off)

@@ -136,7 +136,7 @@ def case(name, v, ties, rises=True):
 def departure_of(report):
     """Ball that decides an error above 1 %, and the velocities in m/s, soft and hard, with which it leaves."""
     one = report.deciding
-    return [one.ball, one.soft_velocity, one.hard_velocity] if one and report.error > outcomes.SAME else None
+    return [one.ball, one.soft_velocity, one.hard_velocity] if one and report.error > outcomes.ERROR_LIMIT else None
 
 
 def ball_of(report):

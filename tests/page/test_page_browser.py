@@ -27,7 +27,9 @@ def test_the_paper_is_what_the_laboratory_opens_with(page, live) -> None:
 
 
 def test_golden_data_in_the_browser(tab, tmp_path) -> None:
-    check = assemble.EXPORT.sub("", assemble.IMPORT.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8")))
+    check = assemble.EXPORT_PATTERN.sub(
+        "", assemble.IMPORT_PATTERN.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8"))
+    )
     cases = (HERE / "golden.json").read_text(encoding="utf-8")
     needed = "physics/outcome.mjs", "physics/setups.mjs", "physics/film.mjs", "live/camera.mjs", "physics/reason.mjs"
     script = assemble.bundle(*needed) + f"{{{check}const cases = {cases};\n"

@@ -24,8 +24,8 @@ from granular._engine.package import VERSION
 from granular.app.cli import ends
 from granular.run.trajectory import Status
 
-OK, MISUSE, ABNORMAL, ENDED = 0, 2, 3, 128
-MISTAKES = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError
+EXIT_OK, EXIT_MISUSE, EXIT_ABNORMAL, EXIT_SIGNAL = 0, 2, 3, 128
+EXPECTED_ERRORS = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError
 """Exceptions that are printed in one line.
 
 Exceptions raised by a function of the user are printed in the same way.
@@ -53,18 +53,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         with suppress(OSError):  # a terminal that is closed
             print("granular: interrupted", file=sys.stderr)
-        return ENDED + getattr(interrupt, "number", SIGINT)
+        return EXIT_SIGNAL + getattr(interrupt, "number", SIGINT)
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
+        return EXIT_OK
     except Exception as error:
-        if not (isinstance(error, MISTAKES) or hasattr(error, "raised_by")):  # by a function of the user's own
+        if not (isinstance(error, EXPECTED_ERRORS) or hasattr(error, "raised_by")):  # by a function of the user's own
             raise
         if "--traceback" in arguments:
             traceback.print_exc()
         sentence = _sentence(error)
         print(f"granular: {plain_text(sentence, len(sentence))}", file=sys.stderr)
-        return MISUSE
+        return EXIT_MISUSE
 
 
 def _act(arguments: Sequence[str]) -> int:
@@ -79,7 +79,7 @@ def _act(arguments: Sequence[str]) -> int:
     try:
         given = parser.parse(arguments)
     except SystemExit:  # --help and --version
-        return OK
+        return EXIT_OK
     on_running[:] = [parser.teller(given.target)]
     output.check(given)
     with np.errstate(all="ignore"), _naming(given.given | given.run):  # what is no number is refused in words
@@ -87,7 +87,7 @@ def _act(arguments: Sequence[str]) -> int:
     if isinstance(runs, int):
         return runs
     ends = {run.status for run in runs or ()}
-    return ABNORMAL if ends & {Status.unstable, Status.broken, Status.max_events} else OK
+    return EXIT_ABNORMAL if ends & {Status.unstable, Status.broken, Status.max_events} else EXIT_OK
 
 
 @contextmanager
@@ -99,14 +99,14 @@ def _naming(options: Mapping[str, Any]) -> Iterator[None]:
     try:
         yield
     except (ValueError, ArithmeticError) as error:
-        from granular.edmd.physics import LARGEST, SMALLEST
+        from granular.edmd.physics import MAX_NUMBER, MIN_SPEED
 
         own = hasattr(error, "raised_by")  # by a function of the user's own
-        far = [] if own else [(name, x) for name, x in _numbers_of(options) if not SMALLEST <= abs(x) <= LARGEST]
+        far = [] if own else [(name, x) for name, x in _numbers_of(options) if not MIN_SPEED <= abs(x) <= MAX_NUMBER]
         if not far or any(re.search(rf"\b{name}\b", str(error)) for name, _ in far):
             raise
         name, value = far[0]
-        raise ValueError(f"`{name}` must be 0 or a number of magnitude {SMALLEST:g} to {LARGEST:g}, got {value!r}. "
+        raise ValueError(f"`{name}` must be 0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}, got {value!r}. "
                          f"Use other units ({str(error).rstrip('.')}).") from error
 
 

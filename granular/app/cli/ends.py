@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Timer, current_thread, main_thread
 
-ASKING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+END_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals of Ctrl-C, `kill`, `timeout`, batch systems, and closed terminals."""
-AGAIN = 0.2
+REPEAT_AFTER_SECONDS = 0.2
 """Time in s after which the signal is repeated.
 
 Exceptions that are raised inside callbacks of a library, such as a compiler, get lost.
@@ -41,14 +41,14 @@ def as_interrupts() -> Iterator[None]:
     def end(number: int, frame: object) -> None:
         if over:
             return
-        again = Timer(AGAIN, say_again, [number])
+        again = Timer(REPEAT_AFTER_SECONDS, say_again, [number])
         again.daemon = True
         again.start()
         if not _seen_to(sys.exception()):
             raise Asked(number)
 
     usual = (signal.SIG_DFL, signal.default_int_handler) if current_thread() is main_thread() else ()
-    before = {one: was for one in ASKING if (was := signal.getsignal(one)) in usual}
+    before = {one: was for one in END_SIGNALS if (was := signal.getsignal(one)) in usual}
     try:
         for one in before:
             signal.signal(one, end)

@@ -2,7 +2,7 @@
 
 `info` helps to report a fault, and finds another package that overwrote this one. `warm` compiles all kernels once,
 for images, classes and test servers. A kernel is compiled once for each set of flags of a scene
-(`granular._engine.kernels`). The scenes of `SCENES` have all sets of flags that ready-made scenes have.
+(`granular._engine.kernels`). The scenes of `WARM_SCENES` have all sets of flags that ready-made scenes have.
 """
 
 from __future__ import annotations
@@ -29,11 +29,13 @@ from granular.cases.case import Option
 from granular.laws import Hertz
 from granular.laws.rules import ConstantRestitution
 
-FOLDER = Path(__file__).parents[__name__.count(".") - 1]
-REMEDY = f"uninstall it and install {NAME} again (--force-reinstall --no-deps), or give each an environment of its own"
-SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
+PACKAGE_FOLDER = Path(__file__).parents[__name__.count(".") - 1]
+REINSTALL_HINT = (
+    f"Uninstall it and install {NAME} again (--force-reinstall --no-deps), or give each an environment of its own"
+)
+WARM_SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
 """Scenes without flags, with driven wall, thermal walls, ring, and pendula."""
-WAYS: dict[str, tuple[str, dict[str, Any]]] = {
+WARM_RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "hard": ("edmd", {}),
     "hard, no log": ("edmd", {"log": False}),
     "soft": ("md", {"samples": 50}),
@@ -45,7 +47,7 @@ WAYS: dict[str, tuple[str, dict[str, Any]]] = {
 
 The hard balls collapse. The elastic ones use a fixed-step integrator.
 """
-END: dict[str, Any] = {"t_end": 5.0, "until": None, "max_events": 1000}
+WARM_END: dict[str, Any] = {"t_end": 5.0, "until": None, "max_events": 1000}
 """End of a run that calls all kernels it can call."""
 
 
@@ -68,7 +70,9 @@ class Installation(Report):
             found = ", ".join(f"{name} {version or 'missing'}" for name, version in packages.items())
             lines.append(f"extra {extra:5}  {found}" + ("" if all(packages.values()) else f": {install(extra)}"))
         lines.append(f"machine code: {self.numba}")
-        return "\n".join(lines + [f"{other} installs a package granular too: {REMEDY}" for other in self.others])
+        return "\n".join(
+            lines + [f"{other} installs a package granular too: {REINSTALL_HINT}" for other in self.others]
+        )
 
     def _numbers(self) -> dict[str, Any]:
         return vars(self)
@@ -87,7 +91,7 @@ class Info(Command):
     @staticmethod
     def run(given: argparse.Namespace) -> None:
         extras = {extra: {name: files.version_of(name) for name in names.split()} for extra, names in EXTRAS.items()}
-        output.deliver(Installation(str(FOLDER), numba(), extras, others()), given)
+        output.deliver(Installation(str(PACKAGE_FOLDER), numba(), extras, others()), given)
         if getattr(granular, "__version__", None) != VERSION:
             raise ImportError(overwritten())
 
@@ -120,8 +124,10 @@ def others() -> list[str]:
 def overwritten() -> str:
     """Return a message for a `granular/__init__.py` of another package, or none."""
     who = ", ".join(others()) or "another package"
-    return (f"{FOLDER / '__init__.py'} does not belong to {NAME} {VERSION}, because {who} was installed over it, or "
-            f"uninstalled. {REMEDY}.")
+    return (
+        f"{PACKAGE_FOLDER / '__init__.py'} does not belong to {NAME} {VERSION}, because {who} was installed over it, "
+        f"or uninstalled. {REINSTALL_HINT}."
+    )
 
 
 class Warm(Command):
@@ -132,14 +138,14 @@ class Warm(Command):
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         parser.add_argument("scenes", nargs="*", metavar="SCENE",
-                            help=f"code for scenes such as {', '.join(SCENES)} [all of them]")
+                            help=f"code for scenes such as {', '.join(WARM_SCENES)} [all of them]")
         return []
 
     @staticmethod
     def run(given: argparse.Namespace) -> None:
-        check.known(given.scenes, SCENES, "scene")
+        check.known(given.scenes, WARM_SCENES, "scene")
         print(f"machine code is kept in {kept()}")
-        for name in given.scenes or SCENES:
+        for name in given.scenes or WARM_SCENES:
             for kind, make in ways(cases.make(name)).items():
                 print(f"{name:16} {kind:20} {made(make)}", flush=True)
 
@@ -151,10 +157,10 @@ def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
     scene, rule = case.scene, ConstantRestitution(0.1)
     runs: dict[str, Callable[[], object]] = {
         kind: partial(cases.Case(scene, Hertz(1e6) if "elastic" in kind else case.law, rule,
-                                 run={"engine": "compiled"} | options).simulate, engine, **END)
-        for kind, (engine, options) in WAYS.items()}
+                                 run={"engine": "compiled"} | options).simulate, engine, **WARM_END)
+        for kind, (engine, options) in WARM_RUNS.items()}
     cells = many.Scenes(scene.mass, scene.gap, scene.velocity, [[1e6, 1.0, 1.0, 0.0]], scene.gravity)
-    return runs if scene._flags else runs | {"maps": partial(many.solve_many, cells, t_end=END["t_end"])}
+    return runs if scene._flags else runs | {"maps": partial(many.solve_many, cells, t_end=WARM_END["t_end"])}
 
 
 def made(make: Callable[[], object]) -> str:

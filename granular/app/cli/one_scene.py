@@ -19,23 +19,23 @@ from granular import cases
 from granular._engine.reports import aligned
 from granular.app.cli import output
 from granular.app.cli.parser import Command, case_of, offer_until, offered
-from granular.cases.case import ENGINES, Option, engine_named
+from granular.cases.case import ENGINE_NAMES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.comparison.outcome import energy_at_hand
 from granular.run.trajectory import Status, Trajectory
 
-MOST = 20
+MAX_TABLE_ROWS = 20
 """Maximum number of rows of a table."""
-LIGHT = 200
+MAX_SENSITIVITY_SIZE = 200
 """Contacts × bodies up to which the full report includes sensitivities.
 
 They take several hundred runs.
 """
-MOST_READ = 10**6
+MAX_CONTACTS_READ = 10**6
 """Maximum number of contacts that are read back from the file of --log."""
-ROUNDING = 1e-14
+REST_ENERGY_ROUNDING = 1e-14
 """Relative rounding error of the energy of balls at rest, from sums of heights."""
-MOST_CONTACTS = 16
+MAX_STUDY_CONTACTS = 16
 """Maximum number of contacts of a ready-made scene that only its time ends.
 
 The slow interpreted solvers take seconds for each contact.
@@ -63,7 +63,7 @@ class Run(Command):
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         about = "hard (edmd) or soft (md) spheres; default md"
-        parser.add_argument("--engine", choices=ENGINES, default="md", help=about)
+        parser.add_argument("--engine", choices=ENGINE_NAMES, default="md", help=about)
         parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count collisions that would "
                             "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
                             "proof")
@@ -71,9 +71,9 @@ class Run(Command):
         parser.add_argument("--log", metavar="FILE.npy", help="write contacts there as the run goes on")
         output.offer(parser, save="write the trajectory and its contact log; by its ending also .nc (netCDF), .csv "
                                   "(contacts) or .extxyz (OVITO)")
-        each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINES}
+        each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINE_NAMES}
         merged: dict[str, Option] = {}
-        for engine, other in (ENGINES, ENGINES[::-1]):
+        for engine, other in (ENGINE_NAMES, ENGINE_NAMES[::-1]):
             for name, option in each[engine].items():
                 only = "" if name in each[other] else f"(--engine {engine} only) "
                 merged[name] = replace(option, about=only + option.about)
@@ -118,7 +118,7 @@ class Compare(Command):
         report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
         output.deliver(report, given)
         ends, work = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
-        if given.verbose and 0 < work <= LIGHT and not np.isnan(ends).any():
+        if given.verbose and 0 < work <= MAX_SENSITIVITY_SIZE and not np.isnan(ends).any():
             end = {"t_end": options["t_end"]} if options.get("t_end") else {}
             print(gr.sensitivity(given.target, **given.given | end).line, file=output.stream(given))
         return [report.soft, report.hard]
@@ -170,7 +170,7 @@ class Stability(Command):
 
 def with_log(run: Trajectory) -> Trajectory:
     """Return a run with the contacts of its log file, unless there are too many."""
-    if not run.stats.get("log") or _count(run) > MOST_READ:
+    if not run.stats.get("log") or _count(run) > MAX_CONTACTS_READ:
         return run
     log = np.concatenate([run.contacts, *run.contact_batches()])
     return replace(run, contacts=log[np.argsort(log["t_begin"], kind="stable")])
@@ -182,11 +182,11 @@ def shortened(case: cases.Case) -> cases.Case:
     The end lies in the longest interval in which none of the later contacts begins or ends. A case is shortened if it
     would take more than a minute.
     """
-    first = case.simulate("md", max_events=MOST_CONTACTS)
+    first = case.simulate("md", max_events=MAX_STUDY_CONTACTS)
     if first.status is not Status.max_events or np.isnan(first.contacts["t_end"]).all():
         return case
     times = np.sort(np.concatenate([first.contacts["t_begin"], first.contacts["t_end"]]))
-    times = times[~np.isnan(times)][MOST_CONTACTS:]
+    times = times[~np.isnan(times)][MAX_STUDY_CONTACTS:]
     i = int(np.diff(times).argmax())
     end = float(0.5 * (times[i] + times[i + 1]))
     print(f"granular: up to t = {end:.6g} s; give --t-end for another end", file=sys.stderr)
@@ -210,12 +210,12 @@ def summary(case: cases.Case, run: Trajectory) -> str:
               *filter(None, [isolation.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
     if run.scene.fed:
         parts = measures.balance(run)
-        said = (f"{words} {parts[name]:.6g}" for name, words in measures.ACCOUNT.items() if parts[name])
+        said = (f"{words} {parts[name]:.6g}" for name, words in measures.BALANCE_LABELS.items() if parts[name])
         return "\n".join([*lines, "", "energy, J: " + ", ".join(said)])
     energy = energy_at_hand(run)
     if energy[0] > 0.0 and not math.isnan(energy[-1]):
         left = energy[-1] / energy[0]
-        left = 0.0 if run.scene.gravity > 0.0 and abs(left) < ROUNDING else left
+        left = 0.0 if run.scene.gravity > 0.0 and abs(left) < REST_ENERGY_ROUNDING else left
         lines += ["", f"energy left: {100.0 * left:.6g} % of {energy[0]:.6g} J"]
     return "\n".join(lines)
 
@@ -252,7 +252,7 @@ def _label(run: Trajectory, body: int) -> str:
 def _some(n: int) -> Iterator[tuple[int, str]]:
     """Return the numbers of up to `n` pairs or bodies, the first and the last ones."""
     for i in range(n):
-        if i < MOST - 2 or i == n - 1 or n <= MOST:
+        if i < MAX_TABLE_ROWS - 2 or i == n - 1 or n <= MAX_TABLE_ROWS:
             yield i, ""
         elif i == n - 2:
-            yield i, f"{'…':>12} ({n - MOST + 1} more)"
+            yield i, f"{'…':>12} ({n - MAX_TABLE_ROWS + 1} more)"

@@ -13,14 +13,14 @@ from granular._engine.check import optional
 from granular.cases.ready import is_file
 from granular.run import tables
 
-ENDINGS = {"plot": "png", "film": "gif", "json": "json"}
+DEFAULT_SUFFIXES = {"plot": "png", "film": "gif", "json": "json"}
 
 
 def offer(parser: argparse.ArgumentParser, save_as: str = "npz", **about: str) -> None:
     """Add the options --plot, --film, --json and --save for which a text is given."""
     for name, text in about.items():
         to_stdout = "; - for standard output" if name == "json" else ""
-        ending = save_as if name == "save" else ENDINGS[name]
+        ending = save_as if name == "save" else DEFAULT_SUFFIXES[name]
         parser.set_defaults(**{f"{name}_as": f".{ending}"})
         parser.add_argument(f"--{name}", metavar=f"FILE.{ending}", type=_stdout if to_stdout else str,
                             help=text + to_stdout)

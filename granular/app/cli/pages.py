@@ -22,7 +22,7 @@ class Page(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        scenes = opening.SCENES
+        scenes = opening.PAGE_SCENES
         parser.add_argument("scene", nargs="?", default=scenes[0], metavar="SCENE", help=f"one of {', '.join(scenes)}")
         offer_page(parser, NAME, NAME)
         return opening.options()

@@ -16,22 +16,22 @@ from typing import Any, NoReturn
 from granular import cases
 from granular._engine import check
 from granular._engine.package import VERSION
-from granular.cases.case import HELD, Option, options_of
+from granular.cases.case import CASE_ARGUMENTS, Option, options_of
 from granular.cases.ready import is_file
 from granular.cases.toml import stop_condition
 from granular.run.trajectory import Trajectory
 
-COMMANDS = {
+COMMAND_CLASSES = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
     "sensitivity": "sweep:Sensitivity", "ensemble": "sweep:Ensemble", "page": "pages:Page", "view": "pages:View",
     "verify": "verify:Verify", "warm": "installation:Warm", "info": "installation:Info",
 }
 """Location of each command: a module of this package, and its `Command`."""
-ABOUT = """\
+PROGRAM_DESCRIPTION = """\
 Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
 equation with a contact force). Do the two agree? All numbers are in SI units."""
-EXAMPLES = """\
+PROGRAM_EXAMPLES = """\
 examples:
   granular scenes                                   the ready-made scenes
   granular scenes three-balls > mine.toml           one of them as a file to change
@@ -55,8 +55,8 @@ examples:
 exit codes: 0 done; 1 verify found a number wrong or missing; 2 misuse, or a file that cannot be read or written;
  3 the run came to no proper end (status unstable: the time step is too long; broken: the last state is none that there
  can be; max_events: the limit on the amount of work); 130 interrupted; 143 ended by SIGTERM"""
-SEPARATED = "separated"
-HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
+UNTIL_SEPARATED = "separated"
+HIDDEN_OPTIONS = CASE_ARGUMENTS | {"engine", "log", "t_start", "watch"}
 """Options of the engines that only the table [run] of a TOML file offers."""
 
 
@@ -104,14 +104,14 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """
     # a negative number such as -1e-4 would be taken for an option, but not behind a space
     command, *rest = [f" {word}" if re.match(r"-[\d.]", word) else word for word in arguments] or ["--help"]
-    top = Parser(prog="granular", description=ABOUT, epilog=EXAMPLES)
+    top = Parser(prog="granular", description=PROGRAM_DESCRIPTION, epilog=PROGRAM_EXAMPLES)
     top.add_argument("--version", action="version", version=f"granular {VERSION}")
     commands = top.add_subparsers(title="commands, each with its own --help", metavar="COMMAND", required=True)
     if command.startswith("-"):
-        for name in COMMANDS:
+        for name in COMMAND_CLASSES:
             commands.add_parser(name, help=_about(_command(name)).rstrip("."))
         top.parse_args([command])
-    check.known([command], COMMANDS, "command")
+    check.known([command], COMMAND_CLASSES, "command")
     chosen = _command(command)
     of_scene = chosen.USAGE.startswith("SCENE")
     target, rest = _target(rest) if of_scene else (None, rest)
@@ -137,14 +137,14 @@ def case_of(given: argparse.Namespace) -> cases.Case:
     words = getattr(given, "until", None)
     if words is None:
         return case
-    condition = words[0] if words[0] == SEPARATED else dict(word for word in words if word != SEPARATED)
+    condition = words[0] if words[0] == UNTIL_SEPARATED else dict(word for word in words if word != UNTIL_SEPARATED)
     return replace(case, until=stop_condition(condition, case.scene))
 
 
 def offer_until(parser: argparse.ArgumentParser) -> None:
     """Add the option --until."""
     parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
-                        type=lambda text: SEPARATED if text.strip() == SEPARATED else _entry(text),
+                        type=lambda text: UNTIL_SEPARATED if text.strip() == UNTIL_SEPARATED else _entry(text),
                         help="stop there: pair=0 nth=2 (a contact); type=force pair=0 above=1e3; type=speed ball=2 "
                              "above=1.5; type=position ball=2 above=0.8 (or below=); separated")
 
@@ -164,11 +164,11 @@ def teller(target: str | None) -> Callable[[str], None]:
 def offered(function: Callable[..., Any], *names: str) -> list[Option]:
     """Return options of a run: its end, and options of a function.
 
-    They are the options with the given names, or all but `HIDDEN`.
+    They are the options with the given names, or all but `HIDDEN_OPTIONS`.
     """
     end = [option for option in options_of(cases.make) if option.name == "t_end"]
     return end + [option for option in options_of(function)
-                  if (option.name in names if names else option.name not in HIDDEN)]
+                  if (option.name in names if names else option.name not in HIDDEN_OPTIONS)]
 
 
 def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
@@ -182,7 +182,7 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
 
 
 def _command(name: str) -> type[Command]:
-    module, _, word = COMMANDS[name].partition(":")
+    module, _, word = COMMAND_CLASSES[name].partition(":")
     command: type[Command] = getattr(import_module(f"granular.app.cli.{module}"), word)
     return command
 

@@ -21,18 +21,18 @@ from granular._engine.reports import cores
 from granular.app.cli import ends, output
 from granular.app.cli.parser import Command, offered
 from granular.cases.case import Option
-from granular.studies.sweeps.ensembles import BOTH, ensemble
-from granular.studies.sweeps.results import RESULTS, STATUS
-from granular.studies.sweeps.run import DEFAULT, sweep
+from granular.studies.sweeps.ensembles import COMMON_RESULTS, ensemble
+from granular.studies.sweeps.results import RESULTS, STATUS_NAMES
+from granular.studies.sweeps.run import DEFAULT_RESULTS, sweep
 from granular.studies.sweeps.schedule import end_with_parent
 from granular.studies.sweeps.sensitivities import sensitivity
 from granular.studies.sweeps.subject import axis
 
-WORTH_POOL = 20_000
+MIN_CELLS_FOR_POOL = 20_000
 """Number of cells from which on several processes are used by default."""
-MOST_WORKERS = 1024
+MAX_WORKERS = 1024
 """Maximum number of processes."""
-MOST = 40
+MAX_PRINTED_JUMPS = 40
 """Maximum number of jumps that are printed."""
 
 
@@ -57,11 +57,11 @@ class Sweep(Command):
         over = dict(map(axis, given.over))
         if len(over) < len(given.over):
             raise ValueError("--over must give one axis per parameter, got two of the same parameter.")
-        usual = cores() if math.prod(map(len, over.values())) >= WORTH_POOL else 1
+        usual = cores() if math.prod(map(len, over.values())) >= MIN_CELLS_FOR_POOL else 1
         workers = usual if given.workers is None else given.workers
-        check.whole("--workers", workers, at_least=1, at_most=MOST_WORKERS)
+        check.whole("--workers", workers, at_least=1, at_most=MAX_WORKERS)
         with processes(workers) as executor:
-            data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
+            data = sweep(given.target, over, given.result or DEFAULT_RESULTS, save=given.save, executor=executor,
                          workers=given.workers, progress=True, **given.given, **given.run)
         print(summary(data))
 
@@ -90,7 +90,7 @@ class Sensitivity(Command):
         words = [word.strip().partition("=") for word in given.uncertainty]
         one = len(words) == 1 and not words[0][1]
         uncertain = words[0][0] if one else {name: value for name, _, value in words}
-        check.whole("--workers", given.workers, at_least=1, at_most=MOST_WORKERS)
+        check.whole("--workers", given.workers, at_least=1, at_most=MAX_WORKERS)
         with processes(given.workers) as executor:
             report = sensitivity(given.target, given.result or ("v_rel",), given.over, uncertain or None,
                                  executor=executor, progress=True, **given.given, **given.run)
@@ -128,7 +128,7 @@ def processes(count: int) -> Iterator[Executor | None]:
 
 def _obey() -> None:
     """Ignore signals in worker processes; the parent process decides."""
-    for one in ends.ASKING:
+    for one in ends.END_SIGNALS:
         signal.signal(one, signal.SIG_IGN)
     end_with_parent(os.getpid())
 
@@ -141,8 +141,13 @@ class Ensemble(Command):
         parser.add_argument("--vary", action="append", metavar="NAME=MEAN,SD", default=[],
                             help="draw a parameter; or NAME alone if it is a seed; may be given several times")
         parser.add_argument("--draws", type=int, metavar="N", default=100, help="number of draws [100]")
-        parser.add_argument("--result", action="append", metavar="NAME", default=[],
-                            help=f"what is compared, such as v_rel[1], may be given several times: {', '.join(BOTH)}")
+        parser.add_argument(
+            "--result",
+            action="append",
+            metavar="NAME",
+            default=[],
+            help=f"what is compared, such as v_rel[1], may be given several times: {', '.join(COMMON_RESULTS)}",
+        )
         output.offer(parser, plot="draw the distributions", json="write every number")
         return offered(ensemble, "margin", "seed", "independent")
 
@@ -166,7 +171,9 @@ def summary(data: Any) -> str:
             text = f"{known.min():.6g} … {known.max():.6g}" if known.size else "no value"
             lines.append(f"  {name!s:16} {text:28} {about.get('comment') or about.get('long_name', '')}")
     codes, counts = np.unique(status.values, return_counts=True)
-    lines.append("  status           " + ", ".join(f"{STATUS[int(c)]} {n}" for c, n in zip(codes, counts, strict=True)))
+    lines.append(
+        "  status           " + ", ".join(f"{STATUS_NAMES[int(c)]} {n}" for c, n in zip(codes, counts, strict=True))
+    )
     if "refusal" in data.attrs:
         lines.append(f"  refused          {data.attrs['refusal']}")
     return "\n".join(lines + (_jumps(data) if "edge" in data else []))
@@ -175,9 +182,9 @@ def summary(data: Any) -> str:
 def _jumps(data: Any) -> list[str]:
     others = [str(name) for name in data if str(name).startswith("edge_") and name != "edge_contacts"]
     lines = [f"  {data.sizes['jump']} jumps of the contact counts:"]
-    for i in range(min(MOST, data.sizes["jump"])):
+    for i in range(min(MAX_PRINTED_JUMPS, data.sizes["jump"])):
         low, high = data["edge"].values[i]
         before, after = map(tuple, data["edge_contacts"].values[i].tolist())
         where = "".join(f", {name[5:]} = {data[name].values[i]:g}" for name in others)
         lines.append(f"    {low:.10g} … {high:.10g}: {before} to {after}{where}")
-    return lines + ["    …"] * (data.sizes["jump"] > MOST)
+    return lines + ["    …"] * (data.sizes["jump"] > MAX_PRINTED_JUMPS)

@@ -11,10 +11,10 @@ from granular.app.cli.parser import Command
 from granular.cases.case import Option
 from granular.studies import verification
 
-WORDS = "right", "ill-conditioned", "wrong", "missing"
-OK, NOT_RIGHT = 0, 1
+CHECK_WORDS = "right", "ill-conditioned", "wrong", "missing"
+EXIT_RIGHT, EXIT_NOT_RIGHT = 0, 1
 """Exit codes."""
-SHOWN = 12
+MAX_PRINTED_ANSWERS = 12
 """Maximum number of printed answers, and of printed wrong numbers."""
 
 
@@ -47,7 +47,7 @@ class Verify(Command):
             print(f"{given.output}: {len(verification.answers(given.case))} answers of {given.case}")
         else:
             _show(given.case)
-        return OK
+        return EXIT_RIGHT
 
 
 def _show(name: str) -> None:
@@ -55,24 +55,26 @@ def _show(name: str) -> None:
     print(f"{told['about']}\n{told['source']}\n")
     print(*(f"- {line}" for line in verification.kit()["conventions"]), sep="\n")
     print(f"\n{'value':>24} unit  condition  quantity")
-    for one in rows[:SHOWN]:
+    for one in rows[:MAX_PRINTED_ANSWERS]:
         print(f"{one.value:>24} {one.unit:5} {one.condition:<9g}  {one.run}: {one.quantity}")
-    if len(rows) > SHOWN:
-        print(f"… {len(rows) - SHOWN} more; granular verify {name} -o FILE.json writes all, and the set-up.")
+    if len(rows) > MAX_PRINTED_ANSWERS:
+        print(
+            f"… {len(rows) - MAX_PRINTED_ANSWERS} more; granular verify {name} -o FILE.json writes all, and the set-up."
+        )
 
 
 def _checked(given: argparse.Namespace) -> int:
-    """Print how many numbers are right. Return `NOT_RIGHT` unless all of them are."""
+    """Print how many numbers are right. Return `EXIT_NOT_RIGHT` unless all of them are."""
     found = verification.check(given.case, given.check, given.tolerance)
     count = Counter(one.word for one in found)
     bad = [one for one in found if one.word in ("wrong", "missing")]
-    many = ", ".join(f"{count[word]} {word}" for word in WORDS if count[word])
+    many = ", ".join(f"{count[word]} {word}" for word in CHECK_WORDS if count[word])
     first = next((one for one in bad if one.word == "wrong"), None)
     print(f"{given.case}: of {len(found)} answers {many}.")
     if first is not None:
         print(f"First wrong: {first.answer.run}: {first.answer.quantity}: {files.plain_text(first.theirs)} instead of "
               f"{first.answer.value} {first.answer.unit}, off by {first.off:.1e} of it.")
-    for one in [one for one in found if one.word != "right"][:SHOWN]:
+    for one in [one for one in found if one.word != "right"][:MAX_PRINTED_ANSWERS]:
         off = "" if one.word == "missing" else f" by {one.off:.1e}"
         print(f"  {one.word}{off}: {one.answer.run}: {one.answer.quantity}")
-    return NOT_RIGHT if bad else OK
+    return EXIT_NOT_RIGHT if bad else EXIT_RIGHT

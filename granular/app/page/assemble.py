@@ -24,32 +24,35 @@ from granular.app.page.opening import LANGUAGES
 from granular.cases import balls
 from granular.run.trajectory import Trajectory
 
-IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
-EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
-MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTILINE)
+IMPORT_PATTERN = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
+EXPORT_PATTERN = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
+COMMENT_PATTERN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTILINE)
 """Comments, indents and blank lines, which are removed."""
-KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
+LITERAL_PATTERNS = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
 """Strings and regular expressions of a script, in which spaces matter.
 
 Template strings are not nested.
 """
-SIGNS = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
-SHORTER = {"const": "let", "Infinity": "1/0", "true": "!0", "false": "!1"}
+OPERATOR_PATTERN = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
+SHORT_WORDS = {"const": "let", "Infinity": "1/0", "true": "!0", "false": "!1"}
 """Words of a script with a shorter equivalent, unless they are property names."""
-AIR = re.compile(rf" ?({'|'.join(KEPT)}) ?|\s*({SIGNS})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|"
-                 rf"(?<![\w.])(?:{'|'.join(SHORTER)})(?![\w:])")
-"""Spaces around operators, zeros before decimals, and words of `SHORTER`."""
-LONE = re.compile(r"(?<![\w$])\((\w+)\)=>")
+SPACE_PATTERN = re.compile(
+    rf" ?({'|'.join(LITERAL_PATTERNS)}) ?|\s*({OPERATOR_PATTERN})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|"
+    rf"(?<![\w.])(?:{'|'.join(SHORT_WORDS)})(?![\w:])"
+)
+"""Spaces around operators, zeros before decimals, and words of `SHORT_WORDS`."""
+PARENTHESES_PATTERN = re.compile(r"(?<![\w$])\((\w+)\)=>")
 """Parentheses around a single parameter of a function."""
-JOINED = re.compile(r"(?<![^;{}\n])(let (?:[^;{}]|\{[^;{}]*\})*);let ")
+DECLARATION_PATTERN = re.compile(r"(?<![^;{}\n])(let (?:[^;{}]|\{[^;{}]*\})*);let ")
 """Consecutive declarations, which are joined."""
-SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)",
-                   re.MULTILINE)
+STYLE_SPACE_PATTERN = re.compile(
+    r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,>])[ \t]+|[ \t]+(?=[{}>])|;?[ \t]*(?=\})|(?<![\w.])0(?=\.\d)", re.MULTILINE
+)
 """Unnecessary spaces of a style sheet."""
-LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
-PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
-BLOCKED = "blocked"
+LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
+PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
+BLOCKED_KEY = "blocked"
 """Key of the sentence that is shown if scripts are blocked."""
 
 
@@ -59,7 +62,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
     Parameters
     ----------
     parts : tuple of str
-        Body, main module and styles: `LIVE` or `PLAYER`.
+        Body, main module and styles: `LIVE_PARTS` or `PLAYER_PARTS`.
     title : str
         Title of the window.
     start : str
@@ -71,8 +74,10 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
         "title": escape(title),
         "start": escape(start),
         "version": VERSION,
-        "style": SPACE.sub("", "".join(shipped(name) for name in parts[2:])),
-        "blocked": "\n".join(f'<p lang="{words(one)["tag"]}">{escape(words(one)[BLOCKED])}</p>' for one in LANGUAGES),
+        "style": STYLE_SPACE_PATTERN.sub("", "".join(shipped(name) for name in parts[2:])),
+        "blocked": "\n".join(
+            f'<p lang="{words(one)["tag"]}">{escape(words(one)[BLOCKED_KEY])}</p>' for one in LANGUAGES
+        ),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),
     }
@@ -104,16 +109,16 @@ def bundle(*mains: str) -> str:
 
 def _needed(name: str) -> Iterator[str]:
     """Yield the names of all modules that a module imports, then its own name."""
-    for path in IMPORT.findall(shipped(name)):
+    for path in IMPORT_PATTERN.findall(shipped(name)):
         yield from _needed(normpath(f"{dirname(name)}/{path}"))
     yield name
 
 
 def _plain(source: str) -> str:
-    bare = MARGIN.sub("", EXPORT.sub("", IMPORT.sub("", source)))
-    tight, before = LONE.sub(r"\1=>", AIR.sub(_tight, bare)), ""
+    bare = COMMENT_PATTERN.sub("", EXPORT_PATTERN.sub("", IMPORT_PATTERN.sub("", source)))
+    tight, before = PARENTHESES_PATTERN.sub(r"\1=>", SPACE_PATTERN.sub(_tight, bare)), ""
     while tight != before:
-        tight, before = JOINED.sub(r"\1,", tight), tight
+        tight, before = DECLARATION_PATTERN.sub(r"\1,", tight), tight
     return tight.replace("</script", "<\\/script")
 
 
@@ -121,7 +126,7 @@ def _tight(found: re.Match[str]) -> str:
     kept, signs, sign = found.groups()
     if signs:
         return re.sub(r";(?=\})", "", "".join(signs.split()))
-    return kept or sign or SHORTER.get(found[0], "")
+    return kept or sign or SHORT_WORDS.get(found[0], "")
 
 
 def embedded(data: Mapping[str, Any]) -> str:
@@ -148,12 +153,12 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
         If the scene or a name is unknown, or if the page cannot show a value.
     """
     start = opening.link(scene, values or {})
-    keys = [key for key in words(LANGUAGES[0]) if key != BLOCKED]
+    keys = [key for key in words(LANGUAGES[0]) if key != BLOCKED_KEY]
     data = {
         "keys": " ".join(keys), "sentences": {one: "\n".join(words(one)[key] for key in keys) for one in LANGUAGES},
         "balls": {name: astuple(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
     }
-    _files.write_text(path, page(LIVE, "granular: hard or soft?", start, data))
+    _files.write_text(path, page(LIVE_PARTS, "granular: hard or soft?", start, data))
 
 
 def player_page(
@@ -185,4 +190,4 @@ def player_page(
     called = [_files.plain_text(name) for name in names or [f"run {i + 1}" for i in range(len(runs))]]
     recorded = [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]
     data: dict[str, Any] = {"title": title or " and ".join(called), "runs": recorded}
-    _files.write_text(path, page(PLAYER, title or "granular: " + ", ".join(called), data=data))
+    _files.write_text(path, page(PLAYER_PARTS, title or "granular: " + ", ".join(called), data=data))

@@ -17,8 +17,8 @@ from granular.cases.case import Option
 
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
 """Languages of the pages. All have the same sentences."""
-SHORT = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
-ARRIVING = 5
+SHORT_NAMES = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
+DEFAULT_CRADLE_BALLS = 5
 """Default number of balls of the cradle."""
 
 
@@ -80,7 +80,7 @@ class Kind(Setting):
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return the entries of a link for a ball."""
         ball = balls.BALLS[check.choice(name, value, self.words)]
-        return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT.items()}
+        return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT_NAMES.items()}
 
 
 class Truth(Setting):
@@ -91,12 +91,12 @@ class Truth(Setting):
         return {self.slider: +check.truth(name, value)}
 
 
-EPS = Setting("eps", "ε of all contacts", 0.1, 1.0)
-GAP = Setting("gap", "distance between the surfaces of the balls in m; 0 is touching", 1e-7, 0.1, zero=True)
-K = Setting("k", "stiffness of all contacts in N/m", 4e3, 1e9)
-HEIGHT = Setting("height", "drop height in m", 0.15, 2.0)
-CENTRE = Setting("height", "height of the lower ball's centre in m", 0.15, 2.0)
-COUNT = Setting("n", "number of balls", 2, 8, whole=True)
+RESTITUTION_SETTING = Setting("eps", "ε of all contacts", 0.1, 1.0)
+GAP_SETTING = Setting("gap", "distance between the surfaces of the balls in m; 0 is touching", 1e-7, 0.1, zero=True)
+STIFFNESS_SETTING = Setting("k", "stiffness of all contacts in N/m", 4e3, 1e9)
+HEIGHT_SETTING = Setting("height", "drop height in m", 0.15, 2.0)
+CENTRE_SETTING = Setting("height", "height of the lower ball's centre in m", 0.15, 2.0)
+COUNT_SETTING = Setting("n", "number of balls", 2, 8, whole=True)
 
 
 def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
@@ -114,42 +114,55 @@ def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
     } | ({before + "filled": Truth(f"air{i}", f"whether air makes {called} stiff")} if before else {})
 
 
-SETTINGS: dict[str, dict[str, Setting]] = {
+SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
     "story": {"screen": Setting("screen", "screen of the story; 0 is the drop", 0, 6, whole=True)},
     "real-balls": {
-        **of_ball(1, "lower_", "the lower ball"), **of_ball(2, "upper_", "the upper ball"), "gap": GAP,
-        "height": HEIGHT, "pair_rule": Choice("rule", "how two balls press on each other", words=balls.RULES),
+        **of_ball(1, "lower_", "the lower ball"),
+        **of_ball(2, "upper_", "the upper ball"),
+        "gap": GAP_SETTING,
+        "height": HEIGHT_SETTING,
+        "pair_rule": Choice("rule", "how two balls press on each other", words=balls.RULES),
         "bounces": Setting("bounces", "after how many bounces the flight is looked at", 1, 2, whole=True),
     },
     "three-balls": {
-        "gap": GAP, "restitution": EPS, "ratio": Setting("ratio", "radius ratio R₁/R₂", 0.5, 50.0), "stiffness": K,
-        "height": CENTRE,
+        "gap": GAP_SETTING,
+        "restitution": RESTITUTION_SETTING,
+        "ratio": Setting("ratio", "radius ratio R₁/R₂", 0.5, 50.0),
+        "stiffness": STIFFNESS_SETTING,
+        "height": CENTRE_SETTING,
     },
     "ball-stack": {
-        "gap": GAP, "restitution": EPS, "n": COUNT, "stiffness": K, "height": HEIGHT,
+        "gap": GAP_SETTING,
+        "restitution": RESTITUTION_SETTING,
+        "n": COUNT_SETTING,
+        "stiffness": STIFFNESS_SETTING,
+        "height": HEIGHT_SETTING,
         "mass_ratio": Setting("massRatio", "mass of each ball relative to the one below", 0.1, 1.0),
     },
     "newtons-cradle": {
-        "gap": GAP, "restitution": EPS, "n": Setting("n", "number of balls", 2, 9, whole=True), "stiffness": K,
+        "gap": GAP_SETTING,
+        "restitution": RESTITUTION_SETTING,
+        "n": Setting("n", "number of balls", 2, 9, whole=True),
+        "stiffness": STIFFNESS_SETTING,
         "moving": Setting("moving", "number of balls that arrive", 1, 8, whole=True),
         "speed": Setting("speed", "speed in m/s with which they arrive", 0.1, 3.0),
     },
-    "bouncing-ball": {**of_ball(1, "", "the ball"), "height": HEIGHT},
+    "bouncing-ball": {**of_ball(1, "", "the ball"), "height": HEIGHT_SETTING},
 }
 """Settings of each scene, with the limits of ``physics/setups.mjs`` (tested)."""
-SCENES = tuple(SETTINGS)
+PAGE_SCENES = tuple(SCENE_SETTINGS)
 """Scenes with which the page can open, and its story."""
-ANYWHERE = {
+COMMON_SETTINGS = {
     "language": Language("lang", "language of the page; else the browser's", words=LANGUAGES),
     "at": Setting("at", "share of the time that has passed", 0.0, 1.0),
 }
-IN_A_SCENE = {"predict": Truth("predict", "ask for a prediction first")}
+LABORATORY_SETTINGS = {"predict": Truth("predict", "ask for a prediction first")}
 
 
 def settings(scene: str) -> dict[str, Setting]:
-    """Return the settings of one of `SCENES`."""
-    own = SETTINGS[check.choice("scene", scene, SCENES)]
-    return own | ANYWHERE | ({} if scene == "story" else IN_A_SCENE)
+    """Return the settings of one of `PAGE_SCENES`."""
+    own = SCENE_SETTINGS[check.choice("scene", scene, PAGE_SCENES)]
+    return own | COMMON_SETTINGS | ({} if scene == "story" else LABORATORY_SETTINGS)
 
 
 def link(scene: str, values: Mapping[str, Any]) -> str:
@@ -171,21 +184,21 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
         begin |= known[name].written(name, values[name])
     if "moving" in values:
         fix = "At least one ball has to be at rest."
-        check.whole("moving", values["moving"], at_least=1, at_most=begin.get("n", ARRIVING) - 1, fix=fix)
+        check.whole("moving", values["moving"], at_least=1, at_most=begin.get("n", DEFAULT_CRADLE_BALLS) - 1, fix=fix)
     return urlencode(begin)
 
 
 def options() -> list[Option]:
     """Return all settings as options of the command line, with their scenes."""
     everywhere: dict[str, Setting] = {}
-    for scene in SCENES:
+    for scene in PAGE_SCENES:
         everywhere = settings(scene) | everywhere
     return [Option(name, _kind(setting), None, _about(name, setting)) for name, setting in everywhere.items()]
 
 
 def _about(name: str, setting: Setting) -> str:
-    having = [scene for scene in SCENES if name in settings(scene)]
-    where = "" if len(having) >= len(SCENES) - 1 else f" ({', '.join(having)})"
+    having = [scene for scene in PAGE_SCENES if name in settings(scene)]
+    where = "" if len(having) >= len(PAGE_SCENES) - 1 else f" ({', '.join(having)})"
     return ("{" + ", ".join(setting.words) + "}: " if len(setting.words) in range(2, 7) else "") + setting.about + where
 
 

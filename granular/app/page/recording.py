@@ -21,25 +21,25 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.reports import named_pairs, pairs_by_law, shortened
-from granular.comparison.measures import ACCOUNT, balance, impact_speed
+from granular.comparison.measures import BALANCE_LABELS, balance, impact_speed
 from granular.laws.kinds import resolved
 from granular.md.binary import at_speed_or_nan
 from granular.run.trajectory import Trajectory, points
 from granular.scene import Scene
 
-NUMBERS = 200_000
+MAX_POSITIONS = 200_000
 """Maximum number of positions: samples times bodies."""
-ROWS, BODIES, CONTACTS = 2000, 1024, 20_000
+MAX_SAMPLES, MAX_BODIES, MAX_CONTACTS = 2000, 1024, 20_000
 """Maximum numbers of samples, bodies and single contacts."""
-MAP = (600, 250)
+MAP_SIZE = (600, 250)
 """Maximum numbers of columns (time) and rows (pairs or balls) of the maps."""
-EVEN, EACH = 200, 8
+RUN_POINTS, FLIGHT_POINTS = 200, 8
 """Number of points on curved paths, for the whole run and between contacts."""
-CLOSE = 1e-6
+SAMPLE_TOLERANCE = 1e-6
 """Tolerance for the reproduction of a sample, relative to the paths."""
-MANY = 6
+MAX_LISTED_VALUES = 6
 """Number of values or laws up to which each one is listed."""
-WALLS = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
+WALL_NAMES = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
 
 
 def recorded(run: Trajectory, name: str) -> dict[str, Any]:
@@ -52,9 +52,9 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
     name : str
         Name of the run.
     """
-    bodies = evenly(run.scene.n, BODIES)
-    most = min(ROWS, max(2, NUMBERS // len(bodies)))
-    kept = evenly(len(run.contacts), CONTACTS)
+    bodies = evenly(run.scene.n, MAX_BODIES)
+    most = min(MAX_SAMPLES, max(2, MAX_POSITIONS // len(bodies)))
+    kept = evenly(len(run.contacts), MAX_CONTACTS)
     played = filled(run, most)
     thin = part(played, evenly(len(played.time), most))
     return {
@@ -114,7 +114,7 @@ def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajecto
 def _account(run: Trajectory) -> list[list[str | float]]:
     """Return the parts of the energy balance in J, except those that are 0."""
     parts = balance(run)
-    return [[ACCOUNT[name], parts[name]] for name in ("floor", "ceiling", "heat", "dissipated", "remainder")
+    return [[BALANCE_LABELS[name], parts[name]] for name in ("floor", "ceiling", "heat", "dissipated", "remainder")
             if run.scene.fed and parts[name] and math.isfinite(parts[name])]
 
 
@@ -141,7 +141,7 @@ def contact_map(run: Trajectory) -> dict[str, Any]:
     All contacts are counted.
     """
     start, span = float(run.time[0]), float(run.time[-1] - run.time[0]) or 1.0
-    columns, lanes = MAP[0], min(MAP[1], run.scene.n_pairs)
+    columns, lanes = MAP_SIZE[0], min(MAP_SIZE[1], run.scene.n_pairs)
     log, end = run.contacts, np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
     lane = log["pair"].astype(np.int64) * lanes // run.scene.n_pairs
     first, last = (np.clip(((t - start) / span * columns).astype(np.int64), 0, columns - 1)
@@ -159,8 +159,8 @@ def velocity_map(run: Trajectory) -> dict[str, Any]:
     Balls that share a row of the map are represented by the fastest one, so that narrow waves are not lost. Samples are
     thinned out evenly.
     """
-    rows, balls = evenly(len(run.time), MAP[0]), np.flatnonzero(~run.scene.is_wall)
-    lanes = np.arange(min(len(balls), MAP[1]))
+    rows, balls = evenly(len(run.time), MAP_SIZE[0]), np.flatnonzero(~run.scene.is_wall)
+    lanes = np.arange(min(len(balls), MAP_SIZE[1]))
     velocity = run.velocity[rows][:, balls]
     first = lanes * len(balls) // len(lanes)
     up, down = (extreme.reduceat(velocity, first, axis=1) for extreme in (np.maximum, np.minimum))
@@ -201,8 +201,8 @@ def _instants(run: Trajectory) -> Iterator[Array]:
     corners = np.union1d(run.time, np.append(run.contacts["t_begin"], run.stats.get("collapse_time", run.time[-1])))
     scene = run.scene
     if scene.gravity or scene.pendulum or scene.external_force is not None:
-        between = corners[:-1, None] + np.diff(corners)[:, None] * np.arange(EACH) / EACH
-        even = np.linspace(corners[0], corners[-1], EVEN + 1)
+        between = corners[:-1, None] + np.diff(corners)[:, None] * np.arange(FLIGHT_POINTS) / FLIGHT_POINTS
+        even = np.linspace(corners[0], corners[-1], RUN_POINTS + 1)
         yield np.union1d(np.union1d(corners, between), even)
         yield np.union1d(corners, even)
     yield corners
@@ -214,7 +214,7 @@ def _rows(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Arra
     Ends early if a sample is not reproduced.
     """
     log, scene, met = run.contacts, run.scene, 0
-    near = CLOSE * float(np.ptp(run.position, axis=0).max(initial=0.0))
+    near = SAMPLE_TOLERANCE * float(np.ptp(run.position, axis=0).max(initial=0.0))
     at = dict(zip(run.time.tolist(), range(len(run.time)), strict=True))
     now, x, v, gap = instants[0], run.position[0], run.velocity[0], run.gap[0]
     rest = run.stats.get("collapse_time", math.inf)
@@ -275,7 +275,7 @@ def scene_in_words(of: Scene) -> str:
     """
     said = shortened(str(of)[len("Scene(") : -1])
     if of.gravity == 0.0:
-        for named, words in WALLS.items():
+        for named, words in WALL_NAMES.items():
             said = said.replace(named, words)
     return said
 
@@ -285,7 +285,7 @@ def _values(values: Array) -> str:
     low, high = float(values.min()), float(values.max())
     if high - low <= 1e-9 * abs(high):
         return f"{low:.5g}"
-    if len(values) <= MANY:
+    if len(values) <= MAX_LISTED_VALUES:
         return ", ".join(f"{value:.5g}" for value in values)
     return f"{low:.5g} … {high:.5g}"
 
@@ -300,7 +300,7 @@ def _laws(run: Trajectory) -> str:
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
     n = run.scene.n_pairs
     shown = [f"{named_pairs(pairs, n)}: " * (len(pairs) < n) + shortened(law) + _eps(eps[pairs])
-             for law, pairs in list(of_law.items())[:MANY]]
+             for law, pairs in list(of_law.items())[:MAX_LISTED_VALUES]]
     more = len(of_law) - len(shown)
     return "; ".join(shown) + f"; {more} more" * (more > 0)
 
@@ -315,6 +315,6 @@ def _restitutions(run: Trajectory) -> Array:
     nan if it does not end, or if there are too many kinds of pairs.
     """
     laws, speed = resolved(run.law or (), run.scene), impact_speed(run)
-    if len(laws.in_pairs[1]) > MANY or not speed > 0.0:
+    if len(laws.in_pairs[1]) > MAX_LISTED_VALUES or not speed > 0.0:
         return np.full(run.scene.n_pairs, math.nan)
     return np.asarray(laws.column(lambda law: at_speed_or_nan(law, speed)))

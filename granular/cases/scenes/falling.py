@@ -230,7 +230,7 @@ def radius_of(mass: Array, density: float) -> Array:
 
 def count_of(n: int, at_least: int = 1) -> int:
     """Return the checked number of balls."""
-    return check.whole("n", n, at_least=at_least, at_most=check.MOST)
+    return check.whole("n", n, at_least=at_least, at_most=check.MAX_REQUESTED_COUNT)
 
 
 @np.errstate(over="ignore")

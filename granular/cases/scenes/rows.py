@@ -167,7 +167,7 @@ def compressed_chain(
     force_on = np.zeros(count)
     force_on[0] += load * (ends == "forces")
     force_on[-1] -= load * (ends != "walls")
-    front, back = [WALL] * (ends != "forces"), [WALL] * (ends == "walls")
+    front, back = [WALL_BODY] * (ends != "forces"), [WALL_BODY] * (ends == "walls")
     if striker is not None:
         if front:
             raise ValueError(f"`striker` must be None if the chain ends at walls, got {striker!r}. Use ends='forces'.")
@@ -180,7 +180,7 @@ def compressed_chain(
     return scene if law is None else _pressed(scene, law, load, first=int(striker is not None))
 
 
-WALL = math.inf, 0.0, 0.0, 0.0
+WALL_BODY = math.inf, 0.0, 0.0, 0.0
 """Mass, radius, velocity, and force of a wall."""
 
 

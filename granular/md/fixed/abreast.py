@@ -14,7 +14,7 @@ from granular._engine.kernels import compiled
 from granular._engine.reports import cores
 from granular.md.fixed import march
 
-FEWEST = 20_000
+MIN_PAIRS_PER_PART = 20_000
 """Smallest number of pairs per part.
 
 Stepping them takes ten times as long as synchronizing."""
@@ -27,7 +27,7 @@ The other four fields are fields of the first work space."""
 
 def parts(pairs: int) -> int:
     """Return the number of parts in which a chain is stepped."""
-    return max(1, min(cores(), pairs // FEWEST))
+    return max(1, min(cores(), pairs // MIN_PAIRS_PER_PART))
 
 
 def crew(whole: Any, works: list[Any], code: Any) -> Crew:
@@ -61,5 +61,5 @@ def deepest(xi: Any) -> int:
     return int(compiled(march.deepest)(xi))
 
 
-MARCH = {"take_steps": take_steps, "log_contacts": log_contacts, "deepest": deepest}
+MARCH_REPLACEMENTS = {"take_steps": take_steps, "log_contacts": log_contacts, "deepest": deepest}
 """Functions that replace the kernels of the same name in `march.march`."""

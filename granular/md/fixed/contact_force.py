@@ -21,12 +21,12 @@ import numpy as np
 
 from granular._engine.kernels import HEATED, RING, kernel, load_numba
 from granular.laws.kinds import SceneLaws
-from granular.md.fixed.window import DAMPED
+from granular.md.fixed.window import HAS_DAMPING
 from granular.scene import Pairs
 
-WIDTH = 12
-LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,)), ("failed", np.float64, (3,))])
-PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
+MAX_LAW_FIELDS = 12
+LAW_RECORD = np.dtype([("kind", np.int64), ("field", np.float64, (MAX_LAW_FIELDS,)), ("failed", np.float64, (3,))])
+PAIR_RECORD = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
 
 Called = namedtuple("Called", "function law pair")
 """A compiled force with the records of laws and pairs that it takes.
@@ -38,7 +38,7 @@ If a law raised an exception, its record contains the first ξ, ξ̇ and ξ_max 
 def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
     """Return k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇)."""
     x = xi if xi > 0.0 else 0.0
-    f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot if DAMPED else a.k[j + 1] * x
+    f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot if HAS_DAMPING else a.k[j + 1] * x
     if physics.root:
         f = math.sqrt(x) * f
     return f if xi > 0.0 else 0.0
@@ -99,18 +99,18 @@ def records(laws: SceneLaws, pairs: Pairs) -> Called:
     Raises
     ------
     NotCompilableError
-        With the compiler's reason, or if a law is not a dataclass of at most `WIDTH` numbers.
+        With the compiler's reason, or if a law is not a dataclass of at most `MAX_LAW_FIELDS` numbers.
     """
     kinds = tuple(dict.fromkeys((type(one.law), one.memory) for one in laws.each))
-    law, pair = np.zeros(len(laws.each), LAW), np.zeros(len(pairs), PAIR)
+    law, pair = np.zeros(len(laws.each), LAW_RECORD), np.zeros(len(pairs), PAIR_RECORD)
     for record, one in zip(law, laws.each, strict=True):
         name = type(one.law).__name__
         try:
             values = [float(getattr(one.law, f.name)) for f in fields(one.law)]
         except (TypeError, ValueError) as error:
             raise NotCompilableError(f"{name} is not a dataclass of numbers ({error})") from None
-        if len(values) > WIDTH:
-            raise NotCompilableError(f"{name} has {len(values)} fields, more than {WIDTH}")
+        if len(values) > MAX_LAW_FIELDS:
+            raise NotCompilableError(f"{name} has {len(values)} fields, more than {MAX_LAW_FIELDS}")
         record["kind"] = kinds.index((type(one.law), one.memory))
         record["field"][: len(values)] = values
     pair["m_eff"], pair["r_eff"], pair["index"] = pairs.m_eff, pairs.r_eff, np.arange(len(pairs))
@@ -124,7 +124,7 @@ def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
     The compiled function has the same type for all laws.
     """
     numba = load_numba()
-    real, law, pair = numba.types.float64, numba.from_dtype(LAW), numba.from_dtype(PAIR)
+    real, law, pair = numba.types.float64, numba.from_dtype(LAW_RECORD), numba.from_dtype(PAIR_RECORD)
     signature = real(law, real, real, real, pair)
     try:
         force = numba.njit(signature)(_or_inf(_one_of(kinds)))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.fixed.contact_force import asked as force
-from granular.md.fixed.window import DAMPED, END, HALF, LAST, LOGGED, MIDDLE, START, WHOLE, close, steer
+from granular.md.fixed.window import END, HALF, HAS_DAMPING, KEEPS_LOG, LAST, MIDDLE, START, WHOLE, close, steer
 
 CHANGED, CLOSED = 1, 2
 
@@ -35,7 +35,7 @@ def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
 def noted(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
     """Update the largest overlap of pair `j`, for a log also peaks, and return flags."""
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
-    if LOGGED:
+    if KEEPS_LOG:
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
         a.force_max[j + 1] = raw if raw > a.force_max[j + 1] else a.force_max[j + 1]
     opened, closed = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
@@ -63,7 +63,7 @@ def share(j: int, half: float, a: Any) -> None:
     # trapezoidal rule
     pushed, impulse = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2], half * (before + after)
     a.shared[j + 1] += impulse if pushed > 0.0 else 0.0
-    if LOGGED:
+    if KEEPS_LOG:
         a.impulse[j + 1] += impulse
 
 
@@ -76,7 +76,7 @@ def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
     was_xi, was = a.xi[j + 1], a.raw[j + 1]
     xi = was_xi + physics.dt * (a.half[j + 1] - a.half[j + 2])
     raw = force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
-    if LOGGED or WORKED:
+    if KEEPS_LOG or WORKED:
         a.was_xi[j + 1] = was_xi
     a.was_raw[j + 1], a.xi[j + 1], a.raw[j + 1] = was, xi, raw
     return noted(j, was_xi, xi, was, raw, a)
@@ -93,7 +93,7 @@ def half_way(dt: float, m: int, a: Any) -> None:
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.half[i + 1] = a.v[i + 1] + 0.5 * dt * acc
-        if DAMPED:
+        if HAS_DAMPING:
             a.guess[i + 1] = a.v[i + 1] + dt * acc
 
 
@@ -105,7 +105,7 @@ def kick(i: int, dt: float, a: Any) -> None:
     acc, half = ball_acceleration(i, a.raw[i], a.raw[i + 1], a), 0.5 * dt
     v = a.half[i + 1] + half * acc
     a.v[i + 1], a.half[i + 1] = v, v + half * acc
-    if DAMPED:
+    if HAS_DAMPING:
         a.guess[i + 1] = v + dt * acc
 
 
@@ -122,7 +122,7 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         flags |= move_pair(physics, lo, j, a)
     close(physics, m, a)
-    if WORKED or (LOGGED and flags & CHANGED):
+    if WORKED or (KEEPS_LOG and flags & CHANGED):
         for i in range(m + 1):
             a.was_v[i + 1] = a.v[i + 1]
     for j in range(m):
@@ -143,7 +143,7 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     flags, dt = 0, physics.dt
     for i in range(m + 1):
         v = a.v[i + 1] + dt * ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
-        if LOGGED or WORKED:
+        if KEEPS_LOG or WORKED:
             a.was_v[i + 1] = a.v[i + 1]
         a.v[i + 1] = a.half[i + 1] = a.guess[i + 1] = v
     if DRIVEN:

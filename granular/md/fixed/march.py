@@ -18,16 +18,16 @@ from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
 from granular.md.fixed.notes import log_contacts, may_log_alone
-from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
+from granular.md.fixed.walls import CROWD, HALT, HIT, MAX_HITS_PER_STEP, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 """Why `march` returned.
 
 Steps used up, every pair open, log buffer full, stop condition met, too many hits in a step."""
-REACH = 96
+EVALUATIONS_PER_WINDOW = 96
 """Evaluations of the forces per window before the next window is stepped."""
-EVALUATIONS = 1
+EVALUATIONS_PER_STEP = 1
 """Evaluations of the forces per step."""
 NO_PAIR = -1
 """Pair number that stands for no pair."""
@@ -55,7 +55,7 @@ def take_steps(
         Number of steps taken, 0 if the windows cannot take them independently, and the flags of the last step.
     """
     # + 2: forces act on both balls of a pair, and `beside` reads the next pair
-    pairs, margin, taken, flags, a = len(here[XI]) - 2, reach * EVALUATIONS + 2, reach, 0, work.window
+    pairs, margin, taken, flags, a = len(here[XI]) - 2, reach * EVALUATIONS_PER_STEP + 2, reach, 0, work.window
     for first in range(work.low, min(work.high, pairs), physics.block):
         stop = min(first + physics.block, pairs)
         lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
@@ -65,7 +65,7 @@ def take_steps(
         load(lo, m, physics, here, work)
         begin(physics.dt, m, a)
         while done < taken:
-            right = m if hi == pairs else m - done * EVALUATIONS  # pairs beyond are invalid by now
+            right = m if hi == pairs else m - done * EVALUATIONS_PER_STEP  # pairs beyond are invalid by now
             if DRIVEN and (lo == 0 or hi == pairs):
                 ahead(physics, k + done)
             if HEATED and (lo == 0 or hi == pairs):
@@ -100,7 +100,7 @@ def take_steps(
 @kernel
 def most_rows(pairs: int) -> int:
     """Return the largest number of log rows that a step can add."""
-    return pairs + 2 * MOST if HEATED else pairs
+    return pairs + 2 * MAX_HITS_PER_STEP if HEATED else pairs
 
 
 @kernel
@@ -136,7 +136,9 @@ def march(
         if ended[0] > room or (physics.logged and ended[0] + most_rows(pairs) > len(work.log)):
             return FULL, k, turned
         # a single window has no margins, so it can take more steps per call
-        reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
+        reach = min(
+            4 * EVALUATIONS_PER_WINDOW if alone else EVALUATIONS_PER_WINDOW // EVALUATIONS_PER_STEP, start + steps - k
+        )
         # one overlapping pair is enough to prove that the scene is not open
         deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
         before, taken, flags, walking = ended[0], 0, 0, single_steps > 0

@@ -16,10 +16,11 @@ import numpy as np
 
 from granular._engine.kernels import RING, kernel
 from granular.md.fixed.window import COUNT, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
-from granular.run.contact_log import COLUMNS
+from granular.run.contact_log import SOFT_FIELDS
 
 STEP_ROW = np.dtype(
-    [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True
+    [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *SOFT_FIELDS],
+    align=True,
 )
 """Row of the log: a contact with onset and end as step numbers and fractions."""
 

@@ -20,11 +20,11 @@ from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
 from granular.md.fixed.stepper import Stepper
-from granular.md.fixed.walls import MOST
-from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V, copied
-from granular.md.time_step import WARN, expected_rate, sharpest_rate
+from granular.md.fixed.walls import MAX_HITS_PER_STEP
+from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROW_NAMES, SHARED, XI, V, copied
+from granular.md.time_step import DOUBTFUL_DT_LAMBDA, expected_rate, sharpest_rate
 from granular.run import until as stop
-from granular.run.contact_log import COLUMNS, CONTACT_ROW, Rows
+from granular.run.contact_log import CONTACT_ROW, SOFT_FIELDS, Rows
 from granular.run.drive import End, Pause, Request, Row, portion
 from granular.run.levels import first_met, shown
 from granular.run.trajectory import Status
@@ -32,13 +32,13 @@ from granular.run.until import raised
 from granular.scene import Scene, positions
 from granular.scene.places import Closing
 
-CHUNK = 1 << 15
+FIRST_CHUNK_PAIR_STEPS = 1 << 15
 """Number of pair steps before the clock is checked for the first time.
 
 The checks serve progress reports and the switch to compiled code."""
-LOADING, MAKING = 0.4, 3.0
+LOADING_SECONDS, COMPILING_SECONDS = 0.4, 3.0
 """Time in s to load cached machine code, and to compile it."""
-MOST_STEPS = 1 << 53
+MAX_STEP_NUMBER = 1 << 53
 """Largest step number. The next one has no exact float."""
 
 
@@ -63,9 +63,10 @@ class Run:
         self.crowded = False  # a ball would hit a thermal wall too often in one step
         self.take_off: tuple[int, Any] | None = None  # step and state at the start of the flight that ends here
         self.note = self.doubt = ""
-        self.chunk = max(1, CHUNK // scene.n_pairs)
+        self.chunk = max(1, FIRST_CHUNK_PAIR_STEPS // scene.n_pairs)
         if engine == "auto":
-            self.toll = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING, MAKING)  # march, or take_steps
+            # march, or take_steps
+            self.toll = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING_SECONDS, COMPILING_SECONDS)
         if scene.driven:
             self.closing = Closing(scene, self.start, flattened=True)
 
@@ -148,7 +149,7 @@ class Run:
                     self.met = self._meets()
                 if self.k >= limit or self.met < math.inf:
                     return Pause.full
-        if self.k > MOST_STEPS:
+        if self.k > MAX_STEP_NUMBER:
             raise self._beyond(self.k)
         if self.engine == "auto":
             self._compile_if_worth_it()
@@ -175,7 +176,7 @@ class Run:
         The flight that ends at the current step is searched, or else the step itself.
         """
         level, first = self.request.until, self.k if self.take_off is None else self.take_off[0]
-        if not isinstance(level, stop.LEVELS):
+        if not isinstance(level, stop.LEVEL_TYPES):
             return math.inf
         return first_met(partial(shown, self, level), level, self.scene, self.start + first * self.dt, self.time())
 
@@ -238,7 +239,7 @@ class Run:
         return False
 
     def _compile_if_worth_it(self) -> None:
-        if not self.toll.due() and (have_numba() or self.toll.lap() < LOADING):
+        if not self.toll.due() and (have_numba() or self.toll.lap() < LOADING_SECONDS):
             return
         self.engine = "plain"
         try:
@@ -260,7 +261,7 @@ class Run:
     def _settled(self, raw: Rows) -> Rows:
         """Convert step numbers and fractions to times."""
         rows = np.zeros(len(raw), CONTACT_ROW)
-        for name in ("pair", *(name for name, _ in COLUMNS)):
+        for name in ("pair", *(name for name, _ in SOFT_FIELDS)):
             rows[name] = raw[name]
         for name, side in (("t_begin", "in"), ("t_end", "out")):
             rows[name] = self.start + (raw[f"step_{side}"] + raw[f"part_{side}"]) * self.dt
@@ -276,7 +277,7 @@ class Run:
         raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
         found = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
         for name in (*found, "xi_max", "force_max", "impulse"):
-            raw[name] = self.stepper.pairs(ROWS.index(found.get(name, name)))[going]
+            raw[name] = self.stepper.pairs(ROW_NAMES.index(found.get(name, name)))[going]
         rows = self._settled(raw)
         rows["t_end"], rows["duration"] = math.nan, end - rows["t_begin"]
         return rows
@@ -327,19 +328,29 @@ class Run:
         gain = self._energy_gain() if self.steps else 0.0
         limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
         if self.crowded:
-            return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "
-                            "step: take a shorter one."), trust
+            return (
+                status,
+                (
+                    f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MAX_HITS_PER_STEP} times "
+                    "in a step: take a shorter one."
+                ),
+                trust,
+            )
         # an energy gain of 50 % cannot be truncation error of a stable step
         if trust > (most := self.integrator.limit) or status is Status.unstable or gain > 0.5:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
             grown = f" and the energy grew {fold}" * (gain > 0.5)
             known = 0.0 < trust < math.inf  # otherwise the force jumps or is constant at its last overlap
-            shorter = f"take dt ≤ {WARN * dt / trust:.2g} s" if trust > WARN else "a law's force jumps, or is no number"
+            shorter = (
+                f"take dt ≤ {DOUBTFUL_DT_LAMBDA * dt / trust:.2g} s"
+                if trust > DOUBTFUL_DT_LAMBDA
+                else "a law's force jumps, or is no number"
+            )
             return Status.unstable, (
                 f"{limit}, the limit is {most:g}{grown}: {shorter}." if known else
                 f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."), trust
-        if trust > WARN:
-            self.doubt = f"{limit}; above {WARN} expect visible errors."
+        if trust > DOUBTFUL_DT_LAMBDA:
+            self.doubt = f"{limit}; above {DOUBTFUL_DT_LAMBDA} expect visible errors."
         if status is Status.max_events:
             option = "max_steps" if self.steps >= self.request.max_steps else "max_events"
             work = f"{self.contacts} contacts, {self.steps} steps"

@@ -20,11 +20,21 @@ from granular.laws.kinds import SceneLaws
 from granular.md.fixed import abreast, contact_force, march, window
 from granular.md.fixed.integrators import Integrator
 from granular.md.fixed.notes import STEP_ROW, log_contacts
-from granular.md.fixed.walls import HALT, HEATER, MOST, clock, flown, heaters, next_touch, packed_walls, walls_of
-from granular.md.fixed.window import ROWS, WINDOW, XI, Physics, V, Work
+from granular.md.fixed.walls import (
+    HALT,
+    HEATER_RECORD,
+    MAX_HITS_PER_STEP,
+    clock,
+    flown,
+    heaters,
+    next_touch,
+    packed_walls,
+    walls_of,
+)
+from granular.md.fixed.window import ROW_NAMES, WINDOW_RECORD, XI, Physics, V, Work
 from granular.scene import Scene
 
-SWUNG = 1e-11
+FREE_SWING_CHANGE = 1e-11
 """Relative velocity change up to which pendula count as swinging freely.
 
 Gear's derivatives lag slightly behind a free swing."""
@@ -35,8 +45,15 @@ Code = namedtuple("Code", "march take_steps log_contacts glide time_to_touch swi
 @cache
 def kernels(how: Integrator, force: Any, logged: bool, damped: bool, flags: tuple[tuple[str, bool], ...]) -> Code:
     """Return the kernels of an integrator and a force, specialised for scene flags."""
-    fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force,
-                           "LOGGED": logged, "DAMPED": damped, **dict(flags)}
+    fit: dict[str, Any] = {
+        "step": how.step,
+        "begin": how.begin,
+        "EVALUATIONS_PER_STEP": how.evaluations,
+        "force": force,
+        "KEEPS_LOG": logged,
+        "HAS_DAMPING": damped,
+        **dict(flags),
+    }
     return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), fitted(log_contacts, **dict(flags)),
                 window.glide, window.time_to_touch, window.swing, window.time_to_touch_hung)
 
@@ -82,11 +99,20 @@ class Stepper:
         asked = laws if at_once or form is not None else list(laws)
         self.physics = Physics(asked, held(given), form is not None and form[2], dt, logged, memory, p, self.walls or 0,
                                p * scene.ring, self.heaters or 0)
-        rows = [[0.0] * (2 if at_once else p + 2) for _ in ROWS]
-        # a step adds at most one row per pair and `MOST` per thermal wall, so the log never overflows within one step
-        room, row = max(64, 4 * p) + 4 * MOST * scene.heated if logged else 0, twin(STEP_ROW)
+        rows = [[0.0] * (2 if at_once else p + 2) for _ in ROW_NAMES]
+        # a step adds at most one row per pair and `MAX_HITS_PER_STEP` per thermal wall: the log has room for it
+
+        room, row = max(64, 4 * p) + 4 * MAX_HITS_PER_STEP * scene.heated if logged else 0, twin(STEP_ROW)
         log: Any = np.zeros(room, STEP_ROW) if at_once else list(map(object.__new__, repeat(row, room)))
-        self.work = Work(twin(WINDOW)(*rows), rows, rows[window.WAS :], rows[window.GIVEN :], [0], log, *until)
+        self.work = Work(
+            twin(WINDOW_RECORD)(*rows),
+            rows,
+            rows[window.FIRST_WAS_ROW :],
+            rows[window.FIRST_GIVEN_ROW :],
+            [0],
+            log,
+            *until,
+        )
         self.code = self._kernels(self.force)
         self._push()
         if at_once:
@@ -169,7 +195,7 @@ class Stepper:
         laws = 0 if self.force is not contact_force.asked else contact_force.records(self.laws, self.scene.pairs)
         self.code = Code(*map(compiled, self.fit))  # can fail, so it precedes all changes of the state
         walls = 0 if self.walls is None else packed_walls(self.walls)
-        heat = packed(self.heaters, HEATER) if self.heaters else 0
+        heat = packed(self.heaters, HEATER_RECORD) if self.heaters else 0
         self.physics = self.physics._replace(laws=laws, given=np.array(self.physics.given), block=self._block(),
                                              walls=walls, heat=heat)
         self.rest = None if self.rest is None else np.array(self.rest)
@@ -183,10 +209,17 @@ class Stepper:
 
     def _packed(self, work: Work, log: Any, **more: int) -> Work:
         """Return the work space of compiled code, with its own window."""
-        record = np.zeros(1, WINDOW)
-        rows = record.view(float).reshape(len(ROWS), window.LENGTH)
-        return work._replace(window=one(record), rows=rows, was=rows[window.WAS :], given=rows[window.GIVEN :],
-                             ended=np.array(work.ended), log=log, **more)
+        record = np.zeros(1, WINDOW_RECORD)
+        rows = record.view(float).reshape(len(ROW_NAMES), window.WINDOW_LENGTH)
+        return work._replace(
+            window=one(record),
+            rows=rows,
+            was=rows[window.FIRST_WAS_ROW :],
+            given=rows[window.FIRST_GIVEN_ROW :],
+            ended=np.array(work.ended),
+            log=log,
+            **more,
+        )
 
     def _spread(self, parts: int) -> None:
         """Split the chain into `parts` groups of windows, each stepped by its own thread."""
@@ -195,13 +228,13 @@ class Stepper:
         works = [self._packed(self.work, np.zeros(pairs // parts * self.physics.logged, STEP_ROW), low=low, high=high)
                  for low, high in pairwise(ends)]
         self.crew = abreast.crew(self.work, works, self.code)
-        self.code = self.code._replace(march=fitted(self.fit.march, **abreast.MARCH))
+        self.code = self.code._replace(march=fitted(self.fit.march, **abreast.MARCH_REPLACEMENTS))
 
     def _block(self) -> int:
         """Return the number of pairs that a window represents, without its margins."""
-        pairs, most = self.scene.n_pairs, window.LENGTH - 2
+        pairs, most = self.scene.n_pairs, window.WINDOW_LENGTH - 2
         # windows of nearly equal size whose two margins of REACH + 2 pairs fit beside them
-        return pairs if pairs <= most else -(-pairs // -(-pairs // (most - 2 * (march.REACH + 2))))
+        return pairs if pairs <= most else -(-pairs // -(-pairs // (most - 2 * (march.EVALUATIONS_PER_WINDOW + 2))))
 
     def pairs(self, row: int) -> Array:
         """Return one number of every pair."""
@@ -303,7 +336,7 @@ class Stepper:
             return True
         dt, n = self.physics.dt, self.scene.n
         # 1e-17 of the largest velocity is below its rounding error
-        still = (1e-17 if self.rest is None else SWUNG) * np.abs(self.balls()).max()
+        still = (1e-17 if self.rest is None else FREE_SWING_CHANGE) * np.abs(self.balls()).max()
         kept = dt * np.abs(self.balls(window.ACC) - self._fall()[:n]) <= still
         jerk = self.balls(window.JERK) + self.scene.pendulum**2 * self.balls()
         return bool(kept.all() and (dt * dt * np.abs(jerk) <= still).all())

@@ -30,7 +30,7 @@ from granular.scene import Scene
 from granular.scene.places import driven_walls
 from granular.scene.walls.gap import after
 from granular.scene.walls.hits import first_hit
-from granular.scene.walls.path import PANEL, WALL, moved, product, total
+from granular.scene.walls.path import PANEL_DTYPE, WALL_DTYPE, moved, product, total
 from granular.scene.walls.thermal import drawn
 
 Walls = namedtuple("Walls", "paths panels bodies last time tail drive")
@@ -41,10 +41,13 @@ are counted, in two floats. Velocities of both ends in the step, (2, 6)."""
 HIT, HALT, CROWD = 4, 8, 16
 """Flags of a step with thermal walls.
 
-A ball has left a thermal wall. The hit to stop at would occur. There are more than `MOST` hits in the step."""
-MOST = 64
+A ball has left a thermal wall. The hit to stop at would occur. There are more than `MAX_HITS_PER_STEP` hits in the
+step."""
+MAX_HITS_PER_STEP = 64
 """Largest number of hits per step."""
-HEATER = np.dtype([("pair", int), ("side", int), ("temperature", float), ("seed", int), ("mass", float)], align=True)
+HEATER_RECORD = np.dtype(
+    [("pair", int), ("side", int), ("temperature", float), ("seed", int), ("mass", float)], align=True
+)
 """A thermal wall.
 
 Its pair, side (0: floor, 1: ceiling), k_B T in J, seed, and mass in kg of its ball."""
@@ -64,7 +67,7 @@ def walls_of(scene: Scene, start: float) -> Walls:
 
 def packed_walls(walls: Walls) -> Walls:
     """Return the walls for compiled code."""
-    return walls._replace(paths=packed(walls.paths, WALL), panels=packed(walls.panels, PANEL),
+    return walls._replace(paths=packed(walls.paths, WALL_DTYPE), panels=packed(walls.panels, PANEL_DTYPE),
                           bodies=np.array(walls.bodies, np.int64), drive=np.array(walls.drive))
 
 
@@ -180,7 +183,7 @@ def heaters(scene: Scene) -> list[Any]:
     """Return the thermal walls of a scene as plain objects."""
     rows = [(side * (scene.n_pairs - 1), side, heat.temperature, heat.seed, scene.mass[-2 if side else 1])
             for side, heat in enumerate(scene.heat) if heat is not None]
-    return plain(np.array(rows, HEATER))
+    return plain(np.array(rows, HEATER_RECORD))
 
 
 @kernel
@@ -207,7 +210,7 @@ def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any
         if wall.pair == work.pair and a.count[wall.pair - lo + 1] + 1.0 == work.nth:
             a.part[wall.pair - lo + 1] = at / physics.dt
             return flags | HALT
-        if hits == MOST:
+        if hits == MAX_HITS_PER_STEP:
             return flags | CROWD
         gap, rate, pull = _flight(wall.side, wall.pair - lo, s, a)
         was = -rate_at_contact(gap, rate, pull)

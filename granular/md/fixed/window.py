@@ -18,11 +18,11 @@ import numpy as np
 from granular._engine.flight import gap_after, hung, hung_after, time_to_contact
 from granular._engine.kernels import RING, kernel
 
-LENGTH = 2008
+WINDOW_LENGTH = 2008
 """Number of entries of a window row.
 
 All rows should fit into the second-level cache. A power of two would map all rows to the same cache lines."""
-ROWS = (
+ROW_NAMES = (
     "xi", "raw", "v", "deepest", "beside", "shared",
     "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
     "top", "acc", "jerk", "snap",
@@ -49,22 +49,22 @@ velocities within a step, a sum of Runge-Kutta, displacements at the start of it
 """Indices of the rows that a chain can have.
 
 A chain has all rows up to the last one that the run needs."""
-LOGGED: bool = False
+KEEPS_LOG: bool = False
 """Whether a log is kept, so that kernels note peaks and the state before a change.
 
 `Stepper` compiles kernels in which this constant is replaced."""
-DAMPED: bool = True
-"""Whether forces depend on velocities. It is replaced like `LOGGED`."""
-WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
-WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
+HAS_DAMPING: bool = True
+"""Whether forces depend on velocities. It is replaced like `KEEPS_LOG`."""
+FIRST_WAS_ROW, FIRST_GIVEN_ROW = ROW_NAMES.index("was_xi"), ROW_NAMES.index("k")
+WINDOW_RECORD = np.dtype([(name, float, (WINDOW_LENGTH,)) for name in ROW_NAMES])
 HALF, WHOLE, LAST, START, MIDDLE, END = range(6)
 """Velocities of a wall in a step.
 
 First its mean in the first half, then its mean in the whole step. Then the value that makes the sum of the Runge-Kutta
 rates equal to the latter. Last its velocity at the start, in the middle and at the end."""
 K, GAMMA, INVERSE_MASS, FALL, SQUARE = range(5)
-"""Indices of the given rows, which begin at `GIVEN` in a window."""
-MOST = 1 << 40
+"""Indices of the given rows, which begin at `FIRST_GIVEN_ROW` in a window."""
+MAX_ROW_LENGTH = 1 << 40
 """Larger than the number of entries of any row."""
 
 Physics = namedtuple("Physics", "laws given root dt logged memory block walls ring heat")
@@ -73,7 +73,7 @@ Physics = namedtuple("Physics", "laws given root dt logged memory block walls ri
 Laws as the kernel `force` takes them, rows of coefficients, inverse masses, free accelerations and squares of Ω, and
 whether √ξ is a factor of k ξ + γ ξ̇. Time step, whether a log is kept, whether laws have memory, number of pairs that a
 window represents. Moving walls or 0, number of pairs of a ring or 0, thermal walls or 0: see `walls`."""
-Work = namedtuple("Work", "window rows was given ended log pair nth low high", defaults=(0, MOST))
+Work = namedtuple("Work", "window rows was given ended log pair nth low high", defaults=(0, MAX_ROW_LENGTH))
 """Work space of the kernels.
 
 The window by name, as rows, as rows one step ago, and as given rows. Number of finished contacts (1,) and their log
@@ -87,7 +87,7 @@ def copy(count: int, source: Any, i: int, target: Any, j: int) -> None:
 
     The guard shows compilers that no index is negative.
     """
-    if 0 <= i < MOST and 0 <= j < MOST:
+    if 0 <= i < MAX_ROW_LENGTH and 0 <= j < MAX_ROW_LENGTH:
         for r in range(min(len(source), len(target))):
             one, other = source[r], target[r]
             for k in range(count):

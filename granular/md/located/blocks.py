@@ -23,7 +23,7 @@ from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
 from granular.md.located.ledger import LOST, add, run_off
 from granular.md.located.one_contact.inside import expose, relive
 from granular.md.located.one_contact.meet import happen_at_once
-from granular.md.located.pieces import ULP, arrive, in_contact, piece_time
+from granular.md.located.pieces import FLOAT_SPACING, arrive, in_contact, piece_time
 from granular.md.located.plan import advance_island, follow_contact, plan_all_due, series_of_piece
 from granular.md.located.records import (
     ACTIVE,
@@ -31,6 +31,7 @@ from granular.md.located.records import (
     CRAMPED,
     CREEPS,
     DONE,
+    DUE_TO_PLAN,
     EDGE,
     EXTEND,
     GOES_ON,
@@ -42,9 +43,8 @@ from granular.md.located.records import (
     REACHED,
     RESIDUAL,
     REST,
-    SPARE,
+    SPARE_PLACES,
     STOPPED,
-    TO_PLAN,
     WANTS_LOOK,
     WORK_LIMIT,
 )
@@ -151,7 +151,7 @@ def reason_to_return(s: Any, limit: float) -> int:
     if run.rows + 2 > len(s.log):
         return MORE
     # a pair in free flight may have to join an island at its event
-    if s.pairs[queue[1].key].slot < 0 and run.members + SPARE >= len(s.pool):
+    if s.pairs[queue[1].key].slot < 0 and run.members + SPARE_PLACES >= len(s.pool):
         return CRAMPED
     return DONE
 
@@ -201,7 +201,7 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
         return EXTEND
     if not (HUNG or RING) and laws is None and may_rest(run, pairs, pool, bodies, lo, limit):
         return WANTS_LOOK
-    pairs[lo].due = TO_PLAN
+    pairs[lo].due = DUE_TO_PLAN
     play(s.queue, lo, pairs[lo].due)
     return GOES_ON
 
@@ -231,7 +231,7 @@ def last_end(s: Any) -> float:
         pair = s.pairs[c]
         if pair.slot < 0 and pair.lasts > 0.0:
             # rounded up to the next float, so that no contact lasts beyond it
-            t = max(t, pair.t + ULP * abs(pair.t) if pair.tail > 0.0 else pair.t)
+            t = max(t, pair.t + FLOAT_SPACING * abs(pair.t) if pair.tail > 0.0 else pair.t)
     return t
 
 
@@ -255,13 +255,13 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
     run.t, run.tail = t, 0.0
     for c in range(count_of(pairs)):
         if in_contact(pairs[c], t, 0.0):
-            if run.members + SPARE >= len(pool):
+            if run.members + SPARE_PLACES >= len(pool):
                 return False
             relive(s, c, t, 0.0)
             follow_contact(s, laws)
             expose(s, c)
             if pool[pairs[c].slot].mode == ACTIVE:
-                play(s.queue, c, TO_PLAN)
+                play(s.queue, c, DUE_TO_PLAN)
                 plan_all_due(s, laws)
     return True
 

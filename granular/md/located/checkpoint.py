@@ -8,16 +8,32 @@ from typing import Any
 import numpy as np
 
 from granular._engine.records import column, copied, packed, raw
-from granular.md.located.records import BODY, LEDGER, MAP, MEMBER, PAIR, RUN, TABLE
+from granular.md.located.records import (
+    CONTACT_TABLE_RECORD,
+    ENERGY_ACCOUNT_RECORD,
+    MEMBER_RECORD,
+    OCTAVE_MAP_RECORD,
+    SOFT_BODY_RECORD,
+    SOFT_PAIR_RECORD,
+    SOFT_RUN_RECORD,
+)
 from granular.md.located.system import System
 from granular.run.contact_log import CONTACT_ROW
 
-KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
-        "ledger": LEDGER}
+CHECKPOINT_RECORDS = {
+    "run": SOFT_RUN_RECORD,
+    "pairs": SOFT_PAIR_RECORD,
+    "pool": MEMBER_RECORD,
+    "bodies": SOFT_BODY_RECORD,
+    "maps": OCTAVE_MAP_RECORD,
+    "tables": CONTACT_TABLE_RECORD,
+    "log": CONTACT_ROW,
+    "ledger": ENERGY_ACCOUNT_RECORD,
+}
 """Records in a checkpoint.
 
 Of tables and log only the used part is stored. The energy balance exists if walls are driven or thermal."""
-SMALL = 256
+MAX_FULL_COPY_PAIRS = 256
 """Number of pairs up to which all records are copied: a selection takes longer."""
 
 
@@ -43,8 +59,8 @@ class Checkpoint(Mapping[str, Any]):
     def _made(self) -> dict[str, Any]:
         if (s := self._s) is not None:  # another thread can create the same arrays
             used = {"tables": int(column(s.run, "tables")[0]), "log": int(column(s.run, "rows")[0])}
-            kept = {name: getattr(s, name) for name in KEPT}
-            made = {name: packed(records[: used.get(name, len(records))], KEPT[name])
+            kept = {name: getattr(s, name) for name in CHECKPOINT_RECORDS}
+            made = {name: packed(records[: used.get(name, len(records))], CHECKPOINT_RECORDS[name])
                     for name, records in kept.items() if records is not None}
             self._arrays, self._s = self._arrays | made, None
         return self._arrays
@@ -63,7 +79,7 @@ class Untouched:
         """
         slot, self.kept = column(s.pairs, "slot"), list[tuple[Any, Any, Any]]()
         rows = int(s.run[0]["rows"])
-        if not SMALL < len(s.pairs) < len(s.bodies):
+        if not MAX_FULL_COPY_PAIRS < len(s.pairs) < len(s.bodies):
             run, pairs, bodies, pool, log = map(_kept, (s.run, s.pairs, s.bodies, s.pool, s.log[:rows]))
             ledger = None if s.ledger is None else _kept(s.ledger)
             self.before = s._replace(run=run, pairs=pairs, bodies=bodies, pool=pool, log=log, ledger=ledger)

@@ -16,32 +16,36 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 
 from granular._engine.check import Array
 from granular._engine.roots import first_up_crossing
-from granular.md.located.pieces import ULP, shifted, value
-from granular.md.located.records import ACTIVE, BEGIN, END, ORDER, PART, RELOAD, TURN
+from granular.md.located.pieces import FLOAT_SPACING, shifted, value
+from granular.md.located.records import ACTIVE, BEGIN, END, PART, RELOAD, SERIES_ORDER, TURN
 from granular.md.located.step_size import amplitude
 
-POINTS = 16
-_X, WEIGHT = legendre.leggauss(POINTS)
-_BASIS = [Legendre.basis(k, domain=[0.0, 1.0]).convert(kind=Polynomial).coef for k in range(POINTS)]
-NODES = 0.5 * (_X + 1.0)
-TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * WEIGHT * (np.arange(POINTS)[:, None] + 0.5)
-TO_POWERS = np.array([np.pad(np.round(row), (0, POINTS - len(row))) for row in _BASIS])
+GAUSS_POINTS = 16
+_LEGENDRE_NODES, GAUSS_WEIGHTS = legendre.leggauss(GAUSS_POINTS)
+_LEGENDRE_BASIS = [Legendre.basis(k, domain=[0.0, 1.0]).convert(kind=Polynomial).coef for k in range(GAUSS_POINTS)]
+GAUSS_NODES = 0.5 * (_LEGENDRE_NODES + 1.0)
+TO_LEGENDRE = (
+    legendre.legvander(_LEGENDRE_NODES, GAUSS_POINTS - 1).T * GAUSS_WEIGHTS * (np.arange(GAUSS_POINTS)[:, None] + 0.5)
+)
+TO_POWERS = np.array([np.pad(np.round(row), (0, GAUSS_POINTS - len(row))) for row in _LEGENDRE_BASIS])
 """Coefficients in τ of the Legendre polynomials in 2τ - 1, one per row."""
-BETWEEN = np.concatenate([[0.0], 0.5 * (NODES[1:] + NODES[:-1]), [1.0]])
+CHECK_POINTS = np.concatenate([[0.0], 0.5 * (GAUSS_NODES[1:] + GAUSS_NODES[:-1]), [1.0]])
 """Points at which the interpolant is checked: both ends, and between the nodes."""
-TO_LOOKS = legendre.legvander(2.0 * BETWEEN - 1.0, POINTS - 1) @ TO_LEGENDRE
-"""Matrix from values at the nodes to values at the points of `BETWEEN`."""
-NEAR = np.array([1.0 - NODES[-1], *[1.0 / POINTS] * (POINTS - 1), 1.0 - NODES[-1]])
+TO_CHECK_POINTS = legendre.legvander(2.0 * CHECK_POINTS - 1.0, GAUSS_POINTS - 1) @ TO_LEGENDRE
+"""Matrix from values at the nodes to values at the points of `CHECK_POINTS`."""
+CHECK_POINT_SHARES = np.array(
+    [1.0 - GAUSS_NODES[-1], *[1.0 / GAUSS_POINTS] * (GAUSS_POINTS - 1), 1.0 - GAUSS_NODES[-1]]
+)
 """Share of the step that each of these points represents."""
 Sign = Callable[..., bool]
 """Whether the law gives a positive force at τ.
 
 With a second argument True: beyond rounding errors."""
-TRIES = 26
+SEPARATION_TRIALS = 26
 """Points at which a law is evaluated before its pair separates.
 
 The distance to the separation decreases by 4 per point: 4⁻²⁶ = 2⁻⁵²."""
-PARTS = 16
+RETURN_TRIALS = 16
 """Points at which a law is evaluated before its force returns."""
 
 
@@ -50,16 +54,16 @@ def _integrals(places: Array) -> Array:
 
     The places are in [-1, 1].
     """
-    powers = [(legendre.legint([0.0] * k + [0.5], lbnd=-1), k + 1) for k in range(POINTS)]
+    powers = [(legendre.legint([0.0] * k + [0.5], lbnd=-1), k + 1) for k in range(GAUSS_POINTS)]
     primitive = [row @ legendre.legvander(places, degree).T for row, degree in powers]
     out: Array = np.array(primitive).T @ TO_LEGENDRE
     return out
 
 
-INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * BETWEEN - 1.0)
+INTEGRATE_TO_NODES, INTEGRATE_TO_CHECK_POINTS = _integrals(_LEGENDRE_NODES), _integrals(2.0 * CHECK_POINTS - 1.0)
 """Matrices from values at the nodes to integrals from 0.
 
-The integrals end at each node, and at each point of `BETWEEN`."""
+The integrals end at each node, and at each point of `CHECK_POINTS`."""
 
 
 def next_event_of_law(
@@ -99,7 +103,7 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scrat
         found = span  # a force that is 0 on a whole interval never crosses zero
     if found < math.inf and not pushes(found):
         return bisected(pushes, *last_push(pushes, found))
-    for j in range(1, TRIES if parts else 0):
+    for j in range(1, SEPARATION_TRIALS if parts else 0):
         tau = span * (1.0 - 0.25**j)
         if value(pair.x, tau) > 0.0:
             if not pushes(tau):
@@ -123,7 +127,7 @@ def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
     It is (0, 0) if the force was never positive.
     """
     low, high = 0.0, tau
-    for _ in range(TRIES):
+    for _ in range(SEPARATION_TRIALS):
         if pushes(low):
             return low, high
         high *= 0.25  # the force is 0 at the first instant of a contact: search towards it
@@ -143,8 +147,8 @@ def regains(pair: Any, pushes: Sign, doubt: float, span: float, scratch: Any) ->
         return math.inf
     found, clipped = min(found, span), math.inf
     for first, last in ((0.0, found), (found, span)):
-        for j in range(PARTS + 1):
-            tau = last if j == PARTS else first + (last - first) * j / PARTS
+        for j in range(RETURN_TRIALS + 1):
+            tau = last if j == RETURN_TRIALS else first + (last - first) * j / RETURN_TRIALS
             if pushes(tau, True):
                 return 0.0 if clipped == math.inf else bisected(lambda at: not pushes(at), clipped, tau)
             if not pushes(tau):
@@ -174,7 +178,7 @@ def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[A
     stops = [v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
     strength = np.maximum(np.array(stops), abs(force).max(axis=1))
     rough = np.maximum(last_terms, off.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
-    return np.maximum(last_terms / POINTS, (off * NEAR).max(axis=1)), float(rough.max())
+    return np.maximum(last_terms / GAUSS_POINTS, (off * CHECK_POINT_SHARES).max(axis=1)), float(rough.max())
 
 
 def _beside(force: Array, closed: bool) -> Array:
@@ -193,15 +197,15 @@ def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> No
     q, rows = pairs[0].clock, _beside(np.array([p.f for p in pairs]), closed).tolist()
     sigma = q * pairs[0].h ** q
     for below, p, above in zip(rows, pairs, rows[2:], strict=False):
-        p.x, p.e = [p.xi] + [0.0] * ORDER, [p.eta] + [0.0] * ORDER
-        for n in range(POINTS):
+        p.x, p.e = [p.xi] + [0.0] * SERIES_ORDER, [p.eta] + [0.0] * SERIES_ORDER
+        for n in range(GAUSS_POINTS):
             push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)
             p.e[n + q] = sigma * push / (n + q)
         for path in (path for i, path in shaken if pairs[i] is p):
-            for j in range(1, min(len(path) - 2, (ORDER - q) // q + 1)):
+            for j in range(1, min(len(path) - 2, (SERIES_ORDER - q) // q + 1)):
                 push = (j + 1) * (j + 2) * path[j + 2] * math.pow(pairs[0].h, q * j)
                 p.e[(j + 1) * q] += sigma * push / ((j + 1) * q)
-        for n in range(ORDER + 1 - q):
+        for n in range(SERIES_ORDER + 1 - q):
             if square:
                 p.e[n + q] -= sigma * square * p.x[n] / (n + q)
             p.x[n + q] = sigma * p.e[n] / (n + q)
@@ -217,7 +221,7 @@ def shown(shaken: Any, holds: float, q: int) -> float:
         while q > 1 and 0.0 < holds < math.inf:
             sizes = [term * holds**j for j, term in enumerate(terms)]
             # the omitted terms must be far below one rounding of the largest term
-            if sum(sizes[(ORDER - q) // q + 1 :]) <= 0.1 * ULP * max(sizes):
+            if sum(sizes[(SERIES_ORDER - q) // q + 1 :]) <= 0.1 * FLOAT_SPACING * max(sizes):
                 break
             holds *= 0.5
     return holds

@@ -30,7 +30,7 @@ from typing import Any
 
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, kernel
 from granular.md.located.log import begin_contact, end_contact
-from granular.md.located.pieces import DRIFT, GRAZE, direction, power, since
+from granular.md.located.pieces import DRIFT_NOISE_FACTOR, ROUNDING_OVERLAP_SHARE, direction, power, since
 from granular.md.located.records import (
     ACTIVE,
     BEGIN,
@@ -48,13 +48,13 @@ from granular.md.located.records import (
 )
 from granular.md.located.system import beside, count_of, is_closed, nth
 
-ALL_BUT_ZERO = 1e-9
+ZERO_FORCE_SHARE = 1e-9
 """Force, relative to the elastic force, up to which a located force counts as 0."""
 NONE, SOME, AWAITED = range(3)
 """Results of `engage`: no new dormant pair, at least one, or the run has to stop."""
 TOUCH_ONLY, CONTACT = 0, 1
 """Contacts that `count_isolated` counts: 0 for an overlap without force, else 1."""
-DISTURBED = -1
+NOT_ISOLATED = -1
 """Value of `isolated` of a pair after a disturbed contact, until the pair opens."""
 
 
@@ -71,7 +71,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     run.events += 1
     if what in (TURN, RELOAD):
         change_branch(pair, what)
-    elif (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
+    elif (what == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
         halt(pairs, pool, bodies, c)
     else:
@@ -148,7 +148,7 @@ def has_jumped(pair: Any) -> bool:
     This happens if a velocity of the pair has jumped.
     """
     stiff: float = pair.k * power(pair.xi, pair.s)
-    return bool(stiff + pair.gamma * pair.eta > ALL_BUT_ZERO * stiff)
+    return bool(stiff + pair.gamma * pair.eta > ZERO_FORCE_SHARE * stiff)
 
 
 @kernel
@@ -183,9 +183,10 @@ def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
     for f in (below, above):
         if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
             alone = False
-            # contacts of the neighbour counted earlier are disturbed now; `DISTURBED` is negative and subtracts nothing
+            # earlier contacts of the neighbour are disturbed now; `NOT_ISOLATED` is negative and subtracts nothing
+
             run.isolated -= max(0, pairs[f].isolated)
-            pairs[f].isolated = DISTURBED
+            pairs[f].isolated = NOT_ISOLATED
             if run.first < 0:
                 run.first = f if f == below else c  # the lower of the two pairs
                 run.disturbed = run.t
@@ -193,8 +194,8 @@ def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
         return False
     if not alone:
         run.isolated -= max(0, pairs[c].isolated)
-        pairs[c].isolated = DISTURBED
-    elif pairs[c].isolated != DISTURBED:
+        pairs[c].isolated = NOT_ISOLATED
+    elif pairs[c].isolated != NOT_ISOLATED:
         pairs[c].isolated += more
         run.isolated += more
     return True
@@ -308,7 +309,7 @@ def stays(pair: Any, speed: float) -> bool:
         return True
     held = pair.kind != LINEAR and pair.pull > 0.0
     # the square of the rate has an error of about noise times speed
-    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * max(speed, speed_of_weight(pair)))
+    return bool(held and pair.eta * pair.eta <= DRIFT_NOISE_FACTOR * pair.noise * max(speed, speed_of_weight(pair)))
 
 
 @kernel
@@ -321,13 +322,13 @@ def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
     hi = pairs[lo].hi
     for i in range(lo, hi):
         speed = max(speed, speed_of_weight(pool[pairs[i].slot]))
-    return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
+    return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT_NOISE_FACTOR * pair.noise * speed)
 
 
 @kernel
 def drifts(pair: Any) -> bool:
     """Return whether the rate of a pair does not exceed its noise."""
-    return bool(abs(pair.eta) <= DRIFT * pair.noise)
+    return bool(abs(pair.eta) <= DRIFT_NOISE_FACTOR * pair.noise)
 
 
 @kernel

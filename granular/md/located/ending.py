@@ -21,9 +21,9 @@ from granular.run.drive import Pause
 from granular.run.trajectory import Status
 from granular.run.until import Contact, raised
 
-SETTLED = 1e-9
+STATIC_OVERLAP_TOLERANCE = 1e-9
 """Relative deviation from its static value up to which an overlap is static."""
-MAX_LOOKS = 4096
+MAX_STATIC_TESTS = 4096
 """Maximum number of comparisons, 64 per doubling of the time.
 
 A slower decay is not resolved by floats."""
@@ -41,13 +41,13 @@ def settle(run: Any) -> None:
     shortest = max((math.sqrt(xi / (p.load * p.inverse)) for p, xi in zip(loaded, rest.tolist(), strict=True)),
                    default=0.0)
     time = max(run.now, float(run.counters["t"]), run.request.start - run.start)
-    for _ in range(MAX_LOOKS if loaded else 0):
+    for _ in range(MAX_STATIC_TESTS if loaded else 0):
         time = _look(time, shortest)
         while (pause := run.to(run.start + time, False)) is Pause.full:
             pass
         if pause is not Pause.reached:
             return
-        if (abs(run.row_after(time, run.start + time).gap[pair] + rest) <= SETTLED * rest).all():
+        if (abs(run.row_after(time, run.start + time).gap[pair] + rest) <= STATIC_OVERLAP_TOLERANCE * rest).all():
             return
         time = math.nextafter(time, math.inf)
 

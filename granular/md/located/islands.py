@@ -16,13 +16,13 @@ from granular.md.located.ledger import LOST, add, run_off
 from granular.md.located.one_contact.inside import expose, relive
 from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
 from granular.md.located.plan import advance_island, follow_contact
-from granular.md.located.records import EXTEND, MORE, MOVES, OPEN, SPARE, STOPPED, TO_PLAN
+from granular.md.located.records import DUE_TO_PLAN, EXTEND, MORE, MOVES, OPEN, SPARE_PLACES, STOPPED
 from granular.md.located.system import count_of, is_closed, join, leave, lengthen, neighbours, nth
 from granular.md.located.walls import carry_walls, flown
 
-EVERY = 1 << 16
+MIN_CORRECTION_STEPS = 1 << 16
 """Minimum number of pieces and contacts between two corrections of the gaps."""
-PER_PAIR = 16
+CORRECTION_STEPS_PER_PAIR = 16
 """The same number per pair of the ring, so that corrections take negligible time."""
 
 
@@ -64,7 +64,7 @@ def regroup(s: Any, laws: Any) -> int:
             if lone and not pushes(pool[pairs[a].slot]):
                 take_off(run, pairs, pool, s.kinds, a, s.field)
             else:
-                pairs[a].due = TO_PLAN
+                pairs[a].due = DUE_TO_PLAN
             play(s.queue, a, pairs[a].due)
             a = c
     return MORE
@@ -102,7 +102,7 @@ def extend_event(s: Any, lo: int, laws: Any) -> bool:
     Returns false if the pool has no place for it.
     """
     run, pairs = s.run[0], s.pairs
-    if pairs[lo].slot < 0 and run.members + SPARE >= len(s.pool):
+    if pairs[lo].slot < 0 and run.members + SPARE_PLACES >= len(s.pool):
         return False
     if in_contact(pairs[lo], run.t, run.tail):
         relive(s, lo, run.t, run.tail)
@@ -176,7 +176,7 @@ def reimpose(s: Any) -> None:
     """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     at_start = run.look == 0
-    run.look = run.steps + max(EVERY, PER_PAIR * n)
+    run.look = run.steps + max(MIN_CORRECTION_STEPS, CORRECTION_STEPS_PER_PAIR * n)
     # the gaps are exact at the start
     if at_start:
         return

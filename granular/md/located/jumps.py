@@ -18,12 +18,12 @@ from granular._engine.kernels import kernel
 from granular.md.located.contacts import AWAITED, NONE, SOME, activate, pushes
 from granular.md.located.ledger import CEILING, FLOOR, add
 from granular.md.located.log import end_contact, velocity_now
-from granular.md.located.pieces import ULP, power
+from granular.md.located.pieces import FLOAT_SPACING, power
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, OPEN, RESIDUAL, STRUCK
 from granular.md.located.walls import jump_at
 from granular.scene.walls.thermal import drawn
 
-HEAT = 2
+FLOOR_HEAT_INDEX = 2
 """Index of the heat of the floor in the energy balance; the ceiling follows."""
 SAME, CHANGED, ENDS = range(3)
 """Results of `pass_edge`: blocks stay, blocks have to be formed again, run stops."""
@@ -49,7 +49,7 @@ def count_hit(s: Any, c: int, v: float, v2: float) -> None:
     book.contacts[side] += 1
     mass, wall = book.mass[side], s.bodies[c + side]
     # a product, because the difference of the squares would lose digits
-    add(book, HEAT + side, 0.5 * mass * (v2 - v) * (v2 + v))
+    add(book, FLOOR_HEAT_INDEX + side, 0.5 * mass * (v2 - v) * (v2 + v))
     if wall.v != 0.0:
         add(book, CEILING if side else FLOOR, mass * (v + v2) * (-wall.v if side else wall.v))
 
@@ -140,7 +140,7 @@ def throw_back(s: Any, laws: Any) -> int:
             if 0 <= f < len(pairs):
                 pool[pairs[f].slot].eta += kick
                 # the new rate has the rounding error of the jump
-                pool[pairs[f].slot].noise += ULP * kick
+                pool[pairs[f].slot].noise += FLOAT_SPACING * kick
                 if not jolt(s, f, kick, laws):
                     return AWAITED
     return found

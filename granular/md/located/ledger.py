@@ -22,13 +22,15 @@ from granular.md.located.pieces import elapsed, integral, power, two_sum, value
 from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
 from granular.md.located.walls import expand_path
 
-POINTS = 8
+ENERGY_NODE_COUNT = 8
 """Nodes of Gauss's rule in a piece.
 
 For terms from order 16 on, the rule has a relative error of 1e-9. The step size makes terms of order 20 as small as
 rounding errors, so that this error is smaller still."""
-NODES, WEIGHTS = (
-    tuple((0.5 * (row + shift)).tolist()) for row, shift in zip(legendre.leggauss(POINTS), (1.0, 0.0), strict=True))
+ENERGY_NODES, ENERGY_WEIGHTS = (
+    tuple((0.5 * (row + shift)).tolist())
+    for row, shift in zip(legendre.leggauss(ENERGY_NODE_COUNT), (1.0, 0.0), strict=True)
+)
 """Nodes and weights of Gauss's rule on [0, 1]."""
 FLOOR, CEILING, LOST = 0, 1, 4
 """Indices of the work of both walls and of the dissipation; heat is between them."""
@@ -178,15 +180,15 @@ def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
     if member.kind == ELASTIC or member.gamma == 0.0:
         return 0.0
     total, scale = 0.0, pace(block, tau)
-    for i in range(POINTS):
-        at = tau * NODES[i]
+    for i in range(ENERGY_NODE_COUNT):
+        at = tau * ENERGY_NODES[i]
         eta = value(member.e, at)
         rate = member.gamma * eta * eta
         if member.d != 0.0:
             # the polynomial of ξ can be negative by rounding near a touch
             rate *= power(max(0.0, value(member.x, at)), member.d)
         # elapsed(x, q, 1)/x is x^(q-1): the factor from dt/dx at the node
-        total += WEIGHTS[i] * rate * elapsed(NODES[i], block.clock, 1.0) / NODES[i]
+        total += ENERGY_WEIGHTS[i] * rate * elapsed(ENERGY_NODES[i], block.clock, 1.0) / ENERGY_NODES[i]
     return scale * total
 
 
@@ -215,12 +217,18 @@ def work_of_driven(walls: Any, member: Any, block: Any, tau: float) -> float:
     expand_path(walls, member.wall - 1, block)
     wall, path = walls.wall[member.wall - 1], walls.path[member.wall - 1]
     total, scale = 0.0, pace(block, tau)
-    for i in range(POINTS):
-        at, v = elapsed(block.h * tau * NODES[i], block.clock, 1.0), 0.0
+    for i in range(ENERGY_NODE_COUNT):
+        at, v = elapsed(block.h * tau * ENERGY_NODES[i], block.clock, 1.0), 0.0
         # the derivative of the path by Horner's scheme; the constant part of the velocity is added after it
         for j in range(len(path) - 1, 0, -1):
             v = v * at + j * path[j]
         v += wall.side * wall.velocity
-        total += WEIGHTS[i] * value(member.f, tau * NODES[i]) * v * elapsed(NODES[i], block.clock, 1.0) / NODES[i]
+        total += (
+            ENERGY_WEIGHTS[i]
+            * value(member.f, tau * ENERGY_NODES[i])
+            * v
+            * elapsed(ENERGY_NODES[i], block.clock, 1.0)
+            / ENERGY_NODES[i]
+        )
     return scale * total
 

@@ -17,10 +17,9 @@ from granular.run.until import Level
 
 def calm(run: Any) -> tuple[float, float]:
     """Return the time in s that a run has reached, and the time of its next event."""
-    now, soonest = max(run.now, run.request.start - run.start), math.inf
-    if run.creep is None:
-        clock = column(run.s.pairs, "t")  # ahead if a contact was solved as one event
-        soonest = min(float(column(run.s.queue[1:2], "due")[0]), clock[clock > now].min(initial=math.inf))
+    now = max(run.now, run.request.start - run.start)
+    clock = column(run.s.pairs, "t")  # ahead if a contact was solved as one event
+    soonest = min(float(column(run.s.queue[1:2], "due")[0]), clock[clock > now].min(initial=math.inf))
     return run.start + now, run.start + soonest
 
 

@@ -17,7 +17,7 @@ from granular._engine.records import play
 from granular.md.located.blocks import advance, expose_all, gather, set_out
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look
-from granular.md.located.pace import COMPILED, WHY, looked_at, seldom
+from granular.md.located.pace import MAX_PIECES_COMPILED, PAUSE_REASONS, looked_at, seldom
 from granular.md.located.plan import make_table
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
@@ -26,14 +26,14 @@ from granular.md.located.records import (
     CRAMPED,
     CREEPS,
     GENERAL,
-    KIND,
+    LAW_KIND_RECORD,
     LINEAR,
     MORE,
-    OCTAVES,
     QUIET,
     REACHED,
     REST,
     ROWS,
+    SPEED_OCTAVES,
     STOPPED,
     WANTS_LOOK,
     WANTS_TABLE,
@@ -42,12 +42,15 @@ from granular.md.located.system import Fields, System, new_system, to_plain, wit
 from granular.run import until as stop
 from granular.run.trajectory import Status
 
-CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items() if why != REST} | {REACHED: 0, MORE: -1}
+STATUS_CODES = {why: list(Status).index(pause.value) for why, pause in PAUSE_REASONS.items() if why != REST} | {
+    REACHED: 0,
+    MORE: -1,
+}
 """Places in `Status` of the reasons for which `advance` returns."""
-AT_ONCE = 10_000
+SCENES_PER_BATCH = 10_000
 """Number of scenes with records in memory at a time."""
-RESULT = np.dtype([("why", int), ("time", float)])
-LAST = np.dtype(
+RESULT_RECORD = np.dtype([("why", int), ("time", float)])
+LAST_CONTACT_RECORD = np.dtype(
     [
         ("counts", int), ("ongoing", np.bool_),
         ("t_end", float), ("v_lower", float), ("v_upper", float), ("longest", float), ("rate", float),
@@ -147,8 +150,8 @@ def solve_many(
     columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
     limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log_level": ROWS}
     parts = []
-    for first in range(0, max(1, count), AT_ONCE):
-        *part, kinds, end = (column[first : first + AT_ONCE].copy() for column in columns)
+    for first in range(0, max(1, count), SCENES_PER_BATCH):
+        *part, kinds, end = (column[first : first + SCENES_PER_BATCH].copy() for column in columns)
         n = kinds.shape[-1]
         s = new_system(part, kinds, np.arange(n), n, until, **limits)
         parts.append(_solved(s, end[:, 0].copy(), engine))
@@ -157,16 +160,16 @@ def solve_many(
 
 def _solved(s: System, end: Array, engine: str) -> Many:
     """Solve the scenes of a set of records."""
-    result, last = np.zeros(len(end), RESULT), np.zeros(s.pairs.shape, LAST)
+    result, last = np.zeros(len(end), RESULT_RECORD), np.zeros(s.pairs.shape, LAST_CONTACT_RECORD)
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
     seen, many, i, room = np.zeros((3, last.shape[-1])), s, 0, np.zeros(REFERENCE_WORDS, np.int64)
-    given: Any = end, COMPILED, result, last, seen
+    given: Any = end, MAX_PIECES_COMPILED, result, last, seen
     kernels: Any = compiled  # with the types of a single run, so fewer kernels are compiled
     if engine == "plain":
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
-        given, kernels = (end.tolist(), COMPILED, *rows, seen.tolist()), interpreted
+        given, kernels = (end.tolist(), MAX_PIECES_COMPILED, *rows, seen.tolist()), interpreted
     while (i := kernels(solve_rows)(many, room, *given, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
             rare: Any = kernels if kernels is interpreted else partial(seldom, kernels=kernels)
@@ -174,14 +177,14 @@ def _solved(s: System, end: Array, engine: str) -> Many:
             continue
         many = with_room_for_a_table(many, i)
         make_table(System._make(scene_of(many, i, None)), None, kernels)
-    status = np.array([CODES.get(code, -1) for code in range(WANTS_LOOK + 1)])[result["why"]]
-    status[(result["why"] == QUIET) & (end < math.inf)] = CODES[REACHED]
+    status = np.array([STATUS_CODES.get(code, -1) for code in range(WANTS_LOOK + 1)])[result["why"]]
+    status[(result["why"] == QUIET) & (end < math.inf)] = STATUS_CODES[REACHED]
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
 
 
 def _kinds(law: Array, m_eff: Array) -> Any:
-    """Return laws (…, 4) of pairs with effective masses as records of `KIND`."""
-    kinds = np.zeros(np.broadcast_shapes(law.shape[:-1], m_eff.shape), KIND)
+    """Return laws (…, 4) of pairs with effective masses as records of `LAW_KIND_RECORD`."""
+    kinds = np.zeros(np.broadcast_shapes(law.shape[:-1], m_eff.shape), LAW_KIND_RECORD)
     for i, name in enumerate(("k", "p", "gamma", "d")):
         kinds[name] = law[..., i]
     with np.errstate(all="ignore"):  # invalid laws are rejected later
@@ -220,7 +223,7 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
             for c in range(len(many.pool)):
                 many.pool[c].spare = c
             for c in range(len(many.maps)):
-                for octave in range(OCTAVES):
+                for octave in range(SPEED_OCTAVES):
                     many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
             for c in range(len(s.pairs)):
                 play(many.queue, c, math.inf)

@@ -23,14 +23,14 @@ from granular._engine.flight import time_to_contact
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, no_number
 from granular.md.located.collocation import (
-    INTEGRATE,
-    INTEGRATE_TO_LOOKS,
-    NODES,
-    POINTS,
+    GAUSS_NODES,
+    GAUSS_POINTS,
+    GAUSS_WEIGHTS,
+    INTEGRATE_TO_CHECK_POINTS,
+    INTEGRATE_TO_NODES,
+    TO_CHECK_POINTS,
     TO_LEGENDRE,
-    TO_LOOKS,
     TO_POWERS,
-    WEIGHT,
     _beside,
     _errors,
     _integrate,
@@ -39,45 +39,45 @@ from granular.md.located.collocation import (
     next_event_of_law,
     shown,
 )
-from granular.md.located.pieces import ULP, value, write_flight
-from granular.md.located.records import ACTIVE, DORMANT, LONG, OPEN, ORDER, RESIDUAL
-from granular.md.located.rest.proof import STILL
+from granular.md.located.pieces import FLOAT_SPACING, value, write_flight
+from granular.md.located.records import ACTIVE, DORMANT, OPEN, RESIDUAL, REST_PIECE_SCALE, SERIES_ORDER
+from granular.md.located.rest.proof import STILL_DEVIATION
 from granular.md.located.step_size import amplitude
 
-SWEEPS = 40
-SMALLEST = 2e-15
+MAX_PICARD_ITERATIONS = 40
+SMALLEST_COLLOCATION_TOL = 2e-15
 """Smallest tolerance: interpolated forces contain their rounding errors."""
-SHORTEST, HOPELESS = 1e-14, 1e-60
+SHORTEST_CONVERGED_STEP, SHORTEST_TRIAL_STEP = 1e-14, 1e-60
 """Largest reductions of a step by halving.
 
 The first applies to a step that converges, where the force jumps, the second to any step."""
-SHORT = 1e-9
+JUMP_SHARE = 1e-9
 """Share of a contact's time below which a step can cross a jump.
 
 It is also the share of its force above which a change is a jump."""
-TOUCH = 1e-150
+TOUCH_OVERLAP = 1e-150
 """Overlap in m of a touch.
 
 A law need not be defined at 0, and can have a force there."""
-SETTLED = 1024.0 * ULP
+ROUNDING_CLIPPED_FORCE = 1024.0 * FLOAT_SPACING
 """Share of the largest force of a contact up to which a clipped force is rounding."""
-FLAT = 1.0 - 1e-9
+NEARBY_OVERLAP = 1.0 - 1e-9
 """Share of an overlap at which a force is evaluated a second time.
 
 If both forces are 0, the force is 0 on an interval, as below a plastic overlap."""
-PRECISE = 3e-14
+MAX_FORCE_ERROR = 3e-14
 """Largest error of forces relative to the largest force.
 
 A kink in a short step hardly affects rates, but peak forces are evaluated there."""
-HYSTERESIS = 1e-13
+UNCERTAIN_FORCE_SHARE = 1e-13
 """Share of its largest value in the piece up to which a force has no certain sign.
 
 The force is the interpolated one."""
 AtRest = Callable[[Any, float], float]
 """Force in N of a pair at an overlap in m."""
-TANGENT = 1e-6
+TANGENT_STEP = 1e-6
 """Relative change of an overlap over which its stiffness is computed."""
-ROUNDING = 1e-11
+ROUNDING_ACCELERATION = 1e-11
 """Relative size up to which accelerations and rates of a pair are rounding errors.
 
 A sum of accelerations is compared with its largest term, a rate with the speed of the island."""
@@ -120,7 +120,7 @@ class Collocation:
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.last_step > 0.0 and block.clock == 1:
             reach = block.last_step
-        allowed, shortest = max(tol, SMALLEST), HOPELESS * reach
+        allowed, shortest = max(tol, SMALLEST_COLLOCATION_TOL), SHORTEST_TRIAL_STEP * reach
         self._check(pairs, [0.0])
         if not (self.shaken or self.square) and lie_still(pairs, self.force, self.closed):
             return 0.0
@@ -130,14 +130,14 @@ class Collocation:
             self.trials += 1
             force, misses, rough = self._iterate(pairs)
             miss = float((misses / _own_speeds(pairs)).max())
-            if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
+            if (miss <= allowed and rough <= MAX_FORCE_ERROR) or not reach > shortest:
                 break
             if miss < math.inf:  # a step of this length converges, so only a jump requires a far shorter one
-                shortest = max(shortest, SHORTEST * reach)
-            elif reach * block.speed < SHORT * block.length:
-                self._check(pairs, ((block.h * NODES) ** block.clock).tolist())
+                shortest = max(shortest, SHORTEST_CONVERGED_STEP * reach)
+            elif reach * block.speed < JUMP_SHARE * block.length:
+                self._check(pairs, ((block.h * GAUSS_NODES) ** block.clock).tolist())
             reach *= 0.5
-        growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
+        growth = (allowed / miss) ** (1.0 / GAUSS_POINTS) if miss > 0.0 else 2.0
         # 0.9: safety factor against an immediate rejection
         block.last_step = reach * min(2.0, 0.9 * growth)
         self._write(pairs, force, reach)
@@ -162,7 +162,7 @@ class Collocation:
         if law.memory or not law.rate_dependent:
             return math.nan if law.memory else 0.0
         total, q = 0.0, block.clock
-        for node, weight in zip(NODES.tolist(), (0.5 * WEIGHT).tolist(), strict=True):
+        for node, weight in zip(GAUSS_NODES.tolist(), (0.5 * GAUSS_WEIGHTS).tolist(), strict=True):
             xi, eta = value(p.x, tau * node), value(p.e, tau * node)
             rate = (value(p.f, tau * node) - law.force(xi, 0.0, xi)) * eta if xi > 0.0 else 0.0
             total += weight * rate * q * math.pow(node, q - 1.0)
@@ -195,14 +195,14 @@ class Collocation:
         """
         xi = value(p.x, tau)
         force = self.force(p, xi, value(p.e, tau))
-        surely = surely and self.force(p, FLAT * p.x[0], p.e[0]) != 0.0
-        floor = SETTLED * p.largest if surely else 0.0
+        surely = surely and self.force(p, NEARBY_OVERLAP * p.x[0], p.e[0]) != 0.0
+        floor = ROUNDING_CLIPPED_FORCE * p.largest if surely else 0.0
         return force > floor or (p.mode == ACTIVE and force == 0.0 and xi < shallow)
 
     def _idles(self, p: Any, tau: float) -> bool:
         """Return whether the force of a pair is 0 at τ and at slightly different overlaps."""
         xi, eta = value(p.x, tau), value(p.e, tau)
-        return all(self.force(p, xi * part, eta) == 0.0 for part in (FLAT, 1.0, 2.0 - FLAT))
+        return all(self.force(p, xi * part, eta) == 0.0 for part in (NEARBY_OVERLAP, 1.0, 2.0 - NEARBY_OVERLAP))
 
     def _check(self, pairs: list[Any], times: list[float]) -> None:
         """Raise if nothing stops an overlap, or if a force is not finite.
@@ -232,14 +232,14 @@ class Collocation:
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
         ).T[:, :, None]
         h, q = pairs[0].h, pairs[0].clock
-        pace = q * h**q * NODES ** (q - 1)
-        eta = eta0 + pull * (h * NODES) ** q
-        xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
-        pull = pull + _shaking(self.shaken, len(pairs), (h * NODES) ** q)
+        pace = q * h**q * GAUSS_NODES ** (q - 1)
+        eta = eta0 + pull * (h * GAUSS_NODES) ** q
+        xi = xi0 + (0.5 * (eta0 + eta)) * (h * GAUSS_NODES) ** q
+        pull = pull + _shaking(self.shaken, len(pairs), (h * GAUSS_NODES) ** q)
         force, worst = np.zeros_like(eta), math.inf
         acts = np.array([p.mode == ACTIVE for p in pairs])
         grain = self._grain(pairs, xi, eta)
-        for _ in range(SWEEPS):
+        for _ in range(MAX_PICARD_ITERATIONS):
             new = self._forces(pairs, xi, eta)
             change, force = float(abs(new - force).max()), new
             # the Picard iteration diverges: the step is too long
@@ -247,15 +247,18 @@ class Collocation:
                 break
             acting = _beside(np.where(acts[:, None], force, 0.0), self.closed)
             push = pull + lower * acting[:-2] - own * acting[1:-1] + upper * acting[2:] - self.square * xi
-            eta = eta0 + (push * pace) @ INTEGRATE.T
-            xi = xi0 + (eta * pace) @ INTEGRATE.T
+            eta = eta0 + (push * pace) @ INTEGRATE_TO_NODES.T
+            xi = xi0 + (eta * pace) @ INTEGRATE_TO_NODES.T
             largest = float(abs(force).max())
             settled = change <= max(4e-16 * largest, float(grain.max()))
             # converged, or changes no longer decrease because of rounding
             if settled or (change < 1e-13 * largest and change >= worst):
-                looks = (xi0 + (eta * pace) @ INTEGRATE_TO_LOOKS.T, eta0 + (push * pace) @ INTEGRATE_TO_LOOKS.T)
-                noise = np.maximum(4.0 * grain, np.where(acts, 0.0, HYSTERESIS * abs(force).max(axis=1)))
-                miss, rough = _errors(pairs, force, abs(force @ TO_LOOKS.T - self._forces(pairs, *looks)), noise)
+                looks = (
+                    xi0 + (eta * pace) @ INTEGRATE_TO_CHECK_POINTS.T,
+                    eta0 + (push * pace) @ INTEGRATE_TO_CHECK_POINTS.T,
+                )
+                noise = np.maximum(4.0 * grain, np.where(acts, 0.0, UNCERTAIN_FORCE_SHARE * abs(force).max(axis=1)))
+                miss, rough = _errors(pairs, force, abs(force @ TO_CHECK_POINTS.T - self._forces(pairs, *looks)), noise)
                 return force, miss * own[:, 0] * h**q, rough
             worst = change
         return force, np.full(len(pairs), math.inf), math.inf
@@ -266,9 +269,9 @@ class Collocation:
         Changes comparable to the rounding error of the force itself are returned as 0.
         """
         here = self._forces(pairs, xi, eta)
-        moved = abs(self._forces(pairs, xi * (1.0 + ULP), eta) - here).max(axis=1)
+        moved = abs(self._forces(pairs, xi * (1.0 + FLOAT_SPACING), eta) - here).max(axis=1)
         # 16 roundings: only a law that amplifies rounding errors of ξ needs this allowance
-        steep: Array = np.where(moved > 16.0 * ULP * abs(here).max(axis=1), moved, 0.0)
+        steep: Array = np.where(moved > 16.0 * FLOAT_SPACING * abs(here).max(axis=1), moved, 0.0)
         return steep
 
     def _forces(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
@@ -301,24 +304,24 @@ class Collocation:
         force that jumps within a short step becomes a straight line, which cannot overshoot.
         """
         last_terms, peaks = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1), abs(force).max(axis=1)
-        doubts = np.maximum(HYSTERESIS * peaks, 8.0 * last_terms)
-        rows = np.pad((force @ TO_LEGENDRE.T) @ TO_POWERS, ((0, 0), (0, ORDER + 1 - POINTS)))
+        doubts = np.maximum(UNCERTAIN_FORCE_SHARE * peaks, 8.0 * last_terms)
+        rows = np.pad((force @ TO_LEGENDRE.T) @ TO_POWERS, ((0, 0), (0, SERIES_ORDER + 1 - GAUSS_POINTS)))
         for p, row, doubt, peak in zip(pairs, rows.tolist(), doubts.tolist(), peaks.tolist(), strict=True):
             p.largest = 0.0 if p.mode == OPEN else max(p.largest, peak)
             p.deepest = 0.0 if p.mode == OPEN else max(p.deepest, p.xi)
-            p.doubt = max(doubt, SETTLED * p.largest) if p.mode == RESIDUAL else doubt
-            p.f, p.g = row if p.mode == ACTIVE else [0.0] * (ORDER + 1), row.copy()
+            p.doubt = max(doubt, ROUNDING_CLIPPED_FORCE * p.largest) if p.mode == RESIDUAL else doubt
+            p.f, p.g = row if p.mode == ACTIVE else [0.0] * (SERIES_ORDER + 1), row.copy()
         _integrate(pairs, self.shaken, self.square, self.closed)
-        jumps = [self._jumps(p) for p in pairs if p.mode == ACTIVE and reach * p.own_speed < SHORT * p.own_length]
+        jumps = [self._jumps(p) for p in pairs if p.mode == ACTIVE and reach * p.own_speed < JUMP_SHARE * p.own_length]
         if any(jumps):
             _integrate(pairs, self.shaken, self.square, self.closed)
 
     def _jumps(self, p: Any) -> bool:
         """Replace a force that jumps in a short step by a line, and return if it jumps."""
         first, last = self.force(p, p.xi, p.eta), self.force(p, value(p.x, 1.0), value(p.e, 1.0))
-        jumps = bool(max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last)) > SHORT * p.largest)
+        jumps = bool(max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last)) > JUMP_SHARE * p.largest)
         if jumps:
-            p.f = [first, last - first] + [0.0] * (ORDER - 1)
+            p.f = [first, last - first] + [0.0] * (SERIES_ORDER - 1)
             p.g = p.f.copy()
         return jumps
 
@@ -337,7 +340,7 @@ def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> 
     if law.memory and loading and top > 0.0 and xi < top:  # continue the loading branch above the old maximum downwards
         mirror, image = top, 2.0 * top - xi
     elif xi < 0.0:
-        mirror, image = TOUCH, min(-xi, top) if unloading else -xi
+        mirror, image = TOUCH_OVERLAP, min(-xi, top) if unloading else -xi
     elif unloading and xi > top:
         mirror, image = top, max(0.0, 2.0 * top - xi)
     else:
@@ -351,19 +354,22 @@ def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
     `closed` is True for a whole ring.
     """
     block = pairs[0]
-    if any(p.mode not in (OPEN, ACTIVE) or (p.mode == ACTIVE and not abs(p.eta) <= STILL * block.speed) for p in pairs):
+    if any(
+        p.mode not in (OPEN, ACTIVE) or (p.mode == ACTIVE and not abs(p.eta) <= STILL_DEVIATION * block.speed)
+        for p in pairs
+    ):
         return False
     force = [at_rest(p, p.xi) if p.mode == ACTIVE else 0.0 for p in pairs]
     push = accelerations(pairs, force, closed)
-    deeper = {i: at_rest(p, p.xi * (1.0 + TANGENT)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
+    deeper = {i: at_rest(p, p.xi * (1.0 + TANGENT_STEP)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
     if not deeper or not all(balances(pairs[i], push[i], force[i], more) for i, more in deeper.items()):
         return False
     arrivals = [time_to_contact(max(0.0, -p.xi), -p.eta, a) for p, a in zip(pairs, push, strict=True) if p.mode == OPEN]
     if 0.0 in arrivals:  # the run has stopped at the arrival of a ball
         return False
-    block.clock, block.h, block.last_step = 1, min([LONG, *(2.0 * t for t in arrivals)]), 0.0
+    block.clock, block.h, block.last_step = 1, min([REST_PIECE_SCALE, *(2.0 * t for t in arrivals)]), 0.0
     for p, f, a in zip(pairs, force, push, strict=True):
-        if p.mode == ACTIVE or abs(p.eta) <= ROUNDING * block.speed:
+        if p.mode == ACTIVE or abs(p.eta) <= ROUNDING_ACCELERATION * block.speed:
             p.eta = 0.0
         write_flight(p, block.h, a if p.mode == OPEN else 0.0, f)
     return True
@@ -379,7 +385,7 @@ def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[fl
     for p, below, own, above in zip(pairs, [first, *force[:-1]], force, [*force[1:], last], strict=True):
         parts = (p.pull, p.lower * below, -p.inverse * own, p.upper * above)
         total = math.fsum(parts)
-        rounding = p.mode == OPEN and abs(total) <= ROUNDING * max(map(abs, parts))
+        rounding = p.mode == OPEN and abs(total) <= ROUNDING_ACCELERATION * max(map(abs, parts))
         out.append(0.0 if rounding else total)
     return out
 
@@ -389,9 +395,11 @@ def balances(pair: Any, push: float, force: float, more: float) -> bool:
 
     `more` is its force at a slightly larger overlap.
     """
-    stiffness = (more - force) / (TANGENT * pair.xi)
+    stiffness = (more - force) / (TANGENT_STEP * pair.xi)
     square = stiffness * pair.inverse
     if not (force > 0.0 and stiffness > 0.0):
         return False
-    return bool(abs(push) <= STILL * pair.xi * square and abs(pair.eta) <= STILL * pair.xi * math.sqrt(square))
-
+    return bool(
+        abs(push) <= STILL_DEVIATION * pair.xi * square
+        and abs(pair.eta) <= STILL_DEVIATION * pair.xi * math.sqrt(square)
+    )

@@ -33,19 +33,25 @@ from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
 from granular.run.drive import Pause, portion
 
-OWN, PLAIN, COMPILED = 8, 100, 20_000
+MAX_PIECES_GENERAL, MAX_PIECES_INTERPRETED, MAX_PIECES_COMPILED = 8, 100, 20_000
 """Maximum number of pieces per portion: general laws, interpreted, compiled."""
-AT_FIRST = 4000
+FIRST_PORTION_PIECES = 4000
 """Pieces of one pair in the first portion, divided by the number of pairs."""
-TRIALS = 4000
+TRIALS_PER_TEST = 4000
 """Trial steps per island between two tests whether a run stalls."""
-LEAST = 0.01
+MIN_PROGRESS_SHARE = 0.01
 """Minimum progress between two tests, as a part of the time left.
 
 The period of a contact is sufficient progress, too."""
-WHY = {STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting, BINDING: Pause.quiet}
+PAUSE_REASONS = {
+    STOPPED: Pause.until,
+    QUIET: Pause.quiet,
+    WORK_LIMIT: Pause.work,
+    REST: Pause.resting,
+    BINDING: Pause.quiet,
+}
 """Reason of a pause for each result of `blocks.advance`."""
-LOADING_LOOK, MAKING_LOOK = 0.1, 5.0
+TEST_LOAD_SECONDS, TEST_COMPILE_SECONDS = 0.1, 5.0
 """Time in s to load, or to compile, the kernels that test for rest or creep."""
 
 
@@ -61,7 +67,7 @@ class Pace:
     """
 
     def __init__(self, run: Any) -> None:
-        self.run, self.chunk = run, max(1, min(PLAIN, AT_FIRST // run.scene.n_pairs))
+        self.run, self.chunk = run, max(1, min(MAX_PIECES_INTERPRETED, FIRST_PORTION_PIECES // run.scene.n_pairs))
         self.trials, self.time, self.step, self.stalled = 0, float(run.counters["t"]), 0.0, False
         self.begun = 0.0  # processor time in s at the end of the last incomplete portion, else 0
         self.seen = -math.inf  # time in s at the last test
@@ -73,10 +79,16 @@ class Pace:
         the run ends before the sample at `limit`, unless that sample is the `last` one.
         """
         run = self.run
-        most = COMPILED if run.engine == "compiled" else PLAIN if run.collocation is None else OWN
+        most = (
+            MAX_PIECES_COMPILED
+            if run.engine == "compiled"
+            else MAX_PIECES_INTERPRETED
+            if run.collocation is None
+            else MAX_PIECES_GENERAL
+        )
         self.chunk = min(1 if run.request.singly else most, self.chunk)
         # every test for rest or creep returns here: the limit keeps a portion short
-        for _ in range(PLAIN):
+        for _ in range(MAX_PIECES_INTERPRETED):
             why = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
             if why == WANTS_LOOK:
                 why = looked_at(run.s, limit, run.kernels, self.seldom)
@@ -118,14 +130,14 @@ class Pace:
         if run.now == self.seen:
             run.row_after(run.now, run.now)  # raises then
         self.seen = run.now
-        if run.collocation is None or run.collocation.trials < self.trials + TRIALS:
+        if run.collocation is None or run.collocation.trials < self.trials + TRIALS_PER_TEST:
             return False
         swings, islands = swings_of(run.s)
         advance, tried = run.now - self.time, run.collocation.trials - self.trials
         self.trials, self.time, self.step = run.collocation.trials, run.now, advance / tried
         left = run.request.end - run.start - run.now
-        # progress per `TRIALS` steps of every island
-        self.stalled = advance * TRIALS * islands < tried * min(swings, LEAST * left)
+        # progress per `TRIALS_PER_TEST` steps of every island
+        self.stalled = advance * TRIALS_PER_TEST * islands < tried * min(swings, MIN_PROGRESS_SHARE * left)
         return self.stalled
 
 
@@ -156,7 +168,7 @@ def seldom(kernel: Any, kernels: Any) -> Any:
 
     It is interpreted until this process has spent as much time on it as compilation takes. Then `kernels` compiles it.
     """
-    toll = Toll(kernel, LOADING_LOOK, MAKING_LOOK)
+    toll = Toll(kernel, TEST_LOAD_SECONDS, TEST_COMPILE_SECONDS)
     if toll.due():
         return kernels(kernel)
 

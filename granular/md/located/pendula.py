@@ -16,7 +16,7 @@ from typing import Any
 
 from granular._engine.flight import swung
 from granular._engine.kernels import kernel
-from granular.md.located.ledger import NODES, POINTS, WEIGHTS, pace
+from granular.md.located.ledger import ENERGY_NODE_COUNT, ENERGY_NODES, ENERGY_WEIGHTS, pace
 from granular.md.located.pieces import elapsed, since, tick, value
 from granular.md.located.records import ACTIVE
 
@@ -71,10 +71,15 @@ def kicks(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple
     `member` is the pair, and τ is the time `dt` into its piece.
     """
     kick, fall, scale = 0.0, 0.0, pace(block, tau)
-    for i in range(POINTS):
+    for i in range(ENERGY_NODE_COUNT):
         # elapsed(x, q, 1)/x is x^(q-1): the factor from dt/dx at the node
-        push = WEIGHTS[i] * value(member.f, tau * NODES[i]) * elapsed(NODES[i], block.clock, 1.0) / NODES[i]
-        turn = omega * (dt - elapsed(block.h * tau * NODES[i], block.clock, 1.0))
+        push = (
+            ENERGY_WEIGHTS[i]
+            * value(member.f, tau * ENERGY_NODES[i])
+            * elapsed(ENERGY_NODES[i], block.clock, 1.0)
+            / ENERGY_NODES[i]
+        )
+        turn = omega * (dt - elapsed(block.h * tau * ENERGY_NODES[i], block.clock, 1.0))
         kick += push * math.cos(turn)
         fall += push * math.sin(turn)
     return scale * kick, scale * omega * fall

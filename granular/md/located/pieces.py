@@ -40,32 +40,32 @@ from granular.md.located.records import (
     LINEAR,
     NOTHING,
     OPEN,
-    ORDER,
     PART,
     RESIDUAL,
+    SERIES_ORDER,
 )
 from granular.md.located.system import nth
 from granular.md.located.walls import flown, next_touch, touching_rate
 
-DRIFT = 4.0
+DRIFT_NOISE_FACTOR = 4.0
 """Closing speed below which two balls count as moving together, in units of noise.
 
 The noise is the bound of the rounding errors in the rate of the pair."""
-INVERSE = (0.0, *(1.0 / n for n in range(1, ORDER + 5)))
+INTEGER_RECIPROCALS = (0.0, *(1.0 / n for n in range(1, SERIES_ORDER + 5)))
 """Reciprocals 1/n, for the integrals of rows; entry 0 is never used."""
-ULP = 2.0**-52
+FLOAT_SPACING = 2.0**-52
 """Relative spacing of floats."""
-DOUBT = 1e4
+SEPARATION_WAKE_FACTOR = 1e4
 """Gap at which a pair at rest separates, in units of its overlap `wake`.
 
 The first forces on its neighbours are far below rounding error and can have either sign."""
-ALL_BUT = 0.1
+NEAR_SEPARATION_SHARE = 0.1
 """Overlap below which a pair has almost separated, relative to its start value."""
-CLEAR = 0.999
+OPPOSED_SLOPE_SHARE = 0.999
 """Part of the first slope of a row that the other slopes may cancel.
 
 The rest of the first slope covers their rounding errors."""
-GRAZE = 1e-15
+ROUNDING_OVERLAP_SHARE = 1e-15
 """Overlap below which a pair has separated, relative to its typical overlap.
 
 A smaller overlap is rounding error."""
@@ -157,8 +157,8 @@ def value(row: Any, tau: float) -> float:
     Even and odd powers are summed separately: two short chains of operations are faster than one long chain.
     """
     square = tau * tau
-    even, odd = row[ORDER], 0.0
-    for j in range(ORDER - 1, 0, -2):
+    even, odd = row[SERIES_ORDER], 0.0
+    for j in range(SERIES_ORDER - 1, 0, -2):
         odd = odd * square + row[j]
         even = even * square + row[j - 1]
     out: float = even + odd * tau
@@ -169,10 +169,10 @@ def value(row: Any, tau: float) -> float:
 def integral(row: Any, q: int, tau: float) -> float:
     """Return ∫ Σ row_j τ^j q τ^(q-1) dτ, which is to be multiplied by h^q."""
     square = tau * tau
-    even, odd = row[ORDER] * INVERSE[ORDER + q], 0.0
-    for j in range(ORDER - 1, 0, -2):
-        odd = odd * square + row[j] * INVERSE[j + q]
-        even = even * square + row[j - 1] * INVERSE[j - 1 + q]
+    even, odd = row[SERIES_ORDER] * INTEGER_RECIPROCALS[SERIES_ORDER + q], 0.0
+    for j in range(SERIES_ORDER - 1, 0, -2):
+        odd = odd * square + row[j] * INTEGER_RECIPROCALS[j + q]
+        even = even * square + row[j - 1] * INTEGER_RECIPROCALS[j - 1 + q]
     total = even + odd * tau
     for _ in range(q):
         total *= tau
@@ -186,7 +186,7 @@ def direction(x: Any) -> float:
     Its sign is the direction in which a pair at rest starts to move. (The coefficient of highest order can vanish by
     parity.)
     """
-    for j in range(1, ORDER + 1):
+    for j in range(1, SERIES_ORDER + 1):
         if x[j] != 0.0:
             return float(x[j])
     return 0.0
@@ -204,7 +204,7 @@ def peaks(pair: Any, tau: float, scratch: Any) -> None:
     deepest = max(float(pair.x[0]), float(pair.xi))
     # closing at first and opening at the end: the overlap has a maximum inside the piece
     if pair.e[0] > 0.0 > pair.eta or heading(pair.x, tau) == 0.0:
-        for j in range(ORDER + 1):
+        for j in range(SERIES_ORDER + 1):
             pair.g[j] = pair.e[j]
         deepest = max(deepest, summit(pair.x, pair.g, tau, scratch))
     pair.xi_max = max(pair.xi_max, deepest)
@@ -215,8 +215,8 @@ def peaks(pair: Any, tau: float, scratch: Any) -> None:
     way = heading(pair.f, tau)
     force = float(pair.f[0]) if way < 0.0 else max(float(pair.f[0]), value(pair.f, tau))
     if way == 0.0:
-        pair.g[ORDER] = 0.0
-        for j in range(ORDER):
+        pair.g[SERIES_ORDER] = 0.0
+        for j in range(SERIES_ORDER):
             pair.g[j] = (j + 1) * pair.f[j + 1]
         force = max(force, summit(pair.f, pair.g, tau, scratch))
     if pair.kind == DAMPED:
@@ -232,11 +232,11 @@ def heading(row: Any, tau: float) -> float:
     A bound of the slope decides.
     """
     way, against = 1.0 if row[1] > 0.0 else -1.0, 0.0
-    for j in range(ORDER, 1, -1):
+    for j in range(SERIES_ORDER, 1, -1):
         # only terms that oppose the first slope can turn the row round
         slope = way * row[j]
         against = (against + j * slope if slope < 0.0 else against) * tau
-    return way if CLEAR * (way * row[1]) + against > 0.0 else 0.0
+    return way if OPPOSED_SLOPE_SHARE * (way * row[1]) + against > 0.0 else 0.0
 
 
 @kernel
@@ -247,7 +247,7 @@ def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
     """
     at, best, way, steady = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
     # a row of order ORDER has fewer than ORDER extrema
-    for _ in range(ORDER):
+    for _ in range(SERIES_ORDER):
         step = first_up_crossing(rate, tau - at, scratch, way)
         if not at + step < tau:
             break
@@ -256,8 +256,8 @@ def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
             best = max(best, value(row, at))
         if steady == way:  # the slope changes its sign once
             break
-        for first in range(ORDER - 1, -1, -1):  # expand about the extremum: Horner's scheme, column by column
-            for j in range(first, ORDER):
+        for first in range(SERIES_ORDER - 1, -1, -1):  # expand about the extremum: Horner's scheme, column by column
+            for j in range(first, SERIES_ORDER):
                 rate[j] += rate[j + 1] * step
         rate[0], way = 0.0, -way
     return best
@@ -269,7 +269,7 @@ def write_flight(pair: Any, h: float, push: float, force: float) -> None:
 
     The pair closes at the acceleration `push`. The piece is on the plain clock, q = 1.
     """
-    for j in range(ORDER + 1):
+    for j in range(SERIES_ORDER + 1):
         pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
     pair.x[0], pair.x[1], pair.x[2] = pair.xi, h * pair.eta, 0.5 * h * h * push
     pair.e[0], pair.e[1], pair.f[0], pair.g[0] = pair.eta, h * push, force, force
@@ -280,15 +280,15 @@ def predict(pair: Any, law: Any, field: Any) -> None:
     """Compute the next event of a free pair, which is a block of its own.
 
     After contacts, the rate of balls that move together is a rounding error instead of zero. A closing rate of at most
-    `DRIFT` times its noise is therefore set to zero: such balls would meet again after some 1e12 s.
+    `DRIFT_NOISE_FACTOR` times its noise is therefore set to zero: such balls would meet again after some 1e12 s.
     """
-    if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise and pair.xi == 0.0:
+    if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT_NOISE_FACTOR * pair.noise and pair.xi == 0.0:
         pair.eta = 0.0
     if HUNG or (DRIVEN and pair.wall > 0):
         pair.wait, pair.event = next_touch(field, pair), BEGIN
         pair.due = pair.t + (pair.wait + pair.tail)
         return
-    if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
+    if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT_NOISE_FACTOR * pair.noise:
         pair.eta = 0.0
     wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
     if pair.mode == RESIDUAL:
@@ -376,9 +376,9 @@ def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
         return math.inf, NOTHING
     tau = first_up_crossing(pair.e, span, scratch)
     least = value(pair.x, min(tau, span))
-    if least <= GRAZE * pair.own_length:
+    if least <= ROUNDING_OVERLAP_SHARE * pair.own_length:
         return tau, PART
-    return (tau, NOTHING) if least < ALL_BUT * pair.x[0] else (math.inf, NOTHING)
+    return (tau, NOTHING) if least < NEAR_SEPARATION_SHARE * pair.x[0] else (math.inf, NOTHING)
 
 
 @kernel
@@ -393,12 +393,12 @@ def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, 
     if pair.mode == DORMANT:  # linear pairs wake in `confirm`, not at an event
         if pair.kind == LINEAR:
             return math.inf, NOTHING
-        row, doubt, wake = pair.x, DOUBT * pair.wake, pair.wake
+        row, doubt, wake = pair.x, SEPARATION_WAKE_FACTOR * pair.wake, pair.wake
     elif laws is not None:
         return laws.next_event(pair, span, scratch)  # type: ignore[no-any-return]
     elif pair.mode == ACTIVE:
         # a linear pair that has not left the overlap at which it woke separates like a dormant pair
-        asleep = DOUBT * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
+        asleep = SEPARATION_WAKE_FACTOR * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
             return shifted(pair.x, asleep, span, scratch, -1.0), PART
         if pair.kind == LINEAR:

@@ -15,14 +15,25 @@ from granular.md.located.contacts import confirm, judge
 from granular.md.located.ledger import book_piece
 from granular.md.located.log import follow
 from granular.md.located.one_contact.inside import goes_on, has_piece
-from granular.md.located.one_contact.tables import ITSELF, ask, fit, note
+from granular.md.located.one_contact.tables import OWN_SPEED, ask, fit, note
 from granular.md.located.pendula import swing
-from granular.md.located.pieces import ULP, locate, piece_time, power, since, tick, value
-from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS, TO_PLAN
+from granular.md.located.pieces import FLOAT_SPACING, locate, piece_time, power, since, tick, value
+from granular.md.located.records import (
+    ASKS,
+    CHECKS_PER_OCTAVE,
+    DUE_TO_PLAN,
+    EDGE,
+    GENERAL,
+    LOOKED,
+    MOVES,
+    NOTHING,
+    POINTS_PER_OCTAVE,
+    REST_PIECE_SCALE,
+)
 from granular.md.located.rest.proof import may_creep, postpones
 from granular.md.located.series import expand, expand_two
 from granular.md.located.step_size import (
-    REACH,
+    LINEAR_STEP_REACH,
     choose_clock,
     fastest_rate,
     growth,
@@ -40,7 +51,7 @@ from granular.md.located.walls import beside_edge, foresee_walls, speed_at
 def plan_all_due(s: Any, laws: Any) -> bool:
     """Plan all blocks that were formed again; return false if the run stops here."""
     stays = True
-    while s.queue[1].due == TO_PLAN:
+    while s.queue[1].due == DUE_TO_PLAN:
         lo = s.queue[1].key
         stays = plan(s, lo, laws) and stays
         play(s.queue, lo, s.pairs[lo].due)
@@ -98,7 +109,7 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
     if DRIVEN and block.tau == last and block.fired < 0 and block.event == NOTHING and reach == block.holds:
         block.event = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
-    if block.h >= LONG:  # the block is at rest
+    if block.h >= REST_PIECE_SCALE:  # the block is at rest
         pairs[lo].due = math.inf
     return True
 
@@ -118,7 +129,7 @@ def choose_scale(s: Any, lo: int, reach: float) -> float:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
             reach = run_off_time(pairs, pool, lo, hi)
         # REACH bounds the truncation error of a linear step by rounding error
-        block.h = REACH / fastest if fastest * reach > REACH else reach
+        block.h = LINEAR_STEP_REACH / fastest if fastest * reach > LINEAR_STEP_REACH else reach
     else:
         measure(pairs, pool, lo, hi)
         block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
@@ -208,14 +219,14 @@ def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
     member = pool[pairs[c].slot]
     if pool[pairs[lo].slot].linear == 0:
         # interpolated forces of general laws carry rounding errors of several ulps
-        return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
+        return float(max(tol, FLOAT_SPACING if member.kind != GENERAL else 8.0 * FLOAT_SPACING) * member.own_speed)
     largest = abs(member.eta)
     hi = pairs[lo].hi
     if RING and is_closed(pairs, lo, hi) and (c == lo or c + 1 == hi):
         largest = max(largest, abs(pool[pairs[hi - 1 if c == lo else lo].slot].eta))
     for i in range(max(lo, c - 1), min(c + 2, hi)):
         largest = max(largest, abs(pool[pairs[i].slot].eta))
-    return float(ULP * largest)
+    return float(FLOAT_SPACING * largest)
 
 
 @kernel
@@ -259,7 +270,7 @@ def make_table(s: Any, laws: Any, kernels: Any) -> None:
 
     The state of the run does not change.
     """
-    for j in range(POINTS + CHECKS):
+    for j in range(POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE):
         kernels(ask)(s, j, laws)
         kernels(follow_contact)(s, laws)
         if not kernels(note)(s, j):
@@ -269,6 +280,6 @@ def make_table(s: Any, laws: Any, kernels: Any) -> None:
 
 def answer(s: Any, laws: Any, kernels: Any) -> None:
     """Integrate the requested contact alone."""
-    kernels(ask)(s, ITSELF, laws)
+    kernels(ask)(s, OWN_SPEED, laws)
     kernels(follow_contact)(s, laws)
-    kernels(note)(s, ITSELF)
+    kernels(note)(s, OWN_SPEED)

@@ -26,12 +26,12 @@ from granular.md.located.records import (
     DASHPOT,
     ELASTIC,
     GENERAL,
-    KIND,
-    LARGEST_Q,
+    LAW_KIND_RECORD,
     LINEAR,
+    MAX_CLOCK_EXPONENT,
+    MAX_START_EXPONENT,
     NO_MAP,
     SELF_SIMILAR,
-    STEEPEST,
     VISCOELASTIC,
 )
 from granular.scene.places import speed_scale
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from granular.laws.kinds import SceneLaws
     from granular.scene.state import Scene
 
-NODES = 40
+QUADRATURE_POINTS = 40
 """Number of quadrature points, sufficient for an error of rounding size."""
-STEEP = 3.0
+MAX_DAMPED_EXPONENT = 3.0
 """Largest exponent of a damped law with a shape.
 
 The integrals of larger exponents lose digits."""
-STRONG = 0.3
+STRONG_DAMPING_RATIO = 0.3
 """Damping ratio from which the integral is computed up to its end.
 
 Below, it is computed as a half period minus the missing part."""
@@ -74,7 +74,7 @@ def mapped(kinds: Any, m_eff: Array) -> None:
 
 
 def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
-    """Return the laws of a scene as records of `KIND`.
+    """Return the laws of a scene as records of `LAW_KIND_RECORD`.
 
     The records are cached in `laws` if all laws have power forms.
     """
@@ -83,9 +83,9 @@ def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
     speed, pull = speed_scale(scene), scene.gravity
     if scene.external_force is not None:
         pull = float(np.abs(scene.pull).max())
-    kinds = np.zeros(len(laws.each), KIND)
+    kinds = np.zeros(len(laws.each), LAW_KIND_RECORD)
     rows = zip(*(described(law, speed, pull) for law in laws.each), strict=True)
-    for name, values in zip(KIND.names or (), rows, strict=False):
+    for name, values in zip(LAW_KIND_RECORD.names or (), rows, strict=False):
         kinds[name] = values
     kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
     write_maps(kinds, laws, scene)
@@ -112,7 +112,7 @@ def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
 
 
 def described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
-    """Return the kind of a law and its coefficients: a row of `KIND`."""
+    """Return the kind of a law and its coefficients: a row of `LAW_KIND_RECORD`."""
     form = power_form(law)
     if form is None:
         k, p, q = _rough_form(law, speed, gravity)
@@ -186,9 +186,9 @@ def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
     if p == 1.0 and (gamma == 0.0 or d == 0.0):
         return LINEAR, 1
     q = _denominator(p) if gamma == 0.0 else math.lcm(_denominator(p), _denominator(d))
-    if k > 0.0 and q <= LARGEST_Q and q * p <= STEEPEST and (gamma == 0.0 or 0.0 <= d < p):
+    if k > 0.0 and q <= MAX_CLOCK_EXPONENT and q * p <= MAX_START_EXPONENT and (gamma == 0.0 or 0.0 <= d < p):
         return (ELASTIC if gamma == 0.0 else DAMPED), q
-    return GENERAL, min(q, LARGEST_Q)
+    return GENERAL, min(q, MAX_CLOCK_EXPONENT)
 
 
 def factor(p: float, gamma: float, d: float) -> float:
@@ -201,10 +201,10 @@ def factor(p: float, gamma: float, d: float) -> float:
 
 @cache
 def _denominator(exponent: float) -> int:
-    """Return the smallest q with q·exponent an integer, or `LARGEST_Q` + 1."""
+    """Return the smallest q with q·exponent an integer, or `MAX_CLOCK_EXPONENT` + 1."""
     # 1e-12: exponents such as 1/3 are not exact floats
-    found = (q for q in range(1, LARGEST_Q + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)
-    return next(found, LARGEST_Q + 1)
+    found = (q for q in range(1, MAX_CLOCK_EXPONENT + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)
+    return next(found, MAX_CLOCK_EXPONENT + 1)
 
 
 class Shape(NamedTuple):
@@ -231,9 +231,9 @@ def elastic_shape(p: float) -> Shape:
 def damped_shape(p: float, zeta: Array) -> Shape:
     """Return contacts of exponent `p` and damping ratios `zeta` > 0.
 
-    Values are nan for ζ ≥ 1, where s has no half period, and for p > `STEEP`.
+    Values are nan for ζ ≥ 1, where s has no half period, and for p > `MAX_DAMPED_EXPONENT`.
     """
-    zeta = np.where((zeta < 1.0) & (p <= STEEP), zeta, np.nan)[:, None]
+    zeta = np.where((zeta < 1.0) & (p <= MAX_DAMPED_EXPONENT), zeta, np.nan)[:, None]
     beta, root, omega = (p - 1.0) / (p + 1.0), np.sqrt((1.0 - zeta) * (1.0 + zeta)), math.sqrt(0.5 * (p + 1.0))
     fade, height = zeta / root, omega / root
     end, missing = 2.0 * np.arctan2(root, zeta), 2.0 * np.arctan2(zeta, root)  # phases; together half a period
@@ -250,7 +250,7 @@ def damped_shape(p: float, zeta: Array) -> Shape:
 
     half = np.full_like(zeta, 0.5 * math.pi)
     whole = _integral(s, half, beta) + _integral(late, half, beta) - _integral(late, missing, beta)
-    integral = np.where(zeta < STRONG, whole, _integral(s, end, beta))
+    integral = np.where(zeta < STRONG_DAMPING_RATIO, whole, _integral(s, end, beta))
     duration, restitution = integral / (omega * root), np.exp(-fade * end)
     left = height * restitution * np.sin(missing)  # s where the force is zero
     parts = duration + left ** (2.0 / (p + 1.0)) / restitution
@@ -272,7 +272,7 @@ def _points(beta: float) -> tuple[Array, Array]:
 
     The method is by Golub & Welsch (1969).
     """
-    k = np.arange(1.0, NODES)
+    k = np.arange(1.0, QUADRATURE_POINTS)
     middle = beta * beta / ((2.0 * k - beta) * (2.0 * k - beta + 2.0))
     beside = 4.0 * (k * (k - beta)) ** 2 / ((2.0 * k - beta) ** 2 * ((2.0 * k - beta) ** 2 - 1.0))
     # k = 1, with the common factor 1 - β cancelled

@@ -12,13 +12,13 @@ import math
 
 import numpy as np
 
-ORDER = 20
+SERIES_ORDER = 20
 """Order of the power series of a step."""
-ROW = ORDER + 1
+ROW_LENGTH = SERIES_ORDER + 1
 """Length of a row: the coefficients of a series."""
-PADDED = ORDER + 8 - ORDER % 8
+PADDED_LENGTH = SERIES_ORDER + 8 - SERIES_ORDER % 8
 """Length of a factor of a product, a multiple of eight."""
-MIRROR = ORDER + PADDED
+MIRROR_LENGTH = SERIES_ORDER + PADDED_LENGTH
 """Length of a factor in reverse order, with zeros behind it."""
 OPEN, ACTIVE, RESIDUAL, DORMANT, STRUCK = range(5)
 """Modes of a pair.
@@ -34,7 +34,7 @@ MOVES, LIES, CREEPS, ASKS, LOOKED = range(5)
 
 By its equation of motion, at rest, or creeping (see `overdamped`). ASKS: not yet, because it is to be tested for creep
 first. LOOKED: by its equation of motion, after that test."""
-LONG = 2.0**300
+REST_PIECE_SCALE = 2.0**300
 """Scale in s of the piece of a pile at rest: longer than any run."""
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events of a pair (see `pieces`)."""
@@ -49,17 +49,17 @@ EXTEND, DONE, BY_PIECES, GOES_ON = 11, 12, 13, 14
 
 EXTEND: form the blocks again, with one more block than so far. DONE: the event has been applied. BY_PIECES: integrate
 the contact by pieces. GOES_ON: plan the next piece of the island."""
-LARGEST_Q = 4
+MAX_CLOCK_EXPONENT = 4
 """Largest q of the clock t = (hτ)^q."""
-STEEPEST = 16.0
+MAX_START_EXPONENT = 16.0
 """Largest q·p of a power law that a start series of order 20 can represent.
 
 Here q belongs to the clock t = (hτ)^q and p to the law k ξ^p."""
-SPARE = 1
+SPARE_PLACES = 1
 """Places in the pool that stay free, to integrate a contact alone."""
-ROOM = 32
+EXTRA_PLACES = 32
 """Places in the pool of a run in addition to those taken at the start."""
-KIND = np.dtype(
+LAW_KIND_RECORD = np.dtype(
     [
         ("kind", int), ("q", int), ("memory", int),  # kind; the force is analytic in ξ^(1/q); 1 for a law with memory
         ("k", float), ("gamma", float), ("p", float), ("d", float), ("s", float),  # F = k ξ^p or ξ^d (kξ^s + γη)
@@ -72,7 +72,7 @@ KIND = np.dtype(
 
 The last five fields are the `Shape` of its contacts, if the law has one (see `power_form`).
 """
-PAIR = np.dtype(
+SOFT_PAIR_RECORD = np.dtype(
     [
         ("xi", float), ("eta", float),  # overlap (negative: gap) in m and its rate in m/s at the time t + tail
         ("pull", float),  # closing acceleration by gravity, m/s²
@@ -96,7 +96,14 @@ PAIR = np.dtype(
 
 For a pair in an island, state and mode are those of its last flight. `due` is inf if the pair does not start a block.
 """
-_LAW = [("lower", float), ("upper", float), ("inverse", float), ("pull", float), ("wall", int), *KIND.descr[:8]]
+_LAW = [
+    ("lower", float),
+    ("upper", float),
+    ("inverse", float),
+    ("pull", float),
+    ("wall", int),
+    *LAW_KIND_RECORD.descr[:8],
+]
 """Inverse masses in 1/kg and their sum, pull, wall and law.
 
 The pull includes the acceleration of a driven wall at the current time.
@@ -128,26 +135,26 @@ _CONTACT = [  # the current contact
     ("push", float),  # impulse of the last piece, N s
 ]
 _SERIES = [
-    *((name, float, (PADDED,)) for name in ("r", "z")),
-    *((name, float, (MIRROR,)) for name in ("gm", "rm", "zm")),
-    *((name, float, (ROW,)) for name in ("x", "e", "f", "g")),
+    *((name, float, (PADDED_LENGTH,)) for name in ("r", "z")),
+    *((name, float, (MIRROR_LENGTH,)) for name in ("gm", "rm", "zm")),
+    *((name, float, (ROW_LENGTH,)) for name in ("x", "e", "f", "g")),
 ]
 """Coefficients in τ of the piece of a pair.
 
 x, e, f and g are overlap, rate, force and bracket φ. r = ξ^d and z = ξ^s are powers of the overlap. gm, rm and zm are
 φ, r and z in reverse order.
 """
-MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
+MEMBER_RECORD = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island.
 
 The fields `spare` of all records list the places of the pool. The first `members` of them are taken.
 """
-BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
+SOFT_BODY_RECORD = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
 """State of a body: inverse mass, downward acceleration, velocity and its time.
 
 The velocity is the one at t + tail. For a pendulum, so is the acceleration. `wall` is the number of the driven wall
 that the body is, from 1 on, or 0."""
-RUN = np.dtype(
+SOFT_RUN_RECORD = np.dtype(
     [
         ("tol", float), ("members", int),  # tolerance; places taken in the pool
         ("t", float), ("tail", float), ("lo", int), ("hi", int),  # current event: time and pairs lo … hi-1
@@ -170,7 +177,7 @@ RUN = np.dtype(
     align=True,
 )
 """Counters, limits and stop conditions of a run, and its current event."""
-LEDGER = np.dtype(
+ENERGY_ACCOUNT_RECORD = np.dtype(
     [*((name, float, (5,)) for name in ("total", "low", "piece", "solo")),
      *((name, float, (2,)) for name in ("work", "lost", "temperature", "mass")),
      *((name, int, (2,)) for name in ("seed", "contacts"))]
@@ -181,17 +188,17 @@ LEDGER = np.dtype(
 `work` and `lost` belong to the last contacts at driven walls that were solved as one event (see `ledger`). For thermal
 floor and ceiling: temperature in J, mass of the ball at the wall in kg, seed and number of reflections (see `jumps`).
 """
-SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
+MIN_SPEED_EXPONENT, SPEED_OCTAVES, POINTS_PER_OCTAVE, CHECKS_PER_OCTAVE, CONTACT_QUANTITIES = -40, 64, 20, 4, 6
 """Layout of the tables of contacts.
 
 In this order: binary exponent of the lowest speed in m/s, octaves of speed, Chebyshev points per octave, points for
 checks, quantities per contact."""
-MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
+OCTAVE_MAP_RECORD = np.dtype([("table", np.int32, (SPEED_OCTAVES,)), ("met", np.int32, (SPEED_OCTAVES,))], align=True)
 """Per octave of speeds: 1 + index of its table (-1: none), and contacts so far."""
-TABLE = np.dtype(
+CONTACT_TABLE_RECORD = np.dtype(
     [
-        ("error", float), ("c", float, (QUANTITIES * POINTS,)),
-        ("seen", float, (QUANTITIES * (POINTS + CHECKS),)), ("noted", int),
+        ("error", float), ("c", float, (CONTACT_QUANTITIES * POINTS_PER_OCTAVE,)),
+        ("seen", float, (CONTACT_QUANTITIES * (POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE),)), ("noted", int),
     ],
     align=True,
 )
@@ -204,22 +211,22 @@ AT_LEAST_ONE = -1
 """Initial `pieces` of a contact that takes one piece even if no time is left.
 
 Such a contact is evaluated at its onset."""
-WATCHED = -2
+UNTIL_ANY_EVENT = -2
 """`until_pair` of a run that integrates all contacts by pieces.
 
 Such a run pauses after every event to be observed. Runs without stop condition have -1."""
 RESOLVE, STOP, IGNORE = range(3)
 """Treatment of contacts that disturb each other."""
-MOST_MAPS = 64
+MAX_TABLED_PAIRS = 64
 """Maximum number of different pairs whose contacts can have tables."""
-TABLES = 1
+INITIAL_TABLES = 1
 """Initial number of tables for which there is room."""
-TO_PLAN = -math.inf
+DUE_TO_PLAN = -math.inf
 """`due` of a block that was formed again: its piece is computed before any event."""
 
-MOST_WORK = np.iinfo(np.int64).max
+MAX_WORK_LIMIT = np.iinfo(np.int64).max
 """Largest limit of contacts or steps."""
-LOG_ROWS, ROWS_OF_MANY, MOST_ROWS = 16, 256, 4096
+MIN_LOG_ROWS, MIN_LOG_ROWS_OF_MANY, MAX_INITIAL_LOG_ROWS = 16, 256, 4096
 """Initial rows of the log buffer: minimum, minimum for many scenes, maximum.
 
 The number is twice the number of pairs within these limits. The minimum for many scenes is larger because their buffers

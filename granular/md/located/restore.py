@@ -11,30 +11,43 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import EDITED, held
+from granular._engine.check import EDITED_STATE, held
 from granular._engine.records import column, copied, tournament
-from granular.md.located.checkpoint import KEPT
-from granular.md.located.records import ASKS, EDGE, LARGEST_Q, LEDGER, LOOKED, MOST_WORK, SPARE, STRUCK
+from granular.md.located.checkpoint import CHECKPOINT_RECORDS
+from granular.md.located.records import (
+    ASKS,
+    EDGE,
+    ENERGY_ACCOUNT_RECORD,
+    LOOKED,
+    MAX_CLOCK_EXPONENT,
+    MAX_WORK_LIMIT,
+    SPARE_PLACES,
+    STRUCK,
+)
 from granular.md.located.system import System, empty_pool
 from granular.run.contact_log import CONTACT_ROW
 
-SCENES = {"run": ("omega", "length"), "pairs": ("pull", "kind_of", "map", "wall"), "bodies": ("inverse_mass", "wall"),
-          "ledger": ("temperature", "mass", "seed")}
+SCENE_FIELDS = {
+    "run": ("omega", "length"),
+    "pairs": ("pull", "kind_of", "map", "wall"),
+    "bodies": ("inverse_mass", "wall"),
+    "ledger": ("temperature", "mass", "seed"),
+}
 """Fields that never change: they follow from the scene and its laws."""
-OF_LAW = ("memory", "k", "gamma", "p", "d", "s", "q", "kind")
+LAW_FIELDS = ("memory", "k", "gamma", "p", "d", "s", "q", "kind")
 """Fields of a pair in the pool that are copied from its law."""
-NUMBERS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "last_step"),
+FINITE_FIELDS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "last_step"),
            "bodies": ("v", "t", "tail", "fall"), "pool": ("xi", "eta", "t", "tail", "h", "tau", "x", "e", "last_step"),
            "tables": ("c", "error"), "ledger": ("total", "low")}
 """Fields of floats that must be finite, in the pool for places that are taken."""
-FORMERLY = {
+OLD_FIELD_NAMES = {
     "run": {"alone": "solo", "begun": "contacts", "stride": "last_step", "log": "log_level"},
     "pairs": {"alone": "isolated", "count": "contacts", "what": "event", "stride": "last_step"},
     "pool": {"top": "xi_peak", "what": "event", "stride": "last_step", "begun": "going_on"},
     "ledger": {"alone": "solo", "hits": "contacts"},
 }
 """Names of fields in files of earlier versions, and their names today."""
-ADDED = {"pool": {"doubts": np.int64}}
+ADDED_FIELDS = {"pool": {"doubts": np.int64}}
 """Fields that earlier versions did not have. They are 0 where they are missing."""
 
 
@@ -47,19 +60,19 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
     for name in {"creeping", "riding"} & state.keys():  # fields of earlier versions
         held(state, name, "b", ())
     sizes = {name: len(getattr(s, name)) for name in ("run", "pairs", "bodies", "maps")}
-    for name, dtype in KEPT.items():
+    for name, dtype in CHECKPOINT_RECORDS.items():
         if name == "ledger" and s.ledger is None:
             continue
         records = np.asarray(state.get(name))
         if not _like(records, dtype) or len(records) != sizes.get(name, len(records)):
             got = "other records" if name in state else "nothing"
             raise ValueError(f"{name!r} in the state of `trajectory` must be the records of its scene, got {got}. "
-                             f"{EDITED}")
+                             f"{EDITED_STATE}")
     if not _of_scene(s, state):
         raise ValueError("The state of `trajectory` belongs to another scene or other laws. The file was edited after "
                          "it was saved, or loaded with other laws.")
     if not _within(state) or not _numbers(state):
-        raise ValueError(f"The state of `trajectory` contradicts itself. {EDITED}")
+        raise ValueError(f"The state of `trajectory` contradicts itself. {EDITED_STATE}")
 
 
 def _like(records: Any, dtype: np.dtype[Any]) -> bool:
@@ -76,7 +89,7 @@ def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
 
     Pairs in islands must have the laws of their pairs of the scene.
     """
-    for name, fields in SCENES.items():
+    for name, fields in SCENE_FIELDS.items():
         for field in fields if getattr(s, name) is not None else ():
             if not np.array_equal(state[name][field], column(getattr(s, name), field)):
                 return False
@@ -88,7 +101,7 @@ def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
     if len(inside) and pairs["slot"].max() >= len(pool):
         return False
     members, laws = pool[pairs["slot"][inside]], s.kinds[pairs["kind_of"][inside]]
-    return all(np.array_equal(members[name], laws[name]) for name in OF_LAW) and bool(
+    return all(np.array_equal(members[name], laws[name]) for name in LAW_FIELDS) and bool(
         np.array_equal(members["wall"], pairs["wall"][inside]))
 
 
@@ -113,7 +126,7 @@ def _within(state: Mapping[str, Any]) -> bool:
         (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["event"], 0, EDGE),
         (members["fired"], -1, n - 1), (members["head"], -1, n - 1), (members["piled"], 0, n),
         (members["manner"], 0, LOOKED), (members["doubts"], 0, np.inf),
-        (members["clock"], 1, LARGEST_Q), (one["first"], -1, n - 1),
+        (members["clock"], 1, MAX_CLOCK_EXPONENT), (one["first"], -1, n - 1),
         (one["wanted"], 0, n - 1), (one["solo"], -1, n - 1), (one["lo"], 0, len(pairs)), (one["hi"], 0, len(pairs)),
         (state["tables"]["noted"], 0, np.inf), (run["events"], 0, np.inf), (run["steps"], 0, np.inf),
     ]
@@ -134,19 +147,19 @@ def _numbers(state: Mapping[str, Any]) -> bool:
     The dissipated energy, the last of five sums, is excluded: it is unknown for laws with memory.
     """
     taken = state["pairs"]["slot"][state["pairs"]["slot"] >= 0]
-    records = {name: state[name] for name in NUMBERS if name in state} | {"pool": state["pool"][taken]}
+    records = {name: state[name] for name in FINITE_FIELDS if name in state} | {"pool": state["pool"][taken]}
     return all(np.isfinite(rows[field][..., :4] if name == "ledger" else rows[field]).all()
-               for name, rows in records.items() for field in NUMBERS[name])
+               for name, rows in records.items() for field in FINITE_FIELDS[name])
 
 
 def named_today(name: str, records: Any) -> Any:
     """Return records of a checkpoint with the current names of their fields."""
-    if records.ndim != 1 or records.dtype.names is None or records.dtype == KEPT[name]:
+    if records.ndim != 1 or records.dtype.names is None or records.dtype == CHECKPOINT_RECORDS[name]:
         return records
-    now = {FORMERLY.get(name, {}).get(field, field): field for field in records.dtype.names}
+    now = {OLD_FIELD_NAMES.get(name, {}).get(field, field): field for field in records.dtype.names}
     fields = [(field, records.dtype[old]) for field, old in now.items()]
     had_signs = name == "pairs" and "lasts" in now and "ahead" not in now  # negative: only the clock is ahead
-    added = [(field, np.dtype(kind)) for field, kind in ADDED.get(name, {}).items() if field not in now]
+    added = [(field, np.dtype(kind)) for field, kind in ADDED_FIELDS.get(name, {}).items() if field not in now]
     out = np.zeros(len(records), [*fields, *added, *([("ahead", np.dtype(np.int8))] if had_signs else [])])
     for field, old in now.items():
         out[field] = records[old]
@@ -174,23 +187,26 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     `s` are the records of the scene at its start. Raises `ValueError` if the checkpoint does not fit the scene and its
     laws.
     """
-    state = {name: named_today(name, np.asarray(value)) if name in KEPT else value for name, value in state.items()}
+    state = {
+        name: named_today(name, np.asarray(value)) if name in CHECKPOINT_RECORDS else value
+        for name, value in state.items()
+    }
     check(s, state)
     names = "run", "pairs", "pool", "bodies"
-    run, pairs, taken, bodies = (named_alike(state[name], KEPT[name]) for name in names)
+    run, pairs, taken, bodies = (named_alike(state[name], CHECKPOINT_RECORDS[name]) for name in names)
     pairs["row"][pairs["row"] >= len(state["log"])] = -1  # rows of contacts that are over
     for name in ("until_pair", "until_nth", "separated", "log_level", "disturbing"):
         run[name] = s.run[name]
     for name, so_far in (("max_events", "contacts"), ("max_steps", "steps")):
-        run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), MOST_WORK)
-    pool, log = empty_pool(len(taken) + SPARE), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
+        run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), MAX_WORK_LIMIT)
+    pool, log = empty_pool(len(taken) + SPARE_PLACES), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
     pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]
     tables = np.append(state["tables"], s.tables)
     n = len(bodies) - 1
     queue = tournament(n)
     queue["due"][len(queue) // 2 :][:n] = pairs["due"][:n]
     maps = copied(state["maps"])
-    ledger = s.ledger if s.ledger is None else named_alike(state["ledger"], LEDGER)
+    ledger = s.ledger if s.ledger is None else named_alike(state["ledger"], ENERGY_ACCOUNT_RECORD)
     return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
                       ledger=ledger)
 

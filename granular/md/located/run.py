@@ -12,30 +12,30 @@ from granular._engine.kernels import Toll, compiled, fitted
 from granular._engine.records import column, copied, packed, plain, play, replay
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
-from granular.md.located.checkpoint import SMALL, Checkpoint, Untouched
+from granular.md.located.checkpoint import MAX_FULL_COPY_PAIRS, Checkpoint, Untouched
 from granular.md.located.ending import message_of, rest_of_log, settle, stats_of
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look_inside, look_over, seen
-from granular.md.located.pace import WHY, Pace
+from granular.md.located.pace import PAUSE_REASONS, Pace
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
     BINDING,
     CRAMPED,
+    DUE_TO_PLAN,
     GENERAL,
     IGNORE,
+    MAX_INITIAL_LOG_ROWS,
     MORE,
-    MOST_ROWS,
     NO_LOG,
     PEAKS,
     QUIET,
     REACHED,
     STOP,
     STOPPED,
-    TO_PLAN,
+    UNTIL_ANY_EVENT,
     WANTS_CONTACT,
     WANTS_TABLE,
-    WATCHED,
 )
 from granular.md.located.system import (
     system_of,
@@ -51,11 +51,11 @@ from granular.run.trajectory import CONTACT
 from granular.scene import Scene
 from granular.scene.places import Closing
 
-LOADING, MAKING, LAUNCH = 0.6, 13.0, 2e-5
+LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS, LAUNCH_SECONDS_PER_PAIR = 0.6, 13.0, 2e-5
 """Times in s to load the machine code, to compile it, and to launch a pair.
 
 A pair is launched interpreted."""
-DISTURBED = ("resolve", "stop", "ignore")
+DISTURBED_OPTIONS = ("resolve", "stop", "ignore")
 """Options for disturbed contacts, in the order of RESOLVE, STOP, IGNORE."""
 
 
@@ -76,7 +76,7 @@ class Run:
         Truncation error of a step under nonlinear laws, relative to the current speed and overlap. Linear laws are
         always integrated to rounding error.
     disturbed : str
-        One of `DISTURBED`. Defaults to "resolve".
+        One of `DISTURBED_OPTIONS`. Defaults to "resolve".
     state : mapping, optional
         Checkpoint to continue.
     """
@@ -95,8 +95,8 @@ class Run:
         self.closing = Closing(scene, self.start, flattened=True) if scene.driven else None
         self.bound, self.seen, self.now = False, 0.0, 0.0  # s, times of the last sample and of the run
         limits = {"max_events": request.max_events, "max_steps": request.max_steps,
-                  "until_pair": WATCHED if request.singly else -1}
-        ways, level = [DISTURBED.index(disturbed)], PEAKS if request.rows else NO_LOG
+                  "until_pair": UNTIL_ANY_EVENT if request.singly else -1}
+        ways, level = [DISTURBED_OPTIONS.index(disturbed)], PEAKS if request.rows else NO_LOG
         s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
         self.collocation = None
         if s.kinds["kind"][0] == GENERAL:  # imported only for general laws
@@ -113,8 +113,8 @@ class Run:
         self.adds_up = IGNORE not in ways
         self.pace = Pace(self)
         if engine == "auto":
-            self.toll = Toll(self.fit(blocks.advance), LOADING, MAKING)
-        if engine == "compiled" or self.pays(LAUNCH * scene.n_pairs):
+            self.toll = Toll(self.fit(blocks.advance), LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS)
+        if engine == "compiled" or self.pays(LAUNCH_SECONDS_PER_PAIR * scene.n_pairs):
             self.compile()
         else:
             self.s = to_plain(s)
@@ -202,7 +202,7 @@ class Run:
             return Pause.disturbed
         if why != MORE:
             self.bound = why == BINDING
-            return WHY[why]
+            return PAUSE_REASONS[why]
         if self.pays():
             self.compile()
         return Pause.work if self.pace.stalls() else Pause.full
@@ -230,7 +230,7 @@ class Run:
             rows = rows[over]
         room = len(self.s.log)
         # longer if half of the rows belong to contacts that continue, or if a short buffer is full
-        if 2 * counters["rows"] > room or taken + 2 > room < MOST_ROWS:
+        if 2 * counters["rows"] > room or taken + 2 > room < MAX_INITIAL_LOG_ROWS:
             self.s = with_longer_log(self.s)
         if self.request.on_event is not None:
             rows = rows[np.argsort(rows["t_end"], kind="stable")]
@@ -304,7 +304,7 @@ class Run:
         while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
             self.s = with_more_room(self.s)
         self.pace.look_at_all()
-        if len(self.s.queue) > SMALL:  # no event follows
+        if len(self.s.queue) > MAX_FULL_COPY_PAIRS:  # no event follows
             self.s = self.s._replace(queue=copied(self.s.queue[:1]))
         self.kernels(blocks.gather)(self.s, end, self.collocation)
         if column(self.s.pool, "manner").any():
@@ -316,7 +316,7 @@ class Run:
         """Plan the blocks at driven walls again, and continue the run to `time`."""
         for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
             if self.s.pairs[c]["slot"] >= 0:
-                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), TO_PLAN)
+                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), DUE_TO_PLAN)
         self.kernels(plan_all_due)(self.s, self.collocation)
         while self.to(time, False) is Pause.full:
             pass

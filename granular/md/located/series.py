@@ -19,7 +19,17 @@ from typing import Any
 
 from granular._engine.kernels import DRIVEN, HUNG, RING, kernel
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
+from granular.md.located.records import (
+    ACTIVE,
+    DORMANT,
+    ELASTIC,
+    LINEAR,
+    MIRROR_LENGTH,
+    OPEN,
+    PADDED_LENGTH,
+    RESIDUAL,
+    SERIES_ORDER,
+)
 from granular.md.located.system import is_closed
 from granular.md.located.walls import drive
 
@@ -35,7 +45,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
     if DRIVEN:
         drive(field, pairs, lo, hi, h, q)
     scale, last = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
-    for n in range(ORDER - q + 1):
+    for n in range(SERIES_ORDER - q + 1):
         step, below = scale / (n + q), 0.0
         for c in range(lo, hi):
             pair = pool[pairs[c].slot]
@@ -74,15 +84,15 @@ def prepare(pair: Any, q: int) -> None:
     pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(1, q):
         pair.x[n], pair.e[n] = 0.0, 0.0
-    first = 0 if pair.mode != ACTIVE else ORDER - q + 1
-    for n in range(first, ORDER + 1):
+    first = 0 if pair.mode != ACTIVE else SERIES_ORDER - q + 1
+    for n in range(first, SERIES_ORDER + 1):
         pair.f[n], pair.g[n] = 0.0, 0.0
     if pair.kind != LINEAR and pair.mode != OPEN:
         for row in (pair.r, pair.z):
-            for n in range(PADDED):
+            for n in range(PADDED_LENGTH):
                 row[n] = 0.0
         for row in (pair.gm, pair.rm, pair.zm):
-            for n in range(MIRROR):
+            for n in range(MIRROR_LENGTH):
                 row[n] = 0.0
 
 
@@ -119,7 +129,7 @@ def force_term(pair: Any, n: int, q: int) -> None:
         power_term(pair.x, pair.z, pair.s, n, offset)
         bent = pair.z[n]
     phi = 0.0 if n == 0 and pair.exact else pair.k * bent + pair.gamma * pair.e[n]
-    pair.g[n], pair.gm[ORDER - n] = phi, phi
+    pair.g[n], pair.gm[SERIES_ORDER - n] = phi, phi
     if pair.mode == ACTIVE:
         pair.f[n] = product_term(pair.r, pair.gm, n)
 
@@ -130,7 +140,7 @@ def complete(pair: Any, q: int) -> None:
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
     force = works(pair)
-    for n in range(ORDER - q + 1, ORDER + 1):
+    for n in range(SERIES_ORDER - q + 1, SERIES_ORDER + 1):
         pair.g[n] = pair.k * pair.x[n] + pair.gamma * pair.e[n]
         if pair.kind == LINEAR:
             pair.f[n] = force * pair.g[n]
@@ -156,7 +166,7 @@ def expand_two(a: Any, b: Any, h: float) -> None:
     x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
     push_a, push_b = a.pull, b.pull
     fa, fb = 0.0 if a.exact else ka * xa + ga * ea, 0.0 if b.exact else kb * xb + gb * eb
-    for n in range(ORDER + 1):
+    for n in range(SERIES_ORDER + 1):
         x1[n], e1[n], f1[n], x2[n], e2[n], f2[n] = xa, ea, fa, xb, eb, fb
         step = h / (n + 1)
         xa, xb = step * ea, step * eb
@@ -166,7 +176,7 @@ def expand_two(a: Any, b: Any, h: float) -> None:
         push_a, push_b = 0.0, 0.0
     for pair in (a, b):
         if pair.mode == RESIDUAL:
-            for n in range(ORDER + 1):
+            for n in range(SERIES_ORDER + 1):
                 pair.g[n] = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
 
 
@@ -178,7 +188,7 @@ def product_term(a: Any, mirror: Any, n: int) -> float:
     """
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     for block in range(n // 8 + 1):
-        j, i = (8 * block) & 31, (ORDER - n + 8 * block) & 63  # masks prove that no index is negative
+        j, i = (8 * block) & 31, (SERIES_ORDER - n + 8 * block) & 63  # masks prove that no index is negative
         s0 += a[j] * mirror[i] + a[j + 4] * mirror[i + 4]
         s1 += a[j + 1] * mirror[i + 1] + a[j + 5] * mirror[i + 5]
         s2 += a[j + 2] * mirror[i + 2] + a[j + 6] * mirror[i + 6]
@@ -200,7 +210,7 @@ def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
         out[n] = math.sqrt(x[offset])
     else:
         out[n] = (x[offset + order] - product_term(out, mirror, n + first)) / (2.0 * out[first])
-    mirror[ORDER - n] = out[n]
+    mirror[SERIES_ORDER - n] = out[n]
 
 
 @kernel

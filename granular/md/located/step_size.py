@@ -1,8 +1,8 @@
 """Length of a step, and its clock.
 
 *Linear islands*: the series of a step converges like the series of exp(λh), λ = ½ (b + √(b² + 4a)). Here a and b are
-the largest absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, with Ω² of pendula in a. λh = `REACH` leaves
-(λh)^(N+1)/(N+1)! = 1e-17.
+the largest absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, with Ω² of pendula in a. λh =
+`LINEAR_STEP_REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
 
 *Other islands*: h is only a scale. The coefficients determine how far the series is valid: θ = tol^(1/N) / a with a =
 max_j A_j^(1/j). A_j is the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the island. Each pair has
@@ -18,28 +18,38 @@ from typing import Any
 
 from granular._engine.flight import time_to_contact
 from granular._engine.kernels import RING, kernel
-from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
-from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
+from granular.md.located.pieces import DRIFT_NOISE_FACTOR, elapsed, force_returns, power
+from granular.md.located.records import (
+    ACTIVE,
+    DAMPED,
+    DORMANT,
+    GENERAL,
+    LINEAR,
+    MAX_START_EXPONENT,
+    OPEN,
+    RESIDUAL,
+    SERIES_ORDER,
+)
 from granular.md.located.series import works
 from granular.md.located.system import is_closed
 
-REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
-FURTHEST = 8.0
+LINEAR_STEP_REACH = (math.factorial(SERIES_ORDER + 1) * 1e-17) ** (1.0 / (SERIES_ORDER + 1))
+MAX_STEP_PER_SCALE = 8.0
 """Largest length of a step relative to its scale."""
-FAR = 1e9
+MAX_SCALE_PER_CONTACT = 1e9
 """Largest scale of a step relative to the time for which a contact has lasted.
 
 1e9^20 does not overflow."""
-JUST = 1e-15
+JUST_TOUCHED_OVERLAP = 1e-15
 """Relative overlap below which a closing pair has only just touched.
 
 It is relative to the typical overlap, and is caused by the rounding error of a simultaneous event elsewhere in the
 island."""
-SHALLOW = 0.1
+SHALLOW_OVERLAP = 0.1
 """Relative overlap below which a force can grow by many orders of magnitude.
 
 It is relative to the typical overlap."""
-DORMANCY, ASLEEP = 1e-17, 0.1
+DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL = 1e-17, 0.1
 """Limits of the overlap up to which a pair is dormant.
 
 The pair touches at rest, or on an unsuitable clock. The first limit is relative to the typical overlap, the second to
@@ -107,7 +117,7 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
             if pair.kind == GENERAL:  # matched at the depth of impacts, not at rest
                 stored = max(stored, 2.0 * pair.pull * pair.xi)
         elif max(pair.pull, pair.sway) > 0.0 and (
-            pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT * pair.noise)
+            pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT_NOISE_FACTOR * pair.noise)
         ):
             pull = max(pair.pull, pair.sway)
             stored = 2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p)
@@ -155,7 +165,7 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
 
     Pairs for which it is unsuitable become dormant.
     """
-    q, asleep = 1, max(DORMANCY, ASLEEP * tol)
+    q, asleep = 1, max(DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL * tol)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.xi == 0.0 and is_curved(pair) and q % pair.q != 0:
@@ -165,10 +175,18 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
                 pair.mode = DORMANT
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if pair.xi == 0.0 and is_curved(pair) and (q * pair.p > STEEPEST or pair.eta <= DRIFT * pair.noise):
+        if (
+            pair.xi == 0.0
+            and is_curved(pair)
+            and (q * pair.p > MAX_START_EXPONENT or pair.eta <= DRIFT_NOISE_FACTOR * pair.noise)
+        ):
             pair.mode = DORMANT
         if is_curved(pair) and pair.eta > 0.0 and pair.xi > 0.0:
-            if pair.xi < JUST * pair.own_length and q % pair.q == 0 and q * pair.p <= STEEPEST:
+            if (
+                pair.xi < JUST_TOUCHED_OVERLAP * pair.own_length
+                and q % pair.q == 0
+                and q * pair.p <= MAX_START_EXPONENT
+            ):
                 pair.xi = 0.0
             # half of the overlap at which it wakes, so that it does not wake immediately
             elif pair.xi < 0.5 * asleep * pair.own_length:
@@ -204,21 +222,21 @@ def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
         pair = pool[pairs[c].slot]
         if pair.xi > 0.0 and is_curved(pair):
             if pair.eta != 0.0:
-                h = min(h, FAR * pair.xi / abs(pair.eta))
+                h = min(h, MAX_SCALE_PER_CONTACT * pair.xi / abs(pair.eta))
             if pair.pull != 0.0:
-                h = min(h, FAR * math.sqrt(pair.xi / abs(pair.pull)))
+                h = min(h, MAX_SCALE_PER_CONTACT * math.sqrt(pair.xi / abs(pair.pull)))
     return h
 
 
 @kernel
 def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
     """Return ln a, the growth of the coefficients per order, or -inf without any."""
-    q, first, worst = pool[pairs[lo].slot].clock, ORDER - 5, -math.inf
+    q, first, worst = pool[pairs[lo].slot].clock, SERIES_ORDER - 5, -math.inf
     for c in range(lo, hi):
         if just_touched(pool[pairs[c].slot]):  # the highest order that its rate certainly has
             period = int(q * (pool[pairs[c].slot].p + 1.0) + 0.5)
-            first = min(first, ORDER // period * period)
-    for j in range(first, ORDER + 1):
+            first = min(first, SERIES_ORDER // period * period)
+    for j in range(first, SERIES_ORDER + 1):
         largest = 0.0
         for c in range(lo, hi):
             pair = pool[pairs[c].slot]
@@ -227,23 +245,25 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
             worst = max(worst, math.log(largest) / j)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if just_touched(pair) and pair.x[q] > 0.0 and 2.0 * q * (pair.p + 1.0) > ORDER:
+        if just_touched(pair) and pair.x[q] > 0.0 and 2.0 * q * (pair.p + 1.0) > SERIES_ORDER:
             # one order of the force is not enough: ξ = τ^q y, and y^p is a power series up to the zero of y.
             # A ball that touches almost at rest is soon moved by gravity alone.
-            worst = max(worst, steepest(pair.x, 1, ORDER - q, q, pair.x[q]))
-        elif is_curved(pair) and 0.0 < pair.x[0] < SHALLOW * pair.own_length:
+            worst = max(worst, steepest(pair.x, 1, SERIES_ORDER - q, q, pair.x[q]))
+        elif is_curved(pair) and 0.0 < pair.x[0] < SHALLOW_OVERLAP * pair.own_length:
             # Then the omitted products of orders in F = k ξ^p are negligible. A pair that reverses at
             # ξ = 0 and η = 0 continues with ξ ∝ τ² and a force ∝ τ^(2p), which may affect no computed order.
-            worst = max(worst, steepest(pair.x, 1, ORDER, 0, pair.own_length))
+            worst = max(worst, steepest(pair.x, 1, SERIES_ORDER, 0, pair.own_length))
         bends = pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0
         if pair.mode == RESIDUAL and pair.s != 1.0:
             bends = not stays_clipped(pair, trusted(worst, tol))
             if not bends:
-                for j in range(ORDER + 1):
+                for j in range(SERIES_ORDER + 1):
                     # φ is proved negative on the piece: replace it by a constant without roots
                     pair.g[j] = -1.0 if j == 0 else 0.0
         if bends:
-            worst = max(worst, steepest(pair.g, ORDER - 5, ORDER, 0, pair.k * power(pair.own_length, pair.s)))
+            worst = max(
+                worst, steepest(pair.g, SERIES_ORDER - 5, SERIES_ORDER, 0, pair.k * power(pair.own_length, pair.s))
+            )
     return worst
 
 
@@ -276,7 +296,7 @@ def stays_clipped(pair: Any, theta: float) -> bool:
     Bounds of ξ and η are used, because φ is singular where ξ is zero.
     """
     xi, eta, t = pair.x[0], pair.e[0], 1.0
-    for j in range(1, ORDER + 1):
+    for j in range(1, SERIES_ORDER + 1):
         t *= theta
         xi += max(0.0, pair.x[j] * t)
         eta += max(0.0, pair.e[j] * t)
@@ -286,7 +306,7 @@ def stays_clipped(pair: Any, theta: float) -> bool:
 @kernel
 def trusted(worst: float, tol: float) -> float:
     """Return the θ up to which coefficients with ln a = `worst` hold to `tol`."""
-    return math.exp(min(math.log(FURTHEST), math.log(tol) / ORDER - worst))
+    return math.exp(min(math.log(MAX_STEP_PER_SCALE), math.log(tol) / SERIES_ORDER - worst))
 
 
 @kernel
@@ -294,5 +314,5 @@ def left_out(worst: float, tau: float) -> float:
     """Return the truncation error of a piece up to τ, relative to its speed."""
     ratio = tau * math.exp(worst)
     # 0.5: guard against a ratio close to 1, where the geometric series diverges
-    return elapsed(ratio, ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
+    return elapsed(ratio, SERIES_ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
 

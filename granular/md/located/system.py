@@ -16,30 +16,30 @@ import numpy as np
 from granular._engine.compiler_state import ByReference
 from granular._engine.kernels import RING, kernel
 from granular._engine.records import NODE, packed, plain, tournament
-from granular._engine.roots import DEEPEST, workspace
+from granular._engine.roots import MAX_SUBDIVISIONS, workspace
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.power_form import kinds_of
 from granular.md.located.records import (
-    BODY,
+    CONTACT_TABLE_RECORD,
     DASHPOT,
-    KIND,
-    LEDGER,
-    LOG_ROWS,
-    MAP,
-    MEMBER,
-    MOST_MAPS,
-    MOST_ROWS,
+    ENERGY_ACCOUNT_RECORD,
+    EXTRA_PLACES,
+    INITIAL_TABLES,
+    LAW_KIND_RECORD,
+    MAX_INITIAL_LOG_ROWS,
+    MAX_TABLED_PAIRS,
+    MEMBER_RECORD,
+    MIN_LOG_ROWS,
+    MIN_LOG_ROWS_OF_MANY,
     NO_MAP,
+    OCTAVE_MAP_RECORD,
     OPEN,
-    ORDER,
-    PAIR,
-    ROOM,
-    ROW,
-    ROWS_OF_MANY,
-    RUN,
-    SPARE,
-    TABLE,
-    TABLES,
+    ROW_LENGTH,
+    SERIES_ORDER,
+    SOFT_BODY_RECORD,
+    SOFT_PAIR_RECORD,
+    SOFT_RUN_RECORD,
+    SPARE_PLACES,
 )
 from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.run import until as stop
@@ -64,7 +64,7 @@ class System(ByReference, Fields):
 def to_plain(s: System) -> System:
     """Return the run in the form for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
-    rest = list(s.answer), workspace(ORDER), plain_walls(s.field), ledger
+    rest = list(s.answer), workspace(SERIES_ORDER), plain_walls(s.field), ledger
     return System._make([*map(plain, s[:9]), *rest])
 
 
@@ -72,8 +72,22 @@ def to_compiled(s: System) -> System:
     """Return the run in the form for compiled code, with bitwise identical numbers."""
     if isinstance(s.run, np.ndarray):
         return s
-    records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
-    ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
+    records = map(
+        packed,
+        s[:9],
+        (
+            SOFT_RUN_RECORD,
+            SOFT_PAIR_RECORD,
+            MEMBER_RECORD,
+            LAW_KIND_RECORD,
+            SOFT_BODY_RECORD,
+            NODE,
+            CONTACT_ROW,
+            OCTAVE_MAP_RECORD,
+            CONTACT_TABLE_RECORD,
+        ),
+    )
+    ledger = None if s.ledger is None else packed(s.ledger, ENERGY_ACCOUNT_RECORD)
     return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.field), ledger])
 
 
@@ -92,15 +106,19 @@ def new_system(
     """Return the records of one scene, or of many scenes, at time 0.
 
     Arrays of many scenes have one more axis, in front. `columns` are inverse masses, velocities, gaps and gravity.
-    `kinds` are the laws as records `KIND`, and `kind_of` is the index of the law per pair. `room` is the number of
-    places in the pool, which many scenes share. `walls` are the driven walls, and `lift` the accelerations by external
-    forces (one scene only). `limits` are fields of `RUN`.
+    `kinds` are the laws as records `LAW_KIND_RECORD`, and `kind_of` is the index of the law per pair. `room` is the
+    number of places in the pool, which many scenes share. `walls` are the driven walls, and `lift` the accelerations
+    by external forces (one scene only). `limits` are fields of `SOFT_RUN_RECORD`.
     """
     inverse_mass, velocity, gap, gravity = columns
     if walls is not None:
         velocity = with_walls(walls, velocity)
     n = gap.shape[-1]
-    run, pairs, bodies = np.zeros((*gap.shape[:-1], 1), RUN), np.zeros(gap.shape, PAIR), np.zeros(velocity.shape, BODY)
+    run, pairs, bodies = (
+        np.zeros((*gap.shape[:-1], 1), SOFT_RUN_RECORD),
+        np.zeros(gap.shape, SOFT_PAIR_RECORD),
+        np.zeros(velocity.shape, SOFT_BODY_RECORD),
+    )
     bodies["inverse_mass"], bodies["v"] = inverse_mass, velocity
     fall = np.where(inverse_mass > 0.0, gravity, 0.0)
     if lift is not None:
@@ -119,21 +137,27 @@ def new_system(
     limits |= {"first": -1, "disturbed": math.nan, "solo": -1}
     for name, value in limits.items():
         run[name] = value
-    log = np.zeros(min(max(LOG_ROWS if gap.ndim == 1 else ROWS_OF_MANY, 2 * n), MOST_ROWS), CONTACT_ROW)
-    scratch = np.zeros((DEEPEST + 1, ORDER + 2))
+    log = np.zeros(
+        min(max(MIN_LOG_ROWS if gap.ndim == 1 else MIN_LOG_ROWS_OF_MANY, 2 * n), MAX_INITIAL_LOG_ROWS), CONTACT_ROW
+    )
+    scratch = np.zeros((MAX_SUBDIVISIONS + 1, SERIES_ORDER + 2))
     has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
     pairs["map"] = -1
-    if n <= MOST_MAPS and (has != DASHPOT).any():  # every pair can have its own tables; else see `_share_tables`
+    if n <= MAX_TABLED_PAIRS and (has != DASHPOT).any():  # every pair can have its own tables; else see `_share_tables`
         lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
         pairs["map"] = np.where(lacks & (pairs["wall"] == 0), np.arange(n), -1)
-    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(6)
-    pool = empty_pool(min(room, n) + SPARE)
+    known = (
+        np.zeros(min(n, MAX_TABLED_PAIRS), OCTAVE_MAP_RECORD),
+        np.zeros(INITIAL_TABLES, CONTACT_TABLE_RECORD),
+        np.zeros(6),
+    )
+    pool = empty_pool(min(room, n) + SPARE_PLACES)
     return System(run, pairs, pool, kinds, bodies, tournament(n), log, *known, scratch, walls, ledger)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
     """Return a pool with `room` free places."""
-    pool = np.zeros(room, MEMBER)
+    pool = np.zeros(room, MEMBER_RECORD)
     pool["spare"] = np.arange(room)
     return pool
 
@@ -152,7 +176,7 @@ def with_room_for_a_table(s: System, i: int = 0) -> System:
     of_many = isinstance(s.run[0], list) or np.ndim(s.run) > 1
     if int((s.run[i][0] if of_many else s.run[0])["tables"]) < len(s.tables):
         return s
-    fresh = np.zeros(len(s.tables), TABLE)
+    fresh = np.zeros(len(s.tables), CONTACT_TABLE_RECORD)
     return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
 
 
@@ -171,7 +195,8 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     If the laws are cached, so are the records. A scene that differs from the previous one only in gaps and velocities
     uses copies of the cached records.
     """
-    room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # a touching pair and its two neighbours, and some later
+    # a touching pair and its two neighbours, and some later
+    room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + EXTRA_PLACES
     if "records" not in laws.notes or scene._flags:
         return _made(scene, laws, until, start, room, limits)
     shape = scene.mass.tobytes(), scene.gravity, until, room, *limits.values()
@@ -196,18 +221,18 @@ def _made(
     if not 2.0 * float(scene.inverse_mass.max()) < math.inf:
         raise OverflowError("the inverse of a mass")
     kinds = kinds_of(laws, scene)
-    walls, lift = walls_of(scene, start, ROW) if scene.driven else None, None
+    walls, lift = walls_of(scene, start, ROW_LENGTH) if scene.driven else None, None
     if scene.external_force is not None:
         lift = scene.lift
     columns: tuple[Any, ...] = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
     if scene.ring:  # ball 0 again after the last ball
         lift = lift if lift is None else np.append(lift, lift[0])
         columns = *(np.append(column, column[0]) for column in columns[:2]), *columns[2:]
-    ledger = np.zeros(1, LEDGER) if scene.driven or scene.heated else None
+    ledger = np.zeros(1, ENERGY_ACCOUNT_RECORD) if scene.driven or scene.heated else None
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
     if scene.heated:
         _heat(s, scene)
-    if scene.n_pairs > MOST_MAPS:
+    if scene.n_pairs > MAX_TABLED_PAIRS:
         _share_tables(s, laws, scene)
     if scene.ring:
         s.run["length"] = math.fsum(scene.gap)
@@ -242,7 +267,7 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
     lacking = np.flatnonzero(((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT))) & (s.pairs["wall"] == 0))
     if len(lacking):
         number, first = alike(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
-        if len(first) <= MOST_MAPS:
+        if len(first) <= MAX_TABLED_PAIRS:
             s.pairs["map"][lacking] = number
 
 

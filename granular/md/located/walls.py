@@ -22,12 +22,12 @@ from granular._engine.check import Array
 from granular._engine.flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
 from granular._engine.kernels import DRIVEN, HUNG, kernel
 from granular._engine.records import packed, plain
-from granular.md.located.records import ORDER
+from granular.md.located.records import SERIES_ORDER
 from granular.scene.places import driven_walls
 from granular.scene.walls import path
 from granular.scene.walls.gap import after
 from granular.scene.walls.hits import first_hit, pressing_bounds
-from granular.scene.walls.path import PANEL, TERMS, WALL, edge_jump, expansion, to_edge, total, wall_at
+from granular.scene.walls.path import MAX_TERMS, PANEL_DTYPE, WALL_DTYPE, edge_jump, expansion, to_edge, total, wall_at
 
 if TYPE_CHECKING:
     from granular.scene import Scene
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 Walls = namedtuple("Walls", "start wall panels path push")
 """Driven walls of a run.
 
-`start` is the time in s at which the run's own clock is 0. `wall` and `panels` are records `WALL` and `PANEL`. `path`
-and `push` are temporary storage per wall: the power series of side·m in m in the time, and the series of its
-acceleration in τ.
+`start` is the time in s at which the run's own clock is 0. `wall` and `panels` are records `WALL_DTYPE` and
+`PANEL_DTYPE`. `path` and `push` are temporary storage per wall: the power series of side·m in m in the time, and the
+series of its acceleration in τ.
 """
 Hung = namedtuple("Hung", "omega square")
 """Ω in 1/s of pendula, and Ω²: the parameters of free flight, in place of `Walls`."""
-GROWS = 4.0
+MAX_TERM_SUM = 4.0
 """Maximum sum of the terms of a wall's acceleration, in units of its bound.
 
 Pieces are so short that the sum stays below it."""
@@ -56,7 +56,7 @@ def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
     if not driven:
         return None
     _, walls, panels = zip(*driven, strict=True)
-    scratch = np.zeros((len(walls), TERMS)), np.zeros((len(walls), terms))
+    scratch = np.zeros((len(walls), MAX_TERMS)), np.zeros((len(walls), terms))
     return Walls(start, np.concatenate(walls), np.concatenate(panels), *scratch)
 
 
@@ -87,7 +87,7 @@ def compiled_walls(walls: Any) -> Any:
     if not isinstance(walls, Walls):
         return walls
     scratch = np.array(walls.path), np.array(walls.push)
-    return Walls(walls.start, packed(walls.wall, WALL), packed(walls.panels, PANEL), *scratch)
+    return Walls(walls.start, packed(walls.wall, WALL_DTYPE), packed(walls.panels, PANEL_DTYPE), *scratch)
 
 
 @kernel
@@ -272,8 +272,8 @@ def expand_path(walls: Any, i: int, block: Any) -> float:
 def tame(path: Any, reach: float, bound: float) -> float:
     """Return a time up to `reach` in which a wall's acceleration series is small.
 
-    The sum of the absolute values of its terms is then at most `GROWS` times `bound`. If `reach` is inf, no single term
-    exceeds `bound` instead.
+    The sum of the absolute values of its terms is then at most `MAX_TERM_SUM` times `bound`. If `reach` is inf, no
+    single term exceeds `bound` instead.
     """
     if not reach < math.inf:
         # a path without edges: every term on its own stays below the bound
@@ -287,7 +287,7 @@ def tame(path: Any, reach: float, bound: float) -> float:
         for j in range(2, len(path)):
             size += j * (j - 1) * abs(path[j]) * power
             power *= reach
-        if not size > GROWS * bound:
+        if not size > MAX_TERM_SUM * bound:
             return reach
         # this ends, because the constant term alone is within the bound
         reach *= 0.5
@@ -304,10 +304,10 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
             path, push, scale, per = walls.path[pairs[c].wall - 1], walls.push[pairs[c].wall - 1], 1.0, h
             for _ in range(1, q):
                 per *= h
-            for n in range(ORDER + 1):
+            for n in range(SERIES_ORDER + 1):
                 push[n] = 0.0
             j = 1
-            while j * q <= ORDER and j + 2 < len(path):
+            while j * q <= SERIES_ORDER and j + 2 < len(path):
                 scale *= per
                 # t^j is h^(jq) τ^(jq)
                 push[j * q] = (j + 1) * (j + 2) * path[j + 2] * scale

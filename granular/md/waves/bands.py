@@ -20,7 +20,7 @@ from granular.laws.kinds import resolved
 from granular.laws.springs import stiffness_at
 from granular.scene import Scene, checked
 
-FASTEST = 1e100
+MAX_FREQUENCY = 1e100
 """Angular frequency in rad/s above which squares leave the range of floats."""
 
 
@@ -120,8 +120,8 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
     """
     k, m = _cell(stiffness, mass)
     w = check.array("omega", omega, ...)
-    check.every("omega", w.ravel(), ((w >= 0.0) & (w <= FASTEST)).ravel(),
-                 f"an angular frequency in [0, {FASTEST:g}] rad/s")
+    check.every("omega", w.ravel(), ((w >= 0.0) & (w <= MAX_FREQUENCY)).ravel(),
+                 f"an angular frequency in [0, {MAX_FREQUENCY:g}] rad/s")
     cell, grown = np.broadcast_to(np.eye(2), (*w.shape, 2, 2)), np.zeros(w.shape)
     for stiff, heavy in zip(k.tolist(), m.tolist(), strict=True):  # transfer matrix of displacement and force
         step = np.zeros((*w.shape, 2, 2))

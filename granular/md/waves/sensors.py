@@ -11,12 +11,12 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.check import Array
-from granular._engine.reports import COLUMN, canvas, style
+from granular._engine.reports import COLUMN_WIDTH, canvas, style
 from granular.run.trajectory import Trajectory
 
-SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
+PICTURE_LABELS = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
 """Quantities that can be drawn: labels of the vertical axis and colour bar."""
-ROUNDING = 1e-13
+ROUNDING_FORCE_SHARE = 1e-13
 """Share of the largest force of a run up to which a force is rounding error."""
 
 
@@ -83,7 +83,7 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     parts = check.array("shares", shares)
     check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a number in (0, 1)")
     base = check.number("static", static, at_least=0.0)
-    faint = ROUNDING * float(np.abs(forces).max())
+    faint = ROUNDING_FORCE_SHARE * float(np.abs(forces).max())
     seen = [_of_one(run.time, force - base, parts, faint) for force in forces.T]
     place = run.scene.sides(run.scene.position + run.scene.radius)[0]
     return Pulse(np.array([one[0] for one in seen]), np.array([one[1] for one in seen]),
@@ -134,12 +134,12 @@ def picture(
     axis : matplotlib axis, optional
         Axis to draw on. By default a new figure is made.
     """
-    across, bar = SHADES[check.choice("show", show, list(SHADES))]
+    across, bar = PICTURE_LABELS[check.choice("show", show, list(PICTURE_LABELS))]
     values = _rows(run, show, "For hard spheres use show='velocity'.")
     if beyond:
         values, bar = values - values[0], f"{bar}, beyond the first row"
     with style():
-        figure, ((one,),) = canvas(1.3 * COLUMN, COLUMN) if axis is None else (None, ((axis,),))
+        figure, ((one,),) = canvas(1.3 * COLUMN_WIDTH, COLUMN_WIDTH) if axis is None else (None, ((axis,),))
         signed = bool((values < -1e-3 * np.abs(values).max()).any())
         most = float(np.abs(values).max()) or 1.0
         image = one.pcolormesh(run.time, np.arange(values.shape[1]), values.T, shading="nearest", rasterized=True,

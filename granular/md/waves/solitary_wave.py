@@ -24,20 +24,20 @@ from granular._engine.check import Array
 from granular.laws.contact_law import instance, resolve
 from granular.scene import Scene, in_order
 
-BOX, POINTS = 32.0, 1024
+PERIOD_DIAMETERS, PERIOD_POINTS = 32.0, 1024
 """Length of the period in diameters, and number of points on it.
 
 Sufficient for all allowed exponents."""
-LEAST, MOST = 1.1, 8.0
+SMALLEST_EXPONENT, LARGEST_EXPONENT = 1.1, 8.0
 """Range of exponents.
 
 For smaller ones the wave is longer than the period, for larger ones too steep for its points."""
-SWEEPS = 1000
-FAINT = 1e-16
+MAX_CONVOLUTIONS = 1000
+ROUNDING_OVERLAP_SHARE = 1e-16
 """Share of the largest overlap below which overlaps are rounding errors.
 
 They are set to 0."""
-BACK = 5.0
+MIN_WAVE_REACH = 5.0
 """Minimum extent of the wave in diameters on either side of its peak in a scene."""
 
 
@@ -62,7 +62,7 @@ class SolitaryWave:
     exponent: float
 
     def __post_init__(self) -> None:
-        check.number("exponent", self.exponent, at_least=LEAST, at_most=MOST,
+        check.number("exponent", self.exponent, at_least=SMALLEST_EXPONENT, at_most=LARGEST_EXPONENT,
                       fix="With 1 there are no solitary waves. Close to 1 they are long, far above it steep.")
 
     @property
@@ -97,7 +97,7 @@ class SolitaryWave:
         `share` is between 1e-12 and 1.
         """
         part = check.number("share", share, at_least=1e-12, at_most=1.0, fix="Smaller forces are rounding errors.")
-        low, high = 0.0, 0.5 * BOX
+        low, high = 0.0, 0.5 * PERIOD_DIAMETERS
         # bisection down to neighbouring floats
         while (middle := 0.5 * (low + high)) not in (low, high):
             low, high = (middle, high) if self.force(middle) > part else (low, middle)
@@ -143,10 +143,12 @@ def solitary(
     In m/s the wave moves at 2R c √(A δ_max^(p-1) / m), c = `SolitaryWave.speed`. Its largest overlap is δ_max = (v
     √(m/A) / `SolitaryWave.peak_velocity`)^(2/(p+1)).
     """
-    count = check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="A wave is five balls long.")
+    count = check.whole("n", n, at_least=math.ceil(2.0 * MIN_WAVE_REACH) + 1, fix="A wave is five balls long.")
     r, rho = check.number("radius", radius, above=0.0, at_most=1e100), check.number("density", density, above=0.0)
     v, m = check.number("speed", speed, above=0.0), 4.0 / 3.0 * math.pi * r**3 * rho
-    place = check.number("at", at, at_least=BACK, at_most=count - 1.0 - BACK, fix="The wave must lie within the row.")
+    place = check.number(
+        "at", at, at_least=MIN_WAVE_REACH, at_most=count - 1.0 - MIN_WAVE_REACH, fix="The wave must lie within the row."
+    )
     row = Scene(np.full(count, m), np.full(count, r), np.zeros(count - 1), np.zeros(count))
     form = resolve(instance("law", law), row.pairs[0]).form
     if form is None or form[2] != 0.0:
@@ -156,8 +158,8 @@ def solitary(
     deepest = (v * math.sqrt(m / form[0]) / wave.peak_velocity) ** (2.0 / (wave.exponent + 1.0))
     x = np.arange(count) - 0.5 - place  # distance of the contact before each ball from the peak
     overlap, velocity = wave.overlap(x[1:]), wave.velocity(x)
-    overlap[overlap < FAINT] = 0.0
-    velocity[velocity < FAINT] = 0.0
+    overlap[overlap < ROUNDING_OVERLAP_SHARE] = 0.0
+    velocity[velocity < ROUNDING_OVERLAP_SHARE] = 0.0
     return in_order(row.replace(gap=0.0 - deepest * overlap, velocity=v / wave.peak_velocity * velocity))
 
 
@@ -165,16 +167,19 @@ def solitary(
 def _series(p: float) -> tuple[Array, float]:
     """Return the cosine series of φ^p, and c²."""
     triangle = _box() ** 2
-    phi, before = np.maximum(0.0, 1.0 - 0.5 * np.abs(np.fft.fftfreq(POINTS, 1.0 / BOX))) ** 2, math.inf
-    for _ in range(SWEEPS):
-        raw = np.fft.irfft(np.fft.rfft(phi**p) * triangle, POINTS)
+    phi, before = (
+        np.maximum(0.0, 1.0 - 0.5 * np.abs(np.fft.fftfreq(PERIOD_POINTS, 1.0 / PERIOD_DIAMETERS))) ** 2,
+        math.inf,
+    )
+    for _ in range(MAX_CONVOLUTIONS):
+        raw = np.fft.irfft(np.fft.rfft(phi**p) * triangle, PERIOD_POINTS)
         new = np.maximum(raw / raw[0], 0.0)
         step = float(np.abs(new - phi).max())
         phi = new
         if step < 1e-15 and step >= before:  # converged: changes no longer decrease
             break
         before = step
-    series = np.fft.rfft(phi**p).real / POINTS
+    series = np.fft.rfft(phi**p).real / PERIOD_POINTS
     # the real transform stores each pair ±k once, except the first and the last term
     series[1:-1] *= 2.0
     return series, float((series * triangle).sum())
@@ -182,7 +187,7 @@ def _series(p: float) -> tuple[Array, float]:
 
 @cache
 def _wave_numbers() -> Array:
-    return np.asarray(2.0 * math.pi * np.fft.rfftfreq(POINTS, BOX / POINTS))
+    return np.asarray(2.0 * math.pi * np.fft.rfftfreq(PERIOD_POINTS, PERIOD_DIAMETERS / PERIOD_POINTS))
 
 
 def _box() -> Array:
@@ -199,4 +204,6 @@ def _cosines(series: Array, x: Array) -> Array:
 
 def _inside(x: Any) -> Array:
     """Return distances from the peak, limited to half a period, where the wave is 0."""
-    return np.clip(check.array("x", x, ..., finite="a finite distance in balls"), -0.5 * BOX, 0.5 * BOX)
+    return np.clip(
+        check.array("x", x, ..., finite="a finite distance in balls"), -0.5 * PERIOD_DIAMETERS, 0.5 * PERIOD_DIAMETERS
+    )

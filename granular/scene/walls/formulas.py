@@ -16,15 +16,15 @@ from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular.scene.walls import path
 from granular.scene.walls.panels import Panels, _OnPanels
-from granular.scene.walls.path import TERMS
+from granular.scene.walls.path import MAX_TERMS
 
-LARGEST = 1e150
+MAX_MOTION = 1e150
 """Largest amplitude (m) and acceleration (m/s²); products do not overflow."""
-PER_TURN = 8
+PANELS_PER_PERIOD = 8
 """Panels per period."""
 # as a fraction, so that phases of many turns are reduced without rounding
 TWO_PI = 6283185307179586476925286766559005768394338798750211641949889184615632812572417997256, 10**84
-CLOSED = 1e-9
+STEP_TOLERANCE = 1e-9
 """Largest relative step between pieces that counts as rounding.
 
 It is relative to the largest term."""
@@ -64,14 +64,14 @@ class Sine(_OnPanels):
 
     def __post_init__(self) -> None:
         self.__dict__.update(
-            amplitude=check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST,
+            amplitude=check.number("amplitude", self.amplitude, at_least=0.0, at_most=MAX_MOTION,
                                     fix="A phase of π reverses the motion."),
             frequency=check.number("frequency", self.frequency, above=0.0,
                                     fix="For a wall at rest give None instead of a Sine."),
             phase=check.number("phase", self.phase),
         )
         largest = self.omega * self.omega * self.amplitude
-        check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=LARGEST)
+        check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=MAX_MOTION)
 
     @classmethod
     def from_acceleration(cls, gamma: float, frequency: float, gravity: float = 9.81, phase: float = 0.0) -> Sine:
@@ -118,7 +118,7 @@ class Sine(_OnPanels):
     def _panels(self) -> Panels:
         from fractions import Fraction
 
-        half = math.pi / PER_TURN
+        half = math.pi / PANELS_PER_PERIOD
         s, c = math.sin(half), math.cos(half)  # eighths by symmetry: the sine of 15π/8 as computed is less exact
         sine = np.array([s, c, c, s, -s, -c, -c, -s])
         cycle = sine, np.roll(sine, -2), -sine, -np.roll(sine, -2)
@@ -126,7 +126,7 @@ class Sine(_OnPanels):
         series = [cycle[j % 4] * (self.amplitude * half**j / math.factorial(j)) for j in range(17)]
         turn = Fraction(self.phase) / Fraction(*TWO_PI) % 1
         high = float(turn)
-        edges = np.arange(PER_TURN + 1) / PER_TURN
+        edges = np.arange(PANELS_PER_PERIOD + 1) / PANELS_PER_PERIOD
         # the first omitted Taylor term
         error = self.amplitude * half**17 / math.factorial(17)
         return Panels(edges, np.array(series).T, error, self.frequency, (high, float(turn - Fraction(high))))
@@ -168,8 +168,8 @@ class Piecewise(_OnPanels, ByNumbers):
             breaks, coefficients = breaks.x, breaks.c
         t = check.rising("breaks", breaks, "a finite time")
         rows = len(np.atleast_1d(check.array("coefficients", coefficients, ..., fix="Give one column per piece.")))
-        if not 0 < rows <= TERMS:
-            raise ValueError(f"`coefficients` must have 1 to {TERMS} rows, one per power, got {rows}.")
+        if not 0 < rows <= MAX_TERMS:
+            raise ValueError(f"`coefficients` must have 1 to {MAX_TERMS} rows, one per power, got {rows}.")
         c = check.array("coefficients", coefficients, (rows, len(t) - 1), fix="Give one column per piece.",
                          finite="a finite number")
         self.__dict__.update(breaks=t, coefficients=c)
@@ -217,7 +217,7 @@ def _joined(t: Array, c: Array) -> tuple[Array, Array, Array]:
 
 
 def _check_steps(t: Array, series: Array, steps: Array, largest: Array) -> None:
-    big = np.abs(steps) > CLOSED * max(float(largest.max()), math.ulp(0.0))
+    big = np.abs(steps) > STEP_TOLERANCE * max(float(largest.max()), math.ulp(0.0))
     if big.any():
         i = int(big.argmax())
         raise ValueError(f"`coefficients` must give a continuous path, got a jump of {steps[i]:.3g} m at "

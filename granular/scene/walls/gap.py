@@ -15,7 +15,7 @@ from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
 from granular.scene.walls.path import panel_at, product, reduced, value
 
-NOISE = 4.0 * 2.0**-53
+GAP_NOISE = 4.0 * 2.0**-53
 """Rounding error of a gap, relative to the terms of its sum."""
 State = namedtuple("State", "time low panel x gap rate pull height drift closing blur")
 """State of a gap at a reduced `time` + `low`, at the coordinate `x` of `panel`.
@@ -53,7 +53,7 @@ def flight(
     if k == now.panel and turns == 0.0:
         gap, rate, x0 = now.gap, now.rate, now.x
         if s == 0.0:
-            return gap, rate, now.closing, NOISE * abs(gap)
+            return gap, rate, now.closing, GAP_NOISE * abs(gap)
         dx = panel.per * s
         x, v0, d0, v, d, dd, d2, d3 = x0 + dx, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(panel.degree, -1, -1):  # divided differences: d2 of (x0, x0, x), d3 of (x0, x0, x, x)
@@ -67,7 +67,7 @@ def flight(
         f = gap + s * (rate - 0.5 * pull * s) - dx * dx * d2
         df = rate - pull * s - panel.per * dx * (2.0 * d2 + dx * d3)
         size = abs(gap) + s * (abs(rate) + 0.5 * (abs(pull) + wall.stiff) * s)
-        return f, df, pull + panel.per * panel.per * (2.0 * dd), NOISE * size
+        return f, df, pull + panel.per * panel.per * (2.0 * dd), GAP_NOISE * size
     m, v, a = value(panel, coordinate(wall, panel, now, turns, s))
     height, drift, noise = above(wall, now, s)
     return height - m, drift - v, pull + a, noise
@@ -83,14 +83,14 @@ def above(wall: Record, now: State, s: float) -> tuple[float, float, float]:
     """
     drift, pull = now.drift, now.pull
     size = abs(now.height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
-    return now.height + s * (drift - 0.5 * pull * s), drift - pull * s, NOISE * size + wall.error
+    return now.height + s * (drift - 0.5 * pull * s), drift - pull * s, GAP_NOISE * size + wall.error
 
 
 @rare
 @kernel
 def faint(wall: Record, now: State, s: float) -> float:
     """Return the rounding error of a rate (m/s) a time s after `now`."""
-    return NOISE * (abs(now.rate) + (abs(now.pull) + wall.stiff) * s)  # type: ignore[no-any-return]
+    return GAP_NOISE * (abs(now.rate) + (abs(now.pull) + wall.stiff) * s)  # type: ignore[no-any-return]
 
 
 @rare

@@ -19,7 +19,7 @@ from granular._engine.flight import time_to_contact
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
 from granular.scene.walls.gap import (
-    NOISE,
+    GAP_NOISE,
     State,
     above,
     coordinate,
@@ -34,13 +34,13 @@ from granular.scene.walls.gap import (
 )
 from granular.scene.walls.path import pressed
 
-NEVER = math.inf
-PHASES = 2.0**50
+NO_HIT = math.inf
+MAX_PERIODS = 2.0**50
 """Number of periods after which a float no longer resolves the phase of the wall.
 
 A gap that is still open then counts as closed at that time.
 """
-SHORT = 2.0**-6
+SHORT_STEP_SHARE = 2.0**-6
 """Share of the rest of a panel below which a step triggers a refined bound."""
 
 
@@ -79,14 +79,14 @@ def first_hit(
     k, turns, s = now.panel, 0.0, 0.0
     # a ball at rest is not hit; `lift_off` returns when it leaves
     if gap == 0.0 and rate == 0.0 and opens(wall, panels[k], now, 0.0, 0.0) == 0.0:
-        return NEVER
+        return NO_HIT
     while passed + s <= within:
         end = lasts(wall, panels, now, k, turns)
         s, hit = hit_on_panel(wall, panels, now, k, turns, s, end)
         if hit:
-            return passed + s if passed + s <= within else NEVER
-        if s == NEVER:
-            return NEVER
+            return passed + s if passed + s <= within else NO_HIT
+        if s == NO_HIT:
+            return NO_HIT
         # restart on the next panel while divided differences are precise there
         if k == now.panel and turns == 0.0 and short(wall, panels, now, s):
             end = max(0.0, end)
@@ -94,14 +94,14 @@ def first_hit(
             passed += end
             s, k = max(0.0, s - end), now.panel
         s += out_of_reach(wall, now, s)
-        if s == NEVER:
-            return NEVER
-        if wall.periodic and wall.frequency * s > PHASES:
-            return passed + s if passed + s <= within else NEVER
+        if s == NO_HIT:
+            return NO_HIT
+        if wall.periodic and wall.frequency * s > MAX_PERIODS:
+            return passed + s if passed + s <= within else NO_HIT
         k, turns = onward(wall, panels, now, k, turns, s)
         if k < 0:
-            return NEVER
-    return NEVER
+            return NO_HIT
+    return NO_HIT
 
 
 @rare
@@ -130,7 +130,7 @@ def out_of_reach(wall: Record, now: State, s: float) -> float:
     """
     height, rate, noise = above(wall, now, s)
     if rate == 0.0 and now.pull == 0.0 and wall.speed == 0.0:
-        return NEVER
+        return NO_HIT
     room = height - wall.reach - noise
     # the factor keeps the rounded time below the exact time
     return 0.0 if room <= 0.0 else time_to_contact(room, rate, now.pull) * (1.0 - 2.0**-50)
@@ -146,7 +146,7 @@ def hit_on_panel(
     Without a hit on panel k it returns False and a time, `end` or later, before which the gap does not close.
     """
     panel, pull = panels[k], now.pull
-    slack = NOISE * (abs(pull) + wall.stiff)
+    slack = GAP_NOISE * (abs(pull) + wall.stiff)
     while s < end:
         f, df, a, noise = flight(wall, panels, now, k, turns, s)
         # a rate within its rounding error has no sign
@@ -155,7 +155,7 @@ def hit_on_panel(
             return touch(s, f, df, a), True
         sure, left = f - noise if f > noise else 0.0, end - s
         step = stays_open(panel, sure, df, a - slack, pull + panel.most - slack, left)
-        if df >= 0.0 and (a <= slack or s == df == 0.0) and step < SHORT * left:
+        if df >= 0.0 and (a <= slack or s == df == 0.0) and step < SHORT_STEP_SHARE * left:
             step = max(step, opens(wall, panel, now, turns, s))
         if step >= left:
             if wall.periodic and sure > noise:  # no velocity jumps: the bound holds on all panels
@@ -197,7 +197,7 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
     rate. In this way a ball leaves after lift-off.
     """
     a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
-    if a > NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.blur:
+    if a > GAP_NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.blur:
         return 0.0
     a = min(a, 0.0)
     # root of a + j s/3 + bend s²/12, at which a lower bound of the gap returns to 0
@@ -205,7 +205,7 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
     # of the two forms of the root, the one without cancellation
     if j > 0.0:
         return -6.0 * a / (j + root)
-    return 2.0 * (root - j) / panel.bend if panel.bend > 0.0 else NEVER
+    return 2.0 * (root - j) / panel.bend if panel.bend > 0.0 else NO_HIT
 
 
 @rare
@@ -218,7 +218,7 @@ def touch(s: float, f: float, df: float, a: float) -> float:
     if f <= 0.0:
         return s
     step = time_to_contact(f, df, a)
-    return s + step if step < NEVER else s
+    return s + step if step < NO_HIT else s
 
 
 @rare
@@ -257,15 +257,15 @@ def lift_off(
         end = lasts(wall, panels, now, k, turns)
         if pull + panels[k].least < 0.0:
             found = falls_on_panel(wall, panels, now, k, turns, s, end)
-            if found < NEVER:
-                return (found, 0.0) if found <= within else (NEVER, 0.0)
+            if found < NO_HIT:
+                return (found, 0.0) if found <= within else (NO_HIT, 0.0)
         s = max(s, end)
         k, turns = next_panel(wall, k, turns)
         if s > within or (turns > 0.0 and wall.periodic == 0):
-            return NEVER, 0.0
+            return NO_HIT, 0.0
         if panels[k].jump != 0.0:
             return s, -panels[k].jump
-    return NEVER, 0.0
+    return NO_HIT, 0.0
 
 
 @rare
@@ -278,7 +278,7 @@ def falls_on_panel(
     The time is counted from `now`, and the search ends at `end`. It steps from below: a bound of the second rate keeps
     pull + m'' above a parabola.
     """
-    panel, noise = panels[k], NOISE * (abs(now.pull) + wall.stiff)
+    panel, noise = panels[k], GAP_NOISE * (abs(now.pull) + wall.stiff)
     while s < end:
         a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
@@ -291,7 +291,7 @@ def falls_on_panel(
         if s + step == s:
             return s
         s += step
-    return NEVER
+    return NO_HIT
 
 
 @rare
@@ -307,7 +307,7 @@ def pressing_bounds(
     it.
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
-    least, most = NEVER, -NEVER
+    least, most = NO_HIT, -NO_HIT
     k, turns, s = now.panel, 0.0, 0.0
     # a full turn and the rest of the first panel
     for _ in range(wall.panels + 1):
@@ -332,7 +332,7 @@ def bounds(
     They are the bounds of the panel, or narrower ones from the values at both times and the bounds of the rate.
     """
     pull, length = now.pull, max(0.0, until - s)
-    noise = NOISE * (abs(pull) + wall.stiff)
+    noise = GAP_NOISE * (abs(pull) + wall.stiff)
     a, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s))
     b, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s + length))
     low = lowest(a, b, panel.rise, -panel.fall, length)

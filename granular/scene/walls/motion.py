@@ -14,27 +14,27 @@ import numpy as np
 from granular._engine import check
 from granular._engine.check import Array
 from granular.scene.walls.panels import Panels, _OnPanels
-from granular.scene.walls.path import TERMS
+from granular.scene.walls.path import MAX_TERMS
 from granular.scene.walls.thermal import Thermal
 
 __all__ = ["Motion"]
-NODES = 24
+PANEL_NODES = 24
 """Function values per panel.
 
-The stored series has at most `TERMS` terms. The remaining terms must have decayed.
+The stored series has at most `MAX_TERMS` terms. The remaining terms must have decayed.
 """
-AT_FIRST = 16
+FIRST_PANELS = 16
 """Number of panels before the first bisection.
 
 Features shorter than a small part of such a panel can be missed.
 """
-INSTANT = 1e-6
+MIN_FIT_TIME = 1e-6
 """Time in s that is fitted for a run of zero length.
 
 Its wall also has a velocity."""
 # a panel of 2⁻³⁰ of the run that has not converged shows that the function is not smooth
-HALVINGS = 30
-MOST = 1 << 18
+MAX_HALVINGS = 30
+MAX_WALL_PANELS = 1 << 18
 """Maximum number of panels, which take a minute to fit."""
 
 
@@ -99,12 +99,12 @@ class Motion:
         begin = check.number("t_start", t_start)
         end = check.number("t_end", t_end, at_least=begin, fix="A wall moved by a function requires t_end=.")
         return _fitted(self.function, self.accuracy, begin,
-                       end if end > begin else begin + max(INSTANT, 2.0**-26 * abs(begin)))
+                       end if end > begin else begin + max(MIN_FIT_TIME, 2.0**-26 * abs(begin)))
 
 
 def _fitted(function: Callable[[float], float], accuracy: float, begin: float, end: float) -> Panels:
     """Return panels of a function, bisected until they are accurate."""
-    edges = np.linspace(begin, end, AT_FIRST + 1).tolist()
+    edges = np.linspace(begin, end, FIRST_PANELS + 1).tolist()
     # a stack: panels are finished from left to right
     todo = [(left, right, _sampled(function, left, right)) for left, right in pairwise(edges)][::-1]
     origin, ends, series, worst = _value(function, begin), [], [], 0.0
@@ -114,19 +114,19 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
         scale = max(scale, float(np.abs(values - origin).max()))
         small, c = max(accuracy * scale, _rounding(left, right, values)), _coefficients(values)
         # several coefficients must have decayed, because a single one can be small by chance
-        if float(np.abs(c[TERMS - 3 :]).max()) <= small:
-            kept = _chopped(c[: TERMS - 1], 0.2 * small)
+        if float(np.abs(c[MAX_TERMS - 3 :]).max()) <= small:
+            kept = _chopped(c[: MAX_TERMS - 1], 0.2 * small)
             series.append(_powers() @ kept)
             ends.append(right)
             worst = max(worst, small, float(np.abs(c).sum() - np.abs(kept).sum()))
             continue
         middle = 0.5 * (left + right)
-        if len(series) + len(todo) >= MOST:
+        if len(series) + len(todo) >= MAX_WALL_PANELS:
             raise ValueError(
-                f"`function` must be representable by {MOST} polynomials, got {len(series)} up to t = {left:.9g} s. "
-                "Use a shorter run, or granular.walls.Sine for a harmonic motion."
+                f"`function` must be representable by {MAX_WALL_PANELS} polynomials, got {len(series)} up to "
+                f"t = {left:.9g} s. Use a shorter run, or granular.walls.Sine for a harmonic motion."
             )
-        if right - left < (end - begin) * 2.0**-HALVINGS or not left < middle < right:
+        if right - left < (end - begin) * 2.0**-MAX_HALVINGS or not left < middle < right:
             raise ValueError(
                 f"`function` must be smooth, but polynomials do not reach an accuracy of {accuracy:g} of its excursion "
                 f"near t = {middle:.9g} s. Use granular.walls.Piecewise for a path with corners, or a larger "
@@ -174,15 +174,15 @@ def _value(function: Callable[[float], Any], t: float) -> float:
 
 @lru_cache(maxsize=1)
 def _nodes() -> Array:
-    return np.sin(0.5 * math.pi * np.arange(1 - NODES, NODES, 2) / NODES)
+    return np.sin(0.5 * math.pi * np.arange(1 - PANEL_NODES, PANEL_NODES, 2) / PANEL_NODES)
 
 
 @lru_cache(maxsize=1)
 def _transform() -> Array:
     """Matrix (NODES, NODES) from values at the nodes to Chebyshev coefficients."""
     # multiples of π/(2 NODES), exactly
-    parts = np.arange(NODES)[:, None] * np.arange(2 * NODES - 1, 0, -2) % (4 * NODES)
-    rows = 2.0 / NODES * np.cos(math.pi / (2 * NODES) * parts)
+    parts = np.arange(PANEL_NODES)[:, None] * np.arange(2 * PANEL_NODES - 1, 0, -2) % (4 * PANEL_NODES)
+    rows = 2.0 / PANEL_NODES * np.cos(math.pi / (2 * PANEL_NODES) * parts)
     rows[0] *= 0.5
     return np.asarray(rows)
 
@@ -190,7 +190,7 @@ def _transform() -> Array:
 @lru_cache(maxsize=1)
 def _powers() -> Array:
     """Matrix (TERMS-1, TERMS-1) from Chebyshev coefficients to powers."""
-    n = TERMS - 1
+    n = MAX_TERMS - 1
     rows = np.zeros((n, n))
     for k in range(n):
         power = np.polynomial.chebyshev.cheb2poly([0.0] * k + [1.0])

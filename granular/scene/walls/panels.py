@@ -17,7 +17,7 @@ from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular._engine.records import plain
 from granular.scene.walls import path
-from granular.scene.walls.path import PANEL, TERMS, WALL
+from granular.scene.walls.path import MAX_TERMS, PANEL_DTYPE, WALL_DTYPE
 
 
 class _OnPanels:
@@ -73,10 +73,14 @@ class Panels(_OnPanels, ByNumbers):
 
     def __post_init__(self) -> None:
         edges = check.rising("edges", self.edges, "a finite time")
-        columns = (*check.array("series", self.series, ..., fix="Give one row per panel.").shape, TERMS, TERMS)[1]
-        if columns > TERMS:
-            raise ValueError(f"`series` must have at most {TERMS} coefficients per panel, got {columns}. Use shorter "
-                             "panels of a lower degree.")
+        columns = (*check.array("series", self.series, ..., fix="Give one row per panel.").shape, MAX_TERMS, MAX_TERMS)[
+            1
+        ]
+        if columns > MAX_TERMS:
+            raise ValueError(
+                f"`series` must have at most {MAX_TERMS} coefficients per panel, got {columns}. Use shorter "
+                "panels of a lower degree."
+            )
         series = check.array("series", self.series, (len(edges) - 1, columns), fix="Give one row per panel.",
                               finite="a finite coefficient")
         if self.frequency and (edges[0] != 0.0 or edges[-1] != 1.0):
@@ -164,10 +168,10 @@ class Panels(_OnPanels, ByNumbers):
         Returns
         -------
         wall, panels : arrays
-            One record `WALL`, and one record `PANEL` per panel.
+            One record `WALL_DTYPE`, and one record `PANEL_DTYPE` per panel.
         """
         rate = self.frequency or 1.0
-        wall, rows = np.zeros(1, WALL), np.zeros(len(self.series), PANEL)
+        wall, rows = np.zeros(1, WALL_DTYPE), np.zeros(len(self.series), PANEL_DTYPE)
         left, right, c = self.edges[:-1], self.edges[1:], side * self.series
         half = 0.5 * (right - left)
         per = rate / half

@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from granular._engine.records import Record, Records
 
 # 2²⁷ + 1, which splits a float into two halves of at most 26 bits (Veltkamp)
-SPLIT = 134217729.0
-EDGE = 2.0**-96
+SPLIT_FACTOR = 134217729.0
+EDGE_TOLERANCE = 2.0**-96
 """Relative distance to an edge below which a time counts as on the edge.
 
 Two floats do not resolve smaller distances.
 """
-SMOOTH = 2.0**-46
+PERIODIC_EDGE_TOLERANCE = 2.0**-46
 """Distance to an edge in turns below which a time counts as on the edge.
 
 This is accurate enough because the path of a periodic wall has no corners.
 """
-TERMS = 20
+MAX_TERMS = 20
 """Maximum number of coefficients per panel."""
-PANEL = np.dtype(
+PANEL_DTYPE = np.dtype(
     [
         ("left", float), ("right", float), ("centre", float), ("half", float),  # edges, middle, half width: s or turns
         ("per", float),  # dx/dt, 1/s
@@ -38,11 +38,11 @@ PANEL = np.dtype(
         ("most", float), ("least", float),  # bounds of the acceleration, m/s²
         ("rise", float), ("fall", float),  # bounds of its rate, m/s³: ≥ 0, ≤ 0
         ("bend", float), ("bow", float),  # bounds of its second rate, and of minus that, m/s⁴: ≥ 0
-        ("degree", int), ("series", float, (TERMS,)),  # m
+        ("degree", int), ("series", float, (MAX_TERMS,)),  # m
     ],
     align=True,
 )
-WALL = np.dtype(
+WALL_DTYPE = np.dtype(
     [
         ("side", float),  # 1 a floor, -1 a ceiling; panels hold side·m, so towards the balls is up
         ("first", int), ("panels", int), ("density", float),  # panels per s or turn, on average
@@ -61,7 +61,7 @@ WALL = np.dtype(
 @kernel
 def product(a: float, b: float) -> tuple[float, float]:
     """Return a·b in two floats (Dekker)."""
-    p, c, d = a * b, SPLIT * a, SPLIT * b
+    p, c, d = a * b, SPLIT_FACTOR * a, SPLIT_FACTOR * b
     ah, bh = c - (c - a), d - (d - b)
     al, bl = a - ah, b - bh
     return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
@@ -188,7 +188,7 @@ def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
 @kernel
 def near(wall: Record, t: float, tail: float, edge: float) -> float:
     """Return the distance in s or turns below which t + tail is at an `edge`."""
-    return SMOOTH if wall.periodic else EDGE * (abs(t) + abs(tail) + abs(edge))
+    return PERIODIC_EDGE_TOLERANCE if wall.periodic else EDGE_TOLERANCE * (abs(t) + abs(tail) + abs(edge))
 
 
 @kernel

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from granular._engine import check
 from granular._engine.kernels import kernel
 
-WORD = 0xFFFFFFFF
+WORD_MASK = 0xFFFFFFFF
 """Mask of 32 bits.
 
 Sums and shifts of such words stay below 63 bits, so compiled and interpreted code agree.
 """
 # key parity and rotation distances as given by Salmon et al.
-PARITY = 0x1BD11BDA
-TURNS = (13, 15, 26, 6, 17, 29, 16, 24)
-LARGEST = math.sqrt(2.0 * 53.0 * math.log(2.0))
+KEY_PARITY = 0x1BD11BDA
+ROTATION_BITS = (13, 15, 26, 6, 17, 29, 16, 24)
+MAX_THERMAL_SPEED = math.sqrt(2.0 * 53.0 * math.log(2.0))
 """Largest possible speed in √(T/m), which belongs to the smallest U, 2^-53."""
 
 
@@ -73,13 +73,13 @@ class Thermal:
 
     def fastest(self, mass: float) -> float:
         """Return an upper bound in m/s of the speeds at which balls of `mass` in kg leave."""
-        return LARGEST * math.sqrt(self.temperature / mass)
+        return MAX_THERMAL_SPEED * math.sqrt(self.temperature / mass)
 
 
 @kernel
 def drawn(temperature: float, seed: int, side: int, hit: int, mass: float) -> float:
     """Return the speed in m/s after a hit on a thermal wall; see `Thermal.drawn`."""
-    high, low = threefry(seed & WORD, ((seed >> 32) << 1 | side) & WORD, hit & WORD, hit >> 32)
+    high, low = threefry(seed & WORD_MASK, ((seed >> 32) << 1 | side) & WORD_MASK, hit & WORD_MASK, hit >> 32)
     # the upper 52 of 64 bits; U is never 0 or 1
     u = (float(high << 20 | low >> 12) + 0.5) * 2.0**-52
     return math.sqrt(-2.0 * (temperature / mass) * math.log(u))
@@ -91,14 +91,14 @@ def threefry(key_0: int, key_1: int, count_0: int, count_1: int) -> tuple[int, i
 
     The generator is Threefry-2×32 with 20 rounds.
     """
-    key_2 = PARITY ^ key_0 ^ key_1
-    x, y = (count_0 + key_0) & WORD, (count_1 + key_1) & WORD
+    key_2 = KEY_PARITY ^ key_0 ^ key_1
+    x, y = (count_0 + key_0) & WORD_MASK, (count_1 + key_1) & WORD_MASK
     # each block of four rounds ends with an injection of the key
     for five in range(1, 6):
         for turn in range(4):
-            r = TURNS[(five - 1) % 2 * 4 + turn]
-            x = (x + y) & WORD
-            y = ((y << r | y >> (32 - r)) & WORD) ^ x
+            r = ROTATION_BITS[(five - 1) % 2 * 4 + turn]
+            x = (x + y) & WORD_MASK
+            y = ((y << r | y >> (32 - r)) & WORD_MASK) ^ x
         key_0, key_1, key_2 = key_1, key_2, key_0
-        x, y = (x + key_0) & WORD, (y + key_1 + five) & WORD
+        x, y = (x + key_0) & WORD_MASK, (y + key_1 + five) & WORD_MASK
     return x, y

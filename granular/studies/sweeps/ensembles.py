@@ -17,12 +17,12 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.check import Array
-from granular._engine.reports import HARD, SOFT, Report, aligned, canvas, number, rough
+from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, number, rough
 from granular.cases import Case
-from granular.comparison.answer import ORDER, Answer as Judgement
-from granular.run.trajectory import EARLY, Trajectory
+from granular.comparison.answer import ANSWER_ORDER, Answer as Judgement
+from granular.run.trajectory import EARLY_STATUSES, Trajectory
 from granular.studies.sweeps.plan import Plan, planned
-from granular.studies.sweeps.results import CODE, MISUSE, NOT_RUN, RESULTS
+from granular.studies.sweeps.results import MISUSE_CODE, NOT_RUN, RESULTS, STATUS_CODES
 from granular.studies.sweeps.run import sweep
 from granular.studies.sweeps.subject import SceneLike
 
@@ -31,17 +31,17 @@ Way = tuple[float, float] | Callable[[np.random.Generator], Any] | None
 
 Mean and standard deviation, a function of the random generator, or None for a seed of its own.
 """
-BOTH = tuple(name for name in RESULTS if f"hard_{name}" in RESULTS)
+COMMON_RESULTS = tuple(name for name in RESULTS if f"hard_{name}" in RESULTS)
 """Results that both engines have."""
-NAMED = {"md": "", "edmd": "hard_"}
+RESULT_PREFIXES = {"md": "", "edmd": "hard_"}
 """First letters of the names of results of each engine."""
-MARGIN = 0.1
+DEFAULT_MARGIN = 0.1
 """Default margin for equal means, in standard deviations of the soft spheres."""
-SURE = 0.95
+CONFIDENCE_LEVEL = 0.95
 """Confidence with which all answers hold simultaneously."""
-ROUNDING = 1e-9
+DIFFERENCE_ROUNDING = 1e-9
 """Relative rounding error of a difference."""
-NO_VALUE = (NOT_RUN, MISUSE, *(CODE[status.name] for status in EARLY))
+STATUSES_WITHOUT_VALUE = (NOT_RUN, MISUSE_CODE, *(STATUS_CODES[status.name] for status in EARLY_STATUSES))
 """Statuses of runs without results: the state after a collapse is not an outcome."""
 
 
@@ -116,7 +116,9 @@ class Ensemble(Report):
     @property
     def worst(self) -> Quantity:
         """The quantity that decides: worst answer, then farthest from its margin."""
-        return min(self.quantities, key=lambda q: (ORDER.index(q.answer), -abs(q.difference) / (q.margin or 1.0)))
+        return min(
+            self.quantities, key=lambda q: (ANSWER_ORDER.index(q.answer), -abs(q.difference) / (q.margin or 1.0))
+        )
 
     @property
     def answer(self) -> Judgement:
@@ -157,7 +159,7 @@ class Ensemble(Report):
         """Draw the cumulative distributions; return the figure, or save it to `path`."""
         figure, axes = canvas(3.4, 1.0 + 1.6 * len(self.quantities), len(self.quantities))
         for axis, q in zip(axes[:, 0], self.quantities, strict=True):
-            for values, colour, name in ((q.hard, HARD, "hard"), (q.soft, SOFT, "soft")):
+            for values, colour, name in ((q.hard, HARD_COLOUR, "hard"), (q.soft, SOFT_COLOUR, "soft")):
                 known = np.sort(values[np.isfinite(values)])
                 axis.step(known, np.arange(1, len(known) + 1) / max(1, len(known)), color=colour, label=name)
             axis.set(xlabel=f"{q.name}, {q.units}", ylabel="share of draws below", ylim=(0.0, 1.0))
@@ -173,7 +175,7 @@ def ensemble(
     vary: str | Mapping[str, Way],
     results: str | Callable[[Trajectory], float] | Iterable[str | Callable[[Trajectory], float]] = "energy_left",
     *,
-    margin: float | Mapping[str, float] = MARGIN,
+    margin: float | Mapping[str, float] = DEFAULT_MARGIN,
     seed: int = 0,
     independent: bool = False,
     executor: Executor | None = None,
@@ -243,13 +245,13 @@ def ensemble(
     each = margin if isinstance(margin, Mapping) else {"": margin}
     own = {name: check.number(f"the margin of {name}" if name else "margin", x, at_least=0.0)
            for name, x in each.items()}
-    share, apart = own.pop("", MARGIN), check.truth("independent", independent)
+    share, apart = own.pop("", DEFAULT_MARGIN), check.truth("independent", independent)
     data = [sweep(draws, {"draw": np.arange(first, first + count)},
-                  [Of(ask, engine) if callable(ask) else NAMED[engine] + name for name, ask in whole.items()],
+                  [Of(ask, engine) if callable(ask) else RESULT_PREFIXES[engine] + name for name, ask in whole.items()],
                   executor=executor, on_progress=on_progress, progress=progress)
             for engine, first in (("md", 0), ("edmd", count * apart))]
     soft, hard = ({name: values for one in whole for name, values in _values(of_engine, one, prefix)}
-                  for of_engine, prefix in zip(data, NAMED.values(), strict=True))
+                  for of_engine, prefix in zip(data, RESULT_PREFIXES.values(), strict=True))
     check.known([*asked, *own], {*soft, *whole}, "result")
     found = {name: (hard[name], values) for name, values in soft.items() if not asked.keys().isdisjoint(_names(name))}
     quantities = tuple(
@@ -281,7 +283,7 @@ def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
                          f"{', '.join(asked) or 'none'}.")
     whole = {name.partition("[")[0]: ask for name, ask in asked.items()}
     for name, ask in whole.items():
-        check.takes(f"the result {name}", ask, "run") if callable(ask) else check.choice("result", name, BOTH)
+        check.takes(f"the result {name}", ask, "run") if callable(ask) else check.choice("result", name, COMMON_RESULTS)
     return asked, whole
 
 
@@ -311,7 +313,7 @@ class Of:
 
     @property
     def __name__(self) -> str:
-        return NAMED[self.engine] + getattr(self.function, "__name__", "result")
+        return RESULT_PREFIXES[self.engine] + getattr(self.function, "__name__", "result")
 
     def __call__(self, case: Case) -> float:
         return float(self.function(case.simulate(self.engine)))
@@ -325,7 +327,7 @@ def _names(name: str) -> tuple[str, str]:
 def _values(data: Any, name: str, prefix: str) -> Iterator[tuple[str, Array]]:
     """Return the quantities of a result of one engine by name, shape (n,), or nan."""
     values = data[prefix + name].values.astype(float)
-    values[np.isin(data["status"].values, NO_VALUE)] = math.nan
+    values[np.isin(data["status"].values, STATUSES_WITHOUT_VALUE)] = math.nan
     yield from [(name, values)] if values.ndim == 1 else [(f"{name}[{k}]", row) for k, row in enumerate(values.T)]
 
 
@@ -348,8 +350,11 @@ def judged(
     means, spreads = np.array([(one.mean(), one.std(ddof=1)) for one in kept]).T
     errors = spreads / np.sqrt(size)
     error = float(np.hypot(*errors) if not paired else (kept[0] - kept[1]).std(ddof=1) / math.sqrt(size[0]))
-    apart, reach = float(means[0] - means[1]), error * float(stdtrit(size.min() - 1, 1.0 - 0.5 * (1.0 - SURE) / of))
-    margin = max(share * spreads[1] if own is None else own, ROUNDING * np.abs(means).max())
+    apart, reach = (
+        float(means[0] - means[1]),
+        error * float(stdtrit(size.min() - 1, 1.0 - 0.5 * (1.0 - CONFIDENCE_LEVEL) / of)),
+    )
+    margin = max(share * spreads[1] if own is None else own, DIFFERENCE_ROUNDING * np.abs(means).max())
     answer = (Judgement.yes if abs(apart) + reach <= margin and not lacking else
               Judgement.no if abs(apart) - reach > margin else Judgement.undecided)
     return Quantity(name, units, *values, means, spreads, errors, apart, error, reach, float(margin), draws, lacking,

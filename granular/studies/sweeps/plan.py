@@ -21,15 +21,15 @@ from granular._engine.kernels import have_numba
 from granular.cases import ready
 from granular.cases.case import Case, checked_run
 from granular.scene import Scene
-from granular.studies.sweeps.results import RESULTS, STATUS, Result
-from granular.studies.sweeps.subject import RESTITUTION, SceneLike, Subject, Values, Way, put, subject_of
+from granular.studies.sweeps.results import RESULTS, STATUS_NAMES, Result
+from granular.studies.sweeps.subject import RESTITUTION_PATH, SceneLike, Subject, Values, Way, put, subject_of
 
 if TYPE_CHECKING:
     import xarray
 
 
 Ask = str | Callable[[Case], float]
-PLACE = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
+CLASS_PLACE_PATTERN = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
 """Pattern of class places in old files, whose modules may have moved."""
 
 
@@ -148,7 +148,7 @@ def planned(
 
 def _late(change: tuple[Way, Any]) -> bool:
     """Whether a parameter must be applied last."""
-    return change[0] == RESTITUTION
+    return change[0] == RESTITUTION_PATH
 
 
 def named(ask: Ask) -> str:
@@ -198,8 +198,8 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
     """
     shape = tuple(map(len, over.values()))
     coordinates: dict[str, Any] = {name: (name, array, plan.subject.attributes(name)) for name, array in over.items()}
-    status = {"long_name": "status", "comment": "how the run of the cell ended", "flag_values": list(STATUS),
-              "flag_meanings": " ".join(STATUS.values())}
+    status = {"long_name": "status", "comment": "how the run of the cell ended", "flag_values": list(STATUS_NAMES),
+              "flag_meanings": " ".join(STATUS_NAMES.values())}
     variables = {"status": (tuple(over), values["status"].astype(np.int8).reshape(shape), status)}
     for name, result in plan.results.items():
         array = values[name].astype(np.int32) if values[name].dtype.kind == "i" else values[name]
@@ -272,7 +272,7 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
     if not os.path.isfile(name):
         return {}, {}
     with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:
-        asked, notes = PLACE.sub(r'"\1"', by_words(str(stored.attrs.get("question")))), stored.attrs
+        asked, notes = CLASS_PLACE_PATTERN.sub(r'"\1"', by_words(str(stored.attrs.get("question")))), stored.attrs
         files.check_format(name, _format(notes))
         text, own = question(plan)
         if own and plan.version is None:
@@ -313,7 +313,9 @@ def _column(stored: Any, name: str, shape: tuple[int, ...], plan: Plan, path: st
         raise ValueError(f"`save` must be a file of a sweep of shape {shape}, got {path!r} without a fitting {name}. "
                          "Remove the file.")
     values = there.values
-    if result is None and not np.isin(values, list(STATUS)).all():
-        raise ValueError(f"`save` must be a file whose status is one of {', '.join(STATUS.values())}, got {path!r} "
-                         "with others. Remove the file.")
+    if result is None and not np.isin(values, list(STATUS_NAMES)).all():
+        raise ValueError(
+            f"`save` must be a file whose status is one of {', '.join(STATUS_NAMES.values())}, got {path!r} "
+            "with others. Remove the file."
+        )
     return values.reshape(math.prod(shape), *values.shape[len(shape):])

@@ -17,16 +17,16 @@ from granular.md.binary import restitution
 from granular.run.trajectory import Status
 from granular.scene.state import Scene
 
-NOT_RUN, MISUSE = -1, 8
-STATUS = {NOT_RUN: "not_run", **{code + (code >= MISUSE): status.name for code, status in enumerate(Status)},
-          MISUSE: "misuse"}
+NOT_RUN, MISUSE_CODE = -1, 8
+STATUS_NAMES = {NOT_RUN: "not_run", **{code + (code >= MISUSE_CODE): status.name for code, status in enumerate(Status)},
+          MISUSE_CODE: "misuse"}
 """Status codes of cells, as stored in the maps of files.
 
 ``misuse``: the cell's parameters were refused, or its run raised. It keeps its number, so that later statuses follow
 it.
 """
-CODE = {name: code for code, name in STATUS.items()}
-REFUSED = (ValueError, ArithmeticError)
+STATUS_CODES = {name: code for code, name in STATUS_NAMES.items()}
+CELL_ERRORS = (ValueError, ArithmeticError)
 """Exceptions of a cell that do not stop the sweep. All others are mistakes."""
 
 
@@ -100,7 +100,7 @@ RESULTS = {
     "hard_time": Result("", "s", "end of the run, hard", lambda a: a.hard.time[-1]),
     "hard_energy_left": Result("", "1", "E/E0, energy at the end over that at the start, hard",
                                lambda a: energy_left(a.hard)),
-    "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
+    "hard_status": Result("", "1", "status of the hard run", lambda a: STATUS_CODES[a.hard.status.name], NOT_RUN),
     "error": Result("", "1", "largest difference of a velocity with which a ball leaves an episode of contacts, "
                     "hard to soft, per fastest impact", lambda a: a.report.error),
     "shared_impulse": _measure("shared_impulse", "φ: share of impulse exchanged while a neighbour is in contact"),
@@ -143,7 +143,7 @@ class Answers:
 
     def refuse(self, place: int, sentence: str) -> None:
         """Store the reason why a cell has no answer."""
-        self.columns["status"][place] = MISUSE
+        self.columns["status"][place] = MISUSE_CODE
         self.refusal = min(self.refusal or (place, sentence), (place, sentence))
 
     def take(self, places: Any, others: Answers) -> None:

@@ -18,14 +18,14 @@ from granular._engine.reports import cores
 from granular.cases import Case
 from granular.studies.sweeps import schedule
 from granular.studies.sweeps.plan import Plan, check_names, dataset, planned, resume, write, xarray_
-from granular.studies.sweeps.results import MISUSE, NOT_RUN, Answers
+from granular.studies.sweeps.results import MISUSE_CODE, NOT_RUN, Answers
 from granular.studies.sweeps.subject import SceneLike, Values, checked
 
 if TYPE_CHECKING:
     import xarray
 
 
-DEFAULT = ("contacts", "v_rel", "eps_ratio")
+DEFAULT_RESULTS = ("contacts", "v_rel", "eps_ratio")
 """Default results."""
 SAVE_EVERY = 30.0
 """Time in s between two writes of the file."""
@@ -39,7 +39,7 @@ Where = tuple[Executor | None, int]
 def sweep(
     scene: SceneLike,
     over: Mapping[str, ArrayLike] | Iterable[str] | str,
-    results: str | Callable[[Case], float] | Iterable[str | Callable[[Case], float]] = DEFAULT,
+    results: str | Callable[[Case], float] | Iterable[str | Callable[[Case], float]] = DEFAULT_RESULTS,
     *,
     run: Mapping[str, Any] | None = None,
     refine: str | None = None,
@@ -162,7 +162,7 @@ class _Job:
         finally:
             if done > known:
                 self.written(self.dataset())
-        if (self.answers.columns["status"] == MISUSE).all():
+        if (self.answers.columns["status"] == MISUSE_CODE).all():
             raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes.get(
                 "refusal", f"All cells of {self.save!r} were refused, and the file does not say why. Remove the file."))
 

@@ -31,26 +31,26 @@ from granular.comparison.run import Comparison, compare
 from granular.laws.contact_law import resolve
 from granular.md.located import many
 from granular.run.trajectory import Trajectory
-from granular.run.until import LEVELS
+from granular.run.until import LEVEL_TYPES
 from granular.scene import Scene, velocities
-from granular.studies.sweeps.results import CODE, REFUSED, Answers, Result, impact_speed, specified
+from granular.studies.sweeps.results import CELL_ERRORS, STATUS_CODES, Answers, Result, impact_speed, specified
 from granular.studies.sweeps.subject import Values
 
 if TYPE_CHECKING:
     from granular.studies.sweeps.plan import Plan
 
-LOADING, MAKING = 0.7, 12.0
+LOADING_SECONDS, COMPILING_SECONDS = 0.7, 12.0
 """Times in s to load the machine code from disk, and to compile it."""
-PILOT = 16
+PILOT_CELLS = 16
 """Cells, spread over all cells, that are solved first to measure the time."""
-SHORTEST, LONGEST = 0.25, 2.0
+MIN_BATCH_SECONDS, MAX_BATCH_SECONDS = 0.25, 2.0
 """Minimum time of a batch in s.
 
 Scheduling takes some milliseconds, below 5 % of it, and progress is visible.
 """
-SHARE = 64
+MIN_BATCH_COUNT = 64
 """Minimum number of batches of a sweep, unless they are shorter than that."""
-WORTH = 0.1
+MIN_THREADED_SECONDS = 0.1
 """Total time of the cells in s from which on compiled calls use several threads."""
 
 Batch = tuple[Values, Answers]
@@ -127,8 +127,8 @@ class Answer:
         The hard one also counts without force law.
         """
         if self.case.law is None or all(name.startswith("hard_") for name in results):
-            return CODE[self.hard.status.name]
-        return CODE[(self.report.soft if "report" in vars(self) else self.soft).status.name]
+            return STATUS_CODES[self.hard.status.name]
+        return STATUS_CODES[(self.report.soft if "report" in vars(self) else self.soft).status.name]
 
 
 def batches(
@@ -142,14 +142,14 @@ def batches(
     # cells run one by one, with the same bits, until compiling or loading the machine code pays
     way = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
     rest, each = yield from _pilot(way, columns, cells)
-    if way.at_once is not plan.at_once and worth(many.solve_rows, each * len(rest), LOADING, MAKING):
+    if way.at_once is not plan.at_once and worth(many.solve_rows, each * len(rest), LOADING_SECONDS, COMPILING_SECONDS):
         way = plan
         rest, each = yield from _pilot(way, columns, rest)
-    size = max(1, round(min(max(each * len(rest) / SHARE, SHORTEST), LONGEST) / each))
+    size = max(1, round(min(max(each * len(rest) / MIN_BATCH_COUNT, MIN_BATCH_SECONDS), MAX_BATCH_SECONDS) / each))
     if executor is not None:
         size = min(size, math.ceil(len(rest) / (2 * workers)) or 1)
     parts = [rest[i : i + size] for i in range(0, len(rest), size)]
-    threads = workers if executor is None and each * len(rest) > WORTH else 1
+    threads = workers if executor is None and each * len(rest) > MIN_THREADED_SECONDS else 1
     tasks = ((way, [column[part] for column in columns], threads) for part in parts)
     for k, found in each_done(executor, solve, tasks):
         yield parts[k], found
@@ -166,7 +166,7 @@ def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
             values = {name: np.reshape(result.of(answer), (1, -1) if result.dim else 1)
                      for name, result in plan.results.items()}
             answers.put([i], values | {"status": np.array([answer.status(plan.results)])})
-        except REFUSED as error:
+        except CELL_ERRORS as error:
             answers.refuse(i, sentence_of(error))
     return answers
 
@@ -217,7 +217,7 @@ def _follow(parent: Any) -> None:
 
 def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
     """Solve a few cells and yield them; return the other cells and the time per cell."""
-    chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
+    chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT_CELLS, len(cells))).astype(np.int64))
     spent = 0.0
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
         begin = time.process_time()
@@ -320,7 +320,7 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
     if key not in memory:
         try:
             memory[key] = make(*given)
-        except REFUSED:
+        except CELL_ERRORS:
             memory[key] = None
     return memory[key]
 
@@ -328,7 +328,7 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
     balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact_speed(case.scene)
-    singly = bool(case.run or case.scene._flags) or isinstance(case.until, LEVELS)
+    singly = bool(case.run or case.scene._flags) or isinstance(case.until, LEVEL_TYPES)
     return None if singly else Start(case, balls if plan.subject.ready else point)
 
 

@@ -19,31 +19,31 @@ from granular._engine import check
 from granular._engine.check import Array
 from granular._engine.progress import shown
 from granular.cases import Case
-from granular.comparison.outcome import SAME, approach, components
-from granular.run.trajectory import EARLY
+from granular.comparison.outcome import ERROR_LIMIT, approach, components
+from granular.run.trajectory import EARLY_STATUSES
 from granular.studies.sweeps.plan import Ask, Plan, named, planned
-from granular.studies.sweeps.results import CODE, MISUSE
+from granular.studies.sweeps.results import MISUSE_CODE, STATUS_CODES
 from granular.studies.sweeps.run import edges
 from granular.studies.sweeps.schedule import Answer, checked, each_done, solve
 from granular.studies.sweeps.sensitivity_report import Sensitivity, Start
 from granular.studies.sweeps.subject import SceneLike, numbers_in, shared
 
-TRUSTED = 1e-8
+MAX_DERIVATIVE_ERROR = 1e-8
 """Largest given error of a derivative, as a share of the total sensitivity."""
-FREE, JOINED = ("gap", "velocity"), ("breaks", "coefficients")
+ZERO_PARAMETERS, JOINED_FIELDS = ("gap", "velocity"), ("breaks", "coefficients")
 """Fields that are parameters even if 0; fields of a path that fit together."""
-FIRST, LAST = 7, 26
+FIRST_STEP_EXPONENT, LAST_STEP_EXPONENT = 7, 26
 """Steps are 2^-7 of the parameter, or of its unit, at first, and at least 2^-26."""
-FINE = 1e-10
+NEGLIGIBLE_ERROR = 1e-10
 """Errors below this share of an outcome, per relative change, are small enough."""
-NOWHERE = -2
+NO_ORDER = -2
 """Order of a run that did not end properly, or was refused."""
-NOISE = 2.0 * float(np.finfo(float).eps)
+OUTCOME_ROUNDING = 2.0 * float(np.finfo(float).eps)
 """Relative rounding error of an outcome."""
-PRECISION = 1e-6
+BORDER_PRECISION = 1e-6
 """Share of the parameter to which a border is known."""
-BAD = {MISUSE, *(CODE[status.name] for status in EARLY)}
-REACH = 4.0 ** np.arange(-8, 1)
+BAD_STATUSES = {MISUSE_CODE, *(STATUS_CODES[status.name] for status in EARLY_STATUSES)}
+BORDER_REACH = 4.0 ** np.arange(-8, 1)
 """Range of the scan for borders, in units of a parameter."""
 Point = tuple[Array, int]
 Evaluate = Callable[[float], Point]
@@ -172,8 +172,8 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
     if over is None:
         idle = ["rule"] * (not ran & {"hard", "report"}) + (
             ["law"] * (not ran & {"soft", "report"} and answer.case.rule is not None))
-        names = [name for name, p in known.items() if (p or name.startswith(FREE))
-                 and not name.startswith(tuple(idle)) and not any(word in name for word in JOINED)]
+        names = [name for name, p in known.items() if (p or name.startswith(ZERO_PARAMETERS))
+                 and not name.startswith(tuple(idle)) and not any(word in name for word in JOINED_FIELDS)]
     names += list(uncertain) if isinstance(uncertain, Mapping) else []
     values = {name: {p for one, p in known.items() if name.removeprefix("scene.") in (one, re.sub(r"\[\d+\]", "", one))}
               for name in names}
@@ -228,7 +228,7 @@ def _sizes(plan: Plan, answer: Answer, found: Sequence[Array]) -> Array:
         of = {"pair": parts.of_pair, "body": parts.of_ball}.get(result.dim if result.units == "m s-1" else "")
         most = np.full(len(values), np.nanmax(np.abs(values), initial=0.0))
         unit = most if of is None else np.where(fastest[of] > 0.0, fastest[of], most)
-        sizes.append(np.where(np.abs(values) >= SAME * unit, np.abs(values), unit))
+        sizes.append(np.where(np.abs(values) >= ERROR_LIMIT * unit, np.abs(values), unit))
     size = np.concatenate(sizes)
     return np.where(size > 0.0, size, 1.0)
 
@@ -239,7 +239,7 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
     p, u, unit = (np.array([[getattr(one, name)] for one in starts]) for name in ("value", "doubt", "unit"))
     value, error = (np.array([one[k] for one in slopes]) for k in (0, 1))
     far = unit * error / (np.nansum(np.abs(unit * value), axis=0) + size)
-    value = np.where(far <= TRUSTED, value, math.nan)
+    value = np.where(far <= MAX_DERIVATIVE_ERROR, value, math.nan)
     scale, moved = np.where(p > 0.0, p, 1.0), np.where(u > 0.0, u * np.abs(value), 0.0)
     condition = np.where(p == 0.0, 0.0, np.abs(p * value)).sum(axis=0) / size
     sides, why = {}, {}
@@ -273,20 +273,20 @@ def slope(plan: Plan, start: Start) -> Slope:
 
     def evaluate(value: float) -> Point:
         found = solve(one, [np.array([value])]).columns
-        if int(found["status"][0]) in BAD:
-            return none, NOWHERE
+        if int(found["status"][0]) in BAD_STATUSES:
+            return none, NO_ORDER
         *values, order = (np.ravel(found[result]) for result in plan.results)
         return np.concatenate(values).astype(float), int(order[0])
 
     ends = [evaluate(start.value + side * start.doubt) for side in (-1.0, 1.0) if start.doubt]
     crossed = np.array([values for values, _ in ends]) if {order for _, order in ends} - {start.order} else None
-    beside = [evaluate(start.value + side * start.unit * 2.0**-LAST)[1] for side in (-1.0, 1.0)]
+    beside = [evaluate(start.value + side * start.unit * 2.0**-LAST_STEP_EXPONENT)[1] for side in (-1.0, 1.0)]
     sides: tuple[float, ...] = (-1.0, 1.0)
-    if beside[0] == NOWHERE or (start.value == 0.0 and start.name.startswith("gap")):
+    if beside[0] == NO_ORDER or (start.value == 0.0 and start.name.startswith("gap")):
         sides, beside[0] = (1.0,), beside[1]
-    elif beside[1] == NOWHERE:
+    elif beside[1] == NO_ORDER:
         sides, beside[1] = (-1.0,), beside[0]
-    if NOWHERE in beside:
+    if NO_ORDER in beside:
         return none, none, "scenes beside it are refused, or come to no proper end", crossed
     if beside[0] != beside[1]:
         return none, none, "the order of contacts is another just below and just above it", crossed
@@ -301,7 +301,7 @@ def differences(evaluate: Evaluate, start: Start, sides: Sequence[float], order:
     """
     central, best = len(sides) == 2, np.full((2, len(start.here)), math.nan)
     (count, base), last, slopes = (3, 4.0) if central else (5, 2.0), best[0], list[Array]()
-    for h in (start.unit * 0.5 ** np.arange(FIRST, LAST)).tolist():
+    for h in (start.unit * 0.5 ** np.arange(FIRST_STEP_EXPONENT, LAST_STEP_EXPONENT)).tolist():
         near = [evaluate(start.value + side * h) for side in sides]
         if any(one != order for _, one in near):
             slopes, last = [], np.full_like(last, math.nan)
@@ -311,10 +311,10 @@ def differences(evaluate: Evaluate, start: Start, sides: Sequence[float], order:
         if len(slopes) < count:
             continue
         now = extrapolated(slopes, base)
-        error, last = np.abs(now - last) + NOISE * start.size / h, now
+        error, last = np.abs(now - last) + OUTCOME_ROUNDING * start.size / h, now
         better = ~(error >= best[1]) & ~np.isnan(error)
         best = np.where(better, [now, error], best)
-        if np.isfinite(best[1]).any() and not (better & (error * start.unit > FINE * start.size)).any():
+        if np.isfinite(best[1]).any() and not (better & (error * start.unit > NEGLIGIBLE_ERROR * start.size)).any():
             break
     return best[0], best[1]
 
@@ -335,13 +335,13 @@ def borders(plan: Plan, start: Start) -> tuple[float, float]:
     def counts(columns: Sequence[Array]) -> Array:
         return np.asarray(solve(counting, columns).columns[kind])
 
-    grid = start.value + start.unit * np.concatenate([-REACH[::-1], [0.0], REACH])
+    grid = start.value + start.unit * np.concatenate([-BORDER_REACH[::-1], [0.0], BORDER_REACH])
     found = counts([grid])
     change = np.flatnonzero((found[1:] != found[:-1]).any(axis=1))
 
     def nearest(k: int) -> tuple[float, float]:
-        _, ends, _ = edges(0, [grid[k : k + 2]], found[k : k + 2], (2,), counts, PRECISION)
+        _, ends, _ = edges(0, [grid[k : k + 2]], found[k : k + 2], (2,), counts, BORDER_PRECISION)
         return (ends[0, 1], ends[-1, 0]) if len(ends) else (math.nan, math.nan)
 
-    below, above = change[change < len(REACH)][-1:].tolist(), change[change >= len(REACH)][:1].tolist()
+    below, above = change[change < len(BORDER_REACH)][-1:].tolist(), change[change >= len(BORDER_REACH)][:1].tolist()
     return nearest(below[0])[1] if below else math.nan, nearest(above[0])[0] if above else math.nan

@@ -13,7 +13,7 @@ import numpy as np
 from granular._engine.check import Array, face
 from granular._engine.reports import Report, abridged, aligned, number
 
-COLUMNS, ROWS = 6, 60
+MAX_COLUMNS, MAX_ROWS = 6, 60
 """Maximum numbers of outcomes and parameters of a table."""
 Values = dict[str, Any]
 """A number for each outcome, or an array (pairs,) or (bodies,)."""
@@ -122,12 +122,12 @@ class Sensitivity(Report):
 
     def __str__(self) -> str:
         value = flat(self.value)
-        names = [name for name in value if math.isfinite(value[name])][:COLUMNS]
+        names = [name for name in value if math.isfinite(value[name])][:MAX_COLUMNS]
         parts = {"value": value, "condition": flat(self.condition), "spread": flat(self.spread)}
         table = [[name, "", *(number(part[one]) for one in names)] for name, part in parts.items()]
         slopes = [[f"∂/∂ ln {p}" if at > 0.0 else f"∂/∂ {p}", f"at {at:.6g}",
                    *(number(self._by(p)[one]) for one in names)] for p, at in self.parameters.items()]
-        rows = [["", "", *names], *table, *abridged(slopes, ROWS)]
+        rows = [["", "", *names], *table, *abridged(slopes, MAX_ROWS)]
         return "\n".join([self._headline, "", aligned(rows, "<<>"[: 2 + len(names)]), *self._remarks(names)])
 
     def _remarks(self, names: list[str]) -> Iterator[str]:

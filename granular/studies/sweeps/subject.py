@@ -31,15 +31,15 @@ from granular.scene.state import Scene
 
 Values = np.ndarray[Any, np.dtype[Any]]
 
-MOST = 10**8
+MAX_CELLS = 10**8
 """Maximum number of cells of a sweep: the results must fit into memory."""
 _NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
 _UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m\^\(3/2\)|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
-PARTS = ("scene", "law", "rule", "run")
+CASE_PARTS = ("scene", "law", "rule", "run")
 """Parts of a case that are searched for a name without its first word."""
-_WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
+_WALLS = dict.fromkeys(build.WALL_MOTION_KEYS, tuple(build.WALLS.values()))
 Way = tuple[str | int, ...]
-RESTITUTION: Way = ("restitution",)
+RESTITUTION_PATH: Way = ("restitution",)
 """Parameter that is set last, because it depends on stiffness and scene."""
 SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
 """Possible subjects of a sweep."""
@@ -62,7 +62,7 @@ def axis(text: str) -> tuple[str, Values]:
         raise ValueError(f"An axis must be name=first:last:count[:log], such as {name}=0.5:1:101, got {text!r}.")
     first, last, count, *scale = values.split(":")
     a, b = (check.number(f"the {what} {name}", _value(word)) for what, word in (("first", first), ("last", last)))
-    n = check.whole(f"the count of {name}", _value(count), at_least=1, at_most=MOST)
+    n = check.whole(f"the count of {name}", _value(count), at_least=1, at_most=MAX_CELLS)
     check.refuse({
         f"An axis must end after first:last:count or with ':log', got {text!r}.": scale not in ([], ["log"]),
         f"A logarithmic axis must have positive ends, got {text!r}.": scale and not (a > 0.0 and b > 0.0),
@@ -85,7 +85,7 @@ def checked(over: Any) -> dict[str, Values]:
     cells = math.prod(map(len, axes.values()))
     check.refuse({
         "`over` must have at least one parameter with its values, got none.": not axes,
-        f"`over` must have at most {MOST:.0e} cells, got {cells:.3g}. Use fewer values.": cells > MOST,
+        f"`over` must have at most {MAX_CELLS:.0e} cells, got {cells:.3g}. Use fewer values.": cells > MAX_CELLS,
     })
     return axes
 
@@ -164,10 +164,10 @@ class Subject:
         if taken and not any(one.kind is one.VAR_KEYWORD for one in taken):
             check.known([str(way[0])], [one.name for one in taken], f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
-        of_case = isinstance(self.root, Case) and way == RESTITUTION
-        if of_function or of_case or way[0] in {*PARTS, *_numbers(self.root)}:
+        of_case = isinstance(self.root, Case) and way == RESTITUTION_PATH
+        if of_function or of_case or way[0] in {*CASE_PARTS, *_numbers(self.root)}:
             return way
-        parts = (part for part in PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
+        parts = (part for part in CASE_PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
         return next(parts, "run" if way[0] == "t_end" else "scene"), *way
 
     def is_whole(self, name: str) -> bool:
@@ -246,7 +246,7 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         return {**holder, step: put(holder.get(step, {}), rest, value, step)}
     if holder is None:
         raise TypeError(f"{name}.{step} is not a parameter, because the case has no {name}.")
-    if isinstance(holder, Case) and way == RESTITUTION:
+    if isinstance(holder, Case) and way == RESTITUTION_PATH:
         return _with_restitution(holder, value)
     check.known([step], _numbers(holder), f"parameter of {type(holder).__name__}", TypeError)
     return replace(holder, **{step: put(_entry(holder, step), rest, value, step)})
@@ -290,7 +290,7 @@ def _with_restitution(case: Case, eps: float) -> Case:
     The laws keep their stiffness. Only the rule changes if a law cannot be made from its restitution.
     """
     laws, pairs = check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
-    rule = None if case.rule is None else put(case.rule, RESTITUTION, eps)
+    rule = None if case.rule is None else put(case.rule, RESTITUTION_PATH, eps)
     other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
     if other is not None and rule is None:
         raise TypeError(f"restitution is not a parameter of {other!r}. Vary its own numbers, such as law.k.")

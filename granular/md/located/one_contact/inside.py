@@ -32,7 +32,7 @@ from granular.md.located.records import (
 from granular.md.located.system import count_of, join, leave, nth
 from granular.md.located.walls import beside_edge, flown, jump_at
 
-MOST_PIECES = 2000
+MAX_CONTACT_PIECES = 2000
 """Number of pieces after which a contact is assumed not to end."""
 
 
@@ -75,7 +75,11 @@ def has_piece(s: Any, laws: Any) -> bool:
     A residual contact without a returning force is advanced by free flight instead.
     """
     run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
-    if not (run.left > run.passed or run.pieces == AT_LEAST_ONE) or run.pieces == MOST_PIECES or member.mode == OPEN:
+    if (
+        not (run.left > run.passed or run.pieces == AT_LEAST_ONE)
+        or run.pieces == MAX_CONTACT_PIECES
+        or member.mode == OPEN
+    ):
         return False
     run.pieces += 1
     if member.mode != RESIDUAL or pushes(member):

@@ -27,17 +27,17 @@ from granular._engine.kernels import kernel
 from granular.laws.viscoelastic_restitution import duration, peaks as tops, restitution
 from granular.md.located.records import DASHPOT, SELF_SIMILAR, VISCOELASTIC
 
-WEIGHTLESS = 10.0
+MIN_SPEED_PER_PULL = 10.0
 """Smallest v ω, relative to G, at which a dashpot under a pull G has a map.
 
 Below it, balls come to rest."""
-CLOSE = 1e-9
+NEWTON_TOL = 1e-9
 """Newton's method ends when the next step, in units of 1/ω, is below this."""
-NEARLY = 1.0 - 2.0**-30
+NEARLY_CRITICAL = 1.0 - 2.0**-30
 """Damping ratio from which a dashpot under a pull has no map.
 
 Its oscillation, sin(Ωt)/Ω, becomes 0/0 at 1."""
-REFUSED = (math.nan, math.nan, math.nan, math.nan)
+NO_CLOSED_FORM = (math.nan, math.nan, math.nan, math.nan)
 
 
 @kernel
@@ -52,7 +52,7 @@ def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, f
             return t1, t1 + law.gamma / law.k, eps * v, eps * v
         return under_pull(law, inverse, pull, v)
     if pull != 0.0:
-        return REFUSED
+        return NO_CLOSED_FORM
     if law.map == SELF_SIMILAR:
         unit, v1 = reach(law, inverse, v) / v, law.restitution * v
         return law.force_ends * unit, law.parts * unit, v1, v1
@@ -61,7 +61,7 @@ def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, f
         b = law.gamma / law.k * (v / length)
         t1, v1 = length / v * duration(b), restitution(b) * v
         return t1, t1 + law.gamma / law.k, v1, v1
-    return REFUSED
+    return NO_CLOSED_FORM
 
 
 @kernel
@@ -102,24 +102,24 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
     omega = math.sqrt(law.k * inverse)
     relax = law.gamma / law.k  # s
     zeta = 0.5 * relax * omega
-    if v * omega < WEIGHTLESS * abs(pull) or zeta >= NEARLY:
-        return REFUSED
+    if v * omega < MIN_SPEED_PER_PULL * abs(pull) or zeta >= NEARLY_CRITICAL:
+        return NO_CLOSED_FORM
     if zeta == 0.0:  # the motion is symmetric about the largest overlap
         t = (math.pi + 2.0 * math.atan(pull / (omega * v))) / omega
         return t, t, v, v
     t, dt, xi, eta, push = let_go(omega, zeta, relax, pull, v)
     if dt == math.inf:
-        return REFUSED
+        return NO_CLOSED_FORM
     # the last Newton step is taken by Taylor's formula, which is exact to rounding for |dt| ω < CLOSE
     jerk = -omega * omega * (eta + relax * push)
     xi += dt * (eta + 0.5 * dt * push)
     eta += dt * (push + 0.5 * dt * jerk)
     square = eta * eta - 2.0 * pull * xi
     if not (eta < 0.0 and square > 0.0):
-        return REFUSED
+        return NO_CLOSED_FORM
     v2 = math.sqrt(square)
     if not v2 > relax * pull:  # the force would return during the residual contact
-        return REFUSED
+        return NO_CLOSED_FORM
     return t + dt, t + dt + 2.0 * xi / (v2 - eta), -eta, v2
 
 
@@ -131,14 +131,14 @@ def let_go(omega: float, zeta: float, relax: float, pull: float, v: float) -> tu
     overlap, rate and acceleration.
     """
     t, dt, xi, eta, push = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
-    # Newton's method ends earlier by `CLOSE`, and 20 is a guard
+    # Newton's method ends earlier by `NEWTON_TOL`, and 20 is a guard
     for _ in range(20):
         xi, eta, push = swing(omega, zeta, pull, v, t)
         rise = eta + relax * push
         if not rise < 0.0:
             return t, math.inf, xi, eta, push
         dt = -(xi + relax * eta) / rise
-        if abs(dt) * omega < CLOSE:
+        if abs(dt) * omega < NEWTON_TOL:
             break
         t += dt
     return t, dt, xi, eta, push
@@ -153,17 +153,17 @@ def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -
     stiff = law.k * inverse + square
     omega, relax = math.sqrt(stiff), law.gamma / law.k
     zeta = 0.5 * law.gamma * inverse / omega
-    if law.map != DASHPOT or v * omega < WEIGHTLESS * abs(pull) or zeta >= NEARLY:
-        return REFUSED
+    if law.map != DASHPOT or v * omega < MIN_SPEED_PER_PULL * abs(pull) or zeta >= NEARLY_CRITICAL:
+        return NO_CLOSED_FORM
     t, dt, xi, eta, push = let_go(omega, zeta, relax, pull, v)
     if dt == math.inf:
-        return REFUSED
+        return NO_CLOSED_FORM
     jerk = -stiff * eta - law.gamma * inverse * push
     xi = max(0.0, xi + dt * (eta + 0.5 * dt * push))
     eta += dt * (push + 0.5 * dt * jerk)
     root = math.sqrt(eta * eta + (square * xi - 2.0 * pull) * xi)
     if not eta < 0.0:
-        return REFUSED
+        return NO_CLOSED_FORM
     own = math.sqrt(square)
     return t + dt, t + dt + 2.0 / own * math.atan(own * xi / (root - eta)), -eta, root
 

@@ -22,14 +22,14 @@ from typing import Any
 from granular._engine.flight import hung_after, swung
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
 from granular._engine.records import leaf, replay
-from granular.md.located.contacts import DISTURBED, is_awaited
+from granular.md.located.contacts import NOT_ISOLATED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
 from granular.md.located.ledger import book_at_once, keep_solo
 from granular.md.located.log import velocity_now
 from granular.md.located.one_contact.maps import encounter, of_pendula, peaks, peaks_of_pendula
 from granular.md.located.one_contact.tables import WANTED, table_of, tabled, tabled_peaks
 from granular.md.located.pendula import impulse_of_pendula, shift
-from granular.md.located.pieces import DRIFT, ULP, predict, since, tick
+from granular.md.located.pieces import DRIFT_NOISE_FACTOR, FLOAT_SPACING, predict, since, tick
 from granular.md.located.records import (
     BEGIN,
     BY_PIECES,
@@ -38,9 +38,9 @@ from granular.md.located.records import (
     NO_LOG,
     OPEN,
     PEAKS,
+    UNTIL_ANY_EVENT,
     WANTS_CONTACT,
     WANTS_TABLE,
-    WATCHED,
 )
 from granular.md.located.system import beside, count_of, nth
 from granular.md.located.walls import (
@@ -55,7 +55,7 @@ from granular.md.located.walls import (
     velocity_of_wall,
 )
 
-BRIEF = 0.5
+MAX_TIME_LEFT_OF_PENDULA = 0.5
 """Longest remaining contact beyond a flank of pendula, in units of 1/Ω."""
 CLOSED, FOLLOWED, TO_FOLLOW, THERMAL = -3, -4, -5, -6
 """Source of a contact map, if it is not a table.
@@ -74,7 +74,7 @@ def happen_at_once(s: Any, c: int) -> int:
     run, pairs, pair = s.run[0], s.pairs, s.pairs[c]
     v = touching_rate(s.field, pair, pair.wait) if may_happen_at_once(run, pairs, c) else 0.0
     # below this speed rounding errors decide whether the balls approach at all
-    if not v > DRIFT * pair.noise:
+    if not v > DRIFT_NOISE_FACTOR * pair.noise:
         return BY_PIECES
     t1, t2, v1, v2, source = contact_map(s, c, v)
     if not t1 > 0.0 and source != THERMAL:
@@ -91,7 +91,7 @@ def happen_at_once(s: Any, c: int) -> int:
     isolated = below > 0.0 and above > 0.0 and certain_below and certain_above
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return BY_PIECES
-    if HUNG and max(time_left_below, time_left_above) * run.omega > BRIEF:
+    if HUNG and max(time_left_below, time_left_above) * run.omega > MAX_TIME_LEFT_OF_PENDULA:
         return BY_PIECES
     if source >= 0:
         run.error += s.tables[source].error
@@ -117,7 +117,7 @@ def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
     pair = pairs[c]
     if pair.mode != OPEN or pair.event != BEGIN or is_awaited(run, pairs, c):
         return False
-    return not ((run.until_pair == WATCHED or (DRIVEN and pair.wall > 0)) and run.disturbing != IGNORE)
+    return not ((run.until_pair == UNTIL_ANY_EVENT or (DRIVEN and pair.wall > 0)) and run.disturbing != IGNORE)
 
 
 @kernel
@@ -182,7 +182,7 @@ def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, moment: float, 
     pair, bodies = s.pairs[c], s.bodies
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.ahead, pair.speed, pair.exact = 0.0, -v2, t2, 1 if t2 > 0.0 else 0, v, 0
-    pair.noise += ULP * v
+    pair.noise += FLOAT_SPACING * v
     if HEATED and source == THERMAL:
         count_hit(s, c, v, v2)
     elif WORKED:
@@ -341,7 +341,7 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
     run.steps += 1
     run.events += 1
     run.contacts += 1
-    pair.isolated = 1 if isolated else DISTURBED
+    pair.isolated = 1 if isolated else NOT_ISOLATED
     if isolated:
         run.isolated += 1
     elif run.first < 0:
@@ -390,7 +390,7 @@ def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, time_left: float
     flank.eta = rate_later(s.field, flank, gap, -rate, time_left)
     flank.xi = -max(0.0, gap)
     flank.lasts, flank.ahead, flank.exact = 0.0, 1, 0
-    flank.noise += ULP * pair.speed
+    flank.noise += FLOAT_SPACING * pair.speed
     if time_left > 0.0:
         tick(flank, time_left)
     predict(flank, s.kinds[flank.kind_of], s.field)

@@ -15,22 +15,30 @@ from typing import Any
 from granular._engine.kernels import kernel
 from granular.md.located.one_contact.inside import ask_to_follow, take_up
 from granular.md.located.pieces import tick
-from granular.md.located.records import CHECKS, OCTAVES, OPEN, PEAKS, POINTS, QUANTITIES, SLOWEST
+from granular.md.located.records import (
+    CHECKS_PER_OCTAVE,
+    CONTACT_QUANTITIES,
+    MIN_SPEED_EXPONENT,
+    OPEN,
+    PEAKS,
+    POINTS_PER_OCTAVE,
+    SPEED_OCTAVES,
+)
 from granular.md.located.system import leave
 from granular.md.located.walls import touching_rate
 
-WARM = 32
+CONTACTS_BEFORE_TABLE = 32
 """Number of contacts of an octave after which its table is made.
 
 A table costs about that number of contacts."""
-HOLDS = 1e-14
+TABLE_TOL = 1e-14
 """Largest relative error of a table, beyond the tolerance of the pieces."""
-TIMES = 2
+TIME_QUANTITIES = 2
 """Number of stored quantities that are times.
 
 The other quantities are stored in units of the speed."""
 REFUSED, WANTED = -1, -2
-ITSELF = -1
+OWN_SPEED = -1
 """Replaces the number of a point: the contact at its own speed."""
 
 
@@ -41,12 +49,12 @@ def table_of(s: Any, c: int, v: float) -> int:
     The result is REFUSED or WANTED if there is none.
     """
     known, octave = s.maps[s.pairs[c].map], math.frexp(v)[1]
-    i = octave - SLOWEST
-    if not 0 <= i < OCTAVES:
+    i = octave - MIN_SPEED_EXPONENT
+    if not 0 <= i < SPEED_OCTAVES:
         return REFUSED
     if known.table[i] != 0:
         return int(known.table[i]) - 1 if known.table[i] > 0 else REFUSED
-    if known.met[i] + 1 < WARM:
+    if known.met[i] + 1 < CONTACTS_BEFORE_TABLE:
         known.met[i] += 1
         return REFUSED
     return WANTED
@@ -61,7 +69,7 @@ def ask(s: Any, j: int, laws: Any) -> None:
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
     v = touching_rate(s.field, pair, pair.wait)
-    if j != ITSELF:
+    if j != OWN_SPEED:
         # the mantissa of an octave is in [0.5, 1)
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log_level
@@ -83,15 +91,15 @@ def note(s: Any, j: int) -> bool:
     numbers = run.over if ends else math.nan, run.passed, run.parting, -member.eta, member.xi_max, member.force_max
     error: float = run.error
     put_back(s)
-    if j == ITSELF:
-        for q in range(QUANTITIES):
+    if j == OWN_SPEED:
+        for q in range(CONTACT_QUANTITIES):
             s.answer[q] = numbers[q]
         run.answered = 1
         return True
-    table, at = s.tables[run.tables], POINTS + CHECKS
+    table, at = s.tables[run.tables], POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE
     table.error = max(error, table.error) if j > 0 else error
-    for q in range(QUANTITIES):
-        table.seen[q * at + j] = numbers[q] / (1.0 if q < TIMES else v)
+    for q in range(CONTACT_QUANTITIES):
+        table.seen[q * at + j] = numbers[q] / (1.0 if q < TIME_QUANTITIES else v)
     table.noted = j + 1 if ends else 0
     return bool(run.over > 0.0 and ends)
 
@@ -108,7 +116,7 @@ def put_back(s: Any) -> None:
 def fit(s: Any) -> None:
     """Make the table of an octave from its contacts, or refuse the octave."""
     run, known = s.run[0], s.maps[s.pairs[s.run[0].wanted].map]
-    i = math.frexp(run.speed)[1] - SLOWEST
+    i = math.frexp(run.speed)[1] - MIN_SPEED_EXPONENT
     if holds(s.tables[run.tables]):
         run.tables += 1
         # index + 1, because 0 stands for an octave without a table
@@ -123,14 +131,14 @@ def holds(table: Any) -> bool:
 
     It is tested between its points and at the ends.
     """
-    if table.noted < POINTS + CHECKS:
+    if table.noted < POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE:
         return False
-    for q in range(QUANTITIES):
+    for q in range(CONTACT_QUANTITIES):
         expand(table, q)
-        for j in range(POINTS, POINTS + CHECKS):
-            seen = table.seen[q * (POINTS + CHECKS) + j]
+        for j in range(POINTS_PER_OCTAVE, POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE):
+            seen = table.seen[q * (POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE) + j]
             # the difference of a table and a contact contains the errors of both
-            if not abs(polynomial(table, q, place_of(j)) - seen) <= max(HOLDS, 4.0 * table.error) * abs(seen):
+            if not abs(polynomial(table, q, place_of(j)) - seen) <= max(TABLE_TOL, 4.0 * table.error) * abs(seen):
                 return False
     return True
 
@@ -141,9 +149,9 @@ def place_of(j: int) -> float:
 
     The zeros of a Chebyshev polynomial come first, then the test points.
     """
-    if j < POINTS:
-        return math.cos(math.pi * (j + 0.5) / POINTS)
-    i = j - POINTS
+    if j < POINTS_PER_OCTAVE:
+        return math.cos(math.pi * (j + 0.5) / POINTS_PER_OCTAVE)
+    i = j - POINTS_PER_OCTAVE
     # both ends, then 0.47 and -0.63, which lie between Chebyshev points
     return 2.0 * i - 1.0 if i < 2 else 0.47 - 1.1 * (i - 2)
 
@@ -151,18 +159,20 @@ def place_of(j: int) -> float:
 @kernel
 def expand(table: Any, q: int) -> None:
     """Write the Chebyshev coefficients of one quantity."""
-    for k in range(POINTS):
+    for k in range(POINTS_PER_OCTAVE):
         total = 0.0
-        for j in range(POINTS):
-            total += table.seen[q * (POINTS + CHECKS) + j] * math.cos(math.pi * k * (j + 0.5) / POINTS)
-        table.c[q * POINTS + k] = (2.0 if k > 0 else 1.0) * total / POINTS
+        for j in range(POINTS_PER_OCTAVE):
+            total += table.seen[q * (POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE) + j] * math.cos(
+                math.pi * k * (j + 0.5) / POINTS_PER_OCTAVE
+            )
+        table.c[q * POINTS_PER_OCTAVE + k] = (2.0 if k > 0 else 1.0) * total / POINTS_PER_OCTAVE
 
 
 @kernel
 def polynomial(table: Any, q: int, z: float) -> float:
     """Return one quantity at z, from -1 to 1, by Clenshaw's algorithm."""
-    last, twice, base = 0.0, 0.0, q * POINTS
-    for k in range(POINTS - 1, 0, -1):
+    last, twice, base = 0.0, 0.0, q * POINTS_PER_OCTAVE
+    for k in range(POINTS_PER_OCTAVE - 1, 0, -1):
         last, twice = table.c[base + k] + 2.0 * z * last - twice, last
     value: float = table.c[base] + z * last - twice
     return value

@@ -22,10 +22,21 @@ from typing import Any
 from granular._engine.kernels import kernel
 from granular._engine.records import play
 from granular.md.located.pieces import locate, piece_time, power, write_flight
-from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, MOVES, ORDER, RESIDUAL, TO_PLAN
+from granular.md.located.records import (
+    ACTIVE,
+    ASKS,
+    CREEPS,
+    DUE_TO_PLAN,
+    LIES,
+    LOOKED,
+    MOVES,
+    RESIDUAL,
+    REST_PIECE_SCALE,
+    SERIES_ORDER,
+)
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, find_equilibrium
 from granular.md.located.rest.proof import (
-    STIFF,
+    MIN_CREEP_RATIO,
     between,
     come_to_rest,
     drags,
@@ -38,14 +49,14 @@ from granular.md.located.rest.proof import (
 from granular.md.located.series import power_term
 from granular.md.located.step_size import growth, left_out, trusted
 
-NEAR = 0.1
+CREEP_FORCE_SHARE = 0.1
 """Largest difference between force and load of a pair in creep.
 
 It is relative to the sum of load and elastic force. A larger difference means that the pair is still decelerating."""
-ROUNDS = 60
-SETTLED = 2.0**-52
+MAX_CREEP_ITERATIONS = 60
+CONVERGED_FORCE_CHANGE = 2.0**-52
 """Relative change of forces, as a share of the load, below which they converged."""
-GONE = 1e-13
+FAST_MOTION_SHARE = 1e-13
 """Largest force of the fast motion of a pair.
 
 It is relative to the sum of load and elastic force. Ordinary steps leave this amount."""
@@ -97,7 +108,9 @@ def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
         drag = pair.gamma * power(pair.xi, pair.d)
         push = pair.k * power(pair.xi, pair.p)
         time = drag * pair.xi / (pair.load + push)
-        if not drag * pair.inverse * time > STIFF or not (closed or creeping(pair.load, push, drag * pair.eta)):
+        if not drag * pair.inverse * time > MIN_CREEP_RATIO or not (
+            closed or creeping(pair.load, push, drag * pair.eta)
+        ):
             return 0.0
         pair.own_speed, pair.own_length = pair.load / drag, pair.xi
         slowest = min(slowest, time)
@@ -107,7 +120,7 @@ def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
 @kernel
 def creeping(load: float, push: float, damping: float) -> bool:
     """Return whether the force of a pair is nearly its load."""
-    return abs(push + damping - load) <= NEAR * (load + push)
+    return abs(push + damping - load) <= CREEP_FORCE_SHARE * (load + push)
 
 
 @kernel
@@ -117,19 +130,19 @@ def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) 
     Return False if this does not converge, or if the fast motion is not over.
     """
     first, last = pool[pairs[a].slot], math.inf
-    for n in range(ORDER + 1):
+    for n in range(SERIES_ORDER + 1):
         first.zm[n] = 0.0
         for c in range(a, b):
             pool[pairs[c].slot].f[n] = pool[pairs[c].slot].load if n == 0 else 0.0
-    for _ in range(ROUNDS):
+    for _ in range(MAX_CREEP_ITERATIONS):
         sink(pairs, pool, bodies, a, b, h)
         change = press_slowly(pairs, pool, bodies, a, b, h)
         for c in range(a, b):  # the remaining fast motion must be within reach of the next iteration
             pair = pool[pairs[c].slot]
-            allowed = max(10.0 * change * pair.own_speed, GONE * (2.0 * pair.own_speed + abs(pair.eta)))
+            allowed = max(10.0 * change * pair.own_speed, FAST_MOTION_SHARE * (2.0 * pair.own_speed + abs(pair.eta)))
             if abs(pair.e[0] - pair.eta) > allowed:
                 return False
-        if change <= SETTLED:
+        if change <= CONVERGED_FORCE_CHANGE:
             for c in range(a, b):
                 pool[pairs[c].slot].eta = pool[pairs[c].slot].e[0]
             return True
@@ -147,7 +160,7 @@ def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
     first pair.
     """
     closed, first = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0, pool[pairs[a].slot]
-    for n in range(ORDER + 1):
+    for n in range(SERIES_ORDER + 1):
         total, ease = 0.0, 0.0
         for c in range(a, b):
             pair = pool[pairs[c].slot]
@@ -191,7 +204,7 @@ def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -
     mass = 0.0 if floor else 1.0 / first.lower
     for c in range(a, b if not (floor or ceiling) else a):
         mass += 1.0 / pool[pairs[c].slot].upper
-    for n in range(ORDER):
+    for n in range(SERIES_ORDER):
         push, moved = 0.0, 0.0  # acceleration of the upper ball, as the lowest body of the group sees it
         for c in range(a, b):
             pair = pool[pairs[c].slot]
@@ -225,7 +238,7 @@ def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) ->
     for direction in (-1, 1):
         subtract(pairs, pool, bodies, pair, c, direction)
     pair.eta = pair.e[0]
-    for n in range(ORDER + 1 if pair.mode == RESIDUAL else 0):
+    for n in range(SERIES_ORDER + 1 if pair.mode == RESIDUAL else 0):
         pair.g[n] = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
     pair.own_speed = max(abs(pair.eta), abs(pair.e[1]))
     pair.own_length = h * pair.own_speed
@@ -252,7 +265,7 @@ def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direction: i
         beyond = pool[pairs[f - direction * (i + 1)].slot]
         mass += 0.0 if at_wall else 1.0 / bodies[last - direction * i].inverse_mass
         share = 1.0 if at_wall else mass / total
-        for n in range(ORDER + 1):
+        for n in range(SERIES_ORDER + 1):
             pair.e[n] -= share * beyond.e[n]
             if n > 0:
                 pair.x[n] -= share * beyond.x[n]
@@ -280,7 +293,7 @@ def look_at(s: Any, limit: float) -> int:
         block.manner = LOOKED
     elif block.manner != LIES:
         block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else LOOKED
-    pairs[lo].due = TO_PLAN
+    pairs[lo].due = DUE_TO_PLAN
     if block.manner != LOOKED:
         write_piece(s, lo)
     play(s.queue, lo, pairs[lo].due)
@@ -301,7 +314,7 @@ def write_piece(s: Any, lo: int) -> None:
     locate(pairs, pool, lo, hi, span, s.scratch, None)
     run.error += left_out(worst, block.tau)
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
-    if block.h >= LONG:
+    if block.h >= REST_PIECE_SCALE:
         pairs[lo].due = math.inf
 
 

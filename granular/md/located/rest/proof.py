@@ -19,7 +19,7 @@ from typing import Any
 from granular._engine.flight import time_to_contact
 from granular._engine.kernels import kernel
 from granular.md.located.pieces import in_contact, power, since, write_flight
-from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LIES, LINEAR, LONG, MOVES, OPEN, RESIDUAL
+from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LIES, LINEAR, MOVES, OPEN, RESIDUAL, REST_PIECE_SCALE
 from granular.md.located.rest.equilibrium import (
     NOT_YET,
     RESTS,
@@ -31,11 +31,11 @@ from granular.md.located.rest.equilibrium import (
     weight,
 )
 
-STILL = 1e-14
+STILL_DEVIATION = 1e-14
 """Relative deviation from the equilibrium up to which a resting pile is still.
 
 It applies to static overlaps and to their natural rates."""
-STIFF = 12.0
+MIN_CREEP_RATIO = 12.0
 """Smallest ratio of the times of creep and fast decay for the slow series.
 
 Above it the series saves steps and converges."""
@@ -143,7 +143,7 @@ def is_still(pairs: Any, pool: Any, lo: int) -> bool:
         if pair.mode == ACTIVE:
             rest = overlap_under(pair, pair.load)
             rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
-            if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
+            if abs(pair.xi - rest) > STILL_DEVIATION * rest or abs(pair.eta) > STILL_DEVIATION * rest * rate:
                 return False
         elif not pair.xi < 0.0:
             return False
@@ -193,7 +193,7 @@ def drags(pair: Any) -> bool:
     depth, exponent = 1.0, pair.d + 1.0 - pair.s
     if exponent != 0.0:
         depth = power(pair.xi, exponent)
-    return bool(pair.gamma * pair.gamma * pair.inverse * depth > STIFF * pair.k)
+    return bool(pair.gamma * pair.gamma * pair.inverse * depth > MIN_CREEP_RATIO * pair.k)
 
 
 @kernel
@@ -290,7 +290,7 @@ def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float,
     outer, v_upper, fall_upper, size_upper = hull(pairs, pool, bodies, block, c, 1)
     pull = fall_upper - fall_lower
     # a difference of equal falls is only rounding error, and must not close the gap
-    if abs(pull) <= STILL * max(size_lower, size_upper):
+    if abs(pull) <= STILL_DEVIATION * max(size_lower, size_upper):
         pull = 0.0
     return -pool[pairs[c].slot].xi - inner - outer, v_upper - v_lower, pull
 
@@ -353,7 +353,7 @@ def lie(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
     It does not end unless a ball arrives.
     """
     block = pool[pairs[lo].slot]
-    block.clock, block.linear, block.h = 1, 1, LONG
+    block.clock, block.linear, block.h = 1, 1, REST_PIECE_SCALE
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
         if pair.mode == OPEN:
