@@ -91,7 +91,7 @@ class Pace:
         for _ in range(MAX_PIECES_INTERPRETED):
             why = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
             if why == WANTS_LOOK:
-                why = looked_at(run.s, limit, run.kernels, self.seldom)
+                why = looked_at(run.s, limit, run.kernels, self.rare_kernel)
             if why != WANTS_LOOK:
                 break
         if why in (MORE, WANTS_LOOK):
@@ -102,7 +102,7 @@ class Pace:
         if why == REACHED and not last:
             c, due, left = run.counters, run.s.queue[1]["due"], run.request.end - run.start
             spent = due <= left and (c["contacts"] >= c["max_events"] or c["steps"] >= c["max_steps"])
-            if spent and not (c["separated"] and c["contacts"] > 0 and self.seldom(blocks.all_recede)(run.s)):
+            if spent and not (c["separated"] and c["contacts"] > 0 and self.rare_kernel(blocks.all_recede)(run.s)):
                 return WORK_LIMIT
         return why
 
@@ -110,9 +110,9 @@ class Pace:
         """Plan the blocks that wait for a test for creep."""
         run = self.run
         while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(turn_to_asking)(run.s):
-            looked_at(run.s, 0.0, run.kernels, self.seldom)
+            looked_at(run.s, 0.0, run.kernels, self.rare_kernel)
 
-    def seldom(self, kernel: Any) -> Any:
+    def rare_kernel(self, kernel: Any) -> Any:
         """Return the version of a kernel that is called rarely.
 
         In a compiled run it is interpreted until compilation pays.
@@ -151,13 +151,13 @@ def swings_of(s: Any) -> tuple[float, int]:
     return min((p.own_length / p.own_speed for _, p in touching), default=0.0), len({first for first, _ in touching})
 
 
-def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
+def looked_at(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:
     """Test the current block for rest and creep.
 
-    `kernels` and `seldom` return the versions of kernels that are called often and rarely. Returns why a run up to the
-    time `limit` ends, or WANTS_LOOK to continue.
+    `kernels` and `rare_kernel` return the versions of kernels that are called often and rarely. Returns why a run up to
+    the time `limit` ends, or WANTS_LOOK to continue.
     """
-    found = seldom(look_at)(s, limit)
+    found = rare_kernel(look_at)(s, limit)
     if found != NOT_YET:
         return REST if found == RESTS else BINDING
     return WANTS_LOOK if kernels(plan_all_due)(s, None) else STOPPED

@@ -308,7 +308,7 @@ class Run:
             self.s = self.s._replace(queue=copied(self.s.queue[:1]))
         self.kernels(blocks.gather)(self.s, end, self.collocation)
         if column(self.s.pool, "manner").any():
-            self.pace.seldom(blocks.gather_slowly)(self.s)
+            self.pace.rare_kernel(blocks.gather_slowly)(self.s)
         self.now = math.inf  # rows of contacts that continue are void: all others are over
         return untouched
 
