@@ -329,8 +329,8 @@ def other_scene(**changes):
         r"`scene` must have a floor and two balls, as in granular\.scenes\.three_balls\(\), got Scene\(3 "
         r"balls\)\."),
     (lambda: adiabatic.contacts(drop(), gr.Hertz(1e6)),
-        r"The law of pair 0 must be linear, such as LinearDashpot, got Hertz\(k=1000000\.0\)\. For other laws use "
-        r"granular\.md\."),
+        r"The law of pair floor–1 must be linear, such as LinearDashpot, got Hertz\(k=1000000\.0\)\. For other laws "
+        r"use granular\.md\."),
     (other_scene(gap=[0.1, -1e-6]), r"`gap\[1\]` must be non-negative, got -1e-06\."),
     (other_scene(gap=[0.1, 1e-6], velocity=[0.0, 0.0, -1.0]),
         r"The lower ball must reach the floor before the balls meet, got gap\[1\] = 1e-06 m closing at 1\.0 m/s\."),

@@ -182,7 +182,7 @@ READY = '[scene]\nname = "three-balls"\n'
         r"own\.toml: The length of \[\[law\]\] must be 2 \(the number of pairs\), got 1\. Give one for all pairs, "
         r"or one per pair from the bottom up\."),
     (READY + '[[law]]\ntype = "Hertz"\nk = 1\n[[law]]\ntype = "Hertz"\nk = -1\n',
-        r"own\.toml: \[\[law\]\] of pair 1: `k` must be a finite number above 0, got -1\."),
+        r"own\.toml: \[\[law\]\] of pair 1–2: `k` must be a finite number above 0, got -1\."),
     (READY + '[rule]\ntype = "ConstantRestitution"\n',
         r"own\.toml: \[rule\]: The keys must be \(restitution\), got \(\)\."),
     (READY + '[rule]\ntype = "ConstantRestitution"\nrestitution = 2\n',

@@ -27,7 +27,7 @@ def test_three_balls_of_the_paper(report):
     assert top.hard_v_rel == pytest.approx(3.7271894236810663, rel=1e-13)
     assert top.soft_v_rel == pytest.approx(0.17728241069, rel=1e-3)
     assert report.restitution_ratio == pytest.approx(0.0767377994, rel=1e-3)
-    assert report.verdict.startswith("No: pair 1 has 4 contacts, not 1")
+    assert report.verdict.startswith("No: pair 1–2 has 4 contacts, not 1")
 
 
 def test_every_contact_of_the_upper_pair_overlaps_the_floor_contact(report):
@@ -44,8 +44,8 @@ def test_report_certifies_isolated_contacts(report):
     log = report.soft.contacts
     first = report.overlaps[0]
     assert report.soft.first_disturbed == (log["t_begin"][first.upper], 0)
-    when = f"pairs 0 and 1 at t = {first.begin:.9g} s"
-    assert f"certified: 0 of 5 contacts isolated; the first disturbed: {when}" in report.details()
+    when = f"pairs floor–1 and 1–2 at t = {first.begin:.9g} s"
+    assert f"certified: 0 of 5 contacts isolated; first disturbed: {when}" in report.details()
     said = report.to_dict()
     assert (said["isolated"], said["contacts"]) == (0, 5)
     assert said["first_disturbed"] == [first.begin, 0]
@@ -68,7 +68,7 @@ def test_what_cannot_be_predicted_is_told_from_a_wrong_model(report):
 
 def test_table_reads_well(report):
     text = report.details()
-    for line in ("hard spheres    soft spheres", "contacts of pair 1                   1               4",
+    for line in ("hard spheres    soft spheres", "contacts of pair 1–2                     1               4",
                  "Why: 4 contacts overlap in time", "φ   = 0.14"):
         assert line in text
     assert max(map(len, text.splitlines())) <= 120
@@ -102,7 +102,7 @@ def test_pairs_that_are_shown_differ_most(seed):
     rng = np.random.default_rng(seed)
     scene = gr.Scene([1.0] * 7, [0.1] * 7, rng.uniform(0.0, 1e-3, 6), rng.normal(0.0, 1.0, 7))
     report = gr.compare(scene, gr.LinearDashpot.from_restitution(0.8, k=1e6, pair=scene.pairs[0]))
-    shown = {int(pair) for pair in re.findall(r"^contacts of pair (\d+)", str(report), re.MULTILINE)}
+    shown = {int(pair) for pair in re.findall(r"^contacts of pair (\d+)–", str(report), re.MULTILINE)}
     assert "(4 more pairs, which differ less)" in str(report)
     other = {p.pair for p in report.pairs if p.soft_contacts != p.hard_contacts}
     assert len(shown & other) == min(2, len(other))
@@ -117,7 +117,7 @@ def test_pairs_that_are_shown_in_details_differ_most(seed):
     scene = gr.Scene([1.0] * 13, [0.1] * 13, rng.uniform(0.0, 1e-3, 12), rng.normal(0.0, 1.0, 13))
     report = gr.compare(scene, gr.LinearDashpot.from_restitution(0.8, k=1e6, pair=scene.pairs[0]))
     text = report.details()
-    shown = {int(pair) for pair in re.findall(r"^contacts of pair (\d+)", text, re.MULTILINE)}
+    shown = {int(pair) for pair in re.findall(r"^contacts of pair (\d+)–", text, re.MULTILINE)}
     assert "(4 more pairs, which differ less)" in text
     other = {p.pair for p in report.pairs if p.soft_contacts != p.hard_contacts}
     assert len(shown & other) == min(8, len(other))
@@ -126,7 +126,7 @@ def test_pairs_that_are_shown_in_details_differ_most(seed):
         assert all(far[c] >= far[d] for c in group & shown for d in group - shown if far[d] == far[d])
     soft = report.levelled[1]
     for p in (report.pairs[c] for c in shown):
-        (line,) = (line for line in text.splitlines() if line.startswith(f"v_rel′ pair {p.pair},"))
+        (line,) = (line for line in text.splitlines() if line.startswith(f"v_rel′ pair {p.pair}–{p.pair + 1},"))
         beside = [row for c in (p.pair - 1, p.pair + 1) for row in soft.of(c)]
         running = any(row["t_begin"] < p.soft_t_f and not row["t_end"] <= p.soft_t_f for row in beside)
         assert running == ("in contact" in line)
@@ -136,9 +136,9 @@ def test_short_report_shows_the_ball_and_the_episode_that_decide(report):
     text, one = str(report), report.deciding
     assert (one.ball, one.episode, one.contacts, one.pairs) == (2, 0, 5, (0, 1))
     assert "v_rel" not in text
-    assert "ball 2 leaves, m/s             5.91043         2.28181  off by 0.68 U\n" in text
-    assert "at t, s                    0.319294209     0.320000487  episode 0, 5 contacts\n" in text
-    assert "v_rel′ pair 1, m/s             3.72719        0.177282  pair 0 in contact\n" in report.details()
+    assert "ball 2 leaves, m/s                 5.91043         2.28181  off by 0.68 U\n" in text
+    assert "at t, s                        0.319294209     0.320000487  episode 0, 5 contacts\n" in text
+    assert "v_rel′ pair 1–2, m/s               3.72719        0.177282  pair floor–1 in contact\n" in report.details()
     assert report.to_dict()["deciding"]["hard_velocity"] == one.hard_velocity
 
 
@@ -172,7 +172,7 @@ class Active:
 
 def test_law_that_gives_no_rule_is_named_rather_than_a_rule():
     scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
-    with pytest.raises(ValueError, match=r"The law of pair 0, Active\(k=1000000\.0\), must not gain energy, got "
+    with pytest.raises(ValueError, match=r"The law of pair 0–1, Active\(k=1000000\.0\), must not gain energy, got "
                                          r"1\.60312e-06 N while the bodies separate and 1\.52492e-06 N while they "
                                          r"approach, at overlap ξ = 1\.56402e-12 m and 0\.5 m/s\. Damping must not "
                                          r"be negative\."):

@@ -97,7 +97,7 @@ def test_timing_at_the_end_time_is_not_an_error_of_outcome():
 def test_soft_ball_below_the_floor_misses_its_next_contact():
     sunk = gr.compare(gr.scenes.bouncing_ball(1.0, 0.01), gr.LinearDashpot(1e-3), t_end=2.0)
     assert sunk.soft.position[-1][1] < -3.0
-    assert sunk.verdict.startswith("No: pair 0 has 1 contact, not 2")  # it comes out of the floor after 11.3 s
+    assert sunk.verdict.startswith("No: pair floor–1 has 1 contact, not 2")  # it comes out of the floor after 11.3 s
 
 
 @pytest.mark.parametrize(("scene", "k"), [(gr.scenes.three_balls(gap=1e-3), 1.0),
@@ -194,7 +194,7 @@ def test_contact_of_hard_spheres_alone_is_not_called_nothing():
     assert missed.answer is gr.Answer.yes  # it comes, a little later
     away = gr.md.simulate(scene.replace(velocity=scene.velocity[::-1]), gr.Hertz(1e8), t_end=1.0)
     alone = replace(hit, soft=away)
-    assert alone.verdict.startswith("No: pair 0 has 0 contacts, not 1")
+    assert alone.verdict.startswith("No: pair 0–1 has 0 contacts, not 1")
 
 
 @pytest.mark.parametrize(("restitution", "k"), [(0.2, 1e5), (0.5, 1e7), (0.8, 1e6)])

@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from granular.comparison.figure import both
-from granular.comparison.view import closeup, number, pair_name, parameters, window
+from granular.comparison.view import closeup, number, parameters, window
 
 pytest.importorskip("matplotlib")
 
@@ -103,9 +103,9 @@ def test_the_picture_says_with_what_it_was_made(two, drawn):
     for word in ("2 balls, m = 3.77 kg and 3.77 g (1000 : 1)", "gap 100 µm", "first impact at 3.132 m/s",
                  "g = 9.81 m/s²", "LinearDashpot, k = 5·10⁷ N/m, ε = 0.7", "lasts 801 µs and 25.3 µs"):
         assert word in said
-    assert [label.get_text() for label in drawn.axes[0].get_yticklabels()] == ["pair 0: floor·1", "pair 1: 1·2"]
+    assert [label.get_text() for label in drawn.axes[0].get_yticklabels()] == ["pair 0: floor–1", "pair 1: 1–2"]
     assert texts(panel(drawn, "paths")) == ["1, 2"]
-    assert {axis.get_ylabel() for axis in drawn.axes} >= {"force of\n1·2, N", "force of\nfloor·1, kN"}
+    assert {axis.get_ylabel() for axis in drawn.axes} >= {"force of\n1–2, N", "force of\nfloor–1, kN"}
 
 
 def test_words_stay_within_the_picture(drawn):
@@ -137,5 +137,5 @@ def test_parameters_of_many_kinds_of_scene():
 
 def test_pairs_have_the_names_of_the_player():
     box = gr.scenes.gas(2)
-    assert [pair_name(box, c) for c in range(3)] == ["wall·1", "1·2", "2·wall"]
-    assert [pair_name(gr.scenes.ring_gas(3), c) for c in range(3)] == ["0·1", "1·2", "2·0"]
+    assert [pair.name for pair in box.pairs] == ["wall–1", "1–2", "2–wall"]
+    assert [pair.name for pair in gr.scenes.ring_gas(3).pairs] == ["0–1", "1–2", "2–0"]

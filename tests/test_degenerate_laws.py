@@ -69,7 +69,7 @@ def ended(scene, law, **how):
 
 
 @pytest.mark.parametrize("seed", [*range(2), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(2, 40))])
-@pytest.mark.filterwarnings("ignore:dt = .* s is")
+@pytest.mark.filterwarnings("ignore:dt = .* s times")
 def test_every_run_ends(monkeypatch, seed):
     """In a number of force calls that does not depend on how strongly contacts creep."""
     monkeypatch.setattr(pace, "TRIALS_PER_TEST", 40)
@@ -93,8 +93,8 @@ def test_contacts_that_creep_end_by_the_limit_and_can_be_gone_on_from(monkeypatc
     scene, end = SCENES["pile"]
     run = gr.md.simulate(scene, law, **end)
     assert run.status.name == "max_events"
-    assert run.message.endswith("s a trial step on the average; weaker damping, or a force without a jump at rest, is "
-                                "needed (granular.md.resume goes on)")
+    assert run.message.endswith("s per trial step on average; use weaker damping or a force without a jump at rest, or "
+                                "continue with granular.md.resume")
     on = gr.md.resume(run, t_end=0.05)
     assert run.time[-1] < on.time[-1] < 0.05
     whole = gr.md.simulate(scene, law, t_end=float(on.time[-1]))  # the net changes nothing that is found
@@ -123,7 +123,7 @@ def test_force_that_hangs_on_the_rate_alone(scene, how, force):
 
 def test_trait_without_a_spring():
     law = own(lambda self, xi, xi_dot, pair: 1e7 * xi_dot, linear=lambda self, pair: (0.0, 1e7))
-    with pytest.raises(ValueError, match=r"The law of pair 0, Own\(\), must repel bodies at rest at some overlap, "
+    with pytest.raises(ValueError, match=r"The law of pair 0–1, Own\(\), must repel bodies at rest at some overlap, "
                                          r"got a force of 10000000\.0 N at rate 1 m/s at every overlap, and none "
                                          r"at rest\. Are the arguments \(xi, xi_dot, pair\)\?"):
         gr.md.simulate(SCENES["row"][0], law)

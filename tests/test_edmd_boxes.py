@@ -286,7 +286,7 @@ def test_a_gas_that_cools_for_ever_ends_with_the_numbers_of_time():
     result = gr.edmd.simulate(scene, gr.ConstantRestitution(0.5), engine="sorted")
     assert result.status is gr.Status.max_events
     assert result.gap[-1].sum() == pytest.approx(1.0, rel=1e-14)
-    assert result.message.endswith("the next one is later than 1.1e+301 s, where runs end")
+    assert result.message.endswith("the next collision is later than 1.1e+301 s, the latest time of a run")
     assert gr.edmd.resume(result).message == result.message
 
 
@@ -311,7 +311,7 @@ def test_a_run_whose_last_state_cannot_be_is_broken(said, monkeypatch):
     monkeypatch.setattr(gr.edmd.run.Run, "row", lambda self, time: HARM[said](row(self, time)))
     broken = gr.edmd.simulate(scene, gr.ConstantRestitution(0.5), t_end=1.0)
     assert broken.status is gr.Status.broken
-    expected = rf"the last state is none that there can be; the numbers mean nothing: {said}; {sound.value}: .*"
+    expected = rf"the final state is invalid, so the numbers are meaningless: {said}; {sound.value} at .*"
     assert re.fullmatch(expected, broken.message)
     with pytest.raises(ValueError, match=r"`trajectory` is broken and cannot be continued\. See its message\."):
         gr.edmd.resume(broken, t_end=2.0)

@@ -158,7 +158,7 @@ def test_balls_pressed_together_in_mid_air_move_as_one():
     assert np.abs(result.momentum() + 0.5 * result.time + 2.0).max() < 1e-13
     stopped = run(scene, 0.5, t_end=2.5)
     assert stopped.status is gr.Status.bounded
-    assert "pair 0" in stopped.message
+    assert "pair 0–1" in stopped.message
     hit = run(scene, 0.5, t_end=8.0, collapse="merge", merge_below=1e-3)
     assert hit.count(1) >= 1
     assert hit.count(0) > result.count(0)

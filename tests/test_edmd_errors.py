@@ -114,13 +114,13 @@ def test_the_largest_and_the_smallest_numbers_run(v, gravity) -> None:
 
 def test_sticking_for_some_pairs_only_is_refused() -> None:
     with pytest.raises(ValueError, match="The restitution must be 0 for all pairs or for none, got 0 only for "
-                                         r"some \(pair 1\)\. 0 makes balls stick; use a small number, such as "
+                                         r"some \(pair 1–2\)\. 0 makes balls stick; use a small number, such as "
                                          r"0\.01\."):
         edmd.simulate(SCENE, ConstantRestitution([0.5, 0.0]))
 
 
 def test_a_rule_that_leaves_its_range_is_named_when_it_happens() -> None:
-    with pytest.raises(ValueError, match=r"The restitution rule of pair 0 must return a number in \[0, 1\], got "
+    with pytest.raises(ValueError, match=r"The restitution rule of pair floor–1 must return a number in \[0, 1\], got "
                                          r"1\.2 at an approach speed of 4\.42945 m/s\."):
         edmd.simulate(SCENE, [lambda v, p: 1.2, RULE])
 
@@ -130,4 +130,4 @@ def test_a_warning_free_run_of_everything_at_rest() -> None:
     run = edmd.simulate(still, RULE, t_end=1.0, samples=3)
     assert run.position.tolist() == [[0.0, 0.0]] * 3
     assert np.isfinite(run.energy()).all()
-    assert "no collision can follow" in run.message
+    assert "no further collision is possible" in run.message

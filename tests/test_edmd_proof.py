@@ -87,10 +87,10 @@ def test_what_is_bounded_is_no_collapse_and_says_so() -> None:
     assert end.status is gr.Status.bounded
     assert end.stats["verdict"] == "bounded"
     assert end.stats["bound"] < 1e-59
-    assert end.message.startswith("what may be an inelastic collapse of pairs 0 to 3 at t = ")
+    assert end.message.startswith("possible inelastic collapse of pairs 0–1 to 3–4 at t = ")
     log = judged(scene, eps, 3000, 600)
     assert len(log) == 1996  # it is finite
-    with pytest.raises(ValueError, match="trajectory ended at a bound: nothing follows it"):
+    with pytest.raises(ValueError, match="`trajectory` ended in a possible inelastic collapse and cannot be continued"):
         gr.edmd.resume(end)
 
 

@@ -268,7 +268,7 @@ def test_restitution_of_law_and_rule_are_told_apart():
     text = two.details()
     assert f"LinearDashpot(k=10000000.0, gamma=100.0)   ε = {eps:.6g}" in text
     assert "ConstantRestitution(restitution=0.7)   ε = 0.7" in text
-    assert f"warning: hard spheres of pair 0 run with ε = 0.7, their force law has {eps:.6g}" in text
+    assert f"warning: hard spheres of pair 0–1 collide with ε = 0.7, but their force law has {eps:.6g}" in text
     assert two.to_dict()["law_restitution"] == [eps]
     assert "their force law" not in gr.compare(scene, law).details()
     assert "their force law" not in compared("three-balls").details()

@@ -215,7 +215,7 @@ def test_a_floor_too_cold_for_the_step_is_unstable_and_says_so():
     scene = gr.Scene([math.inf, 1.0], [0.0] * 2, [0.0], [0.0] * 2, 9.81, floor=gr.walls.Thermal(1e-9, 5))
     one = run(scene, LAW, t_end=1.0, dt=1e-1)
     assert one.status is gr.Status.unstable
-    assert "meets a thermal wall more than 64 times in a step: take a shorter one" in one.message
+    assert "hits a thermal wall more than 64 times per step; use a shorter step" in one.message
 
 
 def test_samples_change_no_bit_and_read_off_flights():

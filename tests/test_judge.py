@@ -236,7 +236,7 @@ def test_what_is_said_of_balls_does_not_hang_on_others():
 
 
 def test_the_reason_names_what_differs():
-    assert "pair 1 has 4 contacts, not 1" in shaken().verdict  # not the driven wall
+    assert "pair 1–2 has 4 contacts, not 1" in shaken().verdict  # not the driven wall
     assert rest().reasons[0].pairs
 
 

@@ -136,7 +136,7 @@ def test_laws_that_do_not_look_at_their_pair_are_one_kind_among_unequal_balls():
         assert len(known.in_pairs[1]) == n - 1
         assert known.column(lambda one: one.pair.m_eff).tolist() == scene.pairs.m_eff.tolist()
     light = Scene([2.0, 2.0, 3.0], [0.1] * 3, [0.1, 0.1], [0.0] * 3)
-    with pytest.raises(ValueError, match="law of pair 1"):
+    with pytest.raises(ValueError, match="law of pair 1–2"):
         gr.md.simulate(light, Heavy(1e6), t_end=0.0)
 
 

@@ -92,9 +92,9 @@ def test_a_trait_that_contradicts_the_force_is_refused():
         def linear(self, pair):
             return self.k, 0.0
 
-    with pytest.raises(ValueError, match=r"The law of pair 0, \S+Wrong\(k=2\.0\), must have a force that agrees with "
-                                         r"its linear or power trait, got force\(0\.25, 0\.5\) = 0\.125 and 0\.5 by "
-                                         r"the trait\. Fix the trait or leave it out\."):
+    with pytest.raises(ValueError, match=r"The law of pair floor–1, \S+Wrong\(k=2\.0\), must have a force that agrees "
+                                         r"with its linear or power trait, got force\(0\.25, 0\.5\) = 0\.125 and 0\.5 "
+                                         r"by the trait\. Fix the trait or leave it out\."):
         checked(Wrong(2.0), gr.scenes.three_balls())
 
 

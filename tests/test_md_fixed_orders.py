@@ -112,13 +112,13 @@ def test_damped_error_of_the_catalogue():
 def test_stability_limit_of_a_pair():
     """Catalogue G4: dt < 2/ω0 for a pair, here a ball that keeps oscillating on the floor (ω0 = 1)."""
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.5], [-1.1], [0.0, 0.0], gravity=1.0)
-    with pytest.warns(RuntimeWarning, match=r"times the inverse of the sharpest rate.*above 0\.2"):
+    with pytest.warns(RuntimeWarning, match=r"times the highest rate of the contacts is .*above 0\.2"):
         below = verlet(scene, gr.LinearDashpot(1.0), dt=1.99, t_end=1000.0)
     above = verlet(scene, gr.LinearDashpot(1.0), dt=2.01, t_end=1000.0)
     assert below.status is gr.Status.time
     assert above.status is gr.Status.unstable
-    assert "the limit is 2" in above.message
-    assert "take dt ≤" in above.message
+    assert "the stability limit is 2" in above.message
+    assert "use dt ≤" in above.message
 
 
 def spectral_radius_of_gear(dt_omega):
@@ -138,7 +138,7 @@ def test_stability_limit_of_gear():
     above = gr.md.simulate(scene, gr.LinearDashpot(1.0), method="gear5", dt=1.06, t_end=40.0)
     assert below.status is gr.Status.time
     assert above.status is gr.Status.unstable
-    assert "the limit is 1.05" in above.message
+    assert "the stability limit is 1.05" in above.message
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -147,7 +147,7 @@ def test_a_contact_jumped_over_in_one_step_is_judged(method):
     contact = math.pi
     run = gr.md.simulate(pair_scene(), gr.LinearDashpot(1.0), method=method, dt=contact, t_end=20 * contact)
     assert run.status is gr.Status.unstable
-    assert "take dt ≤" in run.message
+    assert "use dt ≤" in run.message
 
 
 def test_more_steps_than_can_be_counted_are_refused():

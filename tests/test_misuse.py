@@ -239,11 +239,11 @@ RUNS = {
             r"3\.19e\+59\. Use a larger dt, or method='located'\."),
     "law without force": (
         lambda: soft(STACK, Forceless()),
-        r"The law of pair 0 must be an object with force\(self, xi, xi_dot, pair\), got Forceless\(k=1\.0\)\. For "
-        r"hard spheres use granular\.edmd\."),
+        r"The law of pair floor–1 must be an object with force\(self, xi, xi_dot, pair\), got Forceless\(k=1\.0\)\. "
+        r"For hard spheres use granular\.edmd\."),
     "law is a class": (
         lambda: soft(STACK, laws.Hertz),
-        r"The law of pair 0 must be an instance, such as Hertz\(k=\.\.\.\), got the class Hertz\."),
+        r"The law of pair floor–1 must be an instance, such as Hertz\(k=\.\.\.\), got the class Hertz\."),
     "md calls a number": (lambda: soft(on_event=3), r"`on_event` must be a function or None, got 3"),
     "edmd calls a number": (lambda: hard(on_progress=3), r"`on_progress` must be a function or None, got 3"),
     "md without rows": (lambda: soft(samples=[]),
@@ -253,11 +253,11 @@ RUNS = {
         r"`samples` must have at least one time, got an empty array\. Give None for the first and the last "
         r"state\."),
     "law is a number": (lambda: soft(STACK, 5e7),
-        r"The law of pair 0 must be an object with force\(self, xi, xi_dot, pair\), got 50000000\.0\. For hard "
+        r"The law of pair floor–1 must be an object with force\(self, xi, xi_dot, pair\), got 50000000\.0\. For hard "
         r"spheres use granular\.edmd\."),
     "law that contradicts itself": (
         lambda: soft(STACK, Contradiction()),
-        r"The law of pair 0, Contradiction\(k=1\.0\), must have a force that agrees with its linear or power "
+        r"The law of pair floor–1, Contradiction\(k=1\.0\), must have a force that agrees with its linear or power "
         r"trait, got force\(0\.25, 0\.5\) = 0\.25 and 0\.5 by the trait\. Fix the trait or leave it out\."),
     "contacts beyond count": (
         lambda: soft(max_events=10**400), r"`max_events` must be an integer from 0 to 922.*, got 1000.*"),
@@ -291,7 +291,7 @@ RUNS = {
     "law as a rule": (lambda: hard(STACK, SOFT), r"`rule` must be a function of \(speed, pair\), got LinearDashpot.*"),
     "rule out of range": (
         lambda: hard(STACK, lambda v, p: 1.5, t_end=1.0),
-        r"The restitution rule of pair 0 must return a number in \[0, 1\], got 1\.5 at an approach speed of "
+        r"The restitution rule of pair floor–1 must return a number in \[0, 1\], got 1\.5 at an approach speed of "
         r"3\.13209 m/s\."),
     "too few restitutions": (
         lambda: hard(STACK, rules.ConstantRestitution([0.7])),
@@ -309,8 +309,8 @@ RUNS = {
     "compare of no scene": (lambda: compare(None, SOFT),
         r"`scene` must be a granular\.Scene, such as granular\.scenes\.three_balls\(\), got None\."),
     "compare without force": (lambda: compare(STACK, Forceless(), t_end=1.0),
-        r"The law of pair 0 must be an object with force\(self, xi, xi_dot, pair\), got Forceless\(k=1\.0\)\. For "
-        r"hard spheres use granular\.edmd\."),
+        r"The law of pair floor–1 must be an object with force\(self, xi, xi_dot, pair\), got Forceless\(k=1\.0\)\. "
+        r"For hard spheres use granular\.edmd\."),
     "compare into the past": (lambda: compare(STACK, SOFT, t_end=-1.0), r"`t_end` must be .*, got -1\.0"),
     "unknown case": (lambda: cases.make("three-bals"),
         r"`scene` must be a known name, got 'three-bals'\. Did you mean 'three-balls'\?"),
@@ -378,16 +378,16 @@ NEEDED = r"must be a function with the arguments \(xi, xi_dot, pair\), got"
 HINT = r"\. With xi_max, set memory = True\."
 ARITIES = {
     "force": (lambda: gr.md.simulate(THREE, Own(force=lambda xi, xi_dot: 1.0)),
-              rf"`force` of the law of pair 0 {NEEDED} \(xi, xi_dot\){HINT}"),
+              rf"`force` of the law of pair floor–1 {NEEDED} \(xi, xi_dot\){HINT}"),
     "order": (lambda: gr.compare(THREE, Own(force=lambda pair, xi, xi_dot: 1.0), t_end=1.0),
-              rf"`force` of the law of pair 0 {NEEDED} \(pair, xi, xi_dot\){HINT}"),
+              rf"`force` of the law of pair floor–1 {NEEDED} \(pair, xi, xi_dot\){HINT}"),
     "no memory": (lambda: gr.binary.restitution(Own(force=lambda xi, v, p, top: 1.0), THREE.pairs[0], 1.0),
                   rf"`force` of `law` {NEEDED} \(xi, v, p, top\){HINT}"),
     "memory": (lambda: gr.md.simulate(THREE, Own(force=lambda xi, v, p: 1.0, memory=True)),
-               r"`force` of the law of pair 0 must be a function with the arguments \(xi, xi_dot, pair, xi_max\), "
-               r"got \(xi, v, p\)\. Without xi_max, leave `memory` out\."),
+               r"`force` of the law of pair floor–1 must be a function with the arguments \(xi, xi_dot, pair, "
+               r"xi_max\), got \(xi, v, p\)\. Without xi_max, leave `memory` out\."),
     "trait": (lambda: gr.md.simulate(THREE, Own(force=lambda xi, v, p: xi, linear=lambda: (1.0, 0.0))),
-              r"`linear` of the law of pair 0 must be a function with the argument \(pair\), got \(\)\."),
+              r"`linear` of the law of pair floor–1 must be a function with the argument \(pair\), got \(\)\."),
     "watch": (lambda: gr.edmd.simulate(THREE, RULE, t_end=0.1, watch=Own(force=lambda xi: 1.0)),
               rf"`force` of `watch` {NEEDED} \(xi\){HINT}"),
     "rule": (lambda: gr.edmd.simulate(THREE, lambda v: 0.5, t_end=0.1),

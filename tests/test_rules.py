@@ -58,10 +58,10 @@ def test_rules_are_frozen_and_constants_compare() -> None:
         (lambda: rules.checked([ConstantRestitution(1.0)], PAIRS), "The length of `rule` must be 2.*, got 1"),
         (lambda: rules.checked(ConstantRestitution([1.0]), PAIRS), "The length of `restitution` must be 2.*, got 1"),
         (lambda: rules.restitution_at(lambda v, p: 1.5, 2.0, PAIRS[1]),
-            r"The restitution rule of pair 1 must return a number in \[0, 1\], got 1\.5 at an approach speed of 2 "
+            r"The restitution rule of pair 1–2 must return a number in \[0, 1\], got 1\.5 at an approach speed of 2 "
             r"m/s\."),
         (lambda: rules.restitution_at(lambda v, p: math.nan, 2.0, PAIRS[0]),
-            r"The restitution rule of pair 0 must return a number in \[0, 1\], got nan at an approach speed of 2 "
+            r"The restitution rule of pair wall–1 must return a number in \[0, 1\], got nan at an approach speed of 2 "
             r"m/s\."),
     ],
 )
@@ -98,8 +98,8 @@ def test_a_users_own_error_passes_unchanged() -> None:
 
 def test_a_text_is_no_coefficient():
     scene = gr.Scene([1.0, 1.0], [0.0, 0.0], [1.0], [1.0, 0.0])
-    with pytest.raises(ValueError, match=r"The restitution rule of pair 0 must return a number in \[0, 1\], got '0\.8' "
-                                         "at an approach speed of 1 m/s"):
+    with pytest.raises(ValueError, match=r"The restitution rule of pair 0–1 must return a number in \[0, 1\], got "
+                                         r"'0\.8' at an approach speed of 1 m/s"):
         gr.edmd.simulate(scene, lambda speed, pair: "0.8")
     with pytest.raises(TypeError, match=r"`rule` must be a function with the arguments \(speed, pair\), got "
                                         r"\(speed, \*, pair\)"):

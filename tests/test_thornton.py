@@ -111,7 +111,7 @@ def test_hard_spheres_use_it():
         r"`poisson` must be a number in \[0, 0\.5\], got 0\.6\."),
     (lambda: ThorntonRestitution.from_material(1e9, 0.3, -1.0, PAIR), r"`yield_pressure` must be .*above 0, got -1\.0"),
     (lambda: ThorntonRestitution.from_material(1e9, 0.3, 1e6, Pair(1.0, math.inf, 2)),
-     r"`r_eff` of pair 2 must be a finite number above 0, got inf\. Point particles cannot yield\."),
+     r"`r_eff` of pair 2–3 must be a finite number above 0, got inf\. Point particles cannot yield\."),
 ])
 def test_misuse(make, message):
     with pytest.raises(ValueError, match=message):

@@ -183,7 +183,7 @@ def test_report_json_and_figure(tmp_path):
     found = gr.threshold("three-balls", points=6, restitution=0.9,
                          on_progress=lambda share, count: told.append((share, count)))
     text = str(found)
-    assert "disturbed  isolated  the first disturbed: pairs 0 and 1 at t = 0.32" in text
+    assert "disturbed  isolated  first disturbed: pairs floor–1 and 1–2 at t = 0.32" in text
     first = math.ceil(found.holds[0][0] * 1e6) / 1e6
     assert text.splitlines()[-1] == found.sentence
     assert found.sentence == f"Every contact is isolated from gap = {first:.4g} m on (scanned up to 0.01 m)."

@@ -210,12 +210,12 @@ class Saturating:
     (lambda: gr.scenes.compressed_chain(3, law=[PULL]),
         r"The length of `law` must be 4 \(the number of pairs\).*, got 1"),
     (lambda: gr.scenes.compressed_chain(3, law=gr.Hertz),
-        r"The law of pair 0 must be an instance, such as Hertz\(k=\.\.\.\), got the class Hertz\."),
+        r"The law of pair wall–1 must be an instance, such as Hertz\(k=\.\.\.\), got the class Hertz\."),
     (lambda: gr.scenes.compressed_chain(3, law=3.0),
-        r"The law of pair 0 must be an object with force\(self, xi, xi_dot, pair\), got 3\.0\. For hard spheres "
+        r"The law of pair wall–1 must be an object with force\(self, xi, xi_dot, pair\), got 3\.0\. For hard spheres "
         r"use granular\.edmd\."),
     (lambda: gr.scenes.compressed_chain(3, law=Saturating()),
-        r"`force` must be a force that Saturating\(k=1000000\.0\) reaches at rest, got 20\.0 N at pair 0\."),
+        r"`force` must be a force that Saturating\(k=1000000\.0\) reaches at rest, got 20\.0 N at pair wall–1\."),
     (lambda: gr.scenes.compressed_chain(3, 1e9, law=gr.Hertz(1e3)),
         r"`gap\[0\]` must be at least minus the sum of both radii, got -9999\.999999999995\. Deeper overlaps would "
         r"exchange the centres\."),
@@ -262,9 +262,7 @@ class Saturating:
         r"`exponent` must be a number in \[1\.1, 8\], got 1\.0\. With 1 there are no solitary waves\. Close to 1 "
         r"they are long, far above it steep\."),
     (lambda: waves.pulse(HARD),
-        r"`run` must be a run of granular\.md, got Trajectory\(edmd, Scene\(3 balls\), t = 0 … 0\.001 s, 2 "
-        r"contacts, time: the end time was reached: t = 0\.001 s after 2 collisions; no collision can follow\)\. "
-        r"Hard spheres have no forces\."),
+        r"`run` must be a run of granular\.md, got Trajectory\(edmd, .*\)\. Hard spheres have no forces\."),
     (lambda: waves.pulse(RUN, shares=[1.5]), r"`shares\[0\]` must be a number in \(0, 1\), got 1\.5\."),
     (lambda: waves.pulse(gr.md.simulate(RUN.scene, PULL, t_end=1e-3)),
         r"`run` must have at least 5 samples, got 2\. Pass samples= to simulate\."),

@@ -10,7 +10,7 @@ import math
 import os
 import platform
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
@@ -152,9 +152,9 @@ def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:
     return found
 
 
-def named_pairs(pairs: Sequence[int], n: int) -> str:
-    """Return the text for some of `n` pairs."""
-    return f"pair {pairs[0]}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
+def named_pairs(pairs: Sequence[int], n: int, name: Callable[[int], str]) -> str:
+    """Return the text for some of `n` pairs, where `name` returns the name of a pair."""
+    return f"pair {name(pairs[0])}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
 
 
 def shortened(text: str) -> str:

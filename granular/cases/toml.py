@@ -164,7 +164,7 @@ def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
         each = isinstance(tables["law"], list)
 
         def made(table: Any, pair: Pair) -> Any:
-            with place(f"[[law]] of pair {pair.index}" if each else "[law]"):
+            with place(f"[[law]] of pair {pair.name}" if each else "[law]"):
                 return build.law(_table(table), pair)
 
         of_pairs = check.per_pair("[[law]]", tables["law"], scene.n_pairs)

@@ -266,8 +266,9 @@ def _judged(report: Checked, j: int) -> Reason:
                   ": hard spheres from gaps shifted by 1e-12 of themselves, as where balls collide almost at once, "
                   f"differ by {shift:.2g} of the fastest impact")
     if lasting := [c for c in pairs if report.unknown[c]]:
-        return so(Answer.undecided, f": a soft contact of pair {lasting[0]} was still running at the end, and "
-                                    "cannot be followed; choose a later end, or method='located'", tuple(lasting))
+        return so(Answer.undecided, f": a soft contact of pair {report.scene.pairs.name(lasting[0])} was still running "
+                                    "at the end, and cannot be followed; choose a later end, or "
+                                    "method='located'", tuple(lasting))
     if wrong:
         return so(Answer.no, f": {_other_counts(report, wrong, len(pairs))}", wrong)
     if not error <= ERROR_LIMIT:
@@ -346,7 +347,8 @@ def _forever(report: Checked, pairs: Sequence[int]) -> str:
 def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
     """Text on pairs with different numbers of contacts."""
     p = max((report.pairs[c] for c in reversed(wrong)), key=lambda p: abs(p.soft_contacts - p.hard_contacts))
-    said = f"pair {p.pair} has {p.soft_contacts} contact{'s' * (p.soft_contacts != 1)}, not {p.hard_contacts}"
+    counted = f"{p.soft_contacts} contact{'s' * (p.soft_contacts != 1)}, not {p.hard_contacts}"
+    said = f"pair {report.scene.pairs.name(p.pair)} has {counted}"
     many = f"{len(wrong)} of {of} pairs differ in contacts; " if len(wrong) > 1 else ""
     j = int(report.components.of_pair[p.pair])
     off = f"outcomes are off by {float(report.errors[j]):.2g} of the fastest impact"

@@ -12,7 +12,7 @@ from granular._engine import files
 from granular._engine.check import Array
 from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, canvas, unit_of
 from granular.comparison.further import with_rows
-from granular.comparison.view import Closeup, View, closeup, draw_closeup, pair_name, parameters, window
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, parameters, window
 from granular.run.figures import MAX_LABELS, SMALL_FONT, head, world_lines
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
@@ -86,7 +86,7 @@ def timeline(axis: Any, view: View, named: int = MAX_LABELS) -> None:
     _tell_of_later(axis, view)
     axis.set(ylim=(-0.6, n - 0.3), xlim=view.limits, ylabel="contacts" if n <= named else "contacts\nof pair")
     if n <= named:
-        axis.set_yticks(range(n), [f"pair {c}: {pair_name(view.report.scene, c)}" for c in range(n)], **SMALL_FONT)
+        axis.set_yticks(range(n), [f"pair {c}: {view.report.scene.pairs.name(c)}" for c in range(n)], **SMALL_FONT)
     else:
         axis.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
@@ -112,7 +112,7 @@ def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
     for axis, c in zip(axes[::-1], range(soft.scene.n_pairs), strict=True):
         unit, name = unit_of(float(force[:, c].max(initial=0.0)) or 2.0, "N", prefixes=FORCE_PREFIXES)
         force_curve(axis, view.clock(soft.time), force[:, c] / unit)
-        axis.set_ylabel(f"force of\n{pair_name(soft.scene, c)}, {name}")
+        axis.set_ylabel(f"force of\n{soft.scene.pairs.name(c)}, {name}")
 
 
 def force_curve(axis: Any, clock: Array, force: Array) -> None:

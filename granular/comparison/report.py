@@ -103,7 +103,9 @@ def _two_restitutions(report: Judged) -> Iterator[str]:
     hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
     differ = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
     for c in differ[:1]:
-        yield f"hard spheres of pair {c}{_and(differ)} run with ε = {hard[c]:.6g}, their force law has {law[c]:.6g}"
+        pair = report.scene.pairs.name(int(c))
+        yield (f"hard spheres of pair {pair}{_and(differ)} collide with ε = {hard[c]:.6g}, but their force law has "
+               f"{law[c]:.6g}")
 
 
 def _merged(report: Judged) -> Iterator[str]:
@@ -127,8 +129,8 @@ def _attraction(report: Judged) -> Iterator[str]:
         pulls = [xi for xi in deepest * OVERLAP_SHARES if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
         if pulls:
             pair = int(np.flatnonzero(kind == c)[0])
-            yield (f"the law of pair {pair} pulls at an overlap of {max(pulls):.2g} m; a contact force is clipped to 0 "
-                   "there, so attraction is left out")
+            yield (f"the law of pair {report.scene.pairs.name(pair)} pulls at an overlap of {max(pulls):.2g} m; a "
+                   "contact force is clipped to 0 there, so attraction is left out")
 
 
 def _no_solid(report: Judged) -> Iterator[str]:
@@ -148,8 +150,8 @@ def _no_solid(report: Judged) -> Iterator[str]:
                "masses in kg?")
     fast = np.flatnonzero((waves > MAX_WAVE_SPEED) & (waves < math.inf))
     for c in fast[:1] if not len(odd) else ():
-        yield (f"waves in the contact of pair {c}{_and(fast)} run at {waves[c]:.2g} m/s, faster than sound in any "
-               "solid: is its stiffness in SI units?")
+        yield (f"waves in the contact of pair {scene.pairs.name(c)}{_and(fast)} run at {waves[c]:.2g} m/s, faster than "
+               "sound in any solid: is its stiffness in SI units?")
 
 
 def _and(some: Any) -> str:
@@ -172,11 +174,12 @@ def _extremes(report: Judged) -> Iterator[str]:
                         for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))
     shortest = np.minimum.reduceat(log["duration"], edge[met])
     depths, speeds = deepest / size, fastest * (shortest / (2.0 * math.pi * size))
-    for c, depth, speed in zip(met, depths, speeds, strict=True):
+    name = report.scene.pairs.name
+    for c, depth, speed in zip(met.tolist(), depths, speeds, strict=True):
         if depth > 0.1:
-            yield f"pair {c} overlaps by {depth:.2g} of the smaller radius; force laws end near 0.1"
+            yield f"pair {name(c)} overlaps by {depth:.2g} of the smaller radius; force laws end near 0.1"
         if speed > 0.1:
-            yield f"pair {c} meets at {speed:.2g} of the speed of contact waves"
+            yield f"pair {name(c)} meets at {speed:.2g} of the speed of contact waves"
 
 
 def numbers(report: Judged) -> dict[str, Any]:
@@ -226,13 +229,15 @@ def _laws(report: Judged) -> list[str]:
     of_law = pairs_by_law(report.law)
     few = len(of_law) > 1 and n <= FULL_PAIR_COUNT
     rows = [(repr(law), [c]) for c, law in enumerate(report.law)] if few else list(of_law.items())
-    return [*(_law(named_pairs(some, n), law, eps[some]) for law, some in rows[:FULL_PAIR_COUNT]),
-            *[f"({len(rows) - FULL_PAIR_COUNT} more laws not shown)"] * (len(rows) > FULL_PAIR_COUNT),
-            _law("rule", repr(report.rule), np.array(report.restitution_spec))]
+    return [
+        *(_law(named_pairs(some, n, report.scene.pairs.name), law, eps[some]) for law, some in rows[:FULL_PAIR_COUNT]),
+        *[f"({len(rows) - FULL_PAIR_COUNT} more laws not shown)"] * (len(rows) > FULL_PAIR_COUNT),
+        _law("rule", repr(report.rule), np.array(report.restitution_spec)),
+    ]
 
 
 def _law(of: str, text: str, eps: Any) -> str:
-    return f"{of:<9} {text if len(text) <= 80 else f'{text[:77]}…'}   {_eps(eps)}"
+    return f"{of:<13} {text if len(text) <= 80 else f'{text[:77]}…'}   {_eps(eps)}"
 
 
 def _eps(of: Any) -> str:
@@ -274,10 +279,11 @@ def _ends(report: Judged) -> Iterator[str]:
 def _pairs(report: Judged, most: int, speeds: bool = False) -> Iterator[str]:
     """Yield contacts and separation speeds of the `most` pairs that differ most."""
     shown = sorted(sorted(report.pairs, key=_alike)[:most], key=lambda p: p.pair)
+    name = report.scene.pairs.name
     for p in shown:
-        yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
+        yield _line(f"contacts of pair {name(p.pair)}", p.hard_contacts, p.soft_contacts)
         if speeds:
-            yield _line(f"v_rel′ pair {p.pair}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
+            yield _line(f"v_rel′ pair {name(p.pair)}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
                         "  still in contact at the stop" if p.ongoing else _meanwhile(report, p))
     if hidden := len(report.pairs) - len(shown):
         yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
@@ -289,7 +295,7 @@ def _meanwhile(report: Judged, p: PairOutcome) -> str:
     for c in {*below[above == p.pair].tolist(), *above[below == p.pair].tolist()}:
         log = soft.of(c)
         if ((log["t_begin"] < p.soft_t_f) & ~(log["t_end"] <= p.soft_t_f)).any():
-            return f"  pair {c} in contact"
+            return f"  pair {report.scene.pairs.name(c)} in contact"
     return ""
 
 
@@ -314,7 +320,7 @@ def _account(report: Judged) -> Iterator[str]:
 
 
 def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
-    return f"{name:22}{hard:>16}{soft:>16}{mark}"
+    return f"{name:26}{hard:>16}{soft:>16}{mark}"
 
 
 def _left_out(report: Judged) -> tuple[int, int]:
@@ -342,8 +348,9 @@ def _overlaps(report: Judged) -> Iterator[str]:
     yield f"Why: {some} in time with a contact of a neighbouring pair, first of all:"
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
+        lower, upper = (report.scene.pairs.name(int(one["pair"])) for one in (below, above))
         yield (
-            f"  pairs {below['pair']} and {above['pair']} share {o.end - o.begin:.3g} s from t = {o.begin:.9g} s "
+            f"  pairs {lower} and {upper} share {o.end - o.begin:.3g} s from t = {o.begin:.9g} s "
             f"(contacts of {below['duration']:.3g} and {above['duration']:.3g} s)"
         )
 

@@ -20,7 +20,6 @@ from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
 from granular.run.figures import CONTACTS_MARGIN, FAR_SPAN_LENGTHS, Span
 from granular.run.trajectory import Status, Trajectory
-from granular.scene import Scene
 
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged
@@ -164,7 +163,7 @@ def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> No
         axis.plot(view.clock(t), y / unit, color=colour, ls=dash, lw=1.2)
     axis.fill_between(view.clock(time), np.minimum(gap, 0.0) / unit, color=SOFT_COLOUR, alpha=0.25, lw=0)
     axis.set(xlim=view.limits, ylim=(-bottom / unit, (1.45 * height + 0.2 * bottom) / unit),
-             xlabel=view.named, ylabel=f"distance of\n{pair_name(view.report.scene, look.pair)}, {name}")
+             xlabel=view.named, ylabel=f"distance of\n{view.report.scene.pairs.name(look.pair)}, {name}")
     least = MIN_LABEL_DISTANCE * (view.shown[1] - view.shown[0])
     for i, x in apart(view.clock(look.touches[:MAX_NUMBERED_TOUCHES].mean(axis=1)), least):
         axis.annotate(
@@ -190,15 +189,6 @@ def apart(places: Array, least: float) -> list[tuple[int, float]]:
         if not kept or place - kept[-1][1] >= least:
             kept.append((i, place))
     return kept
-
-
-def pair_name(scene: Scene, pair: int) -> str:
-    """Return the two bodies of a pair, such as 1·2 or floor·1, as numbered everywhere."""
-    return "·".join(_body(scene, int(body)) for body in scene.bodies(pair))
-
-
-def _body(scene: Scene, body: int) -> str:
-    return str(body) if not scene.is_wall[body] else "wall" if not scene.gravity else "ceiling" if body else "floor"
 
 
 def parameters(report: Judged) -> str:

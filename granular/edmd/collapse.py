@@ -20,6 +20,7 @@ from granular.edmd.records import APART, BUDGET, LATER, RELATIVE_FIELDS, RESTS, 
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
 from granular.edmd.zoom import soonest, write_back, zoom
+from granular.scene import Scene
 
 SLICE_REACH = 64
 """Number of pairs on either side of the suspect in the slice."""
@@ -63,8 +64,10 @@ class Verdict:
     last: int
     bound: float
 
-    def __str__(self) -> str:
-        return f"pair {self.first}" if self.first == self.last else f"pairs {self.first} to {self.last}"
+    def where(self, scene: Scene) -> str:
+        """Return the names of the pairs, such as "pair floor–1" or "pairs 1–2 to 4–5"."""
+        first, last = scene.pairs.name(self.first), scene.pairs.name(self.last)
+        return f"pair {first}" if self.first == self.last else f"pairs {first} to {last}"
 
 
 def begin(state: State, queue: SortedQueue) -> None:
@@ -194,11 +197,12 @@ def slowing(run: Any, events: int) -> str:
         last, took = events - tail, run.time() - t
         # The events of the last part came ten times as fast as those before.
         if last > 0 and took * (tail - begin) < 0.1 * last * (t - start):
-            text = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
-                    "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
+            text = (f"; the last {last} collisions took only {took:.3g} s: the balls cluster and slow down, perhaps "
+                    "forever; use collapse='merge', tc= or elastic_below=")
         found = bound(run.state, run.physics)
         if found is not None:
-            text += f"; unless hit from outside, no body of {found} will exceed {found.bound:.2g} m/s"
+            text += (f"; unless hit from outside, no body of {found.where(run.scene)} will be faster than "
+                     f"{found.bound:.2g} m/s")
     return text
 
 

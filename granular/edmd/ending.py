@@ -11,9 +11,9 @@ from granular.run.trajectory import Status
 from granular.run.until import raised
 
 VERDICT_REASONS = {
-    "exact": "body {ball} comes to rest on the wall after infinitely many bounces",
-    "proved": "the {count} pairs collide in turn forever; rates left: {bound:.2g} m/s",
-    "bounded": "unless hit from outside, none of their bodies will be faster than {bound:.2g} m/s",
+    "exact": "ball {ball} comes to rest after infinitely many bounces",
+    "proved": "the {count} pairs collide in turn forever, with relative velocities of at most {bound:.2g} m/s",
+    "bounded": "unless hit from outside, none of their balls will be faster than {bound:.2g} m/s",
 }
 """Explanations of a verdict by its kind."""
 
@@ -24,34 +24,37 @@ def sentence(run: Any, status: Status, s: dict[str, Any], now: float) -> str:
     `s` are the numbers of the run.
     """
     verdict = run.verdict
-    when = f"t = {now:.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
+    when = f"t = {now:.6g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
         count = (verdict.last - verdict.first) % run.scene.n_pairs + 1
         ball = verdict.first + bool(run.scene.is_wall[verdict.first])
         numbers = {"ball": ball, "bound": verdict.bound, "count": "two" if count == 2 else count}
         why = VERDICT_REASONS[verdict.kind].format(**numbers)
         if verdict.bound == math.inf:
-            why = "forces may pull them apart: how fast they will be is not known"
-        what, fix = ("what may be an inelastic", "; give collapse='merge' to continue") if (
+            why = "forces may pull them apart, so no bound on their speed is known"
+        what, fix = ("possible inelastic", "; give collapse='merge' to continue") if (
             status is Status.bounded) else ("inelastic", "")
-        return f"{what} collapse of {verdict} at {when} ({verdict.kind}: {why}){fix}"
+        return f"{what} collapse of {verdict.where(run.scene)} at {when}: {why} ({verdict.kind}){fix}"
     walls = "" if run.closing is None else f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
     if status is Status.collapse:
-        said = f"{walls} and leave no way out: stopped at {when}, when no space was left"
+        said = f"{walls} and leave no room for the balls, so the run stopped at {when}"
     elif status is not Status.max_events:
         known = status is Status.time and not run.scene.driven and run.state.near is None
-        said = f"{status.value}: {when}" + "; no collision can follow" * (known and run.queue.soonest() == math.inf)
+        said = f"{status.value} at {when}"
+        said += "; no further collision is possible" * (known and run.queue.soonest() == math.inf)
     elif LATEST_TIME < run.state.time(run.queue.soonest()) < math.inf:
-        said = f"{status.value}: {when}; the next one is later than {LATEST_TIME:.2g} s, where runs end"
+        said = (
+            f"{status.value} at {when}; the next collision is later than {LATEST_TIME:.2g} s, the latest time of a run"
+        )
     else:
-        said = f"{status.value} ({raised('max_events', run.request.end)}): max_events reached at {when}"
+        said = f"{status.value} at {when}; {raised('max_events', run.request.end)}"
         if math.isfinite(run.horizon):
-            said += f"; {walls}, and collisions become ever more frequent until then"
+            said += f"; {walls}, and the rate of collisions grows without limit until then"
         elif s["slow"] >= 0.0 or (run.scene.driven and s["merge_below"] == 0.0):
             said += run._closer.slowing(run, s["events"])
     if s["lost"] > 0:
         rates = f"{s['lost']} relative velocit{'y' if s['lost'] == 1 else 'ies'}"
-        said += f"; {rates} fell below rounding: collisions that depend on them are uncertain"
+        said += f"; {rates} fell below the rounding error, so collisions that depend on them are uncertain"
     return said
 
 

@@ -119,7 +119,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
     # Balls that stick merge at any speed.
     if physics.eps.max() == 0.0:
         physics.options["merge_below"] = math.inf
-    _check_together(physics.eps, physics.options)
+    _check_together(physics.eps, physics.options, scene)
     return physics
 
 
@@ -153,7 +153,7 @@ def check_scene(scene: Scene) -> None:
             )
 
 
-def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
+def _check_together(eps: check.Array, options: dict[str, Any], scene: Scene) -> None:
     """Raise `ValueError` for options and rules that are invalid in combination.
 
     `eps` are the restitutions of the pairs. Each option is valid on its own.
@@ -172,8 +172,9 @@ def _check_together(eps: check.Array, options: dict[str, Any]) -> None:
         names = " and ".join(name for name, is_given in given.items() if is_given)
         raise ValueError(f"Only one remedy for an inelastic collapse can be given, got {names}.")
     if eps.min() == 0.0 < eps.max():
-        raise ValueError(f"The restitution must be 0 for all pairs or for none, got 0 only for some (pair "
-                         f"{eps.argmin()}). 0 makes balls stick; use a small number, such as 0.01.")
+        pair = scene.pairs.name(int(eps.argmin()))
+        raise ValueError(f"The restitution must be 0 for all pairs or for none, got 0 only for some (pair {pair}). 0 "
+                         "makes balls stick; use a small number, such as 0.01.")
 
 
 def felt_gravity(scene: Scene) -> float:

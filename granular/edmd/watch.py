@@ -66,6 +66,7 @@ class Watch:
             instance("watch", one, "A collision rule does not determine the duration of a contact.")
         kinds.checked(laws, scene)
         self.duration = durations(laws, scene)
+        self.name = scene.pairs.name
         self.last: Records = np.zeros(scene.n_pairs, LAST_CONTACT_FIELDS)
         self.last["began"] = -math.inf
         self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
@@ -107,10 +108,10 @@ class Watch:
     def message(self) -> str:
         """Return the sentence for the message of the run."""
         time, pair = self.first
-        both = f"pairs {pair} and {(pair + 1) % len(self.last)}"
-        first = f", the first of {both} at t = {time:.12g} s" if self.disturbed else ""
-        return (f"; watched: {self.disturbed or 'none'} of {self.seen} collisions would, as soft contacts, overlap in "
-                f"time with one of a neighbouring pair{first} (a warning, not a proof)")
+        both = f"pairs {self.name(pair)} and {self.name((pair + 1) % len(self.last))}"
+        first = f", the first at {both} at t = {time:.9g} s" if self.disturbed else ""
+        return (f"; watch: {self.disturbed or 'none'} of {self.seen} collisions would, as soft contacts, overlap in "
+                f"time with a contact of a neighbouring pair{first} (an estimate)")
 
     def checkpoint(self, state: State, queue: SortedQueue) -> dict[str, Any]:
         """Return all data needed to continue."""

@@ -308,4 +308,4 @@ def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
 
 def refused(law: PairLaw, need: str, got: str, fix: str = "") -> ValueError:
     """Return the error for an invalid law, with the reason."""
-    return ValueError(f"The law of pair {law.pair.index}, {law.law!r}, {need}, {got}." + f" {fix}" * bool(fix))
+    return ValueError(f"The law of pair {law.pair.name}, {law.law!r}, {need}, {got}." + f" {fix}" * bool(fix))

@@ -268,7 +268,7 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     """
     modulus, nu = _of_both("young", young, above=0.0), _of_both("poisson", poisson, at_least=0.0, at_most=0.5)
     at = checked_pair(pair)
-    r_eff = check.number(f"`r_eff` of pair {at.index}", at.r_eff, above=0.0, fix="Point particles have no curvature.")
+    r_eff = check.number(f"`r_eff` of pair {at.name}", at.r_eff, above=0.0, fix="Point particles have no curvature.")
     lower, upper = zip(modulus, nu, strict=True)
     if lower == upper:
         return 2.0 / 3.0 * lower[0] * math.sqrt(r_eff) / (1.0 - lower[1] * lower[1])

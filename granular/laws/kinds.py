@@ -109,7 +109,8 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     floats = {number: _floats_of(law) for number, law in each.items()}
     if None in floats.values():
         return _asked(given, pairs)
-    known = _remembered(tuple(map(floats.__getitem__, map(id, given))), pairs.m_eff.tobytes(), pairs.r_eff.tobytes())
+    known = _remembered(tuple(map(floats.__getitem__, map(id, given))), pairs.m_eff.tobytes(), pairs.r_eff.tobytes(),
+                        pairs.ends)
     found = SceneLaws(given, pairs, known.kind, known.each)
     found.sound, found.notes = known.sound, known.notes
     return found
@@ -127,9 +128,11 @@ def _floats_of(law: Any) -> tuple[type, tuple[str, ...], bytes] | None:
 
 
 @lru_cache(maxsize=CACHED_SCENES)
-def _remembered(floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: bytes, r_eff: bytes) -> SceneLaws:
+def _remembered(
+    floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: bytes, r_eff: bytes, ends: tuple[str, str]
+) -> SceneLaws:
     given = {one: one[0](**dict(zip(one[1], unpack(f"{len(one[1])}d", one[2]), strict=True))) for one in set(floats)}
-    laws = _asked(tuple(given[one] for one in floats), Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff)))
+    laws = _asked(tuple(given[one] for one in floats), Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff), 0, ends))
     laws.sound = all(one.form is not None for one in laws.each)
     if laws.sound:
         _check_said(laws)
@@ -138,7 +141,7 @@ def _remembered(floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: 
 
 
 def _asked(given: tuple[Any, ...], pairs: Pairs) -> SceneLaws:
-    kind, first = alike(_kinds_of(given))
+    kind, first = alike(_kinds_of(given, pairs))
     # refine the kinds in two stages: laws that need the sizes, then laws that need the number of the pair
     sized = np.array([not _says(given[c], UNKNOWN_VALUE, formless=False) for c in first.tolist()])[kind]
     kind, first = alike(kind, np.where(sized, pairs.m_eff, 0.0), np.where(sized, pairs.r_eff, 0.0))
@@ -169,13 +172,13 @@ def _numbered(keys: Iterable[Any]) -> tuple[Kinds, Ints]:
     return kind, np.unique(kind, return_index=True)[1]
 
 
-def _kinds_of(laws: tuple[Any, ...]) -> Kinds:
+def _kinds_of(laws: tuple[Any, ...], pairs: Pairs) -> Kinds:
     """Number the different laws.
 
     Frozen laws with equal contents have the same number.
     """
     kind, first = alike(np.fromiter(map(id, laws), np.int64, len(laws)))
-    each = [instance(f"the law of pair {c}", laws[c]) for c in first.tolist()]
+    each = [instance(f"the law of pair {pairs.name(c)}", laws[c]) for c in first.tolist()]
     return _numbered(held(law) or id(law) for law in each)[0][kind]
 
 

@@ -148,7 +148,7 @@ class ThorntonRestitution:
         nu = check.number("poisson", poisson, at_least=0.0, at_most=0.5)
         modulus = check.number("young", young, above=0.0) / (2.0 * (1.0 - nu * nu))
         pressure = check.number("yield_pressure", yield_pressure, above=0.0)
-        at = f"`r_eff` of pair {checked_pair(pair).index}"
+        at = f"`r_eff` of pair {checked_pair(pair).name}"
         r_eff = check.number(at, pair.r_eff, above=0.0, fix="Point particles cannot yield.")
         shape = math.sqrt(8.0 * math.pi / 15.0 * r_eff**3 * pressure / pair.m_eff)
         return cls((0.5 * math.pi * pressure / modulus) ** 2 * shape)
@@ -182,7 +182,7 @@ def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
         e = math.nan if isinstance(value, (str, bytes)) else float(value)
     if not 0.0 <= e <= 1.0:
         raise ValueError(
-            f"The restitution rule of pair {pair.index} must return a number in [0, 1], got {value!r} at an approach "
+            f"The restitution rule of pair {pair.name} must return a number in [0, 1], got {value!r} at an approach "
             f"speed of {speed:g} m/s."
         )
     return e

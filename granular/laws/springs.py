@@ -241,4 +241,4 @@ def at_rest(law: PairLaw, xi: float) -> float:
 
 def _none(law: PairLaw, force: float) -> float:
     raise ValueError(f"`force` must be a force that {law.law!r} reaches at rest, got {force!r} N at pair "
-                     f"{law.pair.index}.")
+                     f"{law.pair.name}.")

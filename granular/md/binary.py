@@ -295,7 +295,7 @@ class LawRule(LawRestitution):
         if not 0.0 <= eps <= 1.0 + 1e-9:  # the engine handles an excess by rounding
             law = self.laws[pair.index]
             raise ValueError(
-                f"The law of pair {pair.index}, {law!r}, must have a restitution in [0, 1], got {eps:.6g} at an "
+                f"The law of pair {pair.name}, {law!r}, must have a restitution in [0, 1], got {eps:.6g} at an "
                 f"approach speed of {speed:g} m/s. Use a law that repels and does not gain energy, or give your own "
                 "rule=..."
             )

@@ -55,7 +55,7 @@ def sentence(run: Trajectory) -> str:
     isolated, contacts = _grouped(run.stats["isolated"]), _grouped(run.stats["contacts"])
     if share == 1.0:
         return "certified: " + ("the only contact" if contacts == "1" else f"all {contacts} contacts") + " isolated"
-    return f"certified: {isolated} of {contacts} contacts isolated; the first disturbed: {first_disturbed(run)}"
+    return f"certified: {isolated} of {contacts} contacts isolated; first disturbed: {first_disturbed(run)}"
 
 
 def first_disturbed(run: Trajectory) -> str:
@@ -64,7 +64,8 @@ def first_disturbed(run: Trajectory) -> str:
     The text contains both pairs and the time.
     """
     time, pair = run.first_disturbed
-    return f"pairs {pair} and {(pair + 1) % run.scene.n_pairs} at t = {time:.9g} s"
+    names = run.scene.pairs.name
+    return f"pairs {names(pair)} and {names((pair + 1) % run.scene.n_pairs)} at t = {time:.9g} s"
 
 
 def _grouped(count: int) -> str:

@@ -144,7 +144,7 @@ def _words(law: PairLaw) -> str:
         return f"hertz {k / root!r} {gamma / (root * m_eff)!r} damping viscoelastic"
     if p == 1.5 and d == 0.25 and (asked := restitution_pulling(gamma / math.sqrt(5.0 * m_eff * k))):
         return f"hertz {k / root!r} {asked!r} damping coeff_restitution"
-    raise ValueError(f"The law of pair {law.pair.index} must be known to LAMMPS, got {law.law!r}. Use k ξ + γ ξ̇, or "
+    raise ValueError(f"The law of pair {law.pair.name} must be known to LAMMPS, got {law.law!r}. Use k ξ + γ ξ̇, or "
                      "k ξ^(3/2) with no damping, γ √ξ ξ̇ or α √(m_eff k) ξ^¼ ξ̇, α < √5.")
 
 

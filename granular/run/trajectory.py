@@ -24,14 +24,14 @@ class Status(Enum):
 
     time = "the end time was reached"
     until = "the stop condition was met"
-    quiet = "no contact can follow"
-    resting = "the balls rest on each other; no contact can open or begin"
+    quiet = "no further contact is possible"
+    resting = "the balls rest on each other, and no contact can open or begin"
     collapse = "inelastic collapse: infinitely many collisions in a finite time"
-    disturbed = "a contact is about to disturb another; isolated contacts are over here"
+    disturbed = "a contact is about to disturb another, so contacts are no longer isolated"
     max_events = "the limit on the amount of work was reached"
-    unstable = "the time step is beyond the stability limit; the numbers mean nothing"
-    broken = "the last state is none that there can be; the numbers mean nothing"
-    bounded = "collisions pile up down to the bound in the message; whether they are infinitely many is not known"
+    unstable = "the time step exceeds the stability limit, so the numbers are meaningless"
+    broken = "the final state is invalid, so the numbers are meaningless"
+    bounded = "possible inelastic collapse: whether the collisions are infinitely many is unknown"
 
 
 @face
@@ -382,7 +382,7 @@ class Trajectory(PublicWhenRead):
 
         parts = tables.of_arrays(scene, time, position, gap, velocity)
         return cls(**parts, law=None, rule=None, force=None, contacts=np.zeros(0, CONTACT), status=Status.time,
-                   message="numbers from elsewhere: rows only, no contact log", stats={"contacts": math.nan})
+                   message="numbers of another program: samples without a contact log", stats={"contacts": math.nan})
 
     @classmethod
     def load(cls, path: str | PathLike[str], law: Any = None, rule: Any = None) -> Trajectory:

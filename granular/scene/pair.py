@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, overload
 
 import numpy as np
@@ -28,13 +28,18 @@ class Pair:
         A ball of radius R against a wall therefore has r_eff = R.
     index : int
         Number of the pair, counted from the bottom (left).
+    name : str
+        Name of the pair in messages, such as "1–2" or "floor–1". By default from its number.
     """
 
     m_eff: float
     r_eff: float
     index: int
+    name: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", f"{self.index}–{self.index + 1}")
         if not (type(self.m_eff) is type(self.r_eff) is float and 0.0 < self.m_eff < math.inf and self.r_eff >= 0.0):
             number("m_eff", self.m_eff, above=0.0)
             number("r_eff", self.r_eff, at_least=0.0, finite=False)
@@ -51,28 +56,34 @@ class Pairs(Sequence[Pair]):
         Effective masses in kg and effective radii in m.
     start : int
         Number of the first pair.
+    ends : (str, str)
+        Names of the body below the first pair and of the body above the last pair. By default their numbers.
     """
 
-    __slots__ = ("m_eff", "r_eff", "start")
+    __slots__ = ("ends", "m_eff", "r_eff", "start")
 
-    def __init__(self, m_eff: Array, r_eff: Array, start: int = 0) -> None:
-        self.m_eff, self.r_eff, self.start = m_eff, r_eff, start
+    def __init__(self, m_eff: Array, r_eff: Array, start: int = 0, ends: tuple[str, str] = ("", "")) -> None:
+        self.m_eff, self.r_eff, self.start, self.ends = m_eff, r_eff, start, ends
         wrong = np.flatnonzero(~((m_eff > 0.0) & np.isfinite(m_eff) & (r_eff >= 0.0)))
         if len(wrong):
             self[int(wrong[0])]  # raises
 
     @classmethod
-    def between(cls, mass: tuple[Array, Array], radius: tuple[Array, Array]) -> Pairs:
+    def between(
+        cls, mass: tuple[Array, Array], radius: tuple[Array, Array], ends: tuple[str, str] = ("", "")
+    ) -> Pairs:
         """Return the pairs of bodies with given masses and radii.
 
         Parameters
         ----------
         mass, radius : (array, array)
             Values of the lower and of the upper body of each pair, in kg and in m. Both are inf for a wall.
+        ends : (str, str)
+            Names of the bodies at both ends, as in `Pairs`.
         """
         light, heavy = np.minimum(*mass), np.maximum(*mass)
         with np.errstate(divide="ignore"):
-            return cls(light / (1.0 + light / heavy), 1.0 / (1.0 / radius[0] + 1.0 / radius[1]))
+            return cls(light / (1.0 + light / heavy), 1.0 / (1.0 / radius[0] + 1.0 / radius[1]), 0, ends)
 
     def __len__(self) -> int:
         return len(self.m_eff)
@@ -87,10 +98,17 @@ class Pairs(Sequence[Pair]):
         if isinstance(c, slice):
             return tuple(self[i] for i in range(*c.indices(len(self))))
         i = range(len(self))[c]
-        return Pair(self.m_eff.item(i), self.r_eff.item(i), self.start + i)
+        return Pair(self.m_eff.item(i), self.r_eff.item(i), self.start + i, self.name(self.start + i))
 
     def __iter__(self) -> Iterator[Pair]:
-        return map(Pair, self.m_eff.tolist(), self.r_eff.tolist(), range(self.start, self.start + len(self)))
+        numbers = range(self.start, self.start + len(self))
+        return map(Pair, self.m_eff.tolist(), self.r_eff.tolist(), numbers, map(self.name, numbers))
+
+    def name(self, index: int) -> str:
+        """Return the name of a pair from its number, such as "1–2" or "floor–1"."""
+        below, above = self.ends
+        lower = below if below and index == self.start else index
+        return f"{lower}–{above if above and index == self.start + len(self) - 1 else index + 1}"
 
     def __eq__(self, other: object) -> bool:
         return tuple(self) == tuple(other) if isinstance(other, (Pairs, tuple)) else NotImplemented
@@ -107,3 +125,8 @@ def checked_pair(pair: Any) -> Pair:
     if not isinstance(pair, Pair):
         raise TypeError(misuse("pair", pair, "a Pair, such as scene.pairs[0]"))
     return pair
+
+
+def body_name(scene: Any, body: int) -> str:
+    """Return the name of a body in messages: its number, "floor" or "ceiling", or "wall" without gravity."""
+    return str(body) if not scene.is_wall[body] else "wall" if not scene.gravity else "ceiling" if body else "floor"

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
-from granular.scene.pair import Pairs
+from granular.scene.pair import Pairs, body_name
 from granular.scene.walls.motion import checked, moved
 from granular.scene.walls.thermal import Thermal
 
@@ -199,7 +199,8 @@ class Scene(ByNumbers):
     @cached_property
     def pairs(self) -> Pairs:
         """All pairs of neighbours, bottom to top."""
-        return Pairs.between(self.sides(self.mass), self.sides(np.where(self.is_wall, math.inf, self.radius)))
+        ends = body_name(self, 0), body_name(self, 0 if self.ring else self.n - 1)
+        return Pairs.between(self.sides(self.mass), self.sides(np.where(self.is_wall, math.inf, self.radius)), ends)
 
     @property
     def motions(self) -> tuple[Any, Any]:

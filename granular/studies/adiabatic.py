@@ -155,11 +155,11 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     for one, factor in zip(checked(law, scene), (1.0, MASS_FACTOR), strict=True):
         pair = one.pair
         if one.form is None or not one.is_linear:
-            raise ValueError(f"The law of pair {pair.index} must be linear, such as LinearDashpot, got {one.law!r}. "
+            raise ValueError(f"The law of pair {pair.name} must be linear, such as LinearDashpot, got {one.law!r}. "
                              "For other laws use granular.md.")
         k, _, gamma, _ = one.form
-        laws.append(LinearDashpot(check.number(f"`k` of pair {pair.index}", k, above=0.0) * factor,
-                                  check.number(f"`gamma` of pair {pair.index}", gamma, at_least=0.0) * factor))
+        laws.append(LinearDashpot(check.number(f"`k` of pair {pair.name}", k, above=0.0) * factor,
+                                  check.number(f"`gamma` of pair {pair.name}", gamma, at_least=0.0) * factor))
     return laws
 
 

@@ -23,6 +23,7 @@ from granular.cases.case import ENGINE_NAMES, Option, engine_named
 from granular.cases.ready import is_file
 from granular.comparison.outcome import energy_at_hand
 from granular.run.trajectory import Status, Trajectory
+from granular.scene.pair import body_name
 
 MAX_TABLE_ROWS = 20
 """Maximum number of rows of a table."""
@@ -231,7 +232,7 @@ def _contacts(run: Trajectory) -> Iterator[str]:
     yield f"{'pair':>12} {'contacts':>9} {'first onset / s':>18} {'last onset / s':>18} {'max overlap / m':>16}"
     for pair, row in _some(run.scene.n_pairs):
         log = run.of(pair)
-        row = row or f"{'–'.join(_label(run, body) for body in run.scene.bodies(pair)):>12} {len(log):9d}"
+        row = row or f"{run.scene.pairs.name(pair):>12} {len(log):9d}"
         if len(log) and "…" not in row:
             deepest = 0.0 if run.law is None else float(log["xi_max"].max())
             row += f" {log['t_begin'][0]:18.12g} {log['t_begin'][-1]:18.12g} {deepest:16.4g}"
@@ -242,11 +243,7 @@ def _bodies(run: Trajectory) -> Iterator[str]:
     yield f"{'body':>12} {'mass / kg':>12} {'position / m':>18} {'velocity / (m/s)':>20}"
     for i, row in _some(run.scene.n):
         mass, x, v = run.scene.mass[i], run.position[-1, i], run.velocity[-1, i]
-        yield row or f"{_label(run, i):>12} {mass:12.6g} {x:18.12g} {v:20.12g}"
-
-
-def _label(run: Trajectory, body: int) -> str:
-    return str(body) if not run.scene.is_wall[body] else "floor" if body == 0 else "ceiling"
+        yield row or f"{body_name(run.scene, i):>12} {mass:12.6g} {x:18.12g} {v:20.12g}"
 
 
 def _some(n: int) -> Iterator[tuple[int, str]]:

@@ -299,7 +299,7 @@ def _laws(run: Trajectory) -> str:
     of_law = pairs_by_law(given or ())
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
     n = run.scene.n_pairs
-    shown = [f"{named_pairs(pairs, n)}: " * (len(pairs) < n) + shortened(law) + _eps(eps[pairs])
+    shown = [f"{named_pairs(pairs, n, run.scene.pairs.name)}: " * (len(pairs) < n) + shortened(law) + _eps(eps[pairs])
              for law, pairs in list(of_law.items())[:MAX_LISTED_VALUES]]
     more = len(of_law) - len(shown)
     return "; ".join(shown) + f"; {more} more" * (more > 0)

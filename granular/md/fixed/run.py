@@ -326,35 +326,27 @@ class Run:
         if trust == 0.0 and self.steps and self._deflected():  # contacts shorter than a step leave no overlap
             trust = dt * expected_rate(scene, laws)
         gain = self._energy_gain() if self.steps else 0.0
-        limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
+        limit = f"dt = {dt:.3g} s times the highest rate of the contacts is {trust:.3g}"
         if self.crowded:
-            return (
-                status,
-                (
-                    f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MAX_HITS_PER_STEP} times "
-                    "in a step: take a shorter one."
-                ),
-                trust,
-            )
+            return status, (f"dt = {dt:.3g} s is so long that a ball hits a thermal wall more than {MAX_HITS_PER_STEP} "
+                            "times per step; use a shorter step."), trust
         # an energy gain of 50 % cannot be truncation error of a stable step
         if trust > (most := self.integrator.limit) or status is Status.unstable or gain > 0.5:
-            fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
-            grown = f" and the energy grew {fold}" * (gain > 0.5)
+            fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond the range of numbers"
+            grown = f", and the energy grew {fold}" * (gain > 0.5)
             known = 0.0 < trust < math.inf  # otherwise the force jumps or is constant at its last overlap
-            shorter = (
-                f"take dt ≤ {DOUBTFUL_DT_LAMBDA * dt / trust:.2g} s"
-                if trust > DOUBTFUL_DT_LAMBDA
-                else "a law's force jumps, or is no number"
-            )
+            shorter = f"use dt ≤ {DOUBTFUL_DT_LAMBDA * dt / trust:.2g} s" if trust > DOUBTFUL_DT_LAMBDA else (
+                "the force of a law jumps or is not finite")
             return Status.unstable, (
-                f"{limit}, the limit is {most:g}{grown}: {shorter}." if known else
-                f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."), trust
+                f"{limit}, the stability limit is {most:g}{grown}; {shorter}." if known else
+                f"dt = {dt:.3g} s is too long for a force that jumps{grown}; use a shorter step."), trust
         if trust > DOUBTFUL_DT_LAMBDA:
-            self.doubt = f"{limit}; above {DOUBTFUL_DT_LAMBDA} expect visible errors."
+            self.doubt = (f"{limit}; above {DOUBTFUL_DT_LAMBDA} errors are visible, so use "
+                          f"dt ≤ {DOUBTFUL_DT_LAMBDA * dt / trust:.2g} s.")
         if status is Status.max_events:
             option = "max_steps" if self.steps >= self.request.max_steps else "max_events"
             work = f"{self.contacts} contacts, {self.steps} steps"
-            return status, f"{status.value}: {work} by t = {end:.6g} s; {raised(option, self.request.end)}.", trust
+            return status, f"{status.value} (t = {end:.6g} s, {work}); {raised(option, self.request.end)}.", trust
         return status, f"{status.value} at t = {end:.6g} s.", trust
 
     def _deflected(self) -> bool:

@@ -82,17 +82,17 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
     if status is Status.max_events and not run.pace.stalled:
         sentence += "; " + raised("max_steps" if r.steps >= r.max_steps else "max_events", run.request.end)
     if status is Status.until and t == run.start and isinstance(until, Contact):
-        sentence += (": where balls touch, a contact begins at once; granular.until.force"
-                     f"({until.pair}, above=...) tells when a push arrives")
+        sentence += (": touching balls are in contact from the start; to stop when a push arrives use "
+                     f"granular.until.force({until.pair}, above=...)")
     if run.pace.stalled:
-        sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
-                     "or a force without a jump at rest, is needed (granular.md.resume goes on)")
+        sentence += (f": contacts creep or chatter, with {run.pace.step:.2g} s per trial step on average; use weaker "
+                     "damping or a force without a jump at rest, or continue with granular.md.resume")
     if not (r.rests or run.bound):
         return sentence
     if status is Status.time:
         sentence += "; the balls rest on each other"
     if run.collocation is not None or not r.barrier:
-        return f"{sentence}: every force balances to rounding"
+        return f"{sentence}: all forces balance to rounding error"
     piled = [p for p in members(run) if p.mode == ACTIVE or p.mode == DORMANT]
     groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
     decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)

@@ -214,8 +214,9 @@ class Collocation:
             # products of larger overlaps overflow
             if xi > 1e150:
                 raise ValueError(
-                    f"The law of pair {p.number}, {self.laws[p.number].law!r}, must stop the bodies, but they pass "
-                    "through each other and their overlap grows forever. Use another law, or give `t_end`."
+                    f"The law of pair {self.laws[p.number].pair.name}, {self.laws[p.number].law!r}, must stop the "
+                    "bodies, but they pass through each other and their overlap grows forever. Use another law, or "
+                    "give `t_end`."
                 )
             if p.mode in (ACTIVE, RESIDUAL) and (t > 0.0 or xi > 0.0):
                 force = self.force(p, xi, eta)

@@ -96,4 +96,4 @@ export class TimeCharts {
   }
 }
 
-export const shortName = (scene, c) => (scene.mass[0] === Infinity ? (c === 0 ? `${plain("floor")}·1` : `${c}·${c + 1}`) : `${c + 1}·${c + 2}`);
+export const shortName = (scene, c) => (scene.mass[0] === Infinity ? (c === 0 ? `${plain("floor")}–1` : `${c}–${c + 1}`) : `${c + 1}–${c + 2}`);

@@ -72,7 +72,7 @@ function laneNames(run, each) {
   return Array.from({ length: run.pairs }, (_, pair) => [pair, pairName(run, pair)]);
 }
 
-export const pairName = (run, pair) => `${bodyName(run, pair)}·${bodyName(run, (pair + 1) % run.n)}`;
+export const pairName = (run, pair) => `${bodyName(run, pair)}–${bodyName(run, (pair + 1) % run.n)}`;
 
 function bodyName({ walls, upright }, body) {
   if (!walls.includes(body)) return String(body);
