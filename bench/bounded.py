@@ -62,7 +62,7 @@ def heat_flow_ratio(n: int, k: float, end: float, seeds: int) -> list[float]:
     Hard and soft gases of one seed draw the same speeds at each wall hit. Most of the noise therefore cancels in the
     difference of their heat flows.
     """
-    law = gr.LinearDashpot(k)
+    law = gr.LinearDashpot(k)  # equal seeds, so that most noise cancels in the differences
     differences = [heat_flow(n, law, end, seed) - heat_flow(n, None, end, seed) for seed in range(seeds)]
     error = float(np.std(differences, ddof=1)) / math.sqrt(seeds) / KNUDSEN_HEAT_FLOW
     return [n, 1.0 + float(np.mean(differences)) / KNUDSEN_HEAT_FLOW, error]

@@ -28,7 +28,7 @@ def bare_sorted(gap: list[float], u: list[float], low: list[float], high: list[f
         slot[c] = math.inf
         first, last = max(c - 1, 0), min(c + 1, n - 1)
         for k in range(first, last + 1):
-            gap[k] = max(0.0, gap[k] + (u[k + 1] - u[k]) * (now - at[k]))
+            gap[k] = max(0.0, gap[k] + (u[k + 1] - u[k]) * (now - at[k]))  # rounding must not make it negative
             at[k] = now
         gap[c] = 0.0
         jump = 2.0 * (u[c + 1] - u[c])
@@ -37,7 +37,7 @@ def bare_sorted(gap: list[float], u: list[float], low: list[float], high: list[f
         for k in range(first, last + 1):
             rate = u[k + 1] - u[k]
             t = now + gap[k] / -rate if rate < 0.0 else math.inf
-            if t != slot[k]:
+            if t != slot[k]:  # an unchanged time keeps its entry in the queue
                 if slot[k] < math.inf:
                     queue.remove((slot[k], k))
                 slot[k] = t
@@ -54,7 +54,7 @@ def bare_tree(gap: np.ndarray, u: np.ndarray, low: np.ndarray, high: np.ndarray,
     while size < n:
         size *= 2
     at, slot = np.zeros(n), np.full(size, np.inf)
-    tree = np.zeros(2 * size, np.int32)
+    tree = np.zeros(2 * size, np.int32)  # leaf size + c holds pair c, each inner node its earlier child
     for c in range(size):
         tree[size + c] = c
         if c < n and u[c + 1] < u[c]:
@@ -70,7 +70,7 @@ def bare_tree(gap: np.ndarray, u: np.ndarray, low: np.ndarray, high: np.ndarray,
         jump = 2.0 * (u[c + 1] - u[c])
         for k in range(first, last + 1):
             d = gap[k] + (u[k + 1] - u[k]) * (now - at[k])
-            gap[k] = d if d > 0.0 else 0.0
+            gap[k] = d if d > 0.0 else 0.0  # rounding must not make it negative
             at[k] = now
         gap[c] = 0.0
         u[c] += low[c] * jump
@@ -78,7 +78,7 @@ def bare_tree(gap: np.ndarray, u: np.ndarray, low: np.ndarray, high: np.ndarray,
         for k in range(first, last + 1):
             rate = u[k + 1] - u[k]
             slot[k] = now + gap[k] / -rate if rate < 0.0 else np.inf
-        i, j = (size + first) >> 1, (size + last) >> 1
+        i, j = (size + first) >> 1, (size + last) >> 1  # only the parents of the changed pairs are updated
         while i > 0:
             for m in range(i, j + 1):
                 a, b = tree[2 * m], tree[2 * m + 1]

@@ -66,7 +66,7 @@ def bare_loop_timer(scene: gr.Scene, loop: Callable[..., float]) -> Timer:
     """
 
     def timed(t_end: float) -> tuple[int, float]:
-        events = int(t_end * len(scene.gap) / math.sqrt(math.pi))
+        events = int(t_end * len(scene.gap) / math.sqrt(math.pi))  # collision rate of the gas in equilibrium
         gap, u = scene.gap.copy(), scene.velocity.copy()
         low = np.full(len(gap), 0.5)
         low[[0, -1]] = 0.0, 1.0

@@ -81,12 +81,13 @@ def end_of_contact(x: Any, us: list[Any], vs: list[Any], high: Any) -> Any:
 
 def collide(x: Any, digits: int = 30) -> tuple[Any, Any]:
     """Restitution and duration (eps, t_c) for b = x^2, by Taylor steps in s."""
-    with mp.workdps(int(digits + 15 + 8 * mp.log10(1 + abs(x)))):
+    with mp.workdps(int(digits + 15 + 8 * mp.log10(1 + abs(x)))):  # more guard digits for strong damping
         b, order = x * x, mp.dps
         u, v, t = mp.mpf(0), mp.mpf(1), mp.mpf(0)
         while True:
             us, vs = taylor(u, v, b, order)
             ts = [mp.mpf(0)] + [c / (n + 1) for n, c in enumerate(us)]
+            # half the step at which one of the last two terms reaches the precision
             h = min((mp.eps / abs(c[n])) ** (mp.mpf(1) / n) for c in (us, vs) for n in (order - 1, order) if c[n]) / 2
             u, v = polynomial_value(us, h), polynomial_value(vs, h)
             if end_condition(x, u, v) <= 0:
@@ -109,7 +110,7 @@ def peaks(x: Any, digits: int = 30) -> tuple[Any, Any]:
 
     The force is F = u (u^2 + b v).
     """
-    with mp.workdps(int(digits + 15 + 8 * mp.log10(1 + abs(x)))):
+    with mp.workdps(int(digits + 15 + 8 * mp.log10(1 + abs(x)))):  # more guard digits for strong damping
         b, order = x * x, mp.dps
         u, v = mp.mpf(0), mp.mpf(1)
         deepest = strongest = None

@@ -92,6 +92,7 @@ def difference(a: Any, b: Any) -> float:
     if isinstance(a, str) and isinstance(b, str):
         if a == b:
             return 0.0
+        # the texts without their numbers must be equal
         if NUMBER_PATTERN.sub("#", a) != NUMBER_PATTERN.sub("#", b):
             return math.inf
         pairs = zip((m[0] for m in NUMBER_PATTERN.finditer(a)), (m[0] for m in NUMBER_PATTERN.finditer(b)), strict=True)

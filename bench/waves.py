@@ -38,6 +38,7 @@ def spectral_density(cells: int, periods: int) -> dict[str, Any]:
     start[1:-1] = np.random.default_rng(1).normal(0.0, 1e-7, 2 * cells)
     times = np.arange(periods * SAMPLES_PER_PERIOD) * (2.0 * math.pi / top / SAMPLES_PER_PERIOD)
     run = gr.md.simulate(scene.replace(velocity=start), CHAIN_LAW, t_end=times[-1], samples=times)
+    # windows in time and space reduce leakage between frequencies and between phases
     heavy = run.velocity[:, 1:-1:2] * np.hanning(len(times))[:, None] * np.hanning(cells + 2)[1:-1]
     density = np.abs(np.fft.fft2(heavy)) ** 2
     folded = density[: len(times) // 2] + density[:1:-1][: len(times) // 2]

@@ -1,6 +1,6 @@
 """A ball on a shaken plate
 
-A ball on a shaken plate: soft contacts double their period before hard collisions do.
+The bounce of soft spheres doubles its period at a smaller acceleration Γ than the bounce of hard spheres.
 """
 
 import math
@@ -13,7 +13,7 @@ import granular as gr
 eps, g, omega, ratio = 0.5, 9.81, 2.0 * math.pi * 50.0, 100.0
 once = math.pi * (1.0 - eps) / (1.0 + eps)
 doubles = math.hypot(once, 2.0 * (1.0 + eps**2) / (1.0 + eps) ** 2)
-print(f"hard spheres bounce once a period from Γ = {once:.4f} on, and double it at Γ = {doubles:.4f}")
+print(f"hard spheres: one bounce per period from Γ = {once:.4f}, period doubling at Γ = {doubles:.4f}")
 figure, axes = plt.subplots(1, 3, figsize=(8, 2.8), sharey=True, layout="constrained")
 end = gr.until.contact(pair=0, nth=600)
 for axis, gamma in zip(axes, (1.50, 1.525, 1.54), strict=True):
@@ -24,7 +24,7 @@ for axis, gamma in zip(axes, (1.50, 1.525, 1.54), strict=True):
     soft = gr.md.simulate(scene, law, until=end)
     phases = [gr.measures.section(run)["phase"] for run in (hard, soft)]
     periods = [len(np.unique(phase[-8:].round(3))) for phase in phases]
-    print(f"Γ = {gamma}: period {periods[0]} of hard spheres, {periods[1]} of soft ones with ω₀ = {ratio:g} ω")
+    print(f"Γ = {gamma}: period {periods[0]} of hard spheres, {periods[1]} of soft spheres with ω₀ = {ratio:g} ω")
     for phase, name in zip(phases, ("hard", "soft"), strict=True):
         axis.plot(phase[-40:], ".", label=name)
     axis.set(title=f"Γ = {gamma}", xlabel="last bounces")

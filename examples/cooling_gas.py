@@ -1,6 +1,6 @@
 """A cooling gas
 
-A gas cools by inelastic collisions. Does it matter how long its contacts last?
+A gas loses energy in inelastic collisions. Its energy is compared for contacts of different durations.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,7 @@ for k in (1e8, 1e5, 1e2):
     soft = gr.md.simulate(scene, law, t_end=10.0, samples=200)
     left = soft.energy()[-1] / soft.energy()[0]
     print(f"k = {k:g} N/m: {len(soft.contacts)} contacts, energy left {left:.4f}, "
-          f"{measures.shared_impulse(soft):.2%} of the impulse in contacts that are not binary")
+          f"{measures.shared_impulse(soft):.2%} of the impulse in non-binary contacts")
     axis.plot(soft.time, soft.energy() / soft.energy()[0], label=f"soft spheres, k = {k:g} N/m")
 axis.set(xlabel="time, s", ylabel="energy left", title="30 balls in a box, ε = 0.95")
 axis.legend(frameon=False, fontsize=8)

@@ -1,6 +1,6 @@
 """Error against run time
 
-What an answer costs: error against run time of the located method, Verlet's, and scipy's DOP853, on one scene.
+Error against run time of the located method, velocity Verlet and scipy's DOP853, for one scene.
 """
 
 import granular as gr

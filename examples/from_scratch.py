@@ -1,6 +1,4 @@
-"""
-Both engines in a hundred lines
-===============================
+"""Both engines in a hundred lines
 
 Event-driven and time-stepped simulation of the three-ball problem without the package: a floor, a heavy ball and a
 light ball 0.1 mm above it. Only the check at the end imports `granular`.
@@ -21,12 +19,15 @@ RESTITUTION = 0.7
 
 
 def effective_mass(pair):
-    """Return m_a m_b / (m_a + m_b) of bodies `pair` and `pair` + 1 in kg; the floor has infinite mass."""
+    """Return m_a m_b / (m_a + m_b) of bodies `pair` and `pair` + 1 in kg.
+
+    The floor has infinite mass.
+    """
     return 1 / (1 / MASS[pair] + 1 / MASS[pair + 1])
 
 
 def hard_spheres():
-    """Return the separation speed in m/s after the collision of the balls, and the number of collisions of each pair.
+    """Return the separation speed of the balls in m/s, and the collisions per pair.
 
     Between collisions all balls have the same acceleration. Velocities relative to free fall are therefore constant,
     and the gap of two balls is linear in time. The event queue holds the next collision of each pair.
@@ -68,10 +69,10 @@ def hard_spheres():
 
 
 def soft_spheres(step=1e-8):
-    """Return the separation speed in m/s after the last contact of the balls, and the number of contacts of each pair.
+    """Return the separation speed of the balls in m/s, and the contacts per pair.
 
-    Velocity Verlet with a constant time `step` in s. The force of a pair with overlap ξ is k ξ + γ dξ/dt where this is
-    positive and 0 elsewhere.
+    The speed is taken after the last contact of the balls. Velocity Verlet has a constant time `step` in s. The force
+    of a pair with overlap ξ is k ξ + γ dξ/dt where this is positive and 0 elsewhere.
     """
     damping = [damping_for(effective_mass(pair)) for pair in (0, 1)]
     fall = math.sqrt(2 * (HEIGHT[1] - RADIUS[1]) / GRAVITY) - 1e-6  # free fall in closed form until 1 µs before impact
@@ -104,7 +105,7 @@ def soft_spheres(step=1e-8):
 
 
 def damping_for(mass):
-    """Return the damping constant γ in kg/s that gives the coefficient of restitution of an isolated contact.
+    """Return the damping constant γ in kg/s of an isolated contact with `RESTITUTION`.
 
     A contact that ends when its force vanishes has ln ε = -β/ω (π - atan2(2 β ω, ω² - β²)) with the damping ratio ζ,
     β = ζ ω₀ and ω = ω₀ √(1 - ζ²) (Schwager and Pöschel, Granular Matter 9, 465, 2007). ζ is found by bisection.
@@ -133,3 +134,5 @@ if __name__ == "__main__":
     assert abs(soft - report.pairs[1].soft_v_rel) < 1e-3
     assert (hard_count, soft_count) == ([1, 1], [1, 4])
     print("granular.compare gives the same results.")
+
+# sphinx_gallery_thumbnail_path = "figures/paper-forces.png"

@@ -1,8 +1,8 @@
 """A solitary wave
 
-A chain of touching steel balls is struck: a solitary wave, about five balls wide, runs along it.
+A striker hits a chain of touching steel balls. A solitary wave, about five balls wide, runs along the chain.
 
-Its speed grows as v^(1/5) with the speed v of the striker; event-driven simulation knows no such wave.
+Its speed is proportional to v^(1/5), where v is the speed of the striker. Hard spheres do not have such a wave.
 """
 
 import math
@@ -20,7 +20,7 @@ for speed in (0.5, 1.0):
     wave = 15 * 2 * scene.radius[0] / (first[1] - first[0])
     travel.append(wave)
     print(f"striker {speed} m/s: wave {wave:.1f} m/s, largest force {run.of(20)['force_max'][0]:.0f} N")
-print(f"exponent of the wave's speed: {math.log(travel[1] / travel[0], 2):.3f} (theory: 0.2)")
+print(f"exponent of the wave speed: {math.log(travel[1] / travel[0], 2):.3f} (theory: 0.2)")
 
 figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
 for ball in range(5, 40, 5):

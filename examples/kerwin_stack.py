@@ -1,8 +1,8 @@
 """A stack of balls
 
-A stack of balls, each a third of the one below, falls at 3 m/s: how fast does the top ball leave?
+A stack of balls, each with a third of the mass of the ball below, falls at 3 m/s. The top ball leaves fastest.
 
-The closed formula holds while the gaps are wider than the contacts are deep.
+The closed formula for its speed holds if the gaps are wider than the largest overlaps.
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +12,7 @@ import granular as gr
 balls = range(2, 8)
 speed = {"closed formula": [], "gap 1 cm": [], "gap 1 µm": []}
 
-print("balls   formula   gap 1 cm   gap 1 µm   (top ball's speed over the speed of the fall)")
+print("balls   formula   gap 1 cm   gap 1 µm   (speed of the top ball / speed of the fall)")
 for n in balls:
     for name, gap in (("gap 1 cm", 1e-2), ("gap 1 µm", 1e-6)):
         scene = gr.scenes.ball_stack(n, 1 / 3, speed=3.0, gap=gap, gravity=0.0)
@@ -25,6 +25,6 @@ for n in balls:
 figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
 for (name, values), mark in zip(speed.items(), ("-", "o", "s"), strict=True):
     axis.plot(balls, values, mark, label=name)
-axis.set(xlabel="number of balls", ylabel="top ball's speed / speed of the fall")
+axis.set(xlabel="number of balls", ylabel="speed of the top ball / speed of the fall")
 axis.legend(frameon=False)
 figure.savefig("kerwin_stack.png")

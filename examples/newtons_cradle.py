@@ -1,6 +1,6 @@
 """Newton's cradle
 
-Three touching balls are hit by one of them: hard spheres give an answer per tie rule, soft spheres one per law.
+A ball hits two touching balls. With hard spheres the outcome depends on the tie rule, with soft spheres on the law.
 """
 
 import matplotlib.pyplot as plt
@@ -9,7 +9,7 @@ import granular as gr
 
 scene = gr.scenes.newtons_cradle(3)
 answers = {}
-print("speeds of the three balls, in units of the striker's")
+print("speeds of the three balls, in units of the striker's speed")
 for ties in ("left", "right", "newton", "poisson", "reflect"):
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), ties=ties, until=gr.until.separated())
     answers[ties] = hard.velocity[-1]
@@ -24,6 +24,6 @@ for axis, (name, speeds) in zip(axes, answers.items(), strict=True):
     axis.bar((1, 2, 3), speeds, color="#1f4e79" if name in ("linear", "Hertz") else "#c1440e")
     axis.axhline(0.0, color="black", lw=0.8)
     axis.set(title=name, xticks=(1, 2, 3))
-figure.supylabel("speed / striker's")
+figure.supylabel("speed / striker's speed")
 figure.supxlabel("ball")
 figure.savefig("newtons_cradle.png")

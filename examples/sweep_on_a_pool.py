@@ -1,6 +1,6 @@
 """A map on a process pool
 
-One map of contact counts on this process and on a process pool: the same bits.
+A map of contact counts is computed in one process and on a process pool. Both results are bitwise identical.
 """
 
 from concurrent.futures import ProcessPoolExecutor
@@ -16,8 +16,8 @@ def main():
     here = gr.sweep("three-balls", SWEEP_AXES, "contacts")
     with ProcessPoolExecutor(2) as pool:
         there = gr.sweep("three-balls", SWEEP_AXES, "contacts", executor=pool)
-    print("process pool, same bits:", here.identical(there))
-    print("most contacts of the two balls:", int(here["contacts"].max()))
+    print("process pool, bitwise identical:", here.identical(there))
+    print("largest number of contacts of the two balls:", int(here["contacts"].max()))
     drawn, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
     here["contacts"].sel(pair=1).plot(ax=axis, x="restitution", yscale="log", cbar_kwargs={"label": "contacts"})
     axis.set(xlabel="ε", ylabel="gap, m", title="R = 10 and 1 cm, k = 5·10⁷ N/m")

@@ -1,6 +1,6 @@
 """A map on dask
 
-The same sweep on a dask cluster; here a small local one.
+The same sweep on a dask cluster, here a small local cluster.
 """
 
 import sys
@@ -18,7 +18,7 @@ def main():
     here = gr.sweep("three-balls", SWEEP_AXES, "contacts")
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
         there = gr.sweep("three-balls", SWEEP_AXES, "contacts", executor=client.get_executor())
-    print("dask, same bits:", here.identical(there))
+    print("dask, bitwise identical:", here.identical(there))
 
 
 # sphinx_gallery_thumbnail_path = "figures/paper-counts.png"

@@ -1,6 +1,6 @@
 """Two balls dropped on a floor
 
-Two balls dropped on a floor, as hard and as soft spheres: one collision, or four?
+Two balls are dropped on a floor. As hard spheres they collide once, as soft spheres they have four contacts.
 """
 
 import granular as gr

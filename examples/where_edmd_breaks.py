@@ -1,6 +1,6 @@
-"""Where hard spheres fail
+"""Minimum gap for hard spheres
 
-The gap at which two balls dropped on a floor may no longer be event-driven, over their restitution.
+Smallest gap at which two balls dropped on a floor can be treated as hard spheres, for several restitutions.
 """
 
 import matplotlib.pyplot as plt
@@ -13,7 +13,7 @@ data = gr.sweep("three-balls", {"restitution": eps, "gap": np.geomspace(1e-5, 1e
 wrong = np.abs(data["eps_ratio"] - 1.0) > 0.01
 for e in eps:
     widest = float(data["gap"][wrong.sel(restitution=e)].max())
-    print(f"ε = {e}: gaps below {widest * 1e3:.2f} mm give an ε_eff that is wrong by more than 1 %")
+    print(f"ε = {e}: gaps below {widest * 1e3:.2f} mm give an ε_eff with an error above 1 %")
 
 figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
 for e in eps:

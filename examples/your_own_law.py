@@ -1,6 +1,6 @@
 """Your own force law
 
-A force law of your own: a frozen dataclass with a `force`. This one stiffens: F = k ξ (1 + ξ/a) + γ ξ̇.
+A force law is a frozen dataclass with a method `force`. This law stiffens: F = k ξ (1 + ξ/a) + γ ξ̇.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import granular as gr
 
 @dataclass(frozen=True)
 class Stiffening:
-    """Stiffness k in N/m, damping γ in kg/s, length a in m at which the stiffness has doubled."""
+    """F = k ξ (1 + ξ/a) + γ ξ̇ with k in N/m, γ in kg/s and a in m."""
 
     k: float
     gamma: float
@@ -23,7 +23,7 @@ class Stiffening:
 scene = gr.scenes.bouncing_ball(height=0.5)
 law = Stiffening(k=1e5, gamma=0.5, a=1e-3)
 bounce = gr.binary.collision(law, scene.pairs[0], speed=3.0)
-print(f"ε = {bounce.restitution:.6f}, t_c = {bounce.duration:.3e} s, deepest {bounce.xi_max:.3e} m")
+print(f"ε = {bounce.restitution:.6f}, t_c = {bounce.duration:.3e} s, largest overlap {bounce.xi_max:.3e} m")
 report = gr.compare(scene, law, t_end=1.0)
 print(report.verdict)
 

@@ -1,6 +1,6 @@
 """Your own collision rule
 
-A restitution of your own: any function of impact speed and pair. Here ε falls with speed, as of a soft metal.
+A collision rule is any function of impact speed and pair. Here ε decreases with speed, as for a soft metal.
 """
 
 import matplotlib.pyplot as plt

@@ -49,7 +49,7 @@ def test_a_finding_is_short_and_uses_public_names_only(path):
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
     said = ast.get_docstring(tree)
-    assert all(f"\n:{word}:" in said for word in ("Published", "Hard spheres", "Newton", "New", "Read"))
+    assert all(f"\n:{word}:" in said for word in ("Published", "Hard spheres", "Soft spheres", "New", "Read"))
     assert 20 <= len(text.splitlines()) - tree.body[0].end_lineno <= 60
     names = [node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
     assert not [name for name in names if name.startswith("_")]

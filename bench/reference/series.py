@@ -68,6 +68,7 @@ def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
     p(c) + |p'(c)| r + M r²/2 < 0. It is searched only where p provably rises. A maximum that stays below zero to
     working precision is not a root.
     """
+    # a zero at x = 0 has already been an event
     lead = next((j for j, a in enumerate(p) if a != 0), None)
     if lead is None:
         return None
@@ -77,7 +78,7 @@ def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
     if p[0] + value([mp.zero, *(max(a, mp.zero) for a in p[1:])], end) < 0:
         return None
     slope = [j * a for j, a in enumerate(p)][1:]
-    bends = [abs(j * a) for j, a in enumerate(slope)][1:]
+    bends = [abs(j * a) for j, a in enumerate(slope)][1:]  # with absolute values it bounds |p''| on [0, x]
     tiny = mp.eps * value([abs(a) for a in p], end)
     stack = [(mp.zero, end)]
     while stack:
@@ -109,7 +110,7 @@ def _newton(
         y = f(x)
         a, b = (x, b) if y < 0 else (a, x)
         new = x - y / slope(x)
-        new = new if a < new < b else (a + b) / 2
+        new = new if a < new < b else (a + b) / 2  # bisect if Newton's method leaves the bracket
         if abs(new - x) <= 4 * mp.eps * abs(new):
             return new
         x = new

@@ -76,6 +76,7 @@ class Taylor:
         self.work, self.pushed = [mp.zero] * 4 * scene.fed, mp.zero
         self.touches = [touch(mp, form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
+        # in a new contact only every (q + pq)-th term is not zero
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
         self.order = max(round(1.25 * digits), SERIES_WINDOWS * self.window)
         self.speed = max([mp.zero, *(path.fastest for path in self.paths.values()),
@@ -133,6 +134,7 @@ class Taylor:
         It is a fraction, below the tolerance, of the overlap at which pair c alone would stop from the largest speed.
         """
         mp, a, w = self.mp, self.touches[c], self.mobility(c)
+        # all kinetic energy of the pair is elastic at this overlap
         depth = mp.power((a.p + 1) * self.speed**2 / (2 * a.k * w), 1 / (a.p + 1))
         return mp.mpf(10) ** (-self.digits / (min(a.p, a.d + 1) if a.gamma else a.p)) * depth
 
@@ -191,7 +193,7 @@ class Taylor:
         for c, force in piece.force.items():
             force.extend(m - ahead)
             impulse[c + 1] = product_term(mp, rho, force.terms, m - 1) / m
-        if self.ring:
+        if self.ring:  # the last pair joins the last body and the first
             impulse[0] = impulse[-1]
         for b, series in enumerate(piece.v):
             series.append(self.w[b] * (impulse[b] - impulse[b + 1]) + self.fall[b] * piece.t[m])
@@ -222,6 +224,7 @@ class Taylor:
                 if series[j] != 0:
                     limits.append(mp.root(self.tol * scale / abs(series[j]), j))
         if piece.force and ACTIVE not in self.mode:
+            # no force acts, so the pairs that still overlap only separate
             limits.append(2 * piece.q * max(self.time_to_zero_overlap(c) for c in piece.force) / piece.t[1])
         return min(limits, default=mp.inf)
 
@@ -252,7 +255,7 @@ class Taylor:
             if x is not None and x < reach:
                 reach, event = x, watch
         self.move(piece, reach)
-        if event is None and limit < holds:
+        if event is None and limit < holds:  # `end` limited the step: set the time without rounding
             self.t = self.mp.mpf(end)
         self.set_wall_velocities()
         # at x = 0 the velocity of a wall has jumped, and the bracket need not be zero
@@ -275,7 +278,7 @@ class Taylor:
         """Advance to x of the piece."""
         if x == 0:
             return
-        if self.work:
+        if self.work:  # only scenes with moving or thermal walls have an account
             self.add_work(piece, x)
         for a, series in zip(self.touches, piece.x, strict=True):
             a.xi, a.exact = value(series, x), False

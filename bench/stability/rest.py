@@ -95,7 +95,7 @@ def pressed(k: float, power: float, weight: Array, total: float) -> Array:
     The contact forces differ by the weights in N.
     """
     low, high = 0.0, k * total**power
-    while low < (middle := 0.5 * (low + high)) < high:
+    while low < (middle := 0.5 * (low + high)) < high:  # until no float lies between
         enough = (((middle + weight) / k) ** (1.0 / power)).sum() >= total
         low, high = (low, middle) if enough else (middle, high)
     found: Array = ((low + weight) / k) ** (1.0 / power)

@@ -130,6 +130,7 @@ def outcome_difference(run: Trajectory, velocity: Array, other: Trajectory, reru
     if run.status is not other.status:
         return math.inf
     difference = float(np.abs(velocity - run.velocity[-1]).max()) / largest_speed(run)
+    # the condition number costs two more runs
     return difference if difference <= 1e-14 else difference / max(1.0, condition(run, rerun))
 
 

@@ -1,20 +1,27 @@
-"""Clumps far from a hot wall: hard spheres make them, Newton hardly
+"""Clumps far from a hot wall in gases of hard and of soft spheres
 
-Points, N (1 - ε) = 1, in a box of 1 m between a hot wall, thermal speed 1 m/s, and an elastic one: heat comes in at one
-end. How far are all balls but the first spread, in m (0.29 if evenly), and what share of the energy has the first?
+Points with N (1 - ε) = 1 lie in a box of 1 m between a hot wall with a thermal speed of 1 m/s and an elastic wall. Heat
+enters at one end. Two numbers describe the steady state: the spread of all balls except the first in m (0.29 for a
+uniform distribution), and the energy share of the first ball.
 
-:Published: Be ε ever so near to 1, almost all balls crawl in a clump at the far wall, the first one commutes with
-    nearly all the energy, and hydrodynamics has no such state (Du, Li & Kadanoff, Phys. Rev. Lett. 74, 1268 (1995)).
-:Hard spheres: 20 balls spread over 0.012 ± 0.001 (32 draws), the share is 0.965 ± 0.007: a clump, which opens now and
-    then. No remedy is needed; elastic below 0.01 m/s: 0.015 ± 0.001; merged below that: most draws have 0.001.
-:Newton: Contacts of 0.3 ms: 0.133 ± 0.002 and 0.41 ± 0.01, from a clump as from a gas. Of 30 μs, as steel balls of 1 cm
-    have at 1 m/s: 0.067 ± 0.003 and 0.66 ± 0.02. The clump of hard spheres comes at 0.3 μs: 0.013 ± 0.001.
-:TC model: Contacts of 0.3 ms: 0.055 ± 0.002 and 0.81 ± 0.01; 30 μs: 0.026 ± 0.001. Half-way, and still a clump.
-:New: The clump is made by collisions without duration. Of its gaps 0.4 are less than a ball at 1 m/s goes in 0.3 ms;
-    and a ball that hits 19 nearly touching ones leaves 0.164 of its energy among them, hard ones 0.0002, TC 0.0006.
-    More balls need shorter contacts: 50 with ε = 0.98 and 0.3 μs have 0.053 ± 0.005, hard ones 0.008 ± 0.002.
-:Read: Not the paper, which is quoted from memory and from the first lines on it in Puglisi's thesis, where the hot
-    wall gives Gaussian speeds; here, of the flux. And the abstract of Eshuis et al., Phys. Rev. E 80, 011302 (2009).
+:Published: However close ε is to 1, almost all balls move slowly in a clump at the far wall. The first ball moves
+    between wall and clump with nearly all the energy. Hydrodynamics has no such state (Du, Li & Kadanoff, Phys. Rev.
+    Lett. 74, 1268 (1995)).
+:Hard spheres: 20 balls have a spread of 0.012 ± 0.001 (32 draws) and a share of 0.965 ± 0.007: a clump, which opens now
+    and then. No remedy is needed. Elastic collisions below 0.01 m/s give 0.015 ± 0.001. Merging below 0.01 m/s gives
+    0.001 in most draws.
+:Soft spheres: Contacts of 0.3 ms give 0.133 ± 0.002 and 0.41 ± 0.01, both from a clump and from a gas. Contacts of
+    30 μs, as of steel balls of 1 cm at 1 m/s, give 0.067 ± 0.003 and 0.66 ± 0.02. The clump of hard spheres appears at
+    0.3 μs: 0.013 ± 0.001.
+:TC model: Contacts of 0.3 ms give 0.055 ± 0.002 and 0.81 ± 0.01, contacts of 30 μs 0.026 ± 0.001. These values lie
+    between both models, and there is still a clump.
+:New: Collisions without duration cause the clump. A share of 0.4 of its gaps is smaller than the distance that a ball
+    at 1 m/s covers in 0.3 ms. A ball that hits 19 nearly touching balls leaves 0.164 of its energy in soft balls,
+    0.0002 in hard balls and 0.0006 in the TC model. More balls need shorter contacts: 50 balls with ε = 0.98 and 0.3 μs
+    have a spread of 0.053 ± 0.005, hard balls 0.008 ± 0.002.
+:Read: The paper was not read. It is quoted from memory and from the first lines about it in Puglisi's thesis, where the
+    hot wall gives Gaussian speeds. Here the speeds follow the flux. The abstract of Eshuis et al., Phys. Rev. E 80,
+    011302 (2009), was read.
 """
 
 import matplotlib.pyplot as plt
@@ -24,31 +31,31 @@ import granular as gr
 
 
 def case(scene, lasts, **how):
-    """N balls of 1 kg with N (1 - ε) = 1, in contacts of that duration, to 1 %; the last wall is elastic."""
+    """Balls of 1 kg, N (1 - ε) = 1, duration `lasts` to 1 %, elastic last wall."""
     eps, k = [1.0 - 1.0 / np.isfinite(scene.mass).sum()] * (scene.n_pairs - 1) + [1.0], 0.5 * (np.pi / lasts) ** 2
     laws = [gr.LinearDashpot.from_restitution(e, k, pair) for e, pair in zip(eps, scene.pairs, strict=True)]
     return gr.Case(scene, laws, [gr.ConstantRestitution(e) for e in eps], **how)
 
 
 def box(lasts, remedy, seed=0, n=20, start=300.0, end=1200.0):
-    """Points between a hot wall and an elastic one, in rows from a time at which all have forgotten how they began."""
+    """Points between a hot and an elastic wall, sampled in the steady state."""
     scene = gr.scenes.heated_gas(n, 1.0, 0.0, lower=1.0, seed=seed).replace(ceiling=None)
     run = {"samples": np.linspace(start, end, 201), "log": False, "max_events": 10**8, "engine": "compiled", **remedy}
     return case(scene, lasts, t_end=end, run=run)
 
 
 def spread(run):
-    """Standard deviation of the places of all balls but the first, the mean of all rows."""
+    """Standard deviation of all positions except the first, averaged over time."""
     return run.position[:, 2:-1].std(axis=1).mean()
 
 
 def first_share(run):
-    """Share of the energy that the ball beside the hot wall has."""
+    """Energy share of the ball beside the hot wall."""
     return (run.velocity[:, 1] ** 2).sum() / (run.velocity[:, 1:-1] ** 2).sum()
 
 
 def row_energy(engine, gap=1e-6, n=20, lasts=1e-3, **remedy):
-    """Share of its energy that a ball leaves in a row before a wall; gaps in ways of the ball in a contact."""
+    """Energy share left in a row before a wall, for gaps in speed × duration."""
     scene = gr.Scene([1.0] * n + [np.inf], [0.0] * (n + 1), [gap * lasts] * n, [1.0] + [0.0] * n)
     return (case(scene, lasts).simulate(engine, **remedy).velocity[-1, 1:] ** 2).sum()
 
@@ -61,7 +68,7 @@ if __name__ == "__main__":
     print(*(f"contacts of {x[0]:g} s, hard {x[1]}: {one}" for x, one in zip(cases, found, strict=True)), sep="\n\n")
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 2.5, "legend.frameon": False})
     figure, axes = plt.subplot_mosaic("ac;bc", figsize=(12.5, 5.6), width_ratios=(1.0, 1.1), layout="constrained")
-    for place, engine, name, colour in (("a", "edmd", "hard spheres", "#c1440e"), ("b", "md", "Newton", "#1f4e79")):
+    for place, engine, name, colour in (("a", "edmd", "hard", "#c1440e"), ("b", "md", "soft", "#1f4e79")):
         run = box(3e-4, {}, start=500.0, end=515.0).simulate(engine)
         axes[place].plot(run.time - 500.0, run.position[:, 2:-1], color=colour, lw=0.8)
         axes[place].plot(run.time - 500.0, run.position[:, 1], color="black", lw=1.5)
@@ -70,7 +77,7 @@ if __name__ == "__main__":
     for (style, place, name), one in zip(named, found, strict=False):
         axes["c"].axhline(one.quantities[0].means[0], color="#c1440e", ls=style)
         axes["c"].text(4e-2, place * one.quantities[0].means[0], name, color="#c1440e", ha="right")
-    for which, name, colour in ((0, "TC model", "#c8963e"), (1, "Newton", "#1f4e79")):
+    for which, name, colour in ((0, "TC model", "#c8963e"), (1, "soft", "#1f4e79")):
         means = [(one.quantities[0].means[which], one.quantities[0].errors[which]) for one in found[3:]]
         axes["c"].errorbar([lasts for lasts, _ in cases[3:]], *np.array(means).T, fmt="o-", color=colour, label=name)
     axes["c"].set(xscale="log", yscale="log", xlabel="duration of a contact, s", ylabel="spread, m", ylim=(1e-3, 0.4))

@@ -1,17 +1,18 @@
-"""Shock-like cooling: soft spheres are in the class, without a cut-off
+"""Shock-like cooling: soft spheres without a cut-off speed
 
-Points on a ring, at random places with random velocities, lose energy whenever two of them meet. How does the energy
-fall with time, and does ε matter?
+Points on a ring, at random positions with random velocities, lose energy in every collision. The decay of energy with
+time is measured, and its dependence on ε.
 
-:Published: First like (1 + t/τ)⁻², but soon like t^(-2/3) for every ε < 1, as in the gas of points that stick at once
-    (Ben-Naim, Chen, Doolen & Redner, Phys. Rev. Lett. 83, 4069 (1999)). Hard spheres need a speed below which they are
-    elastic, or they collide forever.
-:Hard spheres: Sticking, 30 000 points: exponent -0.669 ± 0.004 over t = 10 … 2000 (8 draws). With ε = 0.5 seven of
-    eight draws of 60 points collapse, bounded, not proved, at t = 4 to 14; elastic below 3 mm/s they go on.
-:Newton: ε = 0.5, contacts of 2 ms: nothing has to be cut off. Over 24 draws of 60 points the energy left at t = 16 is
-    0.0595, that of hard ones 0.0594: the same within a tenth of a standard deviation (8 draws leave that undecided).
-    Eight draws have 5809 contacts and 27 586 collisions: where a crowd pushes at once, one contact is many of them.
-:New: Soft spheres cool as hard ones do and need no cut-off: with a margin, and events counted on either side.
+:Published: The energy decays first like (1 + t/τ)⁻², but soon like t^(-2/3) for every ε < 1, as in a gas of points that
+    stick on contact (Ben-Naim, Chen, Doolen & Redner, Phys. Rev. Lett. 83, 4069 (1999)). Hard spheres need a speed
+    below which they are elastic, otherwise they collide forever.
+:Hard spheres: The exponent of 30 000 sticking points is -0.669 ± 0.004 over t = 10 … 2000 (8 draws). With ε = 0.5,
+    seven of eight draws of 60 points collapse (bounded, not proved) at t = 4 to 14. With elastic collisions below
+    3 mm/s the runs continue.
+:Soft spheres: ε = 0.5 and contacts of 2 ms do not need a cut-off. Over 24 draws of 60 points the energy left at t = 16
+    is 0.0595, with hard spheres 0.0594. The difference is a tenth of a standard deviation (8 draws do not decide).
+    Eight draws have 5809 contacts and 27 586 collisions, because one contact replaces many collisions in a cluster.
+:New: Soft spheres cool like hard spheres and need no cut-off. The result has a margin and event counts of both models.
 :Read: The abstract and the first page.
 """
 
@@ -25,25 +26,25 @@ OUTPUT_TIMES = (1.0, 2.0, 4.0, 8.0, 16.0)
 
 
 def ring(n, seed):
-    """Points, one a metre on the average, with velocities of mean square 1 m²/s²."""
+    """Points with a mean gap of 1 m and a mean square velocity of 1 m²/s²."""
     return gr.scenes.ring_gas(n, float(n), packing=1e-9, seed=seed)
 
 
 def sticking_energy(n, seed, times):
-    """Energy at these times in units of the first, of points that stick together."""
+    """Energy of sticking points at these times, in units of the initial energy."""
     run = gr.edmd.simulate(ring(n, seed), gr.ConstantRestitution(0.0), t_end=times[-1], samples=[0.0, *times],
                            log=False, max_events=10**7)
     return run.energy()[1:] / run.energy()[0]
 
 
 def cooling_exponent(n, seed, last):
-    """δ of E ~ t^δ from t = 10 to the last time, of sticking points."""
+    """Exponent δ of E ~ t^δ of sticking points, from t = 10 to the last time."""
     times = np.geomspace(10.0, last, 25)
     return np.polyfit(np.log(times), np.log(sticking_energy(n, seed, times)), 1)[0]
 
 
 def gas(seed, n=60, end=16.0):
-    """Points with ε = 0.5, soft ones and hard ones that are elastic below 3 mm/s."""
+    """Points with ε = 0.5, of which the hard points are elastic below 3 mm/s."""
     scene = ring(n, seed)
     laws = [gr.LinearDashpot.from_restitution(0.5, 1e6, pair) for pair in scene.pairs]
     return gr.Case(scene, laws, gr.ConstantRestitution(0.5), t_end=end,
@@ -51,7 +52,7 @@ def gas(seed, n=60, end=16.0):
 
 
 def cooling_ensemble(end, draws=24):
-    """Ensemble of the energy left, of soft and of hard points."""
+    """Ensemble of the energy left in gases of soft and of hard points."""
     return gr.ensemble(gas, draws, "seed", "energy_left", end=end)
 
 

@@ -1,18 +1,21 @@
-"""How small a gap makes the cradle a textbook
+"""Newton's cradle: the gap at which the textbook result holds
 
-Five steel balls of one inch hang side by side, one comes at 0.15 m/s. The textbook has the last one leave alone, as
-fast. How far apart must the balls hang?
+Five steel balls of one inch hang side by side, and one of them hits the others at 0.15 m/s. In the textbook the last
+ball leaves alone with the same speed. This result is tested for different gaps between the balls.
 
-:Published: Rows of touching balls break up at the first impact, and come to swing in step (Herrmann & Schmälzle, Am. J.
+:Published: Rows of touching balls break up at the first impact, and later swing in phase (Herrmann & Schmälzle, Am. J.
     Phys. 49, 761 (1981); Hutzler, Delaney, Weaire & MacLeod, Am. J. Phys. 72, 1508 (2004)). In a long row the first
-    ball keeps -0.071 of the speed, the last two leave at 0.149 and 0.986 (Hinch & Saint-Jean, Proc. R. Soc. A 455, 3201
-    (1999)).
-:Hard spheres: The textbook with any gap; without one, whatever the rule for simultaneous collisions says.
-:Newton: -0.071085, 0.148600, 0.985679 in a long row. Of five balls the last but one takes 0.127 of the speed if they
-    touch, 0.042 at gaps of 1 µm, 0.006 at 3 µm, nothing at 10 µm; the striker moves 17 µm in the time of a contact.
-    With ε = 0.98 after 20 periods 0.34 of the energy is left if they touch, 0.23 at 10 µm, 0.21 of hard spheres.
-:New: Six digits, and the gap: a tenth of a hair makes the textbook right, and has the cradle lose its energy faster.
-:Read: The Dublin group's page on their paper of 2004. The others are quoted from memory. No drag of air here.
+    ball keeps -0.071 of the speed, and the last two leave with 0.149 and 0.986 (Hinch & Saint-Jean, Proc. R. Soc. A
+    455, 3201 (1999)).
+:Hard spheres: The textbook result for any gap. Without a gap the rule for simultaneous collisions decides.
+:Soft spheres: -0.071085, 0.148600 and 0.985679 in a long row. The fourth of five balls has 0.127 of the speed if the
+    balls touch, 0.042 at gaps of 1 µm, 0.006 at 3 µm, and 0 at 10 µm. The striker moves 17 µm in the time of a contact.
+    With ε = 0.98, 0.34 of the energy is left after 20 periods if the balls touch, 0.23 at gaps of 10 µm, and 0.21 with
+    hard spheres.
+:New: Six digits, and the gap: a tenth of a hair's width makes the textbook right, and the cradle loses its energy
+    faster.
+:Read: The web page of the Dublin group on their paper of 2004. The other papers are quoted from memory. Air drag is
+    neglected.
 """
 
 import math
@@ -28,20 +31,20 @@ STEEL = gr.materials.steel
 
 
 def speeds_after_impact(gap, speed=IMPACT_SPEED):
-    """Speeds of five balls after the impact, in units of the striker's."""
+    """Speeds of five balls after the impact, in units of the striker's speed."""
     scene = gr.scenes.newtons_cradle(5, gap=gap, speed=speed, mass=BALL_MASS)
     run = gr.md.simulate(scene, gr.Hertz.from_material(*STEEL, scene.pairs[0]), until=gr.until.separated())
     return run.velocity[-1] / speed
 
 
 def long_row(n):
-    """The same of a long row of touching balls."""
+    """Speeds of a long row of touching balls, in units of the striker's speed."""
     run = gr.md.simulate(gr.scenes.newtons_cradle(n), gr.Hertz(k=1e9), until=gr.until.separated())
     return run.velocity[-1]
 
 
 def swing_energy(gap, periods, engine=gr.md):
-    """Energy at every half of so many periods of pendula 1 m long with ε = 0.98, in units of the first."""
+    """Energy at every half period of pendula 1 m long with ε = 0.98, over its start."""
     amplitude = IMPACT_SPEED * SWING_PERIOD / (2.0 * math.pi)
     scene = gr.scenes.pendulum_cradle(5, amplitude=amplitude, mass=BALL_MASS, rest_gap=gap)
     soft = gr.ViscoelasticHertz.from_material(*STEEL, restitution=0.98, speed=IMPACT_SPEED, pair=scene.pairs[0])
@@ -60,12 +63,12 @@ if __name__ == "__main__":
     for speed, line, colour in zip((1.0, IMPACT_SPEED), ("--", "-"), blue[::-1], strict=True):
         fourth = [speeds_after_impact(gap, speed)[3] for gap in gaps]
         axes[0].semilogx(1e6 * gaps, fourth, line, color=colour, label=f"{speed:g} m/s")
-    axes[0].set(xlabel="gaps between steel balls, µm", ylabel="speed of the last but one, part of all")
+    axes[0].set(xlabel="gaps between steel balls, µm", ylabel="speed of the fourth ball / striker")
     for gap, colour in zip((0.0, 1e-6, 1e-5), (*blue, "#c8963e"), strict=True):
         name = f"soft, gaps {1e6 * gap:.0f} µm"
         axes[1].plot(np.arange(0, 20.5, 0.5), swing_energy(gap, 20), color=colour, label=name)
     axes[1].plot(np.arange(0, 20.5, 0.5), swing_energy(0.0, 20, gr.edmd), ":", color="#c1440e", label="hard")
-    axes[1].set(xlabel="periods", ylabel="energy, part of the first", ylim=(0.0, 1.02))
+    axes[1].set(xlabel="periods", ylabel="energy / initial energy", ylim=(0.0, 1.02))
     for axis in axes:
         axis.set_xticks(*(((0.1, 1, 10), ("0.1", "1", "10")) if axis is axes[0] else (range(0, 21, 5),)))
         axis.legend()

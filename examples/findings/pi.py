@@ -1,16 +1,17 @@
-"""π by counting collisions: how far soft balls can count
+"""π by counting collisions: the limit of soft balls
 
-A ball of 1 kg rests 1 m before a wall; one of 100ᵈ kg comes at 1 m/s. The number of collisions, with the wall too, has
-the first digits of π. How many digits can be had of balls whose collisions take a time?
+A ball of 1 kg rests 1 m beside a wall. A ball of 100ᵈ kg approaches at 1 m/s. The number of all collisions, including
+hits of the wall, has the first digits of π. The number of digits is determined for collisions with a duration.
 
 :Published: ⌊π 10ᵈ⌋ collisions (Galperin, Regul. Chaotic Dyn. 8, 375 (2003)).
 :Hard spheres: 3, 31, 314, 3141, 31 415, 314 159, all with the first digits of π.
-:Newton: Springs come to 8, 26, 84, 266 contacts for k = 1e2, 1e4, 1e6, 1e8 N/m (840 for 1e10) and stay there, however
-    heavy the other ball: the light one is squeezed between ball and wall, and at last touches both all the time.
-    Yet they part as fast as the hard ones: what is lost are digits of π, not the outcome.
-:New: The law: 2.656 √(x₀ ω/V) with x₀ the distance from the wall, V the speed of the heavy ball, ω² = k/m of the light
-    one; its action ∮ p dx = 2 m V x₀ is kept, flight grows into oscillation, and each period counts two contacts.
-:Read: Two accounts of Galperin's billiard on the web; his paper is quoted from memory.
+:Soft spheres: Springs reach 8, 26, 84, 266 contacts for k = 1e2, 1e4, 1e6, 1e8 N/m (840 for 1e10), however heavy the
+    other ball is. The light ball is squeezed between ball and wall, and finally touches both all the time. Yet the
+    balls separate as fast as hard balls: digits of π are lost, but not the outcome.
+:New: The limit is 2.656 √(x₀ ω/V), where x₀ is the distance from the wall, V the speed of the heavy ball, and ω² = k/m
+    for the light ball. The action ∮ p dx = 2 m V x₀ is conserved, flight changes into oscillation, and each period has
+    two contacts.
+:Read: Two accounts of Galperin's billiard on the web. His paper is quoted from memory.
 """
 
 import math
@@ -24,12 +25,12 @@ STIFFNESSES = (1e2, 1e4, 1e6, 1e8)
 
 
 def balls(digits):
-    """A wall, a ball at rest 1 m beside it, and a ball of 100**digits kg that comes at 1 m/s from 1 m further."""
+    """A wall, a ball at rest 1 m away, and a ball of 100**digits kg 1 m further away."""
     return gr.Scene([math.inf, 1.0, 100.0**digits], [0.0] * 3, [1.0, 1.0], [0.0, 0.0, -1.0])
 
 
 def collision_count(digits, k=math.inf):
-    """Number of collisions of hard balls, or of contacts of springs, and the speed at which the heavy one leaves."""
+    """Number of collisions or of spring contacts, and the heavy ball's final speed."""
     if k < math.inf:
         run = gr.md.simulate(balls(digits), gr.LinearDashpot(k, gamma=0.0), log=False)
     else:
@@ -38,10 +39,10 @@ def collision_count(digits, k=math.inf):
 
 
 def contact_limit(k):
-    """Largest number of contacts, reached with a very heavy ball; units: ω and the ball's speed in the middle.
+    """Number of contacts with a very heavy ball, in units of ω and the ball's speed.
 
-    The way in has u/V contacts, with flights between, until u² = 2 V x₀ ω/π. Then the springs overlap by s, which
-    adds ∫ 2/T ds/V. The way back doubles both. The stiffness is 2 k in the overlap and k beyond s/2 from the middle."""
+    Up to u² = 2 V x₀ ω/π there are u/V contacts with flights between. Then the springs overlap by s, which adds ∫
+    2/T ds/V. The way back doubles both. The stiffness is 2 k in the overlap, and k beyond s/2 from the middle."""
     s = np.linspace(0.0, math.sqrt(2.0), 4001)
     half, far = s / math.sqrt(2.0), np.sqrt(1.0 + 0.5 * s**2)
     within = (np.arcsin(half) + half * np.sqrt(1.0 - half**2)) / math.sqrt(8.0)
@@ -56,7 +57,7 @@ if __name__ == "__main__":
     print("hard:", *(collision_count(digits)[0] for digits in range(6)))
     for k in STIFFNESSES:
         count, speed = collision_count(3, k)
-        print(f"k = {k:g} N/m: {count} contacts, {contact_limit(k):.1f} by the law; parts at {speed:.6f} m/s")
+        print(f"k = {k:g} N/m: {count} contacts, limit {contact_limit(k):.1f}, final speed {speed:.6f} m/s")
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
     digits = np.arange(0.0, 3.01, 0.25)
@@ -69,6 +70,6 @@ if __name__ == "__main__":
     counts, limits = [collision_count(3, k)[0] for k in STIFFNESSES], [contact_limit(k) for k in STIFFNESSES]
     axes[1].loglog(STIFFNESSES, counts, "o", color="#1f4e79", ms=11, label="soft, M/m = 10⁶")
     axes[1].loglog(STIFFNESSES, limits, color="#c8963e", label="2.656 √(x₀ ω/V)", zorder=0)
-    axes[1].set(xlabel="stiffness k, N/m", ylabel="contacts, however heavy the ball")
+    axes[1].set(xlabel="stiffness k, N/m", ylabel="largest number of contacts")
     axes[1].legend()
     figure.savefig("pi.png")

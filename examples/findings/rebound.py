@@ -1,18 +1,19 @@
-"""Two balls on a floor: a light one that flies late, or less far than the textbook says
+"""Two balls on a floor: slow or late rebound of a light upper ball
 
-Two balls fall on a floor, one on the other. How fast does each leave if they touch? And if the first bounce sends the
-upper one up hardly at all, is that all of it?
+Two balls fall on a floor, one above the other. Their speeds are determined for touching balls. For a small first
+rebound of the upper ball, its second rebound is determined as well.
 
-:Published: Independent collisions of elastic balls leave v₁ = (1 - 3μ)/(1 + μ), v₂ = (3 - μ)/(1 + μ) times the speed of
-    the fall, μ = m₂/m₁; balls of a kind that touch do not (Patrício, arXiv:physics/0402036). A small first bounce of
-    the upper ball may be followed by a higher second one, a *delayed rebound* (Bartz, arXiv:2007.15005).
-:Hard spheres: The textbook at any gap: 0 and 2 for μ = 1/3, 2.960 for μ = 0.01; a table-tennis ball on a basketball
-    leaves at 2.3 times the speed of the fall at the first bounce.
-:Newton: Touching balls of steel, each contact one: 0.5714 and 1.7380 for μ = 1/3, 1.1803 for μ = 0.01. The table-tennis
-    ball leaves at 0.88 at the first bounce if it falls 1 mm behind, after four contacts, and at 1.72 at the second;
-    touching at 0.80 and 0.98; 5 cm behind at 2.33.
-:New: Light upper balls miss the textbook by a factor of 2.5, with one contact each; the late flight comes and goes
-    with gaps of 0.1 to 10 mm, and hard spheres never have it.
+:Published: Independent collisions of elastic balls give v₁ = (1 - 3μ)/(1 + μ) and v₂ = (3 - μ)/(1 + μ) in units of the
+    speed of the fall, with μ = m₂/m₁. Touching balls of one material have other speeds (Patrício,
+    arXiv:physics/0402036). A small first bounce of the upper ball can be followed by a higher second bounce, a *delayed
+    rebound* (Bartz, arXiv:2007.15005).
+:Hard spheres: The textbook speeds for any gap: 0 and 2 for μ = 1/3, 2.960 for μ = 0.01. A table-tennis ball on a
+    basketball leaves at 2.3 times the speed of the fall at the first bounce.
+:Soft spheres: Touching steel balls with one contact each have 0.5714 and 1.7380 for μ = 1/3, and 1.1803 for μ = 0.01.
+    A table-tennis ball 1 mm behind leaves at 0.88 at the first bounce, after four contacts, and at 1.72 at the second
+    bounce. If it touches, it leaves at 0.80 and 0.98. A ball 5 cm behind leaves at 2.33.
+:New: Light upper balls differ from the textbook by a factor of 2.5, with one contact each. The delayed rebound appears
+    and disappears for gaps of 0.1 to 10 mm, and hard spheres never have it.
 :Read: The abstracts of both papers.
 """
 
@@ -30,12 +31,12 @@ DROP_HEIGHT, FALL_SPEED = 1.0, math.sqrt(2.0 * 9.81)
 
 
 def textbook_speeds(mu):
-    """Speeds of both balls after one collision with the floor and then one of the balls, in units of the fall's."""
+    """Speeds of both balls after independent collisions, over the speed of the fall."""
     return np.array([1.0 - 3.0 * mu, 3.0 - mu]) / (1.0 + mu)
 
 
 def touching_speeds(mu, law="steel, Hertz"):
-    """Speeds of both balls, which touch and have masses of 1 and mu kg, after their fall at 1 m/s."""
+    """Speeds of two touching balls of 1 and mu kg after their fall at 1 m/s."""
     radii = np.cbrt(0.75 / math.pi * np.array([1.0, mu]) / STEEL.density)
     scene = gr.Scene([math.inf, 1.0, mu], [0.0, *radii], [1e-3, 0.0], [0.0, -1.0, -1.0])
     run = gr.md.simulate(scene, [SOFT_LAWS[law](pair) for pair in scene.pairs], until=gr.until.separated())
@@ -43,8 +44,7 @@ def touching_speeds(mu, law="steel, Hertz"):
 
 
 def bounces(gap, engine=gr.md):
-    """Speed of a table-tennis ball, so far behind a basketball, after its last contact before the basketball meets the
-    floor a second and a third time, in units of the fall's; and how many contacts it had by then."""
+    """Launch speed over the speed of the fall, and contacts, up to bounces 1 and 2."""
     lower, upper = gr.balls.BALLS["basketball"], gr.balls.BALLS["table-tennis ball"]
     scene = gr.Scene([math.inf, lower.mass, upper.mass], [0.0, lower.radius, upper.radius], [DROP_HEIGHT, gap],
                      [0.0] * 3, gravity=9.81)
@@ -59,7 +59,7 @@ if __name__ == "__main__":
     for mu in (0.01, 1.0 / 3.0, 3.0):
         print(f"μ = {mu:.3g}: textbook", textbook_speeds(mu).round(4), "steel", touching_speeds(mu).round(5))
     for gap in (0.0, 1e-4, 1e-3, 5e-3, 5e-2):
-        print(f"{1e3 * gap:4.1f} mm behind:", *(f"{speed:.3f} after {count}" for speed, count in bounces(gap)))
+        print(f"{1e3 * gap:4.1f} mm behind:", *(f"{speed:.3f} after {count} contacts" for speed, count in bounces(gap)))
     plt.rcParams.update({"font.size": 14, "lines.linewidth": 3.0, "legend.frameon": False})
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
     mu, gaps = np.geomspace(0.01, 10.0, 25), np.geomspace(2e-5, 0.1, 180)

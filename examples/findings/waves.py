@@ -1,17 +1,19 @@
-"""Crossing waves and a light intruder: what only duration makes
+"""Crossing waves and a light intruder: effects of the contact duration
 
-Forty equal beads touch. If both ends are struck at once, two waves meet in the middle: do they leave as they came? If
-only one is, and a light bead sits in the middle, how much comes back?
+Forty equal beads touch. If both ends are struck at the same time, two waves cross in the middle. If one end is struck
+and a light bead sits in the middle, a part of the energy comes back. Both effects are measured.
 
-:Published: Two waves that cross leave small *secondary waves* behind, larger if they meet at a contact, in a chain with
-    an even number of beads (Santibáñez, Muñoz, Caussarieu, Job & Melo, arXiv:1102.3364). A light intruder oscillates,
-    and gaps open beside it (Job, Santibáñez, Tapia & Melo, arXiv:0901.3532).
-:Hard spheres: Equal balls hand on their velocities: nothing is left behind. A light one sends back 0.0051 of the energy
-    at μ = 0.1 of the others' mass, 0.0519 at 0.5; a heavy one 0.1111 at 2.
-:Newton: The secondary wave has 0.0238 of the first one's force of 40 beads, 0.0061 of 41. What comes back when all have
-    parted is 0.0458, 0.0302, 0.0755, of equal beads 0.0063; the light one has 17 and 15 contacts with its neighbours.
-:New: Secondary waves are made by duration alone. What a light intruder sends back swings between nothing and 0.15 with
-    its mass if balls are hard, and is a smooth 0.03 to 0.05 by Newton; of a heavy one hard spheres say too much.
+:Published: Crossing waves leave small *secondary waves* behind. These are larger if the waves meet at a contact, in a
+    chain with an even number of beads (Santibáñez, Muñoz, Caussarieu, Job & Melo, arXiv:1102.3364). A light intruder
+    oscillates, and gaps open beside it (Job, Santibáñez, Tapia & Melo, arXiv:0901.3532).
+:Hard spheres: Equal balls exchange their velocities, and no secondary wave is left. A light intruder sends back 0.0051
+    of the energy at μ = 0.1 of the other masses, and 0.0519 at 0.5. A heavy intruder sends back 0.1111 at 2.
+:Soft spheres: The secondary wave has 0.0238 of the first force in 40 beads, and 0.0061 in 41 beads. When all beads have
+    separated, 0.0458, 0.0302 and 0.0755 of the energy have come back, with equal beads 0.0063. The light intruder has
+    17 and 15 contacts with its neighbours.
+:New: Secondary waves are an effect of the contact duration alone. With hard balls, the energy that a light intruder
+    sends back varies between 0 and 0.15 with its mass. With soft balls it is a smooth 0.03 to 0.05. For a heavy
+    intruder hard spheres give too much.
 :Read: The abstracts of both papers.
 """
 
@@ -24,7 +26,7 @@ HERTZ_LAW, HARD_RULE, BEAD_RADIUS = gr.Hertz(k=1e9), gr.ConstantRestitution(1.0)
 
 
 def crossing_waves(n, engine=gr.md, **options):
-    """A run of n beads that are struck at both ends."""
+    """Run of n beads that are struck at both ends."""
     gap = 0.0 if engine is gr.md else 1e-6
     scene = gr.Scene([1.0] * n, [BEAD_RADIUS] * n, [gap] * (n - 1), [1.0, *[0.0] * (n - 2), -1.0])
     return engine.simulate(scene, HERTZ_LAW if engine is gr.md else HARD_RULE, **options)
@@ -38,14 +40,14 @@ def quarter_force(n, samples=1501, end=0.015):
 
 
 def secondary_wave(n):
-    """Peak of the secondary wave, the third to come by, in units of the first; rounding has peaks of its own."""
+    """Height of the third peak, the secondary wave, over the first peak above 1 N."""
     push = quarter_force(n)[1]
     peaks = push[1:-1][(push[1:-1] > push[:-2]) & (push[1:-1] >= push[2:]) & (push[1:-1] > 1.0)]
     return peaks[2] / peaks[0]
 
 
 def intruder_outcome(mu, engine=gr.md, n=40):
-    """Energy sent back by a bead of mass mu amid n equal ones, and its contacts with the beads before and after it."""
+    """Energy sent back by a bead of mass mu, and its contacts on either side."""
     mass = np.where(np.arange(n) == n // 2, mu, 1.0)
     gap = 0.0 if engine is gr.md else 1e-6
     scene = gr.Scene(mass, BEAD_RADIUS * np.cbrt(mass), [gap] * (n - 1), [1.0] + [0.0] * (n - 1))
@@ -54,7 +56,7 @@ def intruder_outcome(mu, engine=gr.md, n=40):
 
 
 if __name__ == "__main__":
-    print("hard, 40 beads: fastest between the ends", abs(crossing_waves(40, gr.edmd).velocity[-1, 1:-1]).max())
+    print("hard, 40 beads: largest speed between the ends", abs(crossing_waves(40, gr.edmd).velocity[-1, 1:-1]).max())
     for n in (40, 41):
         print(f"secondary wave of {n} beads: {secondary_wave(n):.4f}")
     for mu in (0.1, 0.5, 1.0, 2.0):
@@ -65,12 +67,12 @@ if __name__ == "__main__":
     for n, colour in ((40, "#1f4e79"), (41, "#c8963e")):
         time, push = quarter_force(n)
         axes[0].semilogy(1e3 * time, np.maximum(push, 1e-3) / push.max(), color=colour, label=f"{n} beads")
-    axes[0].set(xlabel="time, ms", ylabel="force a quarter along / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
+    axes[0].set(xlabel="time, ms", ylabel="force at a quarter / its peak", xlim=(2.0, 15.0), ylim=(1e-4, 3.0))
     axes[0].text(9.9, 0.045, "secondary waves")
     axes[0].legend(loc="upper right", ncols=2)
     for engine, c, name, many, mark in ((gr.edmd, "#c1440e", "hard", 301, "-"), (gr.md, "#1f4e79", "soft", 15, "o-")):
         masses = np.geomspace(0.05, 20.0, many)
         axes[1].loglog(masses, [intruder_outcome(mu, engine)[0] for mu in masses], mark, color=c, label=name)
-    axes[1].set(xlabel="mass of the intruder / of the others", ylabel="energy sent back, part of all", ylim=(1e-3, 1.0))
+    axes[1].set(xlabel="mass of the intruder / of the others", ylabel="share of energy sent back", ylim=(1e-3, 1.0))
     axes[1].legend(loc="upper left")
     figure.savefig("waves.png")

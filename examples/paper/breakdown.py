@@ -1,4 +1,4 @@
-"""Where longer scenes leave event-driven simulation
+"""Limits of event-driven simulation in longer scenes
 
 Stacks, cradles and columns over their gaps, and a gas over its packing and the duration of a contact.
 """
@@ -15,21 +15,33 @@ import granular as gr
 
 MEASURES = ("error", "shared_impulse", "crowding", "occupation", "distance", "predictability", "mass_centre_ratio")
 ERROR_LABEL = r"error  $\max |\Delta u_i|\,/\,U$"
-"""Label of `gr.Comparison.error`: largest difference of a velocity with which a ball leaves an episode of contacts."""
+"""Label of `gr.Comparison.error`.
+
+The error is the largest difference of a velocity with which a ball leaves an episode of contacts.
+"""
 STACK_PARAMETERS = {"mass_ratio": 1.0 / 3.0, "speed": 3.0, "gravity": 0.0, "restitution": 0.95, "t_end": 100.0}
 COLUMN_PARAMETERS = {"speed": 1.0, "restitution": 0.95, "t_end": 100.0}
-"""What is held of Kerwin's stacks, and of columns of equal balls that fall on a floor; neither has gravity."""
+"""Fixed parameters of Kerwin's stacks, and of columns that fall on a floor.
+
+Columns consist of equal balls. Neither scene has gravity.
+"""
 
 
 def cradle(gap=1e-6, exponent=1.5):
-    """Newton's cradle of five steel balls; F = k ξ^exponent, elastic, 1e-5 m deep at 1 m/s whatever the exponent."""
+    """Newton's cradle of five elastic steel balls with F = k ξ^exponent.
+
+    The largest overlap at 1 m/s is 1e-5 m for every exponent.
+    """
     law = gr.PowerLaw(0.25 * (exponent + 1.0) / 1e-5 ** (exponent + 1.0), exponent)
     scene = gr.scenes.newtons_cradle(5, gap=gap)
     return gr.Case(scene, (law,) * 4, gr.ConstantRestitution(1.0), gr.until.separated(), 100.0)
 
 
 def gas(packing=0.1, duration=0.01):
-    """Gas of 20 balls on 20 m, thermal speed 1 m/s, that cools while each crosses ten mean gaps; t_c in s, elastic."""
+    """Gas of 20 balls on 20 m that cools while each ball crosses ten mean gaps.
+
+    The thermal speed is 1 m/s. `duration` is the elastic contact duration in s.
+    """
     return gr.cases.make("gas", n=20, length=20.0, packing=packing, restitution=0.9,
                          stiffness=0.5 * (math.pi / duration) ** 2, t_end=10.0 * ((1.0 - packing) * 20.0 / 21.0))
 
@@ -48,7 +60,10 @@ def compute(points):
 
 
 def draw(data):
-    """Errors of stack and cradle, bounce of the column, share of impulse that is not binary in the gas."""
+    """Draw errors of stack and cradle, the bounce of the column, and the gas.
+
+    The panel of the gas shows the share of impulse that is not binary.
+    """
     figure, axes = new_figure(PAGE_WIDTH, 4.6, 2, 2)
     draw_curves(axes[0, 0], data, "stack_n", "error", "balls")
     draw_curves(axes[0, 1], data, "cradle_exponent", "error", "$p$ of $F\\sim\\xi^p$")
@@ -71,7 +86,7 @@ def draw(data):
 
 
 def draw_curves(axis, data, name, measure, title):
-    """A measure over the gap, one line a value of the parameter called `name`."""
+    """Draw a measure over the gap, one line per value of the parameter `name`."""
     kind, values = name.partition("_")[0], data[name]
     colours = matplotlib.colormaps["viridis"](np.linspace(0.9, 0.0, len(values)))
     for value, row, shade in zip(values, data[f"{kind}_{measure}"], colours, strict=True):

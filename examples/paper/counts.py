@@ -1,4 +1,4 @@
-"""Figure 4: the number of contacts as maps
+"""Figure 4: maps of the number of contacts
 
 Contacts of the two balls over ε and the gap Δh, and over ε and the ratio of radii R1/R2.
 """
@@ -17,7 +17,7 @@ AXIS_LABELS = {"restitution": r"$\varepsilon$", "gap": r"$\Delta h$  (m)", "rati
 
 
 def compute(points):
-    """Contacts over (ε, Δh) and (ε, R1/R2)."""
+    """Number of contacts over (ε, Δh) and (ε, R1/R2)."""
     eps, gaps = np.linspace(0.1, 1.0, points), np.geomspace(1e-7, 1e-2, points)
     over_gap = {"gap": gaps, "restitution": eps}
     over_radii = {"radii[0]": UPPER_RADIUS * np.linspace(1.0, 20.0, points), "restitution": eps}
@@ -26,12 +26,12 @@ def compute(points):
 
 
 def with_ratio_axis(data):
-    """The axis of R1 as one of R1/R2."""
+    """Replace the axis of R1 by an axis of R1/R2."""
     return data.assign_coords({"radii[0]": data["radii[0]"] / UPPER_RADIUS}).rename({"radii[0]": "ratio"})
 
 
 def draw(data):
-    """Two maps with one scale of colours, light to dark."""
+    """Draw two maps with one colour scale, from light to dark."""
     maps = [(data[f"{name}_contacts"][..., 1], (up, data[f"{name}_{up}"]), ("restitution", data[f"{name}_restitution"]))
             for name, up in (("gap", "gap"), ("radii", "ratio"))]
     most = max(int(one.max()) for one, *_ in maps)
@@ -51,7 +51,10 @@ def draw(data):
 
 
 def draw_maps(maps, title, **colours):
-    """Arrays side by side, each over its two axes, the first upwards; the figure and its bar of colours."""
+    """Draw arrays side by side, and return the figure and its colour bar.
+
+    Each array is drawn over its two axes, the first of which points upwards.
+    """
     figure, (axes,) = new_figure(PAGE_WIDTH, 2.7, 1, 2)
     for axis, (values, (up, y), (across, x)), tag in zip(axes, maps, "ab", strict=True):
         image = axis.pcolormesh(x, y, values, rasterized=True, shading="nearest", **colours)

@@ -1,6 +1,6 @@
 """Figure 2: the forces of both contacts over time
 
-One collision for hard spheres, four short contacts for soft ones while the lower ball is on the floor; ε = 0.7.
+Hard spheres collide once. Soft spheres have four short contacts while the lower ball is on the floor. ε = 0.7.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ RESTITUTION = 0.7
 
 
 def compute(points):
-    """Forces in N at `points` times in s, contacts of both pairs, and the instants at which hard spheres collide."""
+    """Forces in N at `points` times in s, contacts, and times of hard collisions."""
     scene = gr.scenes.three_balls()
     law, times = dashpot_laws(scene, RESTITUTION), np.linspace(-2e-5, 9e-4, points)
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(RESTITUTION), until=SECOND_BOUNCE)
@@ -37,7 +37,7 @@ def compute(points):
 
 
 def draw(data):
-    """Two panels over one clock."""
+    """Draw two panels over the same time axis."""
     figure, axes = new_figure(COLUMN_WIDTH, 3.2, 2, 1, sharex=True)
     clock = data["time_s"] * 1e3
     panels = (("F01_N", 1e3, "$F_{01}$  (kN)", "01", "(a)"), ("F12_N", 1.0, "$F_{12}$  (N)", "12", "(b)"))

@@ -1,6 +1,7 @@
 """Figure 5: ε_eff over the gap
 
-ε_eff/ε and contacts over Δh at ε = 0.9. The limit at large gaps is not 1: gravity acts during the floor contact.
+ε_eff/ε and contacts over Δh at ε = 0.9. The limit at large gaps is not 1, because gravity acts during the floor
+contact.
 """
 
 import numpy as np
@@ -11,11 +12,11 @@ import granular as gr
 
 RATIO_LABEL = r"$\varepsilon_{\mathrm{eff}}/\varepsilon$"
 AXIS_MINIMUM, JUMP_SHARE = 5e-4, 0.2
-"""Where the logarithmic axis begins; a ratio that changes by this share as a contact appears has jumped."""
+"""Minimum of the logarithmic axis, and relative change that counts as a jump."""
 
 
 def compute(points):
-    """Over Δh in m."""
+    """ε_eff/ε and contacts over Δh in m."""
     gap = np.geomspace(1e-7, 1e-1, points)
     data = gr.sweep("three-balls", {"gap": gap}, ("contacts", "eps_ratio"), restitution=0.9)
     return {"restitution": 0.9, "gap_m": gap, "eps_ratio": data["eps_ratio"].values,
@@ -23,10 +24,10 @@ def compute(points):
 
 
 def curve_with_dips(x, ratio, contacts):
-    """The curve with its dips drawn on to below `AXIS_MINIMUM`, however coarse the grid: a point beside each jump.
+    """Curve with an additional point below `AXIS_MINIMUM` beside each jump.
 
-    Towards a gap at which the last contact vanishes it comes later and later, up to the second floor contact, and the
-    ratio falls to 2e-8 (Δh = 2.7e-6 m) … 2.2e-4 (Δh = 4.7e-4 m).
+    The points make dips visible on any grid. Towards a gap at which the last contact vanishes, this contact comes later
+    and later, up to the second floor contact. The ratio falls to 2e-8 (Δh = 2.7e-6 m) … 2.2e-4 (Δh = 4.7e-4 m).
     """
     x, ratio, contacts = (np.asarray(values, float) for values in (x, ratio, contacts))
     jumps = np.sign(np.diff(contacts)) * np.diff(np.log(np.maximum(ratio, 1e-300))) < -JUMP_SHARE
@@ -35,11 +36,11 @@ def curve_with_dips(x, ratio, contacts):
 
 
 def draw(data):
-    """Ratio with its small values magnified, and contacts below."""
+    """Draw the ratio with its small values magnified, and the contacts below."""
     figure, axes = new_figure(COLUMN_WIDTH, 4.0, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 0.8])
     gap, ratio = data["gap_m"], data["eps_ratio"]
     inset = draw_with_inset(axes[0, 0], gap, ratio, (0.09, 0.36, 0.3, 0.44), ratio[-1])
-    inset.yaxis.tick_right()  # beside the axis on the left they would read as one
+    inset.yaxis.tick_right()  # on the left they would touch the labels of the main axis
     inset.set(xscale="log", xlim=(2e-3, 1e-1), ylim=(0.9985, 1.0015))
     inset.set_yticks([0.999, 1.0, ratio[-1]], ["0.999", "1", f"{ratio[-1]:.6f}"])
     axes[0, 0].set_ylim(-0.03, 1.2)
@@ -54,7 +55,7 @@ def draw(data):
 
 
 def draw_with_inset(axis, x, ratio, place, level):
-    """The ratio, with 1 marked, and an inset for a part of it, with a level marked."""
+    """Draw the ratio with a line at 1, and an inset with a line at `level`."""
     inset = axis.inset_axes(place)
     for one, marked in ((axis, 1.0), (inset, level)):
         one.axhline(marked, color=GREY_COLOUR, lw=0.5, ls="--")
@@ -65,7 +66,7 @@ def draw_with_inset(axis, x, ratio, place, level):
 
 
 def draw_staircase(axis, x, contacts):
-    """Contacts as a staircase."""
+    """Draw the number of contacts as a staircase."""
     most = max(contacts)
     axis.step(x, contacts, where="mid", color=SOFT_COLOUR)
     axis.set(ylabel="contacts", xlim=(x[0], x[-1]), ylim=(0.0, most + 1.5))

@@ -1,6 +1,6 @@
-"""The choice of material: the same ε, the same γ, or the same material in both contacts
+"""Choice of material: same ε, same γ, or same material in both contacts
 
-How fast the upper ball leaves, and how often the balls touch, over ε of the floor contact.
+Launch speed of the upper ball, and number of contacts of the balls, over ε of the floor contact.
 """
 
 import math
@@ -22,7 +22,7 @@ import granular as gr
 
 BASE_SCENE = gr.scenes.three_balls()
 IMPACT_SPEED = math.sqrt(2.0 * BASE_SCENE.gravity * BASE_SCENE.gap[0])
-"""|v10|, with which both balls arrive, in m/s."""
+"""Impact speed |v10| of both balls in m/s."""
 
 
 def same_gamma(scene, restitution):
@@ -40,11 +40,11 @@ def same_material(scene, restitution):
 
 MATERIAL_CHOICES = {"same_eps": (r"same $\varepsilon$", dashpot_laws), "same_gamma": (r"same $\gamma$", same_gamma),
                     "same_material": ("same material", same_material)}
-"""Title of each choice, and the laws it makes for an ε of the floor contact."""
+"""Title of each choice, and its laws for an ε of the floor contact."""
 
 
 def compute(points):
-    """Launch speed v2′/|v10| of the upper ball, soft and hard, contacts, and ε of the upper pair."""
+    """Soft and hard launch speeds v2′/|v10|, contacts, and ε of the upper pair."""
     eps, found = np.linspace(0.3, 1.0, points), {}
     for choice, (_, laws) in MATERIAL_CHOICES.items():
         rows = zip(*(outcome(laws(BASE_SCENE, e)) for e in eps.tolist()), strict=True)
@@ -53,7 +53,7 @@ def compute(points):
 
 
 def outcome(law):
-    """What one run of each engine says, up to the second floor contact."""
+    """Launch speeds, contacts and ε of one law, up to the second floor contact."""
     soft = gr.md.simulate(BASE_SCENE, law, until=SECOND_BOUNCE)
     hard = gr.edmd.simulate(BASE_SCENE, gr.restitution_of(law, BASE_SCENE), until=SECOND_BOUNCE)
     launch = [float(run.of(1)["v_out"][-1][1]) / IMPACT_SPEED for run in (soft, hard)]
@@ -61,7 +61,7 @@ def outcome(law):
 
 
 def draw(data):
-    """One column per choice: launch speed above, contacts below."""
+    """Draw one column per choice, with launch speeds above and contacts below."""
     figure, axes = new_figure(PAGE_WIDTH, 3.2, 2, 3, sharex=True, sharey="row", height_ratios=[1.5, 1.0])
     eps = data["restitution"]
     panels = zip(axes.T, ("ad", "be", "cf"), MATERIAL_CHOICES.items(), strict=True)

@@ -1,6 +1,6 @@
-"""Which measure predicts the error of event-driven simulation?
+"""Predictors of the error of event-driven simulation
 
-The error over six measures of many scenes: a measure is good if the marks fall on one rising line.
+Error over six measures of many scenes. A measure is a good predictor if its marks lie on one rising line.
 """
 
 import math
@@ -13,7 +13,7 @@ from setting import PAGE_WIDTH, add_letter, main, new_figure
 import granular as gr
 
 MIN_DRAWN_VALUE = 1e-8
-"""Smaller values are drawn there."""
+"""Value at which all smaller values are drawn."""
 CANDIDATE_LABELS = {
     "shared_impulse": r"impulse not binary, $\varphi$", "crowding": "crowded collisions, $p$",
     "occupation": r"share of time in contact, $\Lambda$", "distance": "distance of velocities, $D$",
@@ -24,7 +24,7 @@ SCENE_MARKERS = {"two balls": "o", "stack": "^", "cradle": "s", "column": "v", "
 
 
 def compute(points):
-    """Error and measures of many scenes, and the rank correlation of each measure with the error."""
+    """Error and measures of many scenes, and their rank correlations."""
     gaps, found = np.geomspace(1e-7, 1e-1, points), {}
     kinds = {
         "two balls": ("three-balls", {"gap": gaps, "radii[0]": [0.015, 0.04, 0.1]}, {}),
@@ -41,7 +41,10 @@ def compute(points):
 
 
 def restitution(case):
-    """|1 - ε_eff/ε|: how far ε must be changed for hard spheres to part as the soft do; 1 where none does it."""
+    """|1 - ε_eff/ε|, or 1 if no ε_eff exists.
+
+    With ε_eff hard spheres separate as fast as soft spheres.
+    """
     report = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
     if math.isnan(report.pairs[-1].soft_v_rel):
         return math.nan
@@ -50,14 +53,17 @@ def restitution(case):
 
 
 def rank_correlation(found, name):
-    """Spearman's rank correlation of a measure with the error, over all scenes that have it."""
+    """Spearman's rank correlation of a measure with the error.
+
+    Only scenes with a finite measure count.
+    """
     x, y = (np.concatenate([columns[key] for columns in found.values()]) for key in (name, "error"))
     known = np.isfinite(x) & np.isfinite(y)
     return float(spearmanr(np.maximum(x[known], MIN_DRAWN_VALUE), np.maximum(y[known], MIN_DRAWN_VALUE)).statistic)
 
 
 def draw(data):
-    """Error over each measure."""
+    """Draw the error over each measure."""
     figure, axes = new_figure(PAGE_WIDTH, 4.7, 2, 3, sharey=True)
     for axis, tag, (name, title) in zip(axes.flat, "abcdef", CANDIDATE_LABELS.items(), strict=True):
         for kind, columns in data["scenes"].items():
@@ -74,7 +80,10 @@ def draw(data):
 
 
 def ticks(limits):
-    """Every other power of ten between limits, and their names: the least stands for all that is smaller."""
+    """Every other power of ten between limits, and the tick labels.
+
+    The label of the smallest power stands for all smaller values.
+    """
     low, high = math.ceil(math.log10(limits[0])), math.floor(math.log10(limits[1]))
     powers = range(low + low % 2, high + 1, 2)
     least = round(math.log10(MIN_DRAWN_VALUE))

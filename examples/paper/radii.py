@@ -1,6 +1,6 @@
 """Figure 6: ε_eff over the ratio of radii
 
-ε_eff/ε and contacts over R1/R2 at ε = 0.8, R2 and z1 held: ε_eff may even exceed ε.
+ε_eff/ε and contacts over R1/R2 at ε = 0.8, with constant R2 and z1. ε_eff can exceed ε.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ import granular as gr
 
 
 def compute(points):
-    """Over R1/R2, closer below 1.6."""
+    """ε_eff/ε and contacts over R1/R2, on a finer grid below 1.6."""
     ratio = np.unique(np.concatenate([np.linspace(1.0, 20.0, points), np.linspace(1.0, 1.6, points // 2 + 1)]))
     data = gr.sweep("three-balls", {"radii[0]": UPPER_RADIUS * ratio}, ("contacts", "eps_ratio"), restitution=0.8)
     return {"restitution": 0.8, "ratio": ratio, "eps_ratio": data["eps_ratio"].values,
@@ -20,7 +20,7 @@ def compute(points):
 
 
 def draw(data):
-    """Ratio with the region above 1 as inset, and contacts below."""
+    """Draw the ratio with an inset of the region above 1, and the contacts below."""
     figure, axes = new_figure(COLUMN_WIDTH, 3.3, 2, 1, sharex=True, height_ratios=[1.5, 0.8])
     ratio, value = data["ratio"], data["eps_ratio"]
     peak = int(np.nanargmax(value))

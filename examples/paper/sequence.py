@@ -1,6 +1,6 @@
 """Figure 3: the sequence of contacts over ε
 
-A vertical cut is a run: bands are contacts of the two balls. Broken lines are the adiabatic theory.
+A vertical cut is a run. Bands are contacts of the two balls. Broken lines are the adiabatic theory.
 """
 
 import numpy as np
@@ -25,7 +25,10 @@ BASE_SCENE = gr.scenes.three_balls()
 
 
 def compute(points):
-    """Contacts of both solutions over ε, closer and closer to where their number jumps."""
+    """Contacts of the simulation and of the adiabatic theory over ε.
+
+    The grid is refined where the number of contacts jumps.
+    """
     grid = np.linspace(0.3, 1.0, points)
 
     def adiabatic(restitution):
@@ -37,12 +40,15 @@ def compute(points):
 
 
 def dashpot_contacts(restitution):
-    """Contacts of linear dashpots of one ε."""
+    """Contacts with linear dashpots of one ε."""
     return contacts(BASE_SCENE, dashpot_laws(BASE_SCENE, restitution))
 
 
 def numerical_sequence(row, grid):
-    """Stretches of runs, and "spikes": [from, to, number] where the last contact comes after that of the floor."""
+    """Stretches of runs, and "spikes": [from, to, number of contacts].
+
+    In a spike, the last contact begins after the end of the floor contact.
+    """
     stretches = stretches_of_one_kind(row, grid)
     kinds = [(one["parameter"], *sequence_kind((one["contacts"][..., 0], one["floor_end"][0]))) for one in stretches]
     return {"numerical": stretches,
@@ -50,7 +56,10 @@ def numerical_sequence(row, grid):
 
 
 def draw(data, label=r"$\varepsilon$", top=1.2, unit=1.0, marked=RESTITUTION):
-    """Time over a parameter in a unit; the fat line is the run of figure 2."""
+    """Draw contact times over a parameter in a unit.
+
+    The thick line marks the run of figure 2.
+    """
     figure, ((axis,),) = new_figure(COLUMN_WIDTH, 2.9)
     for one in data["numerical"]:
         x = one["parameter"] * unit

@@ -1,8 +1,9 @@
-"""The setting of the paper, and what its figures share
+"""Setting of the paper, and code shared by its figures
 
-What the paper leaves open is chosen here: R1 = 0.1 m, R2 = 0.01 m, k = 5e7 N/m, Δh = 1e-4 m, z1 = 0.6 m (the centre of
-the lower ball, held as R1 varies), g = 9.81 m/s² and ρ = 900 kg/m³, which makes all of its observations true. These are
-the defaults of `gr.scenes.three_balls`. Times count from the first contact of the lower ball and the floor.
+The paper leaves some parameters open. The choice here is R1 = 0.1 m, R2 = 0.01 m, k = 5e7 N/m, Δh = 1e-4 m,
+z1 = 0.6 m, g = 9.81 m/s² and ρ = 900 kg/m³, with which all of its observations are true. z1 is the centre of the lower
+ball and stays constant as R1 varies. These are the defaults of `gr.scenes.three_balls`. Times count from the first
+contact of the lower ball and the floor.
 """
 
 import argparse
@@ -18,12 +19,12 @@ from matplotlib.figure import Figure
 import granular as gr
 
 SECOND_BOUNCE = gr.until.contact(pair=0, nth=2)
-"""Contacts of the two balls count until the lower ball meets the floor again."""
+"""Contacts of the two balls count until the lower ball hits the floor again."""
 YOUNG_MODULUS, POISSON_RATIO = 5e7, 0.45
-"""Of viscoelastic balls, the first in Pa."""
+"""Young's modulus in Pa and Poisson's ratio of viscoelastic balls."""
 SOFT_COLOUR, HARD_COLOUR, FLOOR_COLOUR, GREY_COLOUR = "#1f4e79", "#c1440e", "#c8963e", "#8a8a8a"
 COLUMN_WIDTH, PAGE_WIDTH = 3.4, 7.0
-"""Widths in inches."""
+"""Widths of a column and of a page in inches."""
 FIGURE_STYLE = {
     "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0, "legend.frameon": False,
     "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
@@ -31,21 +32,24 @@ FIGURE_STYLE = {
     "xtick.direction": "in", "xtick.major.width": 0.6, "xtick.minor.width": 0.4,
     "ytick.direction": "in", "ytick.major.width": 0.6, "ytick.minor.width": 0.4,
 }
-"""As in Physical Review."""
+"""Figure style of Physical Review."""
 
 
 def dashpot_laws(scene, restitution):
-    """Linear dashpots of one ε in all contacts."""
+    """Linear dashpots with one ε in all contacts."""
     return [gr.LinearDashpot.from_restitution(restitution, k=5e7, pair=pair) for pair in scene.pairs]
 
 
 def hertz_laws(scene):
-    """Elastic contacts of all pairs, of one material."""
+    """Elastic contacts of one material in all pairs."""
     return [gr.Hertz.from_material(YOUNG_MODULUS, POISSON_RATIO, pair) for pair in scene.pairs]
 
 
 def contacts(scene, law):
-    """Onset and end in s of every contact of the two balls (count, 2), and the end of the first floor contact."""
+    """Contacts of the two balls, and the end of the first floor contact, in s.
+
+    The contacts are an array (count, 2) of onsets and ends.
+    """
     run = gr.md.simulate(scene, law, until=SECOND_BOUNCE)
     floor, balls = run.of(0)[0], run.of(1)
     start = floor["t_begin"]
@@ -53,15 +57,15 @@ def contacts(scene, law):
 
 
 def sequence_kind(row):
-    """Number of contacts, and whether the last of them begins after the end of the floor contact."""
+    """Number of contacts, and whether the last begins after the floor contact."""
     touches, floor_end = row
     return len(touches), bool(len(touches) and touches[-1, 0] > floor_end)
 
 
 def stretches_of_one_kind(row, grid, reach=24):
-    """Stretches of one kind: parameter, contacts (count, 2, S) and floor end, up to their very ends.
+    """Stretches of one kind: parameter, contacts (count, 2, S) and floor end.
 
-    Between two points of different kinds the boundary is bisected; the points of the bisection are kept.
+    The boundary between two grid points of different kinds is bisected, and the points of the bisection are kept.
     """
     known = {x: row(x) for x in grid.tolist()}
 
@@ -74,18 +78,18 @@ def stretches_of_one_kind(row, grid, reach=24):
 
     for low, high in pairwise(grid.tolist()):
         bisect(low, high, reach)
-    alike = [list(xs) for _, xs in groupby(sorted(known), lambda x: sequence_kind(known[x]))]
+    groups = [list(xs) for _, xs in groupby(sorted(known), lambda x: sequence_kind(known[x]))]
     return [{"parameter": np.array(xs), "contacts": np.stack([known[x][0] for x in xs], axis=-1),
-             "floor_end": np.array([known[x][1] for x in xs])} for xs in alike]
+             "floor_end": np.array([known[x][1] for x in xs])} for xs in groups]
 
 
 def prefixed_arrays(name, data):
-    """The arrays of a sweep, each under its name and that of its map."""
+    """Arrays of a sweep, with the name of its map as a prefix."""
     return {f"{name}_{key}": array.values for key, array in data.variables.items() if key not in ("pair", "body")}
 
 
 def new_figure(width, height, rows=1, across=1, **options):
-    """Return a figure of this size in inches, and its axes as an array (rows, columns)."""
+    """New figure of this size in inches, and its axes as an array (rows, columns)."""
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, across, squeeze=False, **options)
 
@@ -96,13 +100,16 @@ def add_letter(axis, text, x=0.02, **how):
 
 
 def main(compute, draw, points):
-    """Compute a figure with so many points along its longest axis, and write its drawing and its numbers."""
+    """Compute a figure, and write its drawing and its numbers.
+
+    `points` is the default number of points along the longest axis.
+    """
     name = Path(sys.argv[0]).stem
     parser = argparse.ArgumentParser()
-    parser.add_argument("-o", "--output", default=f"{name}.png", help="the drawing [%(default)s]")
-    parser.add_argument("--json", help="its numbers")
+    parser.add_argument("-o", "--output", default=f"{name}.png", help="file of the drawing [%(default)s]")
+    parser.add_argument("--json", help="file of the numbers")
     parser.add_argument("--points", type=int, default=points,
-                        help="along the longest axis; what is finer than these is not resolved [%(default)s]")
+                        help="points along the longest axis; finer details are not resolved [%(default)s]")
     given = parser.parse_args()
     data = compute(given.points)
     with matplotlib.rc_context(FIGURE_STYLE):

@@ -1,6 +1,6 @@
 """Figure 1: the problem and its notation
 
-Two balls above a floor; bodies are numbered from the floor up. Nothing is computed.
+Two balls above a floor, with bodies numbered from the floor upwards. Nothing is computed.
 """
 
 import numpy as np
@@ -9,12 +9,12 @@ from setting import COLUMN_WIDTH, GREY_COLOUR, SOFT_COLOUR, main, new_figure
 
 
 def compute(points):
-    """A sketch, in lengths of its own."""
+    """Lengths of the sketch in arbitrary units."""
     return {"R1": 1.0, "R2": 0.45, "gap": 0.28, "z1": 1.7}
 
 
 def draw(data):
-    """Balls, lengths, and gravity."""
+    """Draw balls, lengths and gravity."""
     figure, ((axis,),) = new_figure(COLUMN_WIDTH, 3.6)
     r1, r2, gap, z1 = data["R1"], data["R2"], data["gap"], data["z1"]
     top = z1 + r1 + gap
@@ -42,7 +42,7 @@ def draw(data):
 
 
 def arrow(axis, start, end, heads="-|>"):
-    """A thin arrow."""
+    """Draw a thin arrow."""
     how = {"arrowstyle": heads, "lw": 0.7, "color": "black", "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
     axis.annotate("", xy=end, xytext=start, arrowprops=how)
 

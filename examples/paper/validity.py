@@ -1,6 +1,6 @@
-"""Where event-driven simulation is valid
+"""Validity of event-driven simulation
 
-ε_eff/ε as maps: near 1 hard spheres say what soft ones do.
+Maps of ε_eff/ε. Near 1, hard spheres reproduce the outcome of soft spheres.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from setting import HARD_COLOUR, main, prefixed_arrays
 import granular as gr
 
 ERROR_LIMIT = 0.01
-"""Where ε_eff differs from ε by more than this share, the scene may not be event-driven."""
+"""Relative difference of ε_eff and ε above which hard spheres are not valid."""
 
 
 def compute(points):
@@ -23,7 +23,7 @@ def compute(points):
 
 
 def draw(data):
-    """Two maps of the ratio, with the line beyond which event-driven simulation is right to one per cent."""
+    """Draw two maps of the ratio, with a line where it differs from 1 by one per cent."""
     maps = [(data[f"{name}_eps_ratio"], ("gap", data[f"{name}_gap"]), (across, data[f"{name}_{across}"]))
             for name, across in (("gap", "restitution"), ("radii", "ratio"))]
     title = r"$\varepsilon_{\mathrm{eff}}/\varepsilon$"

@@ -1,6 +1,6 @@
 """Figure 7: the sequence of contacts of viscoelastic balls over ε
 
-As figure 3, with Hertz contacts that lose energy by their viscosity; both have this ε at 3 m/s.
+As figure 3, with viscoelastic Hertz contacts. Both contacts have this ε at 3 m/s.
 """
 
 from functools import partial
@@ -12,13 +12,16 @@ from setting import contacts, hertz_laws, main
 import granular as gr
 
 IMPACT_SPEED = 3.0
-"""Of both balls as the lower one meets the floor, in m/s."""
+"""Speed in m/s of both balls when the lower ball hits the floor."""
 LIGHT_SCENE = gr.scenes.three_balls((0.1, 0.0025), height=0.1).replace(velocity=[0.0, -IMPACT_SPEED, -IMPACT_SPEED])
-"""The lower ball meets the floor at t = 0."""
+"""Scene in which the lower ball hits the floor at t = 0."""
 
 
 def compute(points):
-    """Contacts over an ε that both pairs have at 3 m/s; γ/k then differs from pair to pair."""
+    """Contacts over an ε that both pairs have at 3 m/s.
+
+    γ/k then differs between the pairs.
+    """
     found = sequence.numerical_sequence(lambda eps: contacts(LIGHT_SCENE, laws(eps)), np.linspace(0.3, 1.0, points))
     return {"parameter": "restitution at 3 m/s", **found}
 
