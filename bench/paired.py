@@ -29,6 +29,8 @@ SCHEDULE_MODULES = ("granular.studies.sweeps.schedule", "granular.sweeps.schedul
 
 A tree without any of these modules cannot be timed.
 """
+SCHEDULE_LIMITS = (("LOADING_SECONDS", "LOADING"), ("COMPILING_SECONDS", "MAKING"))
+"""Names of the limits in these modules, by version."""
 Workload = Callable[[], Any]
 
 
@@ -65,9 +67,9 @@ def remove_sweep_limits() -> None:
     """Make sweeps solve many cells per compiled call, whatever has to be compiled."""
     name = next(name for name in SCHEDULE_MODULES if module_path(name).exists())
     schedule: Any = import_module(name)
-    for limit in ("LOADING", "MAKING"):
-        getattr(schedule, limit)  # AttributeError, so that limits are never removed in one tree only
-        setattr(schedule, limit, 0.0)
+    for names in SCHEDULE_LIMITS:
+        # `next` raises if a tree has no limit, so that limits are never removed in one tree only
+        setattr(schedule, next(name for name in names if hasattr(schedule, name)), 0.0)
 
 
 def call_workloads() -> dict[str, Workload]:

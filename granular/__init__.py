@@ -1,4 +1,4 @@
-"""One-dimensional collisions of balls as hard spheres and as soft spheres, and the comparison of both.
+"""One-dimensional collisions of balls as hard and as soft spheres, compared.
 
 Main line: `scene/`, `laws/`, `run/`, `_engine/`, `edmd/`, `md/`, `comparison/`.
 A first reader may skip: `app/`, `cases/`, `studies/`.

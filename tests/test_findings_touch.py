@@ -83,7 +83,7 @@ def test_rules_for_three_touching_balls():
     for ties in touching.TIE_RULES:
         expected = at_once if ties in ("newton", "poisson") else pytest.approx([0.0, 0.0, 1.0])
         assert touching.hard_speeds(ties) == expected
-    with pytest.raises(ValueError, match="must not be negative"):
+    with pytest.raises(ValueError, match="must be non-negative"):
         gr.edmd.simulate(touching.row(-touching.ROUNDING_OVERLAP), gr.ConstantRestitution(1.0))
 
 

@@ -157,8 +157,7 @@ def run_cell(cell: Cell, method: str, seconds: float, plain: bool = False) -> Re
         except OutOfTime:
             verdict, said = Verdict.limit, late
         except Exception as failure:
-            # messages about misuse are "x must be N, got V" or "x is V: N is needed"
-            misuse = type(failure) is ValueError and any(word in str(failure) for word in (" must ", " is "))
+            misuse = type(failure) is ValueError and str(failure).endswith(".")  # only our own messages are sentences
             verdict, said = (Verdict.flagged if misuse else Verdict.crashed), f"{type(failure).__name__}: {failure}"
             if time.process_time() - start >= seconds:  # a callback has turned `OutOfTime` into another error
                 verdict, said = Verdict.limit, late
