@@ -61,7 +61,7 @@ if __name__ == "__main__":
         axes[0].plot(equal, of_equal[:, column], color=colour)
         error = of_drawn[:, :, column].std(axis=1, ddof=1) / len(draws) ** 0.5
         axes[1].errorbar(apart, of_drawn[:, :, column].mean(axis=1), error, color=colour, fmt="o-", lw=2.0, ms=7)
-    for text, *place in (("soft spheres", 0.035, 0.8), ("TC model", 0.45, 1.01), ("hard spheres", 0.035, 0.03)):
+    for text, *place in (("soft spheres", 0.035, 0.6), ("TC model", 0.45, 1.01), ("hard spheres", 0.035, 0.03)):
         axes[0].text(*place, text, color=MODEL_COLOURS[text], weight="bold")
     axes[0].set(title="equal gaps s₀", ylabel="energy left, E / E₀", ylim=(0.0, 1.08))
     axes[1].set(title="gaps at random, mean s₀, 12 draws")

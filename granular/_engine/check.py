@@ -1,8 +1,7 @@
-"""Argument checks: each returns the clean value or raises one sentence; packages that only some tasks need, named where
-they are missing.
+"""Argument checks. Each returns the checked value, or raises an error.
 
-Every message has the form "`name` must be what is needed, got the value." and, if it helps, one sentence with the usual
-fix.
+Every message has the form "`name` must be N, got V." and, if it helps, one sentence with the usual fix. `optional`
+imports packages that only some tasks need.
 """
 
 from __future__ import annotations
@@ -27,7 +26,10 @@ Array = NDArray[np.float64]
 MAX_INTEGER = 2**63 - 1
 """The largest whole number that arrays hold."""
 MAX_REQUESTED_COUNT = 10_000_000
-"""What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
+"""Largest number of balls of a ready-made scene, or of samples of a run.
+
+With all results they take some GB.
+"""
 
 LISTED = 12
 """Names up to this number are listed in a message before the value that was given."""
@@ -36,7 +38,7 @@ EDITED_STATE = "The file was edited after it was saved."
 
 
 class ByNumbers:
-    """A dataclass of numbers and arrays whose objects are equal, and have the same hash, if all these are."""
+    """Dataclass of numbers and arrays, compared and hashed by their values."""
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
@@ -64,7 +66,10 @@ def number(
     finite: bool = True,
     fix: str = "",
 ) -> float:
-    """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``; nan never passes."""
+    """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``.
+
+    nan is always refused.
+    """
     if type(value) is float and above < value and at_least <= value <= at_most and math.isfinite(value):
         return value
     try:
@@ -96,8 +101,11 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = MAX_INTEGE
 def array(
     name: str, value: Any, shape: tuple[int, ...] | EllipsisType | None = None, *, fix: str = "", finite: str = ""
 ) -> Array:
-    """Return a read-only float64 copy of `value` with the given `shape` (any length if None, any at all if ``...``);
-    `finite` says what each entry must be, if all have to be finite."""
+    """Return a read-only float64 copy of `value` with the given `shape`.
+
+    The shape None means any length, and ``...`` any shape. If `finite` is given, all entries have to be finite, and it
+    describes an entry in the message.
+    """
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(misuse(name, value, "an array without a mask", fix or "Leave out the masked entries."))
     try:
@@ -117,8 +125,10 @@ def array(
 
 
 def rising(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> Array:
-    """Return numbers as an array if there are at least two, finite and each larger than the one before; `need` says
-    what each must be."""
+    """Return two or more finite, increasing numbers as an array.
+
+    `need` describes an entry in the message.
+    """
     out = array(name, value)
     if len(out) < 2:
         raise ValueError(must(name, "an array of at least 2 entries", f"{len(out)}"))
@@ -128,8 +138,11 @@ def rising(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> 
 
 
 def _worded(value: Any) -> Any:
-    """Return what is to be an array; raise `TypeError` for what numpy would convert or leave out without a word: words
-    (but "inf"), truth values and None among numbers, complex numbers and dates."""
+    """Return a value that can become an array, or raise `TypeError`.
+
+    It refuses values that numpy would convert silently: words (except "inf"), truth values and None among numbers,
+    complex numbers and dates.
+    """
     if isinstance(value, (list, tuple)) and {float, int}.issuperset(map(type, value)):
         return value
     given = np.asarray(value)
@@ -145,12 +158,12 @@ def _worded(value: Any) -> Any:
 
 
 def is_one(value: Any) -> bool:
-    """Whether a value is a single one, no list or array of values, which may be of any shape."""
+    """Whether a value is a single one, and not a list or array of values."""
     return (value if isinstance(value, np.ndarray) else np.asarray(value, dtype=object)).ndim == 0
 
 
 def among_numbers(value: Any) -> bool:
-    """Whether there are truth values in a list, which numpy takes for 0 and 1 beside numbers."""
+    """Whether a list contains truth values, which numpy converts to 0 and 1."""
     return isinstance(value, (list, tuple)) and not {bool, np.bool_}.isdisjoint(map(type, value))
 
 
@@ -158,7 +171,10 @@ def held(
     state: Mapping[str, Any], name: str, kind: str, shape: tuple[int, ...], least: float = -math.inf,
     most: float = math.inf, *, finite: bool = True, nan: bool = False,
 ) -> Any:
-    """Return an entry of a saved state if it is an array of `kind` (numpy's) and `shape`, entries within limits."""
+    """Return an entry of a saved state with the given `kind` (of numpy) and `shape`.
+
+    Its entries must be within the limits.
+    """
     value = np.asarray(state.get(name))
     if value.dtype.kind != kind or value.shape != shape:
         got = f"{value.dtype} of shape {value.shape}" if name in state else "nothing"
@@ -187,7 +203,10 @@ def of_kind(name: str, value: Any, kind: Any, need: str, fix: str = "") -> Any:
 
 
 def several(name: str, value: Any, need: str, least: int = 0) -> list[Any]:
-    """Return words or functions, or one of them, as a list; `need` is "X, or several", where each is X."""
+    """Return words or functions, or a single one, as a list.
+
+    `need` is "X, or several", where each entry is X.
+    """
     one = isinstance(value, str) or callable(value)
     entries = [value] if one else list(of_kind(name, value, Iterable, need))
     for entry in entries:
@@ -204,8 +223,10 @@ def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tu
 
 
 def typed(module: dict[str, Any], *kinds: type) -> None:
-    """Let all public functions of a module refuse arguments that are annotated by one of these kinds, as an `Array` or
-    a `Mapping`, and are none."""
+    """Let all public functions of a module check annotated arguments.
+
+    Arguments annotated as one of `kinds`, as an `Array` or as a `Mapping` must have this type.
+    """
     needed: dict[str, Any] = {kind.__name__: (kind, f"a granular.{kind.__name__}") for kind in kinds} | {
         "Array": (np.ndarray, "an array"), "Mapping": (Mapping, "a mapping")}
     for name, function in list(module.items()):
@@ -214,7 +235,10 @@ def typed(module: dict[str, Any], *kinds: type) -> None:
 
 
 def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Function:
-    """Return a function that checks its arguments annotated by these words; without any it is only a `face`."""
+    """Return a function that checks its annotated arguments.
+
+    Without such arguments the function is only a `face`.
+    """
     names = function.__code__.co_varnames
     places = [(names.index(name), name, *needed[word.partition("[")[0]])
               for name, word in function.__annotations__.items()
@@ -234,14 +258,14 @@ def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Functi
 
 
 def callback(name: str, value: Any, *given: str) -> Any:
-    """Return `value` if it is None, or can be called with arguments of these names, in this order."""
+    """Return `value` if it is None, or a function with arguments of these names."""
     if value is not None and not callable(value):
         raise TypeError(misuse(name, value, "a function or None"))
     return value if value is None else takes(name, value, *given)
 
 
 def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
-    """Return a function of a caller's if it takes arguments of these names, in this order; raise if it cannot."""
+    """Return a user's function if it has arguments of these names, in this order."""
     import inspect
 
     try:
@@ -263,7 +287,7 @@ def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
 
 
 def is_own(value: Any) -> bool:
-    """Return whether a law or rule is a caller's own: nothing of this package is to be looked at again."""
+    """Return whether a law or rule is user-defined."""
     cls = type(value)
     home = sys.modules.get(cls.__module__) if cls.__module__.startswith("granular.") else None
     return getattr(home, cls.__name__, None) is not cls
@@ -277,7 +301,7 @@ def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str
 
 
 def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, ...] | None = None) -> Array:
-    """Return positive, finite numbers as an array, at least one; `what` each of them is."""
+    """Return positive, finite numbers as a non-empty array. `what` names an entry."""
     out = array(name, value, shape, fix=fix)
     every(name, out, np.isfinite(out) & (out > 0.0), "positive and finite", fix)
     if not out.size:
@@ -303,9 +327,9 @@ def choice(name: str, value: Any, options: Sequence[str]) -> str:
 
 
 def known(given: Iterable[str], names: Collection[str], what: str, kind: type[Exception] = ValueError) -> None:
-    """Raise for the first of the names given that is none of `names`, with the nearest of them or with all.
+    """Raise an error for the first given name that is not in `names`.
 
-    `what` is "option of gas" or "command": the kind of thing, and whose it is, if that helps.
+    `what` is the kind of name, such as "option of gas" or "command". The message contains the nearest name, or all.
     """
     for name in given:
         if name not in names:
@@ -340,7 +364,7 @@ def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
 
 
 def misuse(name: str, value: Any, need: str, fix: str = "") -> str:
-    """The sentence for a `value` that is not what is needed: "`name` must be …, got …. One sentence with the fix."."""
+    """Return the message "`name` must be …, got …. One sentence with the fix."."""
     try:
         shown = " ".join(repr(value).split())
     except ValueError:  # a whole number of thousands of digits
@@ -356,19 +380,22 @@ def must(name: str, need: str, got: str, fix: str = "") -> str:
 
 
 def quoted(name: str) -> str:
-    """A name in backticks if it is an argument such as `gap[1]`; phrases and command-line options as they are."""
+    """Return a name in backticks if it is an argument, such as `gap[1]`.
+
+    Phrases and options of the command line are returned unchanged.
+    """
     return f"`{name}`" if re.fullmatch(r"[^\W\d]\w*(\[[^\]]*\]|\.\w+|\(\S+\))*", name) else name
 
 
 def optional(module: str, by: str) -> Any:
-    """Return a module of a package that need not be there, or raise `ImportError` that says how to install it.
+    """Return a module of an optional package, or raise `ImportError` with a hint.
 
     Parameters
     ----------
     module : str
-        Its name, such as "matplotlib.figure".
+        Name of the module, such as "matplotlib.figure".
     by : str
-        What needs it.
+        Feature that needs it.
     """
     package = module.split(".")[0]
     try:

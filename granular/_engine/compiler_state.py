@@ -1,4 +1,4 @@
-"""Tuples of arrays that compiled kernels receive by reference, and the state of the compiler in this process.
+"""State of the compiler in this process, and tuples passed by reference.
 
 Used by `granular._engine.kernels` and `granular._engine.numba_pipeline`.
 """
@@ -28,7 +28,10 @@ class ByReference:
     _plain: ClassVar[Callable[..., Any]]
     """The named tuple without this base class."""
     write_addresses: ClassVar[Callable[[Any, Any], None]]
-    """Function that writes the addresses of the arrays into a table. Set by `granular._engine.numba_pipeline`."""
+    """Function that writes the addresses of the arrays into a table.
+
+    It is set by `granular._engine.numba_pipeline`.
+    """
 
     @cached_property
     def room(self) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -39,7 +42,10 @@ class ByReference:
 
 
 def by_reference(fields: Any, room: Any) -> Any:
-    """Return a named tuple in the form that kernels take: compiled, a reference to its fields in the table `room`."""
+    """Return a named tuple in the form that kernels take.
+
+    In compiled code it is a reference to the fields, in the table `room`.
+    """
     return fields
 
 
@@ -49,7 +55,7 @@ class Mode:
     fast: bool | None = None
     """Whether kernels are compiled by the fast pipeline. None before numba is loaded."""
     on_switch: ClassVar[list[Callable[[], None]]] = []
-    """Functions to call when the process switches to the default pipeline. They clear caches."""
+    """Functions that clear caches, called at the switch to the default pipeline."""
 
 
 def numba_version() -> tuple[int, ...]:
@@ -70,7 +76,7 @@ def use_default_pipeline(reason: BaseException) -> None:
 
 
 def cache_on_disk(function: Any) -> Any:
-    """Let numba cache the machine code of a function on disk, if there is a writable folder."""
+    """Let numba cache the machine code of a function on disk, if it can write."""
     with suppress(RuntimeError):
         function.enable_caching()
     return function

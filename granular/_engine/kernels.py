@@ -40,27 +40,39 @@ DRIVEN: bool = False
 HEATED: bool = False
 """A wall is thermal: balls leave it with a random speed drawn at its temperature."""
 WORKED: bool = False
-"""A wall moves or is thermal, so that it exchanges energy with the balls and an energy balance is kept."""
+"""A wall exchanges energy with the balls, because it moves or is thermal.
+
+The run then records an energy balance.
+"""
 FORCED: bool = False
-"""`WORKED`, or constant forces act on balls: the balls do not all have the same acceleration."""
+"""`WORKED`, or constant forces: accelerations of the balls differ."""
 HUNG: bool = False
 """The balls are pendula."""
 RING: bool = False
 """The balls are on a ring: the last one touches the first one."""
 FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING"})
-"""Names of the flags. `fitted` accepts them for every kernel, also for one that does not read them."""
+"""Names of the flags. `fitted` accepts them for every kernel."""
 TESTED_NUMBA = ((0, 68),)
-"""Versions of numba (major, minor) that use the fast pipeline: all tests were run with them."""
+"""Versions of numba (major, minor) that use the fast pipeline.
+
+All tests were run with them.
+"""
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-"""numba's options of every kernel: 1/0 is inf, and the interpreter lock is released."""
+"""numba's options of every kernel: 1/0 is inf, and the interpreter lock is free."""
 FAST_OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True}
-"""Further options of the fast pipeline: arrays are not reference-counted (half of the time), no entry for C."""
+"""Further options of the fast pipeline.
+
+Arrays are not reference-counted, which halves the time, and there is no entry for C.
+"""
 on_making: list[Callable[[], object]] = []
-"""Function to call once before the first compilation, which takes several seconds. At most one entry."""
+"""Function to call before the first compilation. At most one entry."""
 
 
 def kernel(function: F) -> F:
-    """Mark a function as a kernel. It runs unchanged, and `compiled` compiles it with the kernels that call it."""
+    """Mark a function as a kernel, which `compiled` compiles with its callers.
+
+    The function itself is unchanged.
+    """
     function.__granular_kernel__ = True  # type: ignore[attr-defined]
     return function
 
@@ -69,7 +81,7 @@ kernel(by_reference)  # the fast pipeline replaces it
 
 
 def rare(function: F) -> F:
-    """Mark a kernel that is called too rarely to justify the compilation time of inlining it."""
+    """Mark a kernel that is called too rarely to be inlined."""
     function.__granular_rare__ = True  # type: ignore[attr-defined]
     return function
 
@@ -102,7 +114,9 @@ def specialised(function: F, **instead: Any) -> F:
 
 
 def fitted(function: F, **instead: Any) -> F:
-    """Return a copy of a kernel like `specialised`, or the kernel itself if it does not read any of the names.
+    """Return a copy of a kernel like `specialised`, or the kernel itself.
+
+    The kernel itself is returned if it does not read any of the names.
 
     Raises
     ------
@@ -141,7 +155,10 @@ def _specialised_copy(function: Any, instead: tuple[tuple[str, Any, str], ...]) 
 
 
 def have_numba() -> bool:
-    """Return whether numba (the extra ``fast``) is installed and enabled, without loading it."""
+    """Return whether numba (the extra ``fast``) is installed and enabled.
+
+    numba is not loaded.
+    """
     return not no_compiler()
 
 
@@ -164,7 +181,10 @@ def _is_installed(module: str) -> bool:
 
 
 def load_numba() -> Any:
-    """Return the module numba, and choose the pipeline. Raises `ImportError` with the reason if numba is unusable."""
+    """Return the module numba, and choose the pipeline.
+
+    Raises `ImportError` with the reason if numba is unusable.
+    """
     if why := no_compiler():
         raise ImportError(f"`engine` cannot be 'compiled': {why}.")
     import numba
@@ -181,14 +201,20 @@ def load_numba() -> Any:
 
 @cache
 def version() -> int:
-    """Return a number that changes with the source of the fast pipeline. Part of the names of cached machine code."""
+    """Return a number that changes with the source of the fast pipeline.
+
+    It is part of the names of cached machine code.
+    """
     text = __spec__.loader.get_data(str(Path(__file__).with_name("numba_pipeline.py")))  # type: ignore[union-attr]
     return crc32(text) or 1  # 0 would read like "unknown"
 
 
 @cache
 def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False) -> Any:
-    """Return the numba dispatcher of a kernel. `within` another kernel it is a `Part` in the fast pipeline."""
+    """Return the numba dispatcher of a kernel.
+
+    `within` another kernel it is a `Part` in the fast pipeline.
+    """
     numba, code = load_numba(), without_dead_branches(function)
     fast = bool(Mode.fast)
     called = {name: dispatcher(callee, inline, True)
@@ -216,12 +242,15 @@ def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False)
 
 
 def cache_key(function: Callable[..., Any], fast: bool) -> int:
-    """Return the number in the name of a kernel's machine code, compiled by the fast pipeline or the default one."""
+    """Return the number in the name of a kernel's machine code.
+
+    It differs for the fast pipeline and the default one.
+    """
     return crc32(repr((checksum(function), OPTIONS, FAST_OPTIONS, version(), fast)).encode())
 
 
 def _or_by_default(compile_for: Callable[..., Any], function: Callable[..., Any], inline: bool) -> Callable[..., Any]:
-    """Return a function that compiles a kernel for given arguments, by the default pipeline if the fast one fails.
+    """Return a function that compiles by the default pipeline if the fast one fails.
 
     numba calls it if a dispatcher has no machine code for the types of its arguments, and then calls its return value.
     """
@@ -283,13 +312,13 @@ def without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
 
 
 def _code_in(tree: ast.Module, code: types.CodeType) -> types.CodeType:
-    """Return the code object of the function in a syntax tree that has the name of `code`."""
+    """Return the code object in a syntax tree that has the name of `code`."""
     made = compile(tree, code.co_filename, "exec", dont_inherit=True).co_consts
     return next(one for one in made if isinstance(one, types.CodeType) and one.co_name == code.co_name)
 
 
 def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
-    """Return whether machine code of a kernel is loaded, so that its first compiled call costs nothing extra."""
+    """Return whether machine code of a kernel is loaded."""
     if "numba" not in sys.modules or not have_numba():
         return False
     return bool(dispatcher(function, inline).overloads)
@@ -311,7 +340,7 @@ def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
 
 
 def worth(function: Callable[..., Any], work: float, warm: float, cold: float, inline: bool = False) -> bool:
-    """Return whether `work` justifies loading or compiling the machine code of a kernel.
+    """Return whether `work` justifies loading or compiling a kernel.
 
     Parameters
     ----------
@@ -345,14 +374,17 @@ class Toll:
         self.function, self.warm, self.cold, self.since = function, warm, cold, process_time()
 
     def lap(self) -> float:
-        """Add the time since the last call to the time spent on the kernel, and return the total in s."""
+        """Add the time since the last call, and return the total in s."""
         now = process_time()
         total = self.spent[self.function] = self.spent.get(self.function, 0.0) + now - self.since
         self.since = now
         return total
 
     def due(self, ahead: float = 0.0) -> bool:
-        """Return whether to continue with machine code if at least `ahead` more seconds will be spent."""
+        """Return whether to continue with machine code.
+
+        `ahead` is a lower bound of the remaining time in s.
+        """
         return in_memory(self.function) or worth(self.function, self.lap() + ahead, self.warm, self.cold)
 
 
@@ -363,7 +395,7 @@ def interpreted(function: F) -> F:
 
 @cache
 def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[..., Any]:
-    """Return the compiled version of a kernel, in which the kernels that it calls are compiled as well.
+    """Return the compiled version of a kernel and of all kernels that it calls.
 
     numba caches the machine code on disk beside the source, under a name that changes with the code of the kernel, of
     all kernels that it calls, and of the compiler pipeline. A kernel cannot create arrays.
@@ -399,19 +431,22 @@ def _is_kernel(value: Any) -> bool:
 
 @cache
 def _globals_read(code: types.CodeType) -> tuple[str, ...]:
-    """Return the distinct names of the globals that a code object reads (0.5 ms without the cache)."""
+    """Return the distinct names of the globals that a code object reads.
+
+    This takes 0.5 ms without the cache.
+    """
     return tuple(dict.fromkeys(i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"))
 
 
 @cache
 def _read_below(function: Callable[..., Any]) -> frozenset[str]:
-    """Return the names of the globals that a kernel and all kernels that it calls read."""
+    """Return the names of all globals that a kernel and its callees read."""
     return frozenset(_globals_read(function.__code__)).union(*map(_read_below, _callees(function).values()))
 
 
 @cache
 def checksum(function: Callable[..., Any]) -> int:
-    """Return a checksum of the code of a kernel, of the constants that it reads, and of all kernels that it calls."""
+    """Return a checksum of a kernel, of the constants it reads, and of its callees."""
     code, scope = function.__code__, function.__globals__
     constants = [x for x in code.co_consts if x != function.__doc__ and not isinstance(x, types.CodeType)]
     values = [scope.get(name) for name in _globals_read(code)]

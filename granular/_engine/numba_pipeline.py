@@ -38,11 +38,14 @@ UNUSED_PASSES = {
     "AnnotateTypes", "FindLiterallyCalls", "InlineClosureLikes", "InlineInlinables", "InlineOverloads",
     "LiteralPropagationSubPipelinePass", "LiteralUnroll", "MakeFunctionToJitFunction", "NopythonRewrites",
     "RewriteDynamicRaises", "WithLifting"}
-"""Compiler passes for constructs that no kernel contains: closures, ``with``, unrolled tuples, array expressions."""
+"""Compiler passes for constructs that kernels do not contain.
+
+They are closures, ``with``, unrolled tuples and array expressions.
+"""
 
 
 class Part(JITCodeLibrary):  # type: ignore[misc]
-    """Machine code of a kernel that only kernels call. It is never optimised or loaded separately."""
+    """Machine code of a kernel that only kernels call. It is only linked."""
 
     def finalize(self) -> None:
         """Leave the code as it is, to be linked."""
@@ -54,7 +57,7 @@ class Part(JITCodeLibrary):  # type: ignore[misc]
 
     @property
     def codegen(self) -> Part:
-        """Receiver of the environment for exceptions. Kernels do not raise, so that the part itself ignores it."""
+        """Receiver of the environment for exceptions, which kernels do not raise."""
         return self
 
     def set_env(self, name: str, env: Any) -> None:
@@ -65,7 +68,7 @@ class Whole(JITCodeLibrary):  # type: ignore[misc]
     """Machine code of a kernel that Python calls, with the code of all parts below it."""
 
     def add_linking_library(self, library: Any) -> None:
-        """Link a library. A part links nothing itself, so that the libraries below it are linked here, too."""
+        """Link a library, and the libraries below it that a part does not link."""
         if library not in self._linking_libraries:
             super().add_linking_library(library)
             for below in library._linking_libraries if isinstance(library, Part) else ():
@@ -74,7 +77,7 @@ class Whole(JITCodeLibrary):  # type: ignore[misc]
 
 @cache
 def remembering(context: Any) -> Any:
-    """Return a typing context that shares everything with `context` and caches the types of functions.
+    """Return a typing context like `context` that caches the types of functions.
 
     numba tries 14 templates for each ``pairs[c]``, a fifth of the compilation time. A kernel is compiled once for all
     literal arguments, and for exactly these types: numba would warn about records whose first fields are equal.
@@ -121,7 +124,10 @@ class WholeCompiler(PartCompiler):
 
 
 class Reference(types.Type):
-    """numba type of a pointer to a table of addresses of arrays, for fields of given names and types."""
+    """numba type of a pointer to a table of addresses of arrays.
+
+    It is defined by the names and types of the fields.
+    """
 
     def __init__(self, names: tuple[str, ...], fields: tuple[Any, ...]) -> None:
         self.names, self.fields = names, fields

@@ -11,9 +11,10 @@ NAME = "granular-collisions"
 """Name for pip. The package index has another `granular` with the same folder."""
 VERSION = "0.2.0"
 CROSS_ROOM_LOADERS: dict[str, Callable[[], Any]] = {}
-"""Loaders of functions that a room uses without importing them. Filled by `granular/__init__.py`.
+"""Loaders of functions that a room uses without an import.
 
-`contact_durations` loads `granular.md.isolation.Durations` for hard runs with the option `watch`.
+They are set by `granular/__init__.py`. `contact_durations` loads `granular.md.isolation.Durations` for hard runs with
+the option `watch`.
 """
 EXTRAS = {"fast": "numba", "plot": "matplotlib", "sweep": "xarray netCDF4 pandas"}
 """Optional packages, by the extra that installs them."""

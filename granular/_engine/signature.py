@@ -56,7 +56,10 @@ def parameters(function: Callable[..., Any]) -> set[str]:
 
 
 def nearest(word: Any, options: Iterable[str]) -> str:
-    """Return the option closest to `word` above a similarity of 0.6, or an empty string."""
+    """Return the option closest to `word`, or an empty string.
+
+    Its similarity must be above 0.6.
+    """
     from difflib import get_close_matches
 
     near = get_close_matches(str(word), list(options), n=1)

@@ -176,5 +176,5 @@ def engine_named(engine: str) -> Callable[..., Trajectory]:
 
 
 def keyword_options(run: Callable[..., Any]) -> set[str]:
-    """Return the keyword options of a function such as `simulate`, without `CASE_ARGUMENTS`."""
+    """Return the keyword options of a function, without `CASE_ARGUMENTS`."""
     return {p.name for p in parameters_of(run) if p.kind is p.KEYWORD_ONLY} - CASE_ARGUMENTS

@@ -283,7 +283,7 @@ def _judged(report: Checked, j: int) -> Reason:
 
 
 def _yes(report: Checked, trivially: list[str]) -> Reason:
-    """Return the reason for "yes". The error must be at most `ERROR_LIMIT`, and not nan."""
+    """Return the reason for "yes" if the error is at most `ERROR_LIMIT`."""
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= ERROR_LIMIT:
         return Reason(Answer.undecided, ": no contact has come to its end")

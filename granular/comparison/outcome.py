@@ -353,9 +353,10 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
 
 
 def without_rounding(run: Trajectory, fastest: Array) -> Trajectory:
-    """Remove contacts weaker than `MIN_CONTACT_STRENGTH` times `fastest` (n-1,) in m/s from a run.
+    """Remove contacts of a run that are at rounding level.
 
-    Balls that an engine leaves with a relative speed of 1e-16 m/s would meet again after about 1e12 s.
+    They are weaker than `MIN_CONTACT_STRENGTH` times `fastest` (n-1,) in m/s. Balls that an engine leaves with a
+    relative speed of 1e-16 m/s would meet again after about 1e12 s.
     """
     kept = strengths(run) > MIN_CONTACT_STRENGTH * fastest[run.contacts["pair"]]
     return run if kept.all() else replace(run, contacts=run.contacts[kept])

@@ -308,10 +308,11 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
 
 @kernel
 def cut(bodies: Records) -> None:
-    """Limit the noise of all bodies to `MAX_RELATIVE_NOISE` times the largest squared velocity.
+    """Limit the noise of all bodies relative to their velocities.
 
-    Rounding errors of relative velocities decrease as the velocities do. The noise, which neighbouring balls have in
-    common, does not decrease. Without the limit, slow balls would pass through each other.
+    The limit is `MAX_RELATIVE_NOISE` times the largest squared velocity. Rounding errors of relative velocities
+    decrease as the velocities do. The noise, which neighbouring balls have in common, does not decrease. Without the
+    limit, slow balls would pass through each other.
     """
     fastest = 0.0
     for i in range(len(bodies)):

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from granular.edmd.watch import Watch
 
 TAIL_DIVISOR = 8
-"""Part of a run, as 1/`TAIL_DIVISOR`, whose pace at `max_events` shows a slowing down."""
+"""Divisor of the last part of a run whose pace at `max_events` is compared."""
 REPORT_EVENTS = 4096
 """Number of events between two calls that hand over rows and report progress."""
 FIRST_CHUNK_EVENTS = 8
@@ -193,7 +193,7 @@ class Run:
         self.halvings += 1
 
     def _comes_to_rest(self, verdict: collapse.Verdict) -> bool:
-        """Whether all balls are at rest after a verdict, so that a run with `t_end` continues."""
+        """Whether a verdict leaves all balls at rest, so that the run continues."""
         self.ended = self.time()
         self.at_rest = verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
         return self.at_rest

@@ -28,21 +28,24 @@ class Pair:
         A ball of radius R against a wall therefore has r_eff = R.
     index : int
         Number of the pair, counted from the bottom (left).
-    name : str
-        Name of the pair in messages, such as "1–2" or "floor–1". By default from its number.
+    label : str
+        Name of the pair in messages if its numbers are not its name, such as "floor–1". Empty by default.
     """
 
     m_eff: float
     r_eff: float
     index: int
-    name: str = field(default="", repr=False, compare=False)
+    label: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if not self.name:
-            object.__setattr__(self, "name", f"{self.index}–{self.index + 1}")
         if not (type(self.m_eff) is type(self.r_eff) is float and 0.0 < self.m_eff < math.inf and self.r_eff >= 0.0):
             number("m_eff", self.m_eff, above=0.0)
             number("r_eff", self.r_eff, at_least=0.0, finite=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the pair in messages, such as "1–2" or "floor–1"."""
+        return self.label or f"{self.index}–{self.index + 1}"
 
 
 class Pairs(Sequence[Pair]):
@@ -98,17 +101,24 @@ class Pairs(Sequence[Pair]):
         if isinstance(c, slice):
             return tuple(self[i] for i in range(*c.indices(len(self))))
         i = range(len(self))[c]
-        return Pair(self.m_eff.item(i), self.r_eff.item(i), self.start + i, self.name(self.start + i))
+        return Pair(self.m_eff.item(i), self.r_eff.item(i), self.start + i, self._label(self.start + i))
 
     def __iter__(self) -> Iterator[Pair]:
         numbers = range(self.start, self.start + len(self))
-        return map(Pair, self.m_eff.tolist(), self.r_eff.tolist(), numbers, map(self.name, numbers))
+        labels = [self._label(numbers[0]), *[""] * (len(self) - 2), self._label(numbers[-1])]
+        return map(Pair, self.m_eff.tolist(), self.r_eff.tolist(), numbers, labels)
 
     def name(self, index: int) -> str:
         """Return the name of a pair from its number, such as "1–2" or "floor–1"."""
-        below, above = self.ends
-        lower = below if below and index == self.start else index
-        return f"{lower}–{above if above and index == self.start + len(self) - 1 else index + 1}"
+        return self._label(index) or f"{index}–{index + 1}"
+
+    def _label(self, index: int) -> str:
+        """Name of a pair with an end whose name is not its number, or an empty string."""
+        first, last = index == self.start, index == self.start + len(self) - 1
+        if not (first or last):
+            return ""
+        (below, above), lower, upper = self.ends, str(index), str(index + 1)
+        return f"{below * first or lower}–{above * last or upper}" if below * first or above * last else ""
 
     def __eq__(self, other: object) -> bool:
         return tuple(self) == tuple(other) if isinstance(other, (Pairs, tuple)) else NotImplemented
@@ -128,5 +138,8 @@ def checked_pair(pair: Any) -> Pair:
 
 
 def body_name(scene: Any, body: int) -> str:
-    """Return the name of a body in messages: its number, "floor" or "ceiling", or "wall" without gravity."""
+    """Return the name of a body in messages: its number, or the kind of wall.
+
+    A wall is "floor" or "ceiling", or "wall" without gravity.
+    """
     return str(body) if not scene.is_wall[body] else "wall" if not scene.gravity else "ceiling" if body else "floor"

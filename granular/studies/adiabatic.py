@@ -55,9 +55,9 @@ class AdiabaticSolution:
         Onset and end in s of every contact of the two balls that begins before the second floor contact. The end is
         inf for a contact that lasts forever, and nan if the work limit was reached during it.
     floor_end, floor_again : float
-        End of the first floor contact and onset of the second in s; inf for never, nan beyond the work limit.
+        End of the first floor contact and onset of the second in s, inf for never, nan beyond the work limit.
     t_f : float
-        End of the last of `contacts` in s; nan without contacts.
+        End of the last of `contacts` in s, nan without contacts.
     v1, v2 : float
         Velocities of the lower and the upper ball at `t_f` in m/s, upwards positive.
     ongoing : bool

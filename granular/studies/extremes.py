@@ -91,7 +91,7 @@ class Tried:
     scene : str
         Change of the scene, such as "gap × 0.001", or "as given".
     method, dt : str, float
-        Method, and its time step in s; nan if the method chose it.
+        Method, and its time step in s, nan if the method chose it.
     error : float
         Largest error of velocities at the end of each pair's last contact, in units of the impact speed. nan if a pair
         has no contact that ended. For "located" its own estimate, with rounding.
@@ -155,7 +155,7 @@ class Stability(Report):
                                   for scene in dict.fromkeys(row.scene for row in self.rows))]
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw the table with right digits as shades; return the figure, or save it."""
+        """Draw the table with right digits as shades. Return the figure, or save it."""
         (_, *methods), *lines = self.table()
         ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
         figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
@@ -216,7 +216,7 @@ def stability(
         The scene, as in `granular.sweep`.
     axes : str or sequence of str
         Extremes, one after the other: "stiffness" (k × 1e2 … 1e8, γ such that impacts keep their restitution: k^½ of a
-        dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇; pairs compressed at the start are compressed by the same
+        dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇. Pairs compressed at the start are compressed by the same
         forces), "gap" (between balls that are apart, × 1e-3, 1e-6, 0), "damping" (γ or α × 0, 0.1, 10, 100), "mass"
         (of every second ball, × 1e-3, 1e3, 1e6).
     methods : str or sequence of str

@@ -45,12 +45,12 @@ class Row:
     method : str
         Name of the method.
     setting : float
-        Value that controls its accuracy; nan without one.
+        Value that controls its accuracy, nan without one.
     velocity_error : float
         Largest error of the velocities of both bodies at the end of each pair's last contact, in units of the impact
-        speed; nan if a pair has no contact that ended.
+        speed, nan if a pair has no contact that ended.
     time_error : float
-        Largest error of onset or end of a contact, in units of the longest contact; nan if contact counts differ.
+        Largest error of onset or end of a contact, in units of the longest contact, nan if contact counts differ.
     wrong_count : bool
         Whether a pair has a wrong number of contacts.
     rounding : bool
@@ -186,7 +186,7 @@ class Frontier(Report):
         }
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw errors over run time; return the figure, or save it to `path`."""
+        """Draw errors over run time. Return the figure, or save it to `path`."""
         figure, ((left, right),) = canvas(7.1, 4.4, 1, 2, sharex=True, sharey=True)
         _errors(left, self, "velocity_error", "impact speed")
         left.set_title("velocities after the last contacts", fontsize=8.5)

@@ -89,7 +89,7 @@ def frontier(
     Raises
     ------
     TypeError, ValueError
-        For misuse; for a scene in which no contact ends; and for one that comes to rest, without `t_end`.
+        For misuse, for a scene in which no contact ends, and for one that comes to rest, without `t_end`.
 
     Notes
     -----
@@ -181,9 +181,9 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
 
 
 def rounding_level(task: Task) -> float:
-    """Return the change of velocities in impact speeds for inputs changed by one digit.
+    """Return the change of velocities if inputs change by one digit.
 
-    Gaps and velocities change by one unit in the last digit.
+    It is in impact speeds. Gaps and velocities change by one unit in the last digit.
     """
     plain, *moved = (contacts_of(md.simulate(scene, task.laws, until=task.until, t_end=task.t_end))
                      for scene in _nudged(task.scene))

@@ -47,7 +47,7 @@ RESTING_OVERLAP_SHARE = 1e-13
 
 
 class Problem(NamedTuple):
-    """Checked inputs of a reference solution; times in s."""
+    """Checked inputs of a reference solution. Times in s."""
 
     scene: Scene
     laws: SceneLaws
@@ -59,7 +59,9 @@ class Problem(NamedTuple):
 def solve(
     scene: Scene, law: Any, *, until: stop.Until | None = None, t_end: float | None = None, t_start: float = 0.0,
 ) -> Reference:
-    """Solve a scene of soft spheres independently of the engines, and estimate the error of the solution.
+    """Solve a scene of soft spheres independently of the engines.
+
+    The error of the solution is estimated.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ def solve(
 
 
 def checked_problem(scene: Scene, law: Any, until: stop.Until | None, t_end: float | None, t_start: float) -> Problem:
-    """Check the inputs of a reference solution and fit the walls' paths to its duration."""
+    """Check the inputs of a reference solution, and fit the paths of walls."""
     start = check.number("t_start", t_start)
     stop.without_levels(stop.checked(until, a_scene(scene)), "the reference")
     end = None if t_end is None else check.number("t_end", t_end, at_least=start)
@@ -110,7 +112,9 @@ def solve_with(
     scene: Scene, laws: SceneLaws, until: stop.Until | None, t_end: float | None, method: str, rtol: float,
     most: int = 2_000_000, t_start: float = 0.0,
 ) -> tuple[Reference, int]:
-    """Solve a scene with a method of `scipy.integrate.solve_ivp`; return it and the number of evaluations.
+    """Solve a scene with a method of `scipy.integrate.solve_ivp`.
+
+    Returns the solution and the number of evaluations.
 
     Raises
     ------
@@ -323,7 +327,10 @@ class Restarted(Newton):
         return float(watch.sign * (self.read(self.zero + t, y, watch.pair, watch.quantity) - watch.level))
 
     def take_note(self, c: int, what: str) -> None:
-        """Record an event of pair c: zero overlap, and largest overlap for laws with memory."""
+        """Record an event of pair c: its zero overlap, or its largest overlap.
+
+        The largest overlap matters for laws with memory.
+        """
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0
             self.y[c] = -self.now(c, "overlap")  # what a driven wall has added

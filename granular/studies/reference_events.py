@@ -16,7 +16,7 @@ from granular.run import until as stop
 from granular.studies.reference_walls import Heat, Number
 
 OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
-"""Modes: no overlap; force; overlap with the force clipped to zero; touching at rest."""
+"""Modes: no overlap, force, force clipped to zero, touching at rest."""
 CLOSED_MODES = (ACTIVE, RESIDUAL)
 
 
@@ -104,7 +104,7 @@ class Logbook:
         self.until, self.rows, self.running = until, list[ReferenceContact](), dict[int, int]()
 
     def begin(self, pair: int, t: Any, v: tuple[Any, Any]) -> bool:
-        """Record a contact; return whether the stop condition ends the run before it."""
+        """Record a contact. Return whether the stop condition ends the run before it."""
         nth = 1 + sum(row.pair == pair for row in self.rows)
         if isinstance(self.until, stop.Contact) and (self.until.pair, self.until.nth) == (pair, nth):
             return True
@@ -128,9 +128,9 @@ class Logbook:
 
 
 def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
-    """Return the first x ≥ 0 at which p_0 + p_1 x + p_2 x² rises through zero, or None.
+    """Return the first x ≥ 0 at which a parabola rises through zero, or None.
 
-    `mp` is an mpmath context, or `math` for floats.
+    The parabola is p_0 + p_1 x + p_2 x². `mp` is an mpmath context, or `math` for floats.
     """
     c, b, a = p
     if c == 0 and b < 0:  # the root at 0 has been dealt with
@@ -145,7 +145,10 @@ def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
 
 
 def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:
-    """Whether a force reaches each pair through touching neighbours, or gravity presses it."""
+    """Whether a force reaches each pair through touching neighbours.
+
+    Gravity that presses the pair together also counts.
+    """
     reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
     n = len(modes)
     for way in (1, -1):
@@ -156,9 +159,10 @@ def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> lis
 
 
 def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[float, float]:
-    """Return the largest differences of velocities and of contact times of two solutions.
+    """Return the largest differences of velocities and contact times.
 
-    The velocities are compared after contacts and at an end time, in the units of `Reference`. inf if contacts differ.
+    The velocities of two solutions are compared after contacts and at an end time, in the units of `Reference`. inf if
+    the contacts differ.
     """
     if len({tuple((row.pair, row.t_end is None) for row in each.contacts) for each in (one, other)}) > 1:
         return math.inf, math.inf
@@ -292,7 +296,7 @@ class Run:
         return pressed and self.hit(c)
 
     def step(self) -> str:
-        """Advance to the next event, or by one step; return the reason of an end, or ""."""
+        """Advance to the next event, or by one step. Return the reason of an end, or ""."""
         motion = self.motion
         self.rouse()
         watches = [watch for c in self.pairs for watch in self.watches(c)]
@@ -347,7 +351,7 @@ class Run:
         return event
 
     def act(self, c: int, what: str) -> bool:
-        """Apply an event to pair c; return whether it ends the run before it acts."""
+        """Apply an event to pair c. Return whether it ends the run before it acts."""
         motion = self.motion
         if c in motion.heat and what != "part":
             return self.hit(c)
@@ -363,7 +367,7 @@ class Run:
         return False
 
     def hit(self, c: int) -> bool:
-        """Let the ball of pair c hit its thermal wall; return whether this ends the run."""
+        """Let the ball of pair c hit its thermal wall. Return whether this ends the run."""
         motion = self.motion
         self.since.pop(c, None)
         motion.mode[c] = OPEN

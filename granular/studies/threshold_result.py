@@ -43,7 +43,7 @@ class Value:
     verdict : str
         "holds", "fails", or "undecided" if a run did not end.
     measure : float
-        Quantity that decides: the error in units of the fastest impact; or the time in s up to which every contact was
+        Quantity that decides: the error in units of the fastest impact, or the time in s up to which every contact was
         isolated, nan for the whole run.
     why : str
         Reason of the verdict.
@@ -83,7 +83,7 @@ def isolated(case: Case, limit: float) -> tuple[str, float, str]:
     run = case.simulate("md", disturbed="stop", log=False)
     time, pair = run.first_disturbed
     if pair >= 0:
-        return FAILS, time, f"the first disturbed: {isolation.first_disturbed(run)}"
+        return FAILS, time, f"first disturbed: {isolation.first_disturbed(run)}"
     if run.status in EARLY_STATUSES:
         return UNDECIDED, math.nan, f"{run.status.name}: {run.message}"
     cut = run.status is Status.time and run.force is not None and run.force[-1].any()

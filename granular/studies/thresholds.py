@@ -61,7 +61,7 @@ def threshold(
         Hard spheres are valid if every contact of the soft run is isolated up to the stop condition, or if the error of
         a comparison is at most `error`.
     error : float
-        Largest error, in units of the fastest impact, for the second criterion; see `granular.Comparison.error`.
+        Largest error, in units of the fastest impact, for the second criterion, see `granular.Comparison.error`.
     within : float
         Width to which every crossing is bisected, relative to its value.
     points : int
@@ -88,7 +88,7 @@ def threshold(
     ------
     TypeError, ValueError
         For misuse: an unknown parameter or criterion, ends that are not in order or missing for a parameter other than
-        a gap; or if every value is refused.
+        a gap, or if every value is refused.
 
     Examples
     --------

@@ -75,7 +75,7 @@ class Verdict:
         "right": to every digit written, or within the tolerance; "ill-conditioned": within the effect of rounded
         inputs.
     off : float
-        |theirs - ours| / |ours|; nan if missing.
+        |theirs - ours| / |ours|, nan if missing.
     """
 
     answer: Answer

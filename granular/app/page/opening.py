@@ -75,7 +75,7 @@ class Language(Setting):
 
 
 class Kind(Setting):
-    """A ball by its name in `granular.balls`. `slider` is 1 for the lower ball, else 2."""
+    """A ball by its name in `granular.balls`. `slider` is 1 for the lower ball or 2."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return the entries of a link for a ball."""

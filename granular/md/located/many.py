@@ -183,7 +183,10 @@ def _solved(s: System, end: Array, engine: str) -> Many:
 
 
 def _kinds(law: Array, m_eff: Array) -> Any:
-    """Return laws (…, 4) of pairs with effective masses as records of `LAW_KIND_RECORD`."""
+    """Return laws (…, 4) of pairs as records of `LAW_KIND_RECORD`.
+
+    The pairs have the given effective masses.
+    """
     kinds = np.zeros(np.broadcast_shapes(law.shape[:-1], m_eff.shape), LAW_KIND_RECORD)
     for i, name in enumerate(("k", "p", "gamma", "d")):
         kinds[name] = law[..., i]

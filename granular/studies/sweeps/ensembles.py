@@ -55,7 +55,7 @@ class Quantity:
     name, units : str
         Name and unit.
     hard, soft : (n,) arrays
-        Values by draw; nan if a run did not end properly, or has no value.
+        Values by draw, nan if a run did not end properly, or has no value.
     means, spreads, errors : (2,) arrays
         Mean, standard deviation and standard error of the mean, of hard and of soft spheres.
     difference, error : float
@@ -66,7 +66,7 @@ class Quantity:
     margin : float
         Means that differ by at most this are equivalent.
     draws, lacking : int
-        Number of compared draws, of the engine with fewer; and of draws for which only one of the engines has a value.
+        Number of compared draws, of the engine with fewer, and of draws for which only one of the engines has a value.
     answer : Answer
         yes: the interval is within the margin, and no draw is lacking. no: it is beyond. Otherwise undecided.
     """
@@ -103,7 +103,7 @@ class Ensemble(Report):
     quantities : tuple of Quantity
         Every result, by pair or body if it has several values.
     refused : str
-        Reason of the first refused draw; empty if none was refused.
+        Reason of the first refused draw, empty if none was refused.
     """
 
     title: str
@@ -156,7 +156,7 @@ class Ensemble(Report):
                 "answer": self.answer.name, "verdict": self.verdict}
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw the cumulative distributions; return the figure, or save it to `path`."""
+        """Draw the cumulative distributions. Return the figure, or save it to `path`."""
         figure, axes = canvas(3.4, 1.0 + 1.6 * len(self.quantities), len(self.quantities))
         for axis, q in zip(axes[:, 0], self.quantities, strict=True):
             for values, colour, name in ((q.hard, HARD_COLOUR, "hard"), (q.soft, SOFT_COLOUR, "soft")):
@@ -193,7 +193,7 @@ def ensemble(
         Number of draws, at least 2. The first draws of a larger ensemble are those of a smaller one.
     vary : mapping, or str
         Parameters by the names of `granular.sweep`, and their distributions: (mean, standard deviation) of a normal
-        distribution; a function of a `numpy.random.Generator`; or None for a parameter that is a seed, such as the one
+        distribution, a function of a `numpy.random.Generator`, or None for a parameter that is a seed, such as the one
         of a gas: an integer from 0 to 2³¹ - 1. A single name means the name of a seed.
     results : names, or functions of a run that return a number
         Results to compare: contacts, v_rel, t_f, v_final, time, energy_left as in `granular.sweep`, of all pairs or
@@ -218,7 +218,7 @@ def ensemble(
     Raises
     ------
     TypeError, ValueError
-        For an unknown parameter, result or distribution; if all draws are refused.
+        For an unknown parameter, result or distribution, or if all draws are refused.
 
     Notes
     ----- With d the mean difference, s its standard error and q the quantile of Student's t at 1 - 0.025/m of m

@@ -57,20 +57,20 @@ def sweep(
     Parameters
     ----------
     scene : str, path, callable, Case or Scene
-        Name of a ready-made case; a TOML file; a function of the parameters that returns a `granular.Case` (importable
-        for other processes); a case itself; or a scene, with `law`, `rule`, `until`, `t_end` as further parameters.
+        Name of a ready-made case, a TOML file, a function of the parameters that returns a `granular.Case` (importable
+        for other processes), a case itself, or a scene, with `law`, `rule`, `until`, `t_end` as further parameters.
     over : mapping, or text
         Values of the parameters to vary: ``{"gap": [1e-5, 1e-4]}``, or texts such as ``"gap=1e-7:1e-2:300:log"``.
         ``radii[0]`` is one entry of a list of values. Parameters of a file are the numbers in its tables, of a case
         the numbers of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``,
         ``t_end``; ``gap`` of all pairs of balls, ``restitution`` of all laws (at constant stiffness) and of the rule.
     results : names, or functions of the case that return a number
-        Results of every cell in addition to its `status`; see `granular.studies.sweeps.results.RESULTS`.
+        Results of every cell in addition to its `status`, see `granular.studies.sweeps.results.RESULTS`.
     run : mapping, optional
         Options of ``simulate``, such as ``{"engine": "plain"}``. Without them, and for laws that are powers of the
         overlap, cells run compiled in one call per batch.
     refine : str, optional
-        Parameter along which jumps of the contact counts are bisected; needs the result "contacts". The jumps are
+        Parameter along which jumps of the contact counts are bisected. Needs the result "contacts". The jumps are
         `edge`, `edge_contacts` along the dimension "jump". Windows narrower than the spacing of the grid can be missed.
     precision : float
         Relative width to which jumps are bisected.
@@ -104,7 +104,7 @@ def sweep(
     Raises
     ------
     TypeError, ValueError
-        For an unknown parameter or result; for a sweep in which all cells are refused.
+        For an unknown parameter or result, and for a sweep in which all cells are refused.
 
     Examples
     --------

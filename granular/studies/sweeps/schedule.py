@@ -174,7 +174,7 @@ def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
 def each_done(
     executor: Executor | None, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]],
 ) -> Iterator[tuple[int, Any]]:
-    """Call `function` for each task, here or on an executor; yield place and result.
+    """Call `function` for each task, here or on an executor. Yield place and result.
 
     Results of an executor are yielded as soon as they are available. On an exception the remaining calls are cancelled.
     """
@@ -216,7 +216,7 @@ def _follow(parent: Any) -> None:
 
 
 def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
-    """Solve a few cells and yield them; return the other cells and the time per cell."""
+    """Solve a few cells and yield them. Return the other cells and the time per cell."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT_CELLS, len(cells))).astype(np.int64))
     spent = 0.0
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
@@ -316,7 +316,7 @@ def _point(columns: Sequence[Values], i: int) -> tuple[Any, ...]:
 
 
 def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given: Any) -> Any:
-    """Return a start or law, created once; None if it is refused."""
+    """Return a start or law, created once. None if it is refused."""
     if key not in memory:
         try:
             memory[key] = make(*given)
@@ -333,7 +333,7 @@ def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:
-    """Return (k, p, γ, d) of every pair, and ε_spec; None for other laws."""
+    """Return (k, p, γ, d) of every pair, and ε_spec. None for other laws."""
     scene = start.case.scene
     laws = per_pair("law", plan.laws(start.case, point), scene.n_pairs)
     forms = [resolve(law, pair).form for law, pair in zip(laws, scene.pairs, strict=True)]

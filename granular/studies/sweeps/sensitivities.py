@@ -31,7 +31,7 @@ from granular.studies.sweeps.subject import SceneLike, numbers_in, shared
 MAX_DERIVATIVE_ERROR = 1e-8
 """Largest given error of a derivative, as a share of the total sensitivity."""
 ZERO_PARAMETERS, JOINED_FIELDS = ("gap", "velocity"), ("breaks", "coefficients")
-"""Fields that are parameters even if 0; fields of a path that fit together."""
+"""Fields that are parameters even if 0, and fields of a path that fit together."""
 FIRST_STEP_EXPONENT, LAST_STEP_EXPONENT = 7, 26
 """Steps are 2^-7 of the parameter, or of its unit, at first, and at least 2^-26."""
 NEGLIGIBLE_ERROR = 1e-10
@@ -76,7 +76,7 @@ def sensitivity(
         Outcomes: results of `granular.sweep` that are not integers; ``"v_rel"`` of all pairs, ``"v_rel[1]"`` of one.
     over : names of parameters, optional
         As in `granular.sweep`. Defaults to every number of the scene, and of its laws or rule if the outcomes need
-        them. Among parameters that are 0, only gaps and velocities are included; numbers of a `Piecewise` wall path are
+        them. Among parameters that are 0, only gaps and velocities are included. Numbers of a `Piecewise` wall path are
         not included, because they must fit together.
     uncertainty : float or mapping, optional
         Standard uncertainties of independent parameters, in their units or relative:
