@@ -196,7 +196,7 @@ def test_strings_pull_small_swings_back() -> None:
 def test_a_run_of_other_masses_is_of_another_scene() -> None:
     law = gr.LinearDashpot(1.0)
     runs = {m: gr.compare(gr.Scene([m, m], [1e-3] * 2, [1e-3], [1.0, 0.0]), law) for m in (1e-9, 9e-9)}
-    with pytest.raises(ValueError, match="of another scene: its mass"):
+    with pytest.raises(ValueError, match="of the same scene: its mass"):
         runs[1e-9].against(runs[9e-9].soft)
 
 

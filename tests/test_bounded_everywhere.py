@@ -56,8 +56,8 @@ def test_a_recording_holds_the_whole_run(name, options, engine, granular, tmp_pa
 
 
 @pytest.mark.parametrize(("line", "sentence"), [
-    ("run ring-gas --gravity 1", "'--gravity' is no option of granular run ring-gas"),
-    ("run heated-gas --lower=-1", "`lower` must be a finite number above 0, got -1.0. K_B T in J"),
+    ("run ring-gas --gravity 1", "unknown option --gravity"),
+    ("run heated-gas --lower=-1", "`lower` must be a finite number above 0, got -1.0. It is k_B T in J"),
     ("run pendulum-cradle --moving 7", "`moving` must be an integer from 1 to 4, got 7"),
 ])
 def test_bad_input_is_a_sentence(line, sentence, granular):
@@ -69,7 +69,7 @@ def test_bad_input_is_a_sentence(line, sentence, granular):
 def test_a_run_without_an_end_is_refused():
     for name, options in CASES:
         case = gr.cases.make(name, **options)
-        with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run on a ring does not end by "
+        with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run .* does not end by "
                                              r"itself\. Give t_end=, until= or max_events=\."):
             gr.md.simulate(case.scene, case.law)
         assert math.isfinite(gr.cases.make(name).t_end)

@@ -99,4 +99,4 @@ def test_who_watches_is_told_once_that_machine_code_is_made(monkeypatch):
         kernels.compiled(first_up_crossing)
         assert bool(said.getvalue()) is not known
         kernels.compiled.cache_clear()
-    assert said.getvalue().count("compiling, once") == 1
+    assert said.getvalue().count("compiling once") == 1

@@ -74,7 +74,7 @@ def test_the_rise_of_a_stack_is_told_as_that_of_two_balls():
     report = gr.compare(case.scene, case.law, case.rule, until=case.until)
     assert report.drop == pytest.approx(1.0)
     for text in (str(report), report.details()):
-        assert "rise of ball 3, drops          21.7955         1.12327  of 1 m\n" in text
+        assert "rise of ball 3, drops              21.7955         1.12327  of 1 m\n" in text
     assert math.isnan(gr.compare(gr.scenes.ball_stack(6), gr.LinearDashpot(1e7), until=gr.until.contact(0, 1)).drop)
 
 

@@ -313,7 +313,7 @@ MISUSE = [
              "1]"), r"`external_force` must be an array of shape \(3,\), got an array of shape \(2,\)"),
     (lambda: cases.dumps(gr.Case(scene(floor=Motion(lambda t: t)), LAW)),
         "`function` must be importable by its name to be written to TOML, got <function "
-        r"<lambda>\.<locals>\.<lambda> at 0x7f31dc8c0c20>\. Put it into a module\."),
+        r"<lambda>\.<locals>\.<lambda> at 0x\w+>\. Put it into a module\."),
     (lambda: gr.scenes.vibrated_column(gamma=-1.0), "`gamma` must be a finite number of at least 0, got -1.0."),
     (lambda: gr.scenes.vibrated_column(gravity=0.0), r"`gravity` must be a finite number above 0.*, got 0.0"),
     (lambda: gr.scenes.bouncing_ball(plate=3.0),

@@ -68,7 +68,7 @@ def test_a_state_at_rest_in_which_balls_move_is_refused():
     scene, *_ = pressed("gravity", np.random.default_rng(3))
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.6), t_end=0.01)
     changed = dict(run.state) | {"collapse_time": np.array(0.005), "collapse_pair": np.array(0)}
-    with pytest.raises(ValueError, match="collapse_time in the state of trajectory is given, but balls move"):
+    with pytest.raises(ValueError, match="has a collapse_time although balls move"):
         gr.edmd.resume(replace(run, state=changed), t_end=1.0)
 
 

@@ -147,7 +147,7 @@ def test_what_cannot_be_resumed_says_why() -> None:
         edmd.resume(run)
     import dataclasses
 
-    with pytest.raises(ValueError, match="trajectory is no hard-sphere run"):
+    with pytest.raises(ValueError, match="`trajectory` must be a run of hard spheres"):
         edmd.resume(dataclasses.replace(run, rule=None))
     part = edmd.simulate(scene, ConstantRestitution(0.5), t_end=1.0)
     with pytest.raises(ValueError, match=r"`t_end` must be a finite number of at least 1, got 0.5"):

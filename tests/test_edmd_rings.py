@@ -182,9 +182,9 @@ def test_haffs_law_on_the_ring_it_is_stated_for():
 @pytest.mark.parametrize(
     ("changes", "options", "words"),
     [
-        ({"external_force": [1.0, 0.0, 0.0]}, {}, "hard spheres on a ring take no external_force"),
-        ({"gap": [0.0, 0.0, 0.0]}, {}, "on a ring there must be room"),
-        ({}, {"t_end": None}, "on a ring a run never comes to an end"),
+        ({"external_force": [1.0, 0.0, 0.0]}, {}, "`external_force` must be None for hard spheres on a ring"),
+        ({"gap": [0.0, 0.0, 0.0]}, {}, "`gap` must have a positive entry on a ring"),
+        ({}, {"t_end": None}, "A run on a ring does not end by itself"),
     ],
 )
 def test_what_hard_spheres_cannot_do_on_a_ring_is_a_sentence(changes, options, words):

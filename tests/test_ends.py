@@ -142,7 +142,7 @@ def test_a_process_of_a_sweep_that_dies_is_one_sentence(tmp_path):
     process = started(tmp_path, "-c", SLOW.replace("time.sleep(1e4)", "os.kill(os.getpid(), 9)"), *MAP)
     _, said = left_nothing(process)
     assert process.returncode == cli.EXIT_MISUSE
-    assert said.startswith("granular: a process of the sweep was ended from outside")
+    assert said.startswith("granular: A process of the sweep was killed")
     assert said.count("\n") == 1
     assert os.listdir(tmp_path) == ["map.nc"]
 

@@ -135,8 +135,7 @@ def test_draws_without_a_value_of_one_engine_allow_no_yes():
     assert found.answer is undecided
     assert found.quantities[1].draws + missing.sum() == 12
     assert f"{missing.sum()} draws lack a value of one engine" in found.verdict
-    assert str(found).splitlines()[-1].startswith("refused: `gap[1]` must be at least minus the sum of both radii, "
-                                                  "got -")
+    assert str(found).splitlines()[-1].startswith("refused: `gap[1]` must be non-negative, got -")
 
 
 def test_runs_that_stop_early_have_no_value():

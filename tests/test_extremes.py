@@ -84,7 +84,10 @@ def test_error_of_a_step_is_that_against_the_closed_form(report):
 
 
 def test_what_changes_nothing_is_not_tried(report):
-    assert all("nothing" in report.left_out[f"gap × {factor:g}"] for factor in EXTREME_AXES["gap"][1])
+    assert all(
+        "Neither the scene nor its laws change" in report.left_out[f"gap × {factor:g}"]
+        for factor in EXTREME_AXES["gap"][1]
+    )
     assert not report.of("located", "gap × 0")
 
 
@@ -96,7 +99,7 @@ def test_verdicts(monkeypatch):
 
     assert verdicts() == ["flagged", "wrong", "wrong", "right"]
     assert verdicts(rounding_level=lambda task: 2e-3) == ["undecided"] * 4
-    assert verdicts(MOST=5) == ["flagged"] * 4
+    assert verdicts(MAX_STEPS=5) == ["flagged"] * 4
 
 
 def test_refusals_are_flags_and_scenes_that_cannot_be_are_left_out(monkeypatch):
@@ -120,7 +123,7 @@ def test_table_and_words_count_every_run(report):
     wrong = sum(row.verdict == "wrong" for row in report.rows)
     assert signs.count("✗") == wrong
     assert f"wrong without a word: {wrong} of {len(report.rows)} runs" in str(report)
-    assert "not tried: gap × 0.001, gap × 1e-06, gap × 0: nothing" in str(report)
+    assert "not tried: gap × 0.001, gap × 1e-06, gap × 0: Neither the scene nor its laws change." in str(report)
 
 
 def test_figure_holds_the_table(report, tmp_path):
@@ -141,13 +144,13 @@ def test_json_has_every_run(report, tmp_path):
 
 
 def test_misuse_is_one_sentence():
-    with pytest.raises(ValueError, match=r"axes is 'stiffnes'.*did you mean stiffness\?"):
+    with pytest.raises(ValueError, match=r"`axes` must be .*, got 'stiffnes'\. Did you mean 'stiffness'\?"):
         gr.stability(ONE, axes="stiffnes")
-    with pytest.raises(ValueError, match=r"methods is 'verlett'.*did you mean verlet\?"):
+    with pytest.raises(ValueError, match=r"`methods` must be .*, got 'verlett'\. Did you mean 'verlet'\?"):
         gr.stability(ONE, methods="verlett")
-    with pytest.raises(ValueError, match="error is 0"):
+    with pytest.raises(ValueError, match=r"`error` must be .*, got 0"):
         gr.stability(ONE, error=0)
-    with pytest.raises(ValueError, match="no contact ends"):
+    with pytest.raises(ValueError, match="`scene` must have a contact that ends"):
         gr.stability(gr.Scene([1, 1], [0.1] * 2, [0.1], np.zeros(2)).replace(), t_end=1.0, law=gr.Hertz(1e5))
 
 
@@ -159,4 +162,4 @@ def test_the_command(granular):
         assert json.load(file)["title"] == "three-balls"
     code, _, err = granular("stability three-balls --axes foo")
     assert code == 2
-    assert "axes is 'foo'" in err
+    assert "got 'foo'" in err

@@ -230,7 +230,7 @@ def test_rest_without_an_end_is_refused():
 
 def test_command_names_its_mistakes(capsys):
     assert cli.main(["frontier"]) == 2
-    assert "frontier needs a scene" in capsys.readouterr().err
+    assert "frontier requires a scene" in capsys.readouterr().err
     assert cli.main(["frontier", "three-balls", "--methods", "euler"]) == 2
     assert "one of located" in capsys.readouterr().err
     assert cli.main(["frontier", "three-balls", "--help"]) == 0

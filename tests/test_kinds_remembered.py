@@ -44,7 +44,7 @@ def test_zeros_of_both_signs_and_laws_with_a_trait_of_their_own_are_told_apart()
     odd = gr.LinearDashpot(5e6, 0.0)
     object.__setattr__(odd, "linear", lambda pair: (6e6, 0.0))
     of_laws.checked(gr.LinearDashpot(5e6, 0.0), scene)
-    with pytest.raises(ValueError, match="trait says"):
+    with pytest.raises(ValueError, match="by the trait"):
         of_laws.checked(odd, scene)
 
 

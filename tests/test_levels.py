@@ -156,7 +156,7 @@ def test_fixed_steps_stop_at_the_step_or_within_a_flight(method):
 def test_what_cannot_be_watched_is_refused():
     scene, law = gr.scenes.three_balls(), gr.LinearDashpot(k=1e6)
     row = gr.md.simulate(gr.scenes.newtons_cradle(n=4), gr.Hertz(1e9), until=until.contact(2))
-    assert "granular.until.force(2, above=...) tells when a push arrives" in row.message
+    assert "to stop when a push arrives use granular.until.force(2, above=...)" in row.message
     with pytest.raises(ValueError, match="`until` must not be a force for hard spheres, whose collisions are "
                                          r"instantaneous, got Force\(pair=0, above=1\.0\)\. Use until\.speed or "
                                          r"until\.contact, or soft spheres \(granular\.md\)\."):
@@ -164,15 +164,17 @@ def test_what_cannot_be_watched_is_refused():
     with pytest.raises(ValueError, match=r"`ball` of until\.speed must be a ball, 1 to 2 in this scene, got 0, "
                                          r"which is a wall\."):
         gr.md.simulate(scene, law, until=until.speed(0, above=1.0))
-    with pytest.raises(ValueError, match=r"`ball` of until.position must be .* bodies are numbered from 0.*, got 3"):
+    with pytest.raises(ValueError, match=r"`ball` of until.position must be .* got 3\. The lowest body is 0"):
         gr.md.simulate(scene, law, until=until.position(3, above=1.0))
-    with pytest.raises(ValueError, match=r"`pair` of until.force must be .* pairs are numbered from 0.*, got 2"):
+    with pytest.raises(ValueError, match=r"`pair` of until.force must be .*, got 2"):
         gr.md.simulate(scene, law, until=until.force(2, above=1.0))
-    with pytest.raises(ValueError, match=r"above is -1"):
+    with pytest.raises(ValueError, match=r"`above` must be a finite number of at least 0, got -1"):
         until.speed(1, above=-1.0)
-    with pytest.raises(TypeError, match=r"`above` must be one of them, got None and below is None"):
+    with pytest.raises(
+        TypeError, match=r"One of `above` and `below` must be given, a position in m, got None and None"
+    ):
         until.position(1)
-    with pytest.raises(ValueError, match=r"frontier knows until.contact and until.separated only; give t_end"):
+    with pytest.raises(ValueError, match=r"`until` must be until\.contact or until\.separated for frontier"):
         gr.frontier(scene, law, until=until.speed(1, above=1.0))
 
 

@@ -87,7 +87,7 @@ def test_solve_many_leaves_balls_that_come_to_rest_to_simulate() -> None:
 def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that bounces through the octaves of speed, each with a table; single runs make room, to the same bits."""
     monkeypatch.setattr(sys.modules["granular.md.located.one_contact.tables"], "CONTACTS_BEFORE_TABLE", 1)
-    monkeypatch.setattr(sys.modules["granular.md.located.system"], "TABLES", 2)
+    monkeypatch.setattr(sys.modules["granular.md.located.system"], "INITIAL_TABLES", 2)
     ball, k = Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 0.0], 9.81), 1e9
     ends, gamma = [0.4, 0.78], 0.8 * k**0.6
     scenes = Scenes(ball.mass, [ball.gap] * 2, ball.velocity, [[k, 1.5, gamma, 0.5]], 9.81)
@@ -108,7 +108,7 @@ def test_a_pool_that_grows_leaves_no_trace(scene: Scene, engine: str, monkeypatc
     """Room for one pair in an island, or for all of them from the start: the same bits."""
     runs = []
     for room in (1, scene.n):
-        monkeypatch.setattr(sys.modules["granular.md.located.system"], "ROOM", room)
+        monkeypatch.setattr(sys.modules["granular.md.located.system"], "EXTRA_PLACES", room)
         runs.append(run(scene, (Hertz(1e6),) * (scene.n - 1), t_end=0.5, max_steps=250, engine=engine))
     for name in ("position", "velocity", "gap", "force", "contacts"):
         assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes(), name

@@ -130,7 +130,10 @@ def test_mistakes_are_told_and_nothing_is_written_over(tmp_path, capsys) -> None
     run = RUNS["hard"](log=tmp_path / "run.npy")
     with pytest.raises(ValueError, match=r"`size` must be an integer of at least 1, got 0\."):
         run.contact_batches(0)
-    for bad, sentence in ((b"nothing", "that is no log of contacts"), (None, "have no names pair and t_begin")):
+    for bad, sentence in (
+        (b"nothing", "`log` must be a log of contacts"),
+        (None, "Its columns pair and t_begin are missing"),
+    ):
         (tmp_path / "run.npy").write_bytes(bad) if bad else np.save(tmp_path / "run.npy", np.zeros(3))
         with pytest.raises(ValueError, match=sentence):
             run.contact_batches()
@@ -141,4 +144,4 @@ def test_mistakes_are_told_and_nothing_is_written_over(tmp_path, capsys) -> None
     capsys.readouterr()
     assert len(np.load(tmp_path / "c.npy")) == 2
     assert main(["run", "three-balls", "--log", str(tmp_path / "c.npy")]) == 2
-    assert "it is there already" in capsys.readouterr().err
+    assert "`log` must be a new file" in capsys.readouterr().err

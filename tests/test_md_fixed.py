@@ -116,7 +116,7 @@ def test_a_law_without_a_number_says_so_where_it_is_deepest():
     """Infinite interpreted as compiled: no error, no shorter step to take."""
     run = verlet(pair_scene(), Steep(1e4), dt=1e-4, engine="plain")
     assert run.status is gr.Status.unstable
-    assert run.message.endswith("beyond all numbers: a law's force jumps, or is no number.")
+    assert run.message.endswith("beyond the range of numbers; the force of a law jumps or is not finite.")
 
 
 

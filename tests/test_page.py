@@ -52,7 +52,7 @@ console.log(JSON.stringify(Object.fromEntries(Object.entries(SETUPS).map(([scene
 def test_what_can_be_set_are_the_sliders_of_the_page() -> None:
     node = shutil.which("node")
     if node is None:
-        pytest.skip("`node` must be the limits of the page's sliders are not compared here.*, got not installed")
+        pytest.skip("node is not installed: the limits of the page's sliders are not compared here")
     script = LIMITS.replace("SETUPS\")", f'{(Path(opening.__file__).parent / "physics/setups.mjs").as_uri()}")')
     told = subprocess.run([node, "--input-type=module", "-e", script], capture_output=True, text=True, check=True)
     sliders = json.loads(told.stdout)
@@ -139,8 +139,7 @@ def test_text_cannot_break_out_of_the_page(tmp_path) -> None:
 def test_numerics_by_node(third) -> None:
     node = shutil.which("node")
     if node is None:
-        pytest.skip("`node` must be the page's numerics are not checked against the golden data here.*, got not "
-                    "installed")
+        pytest.skip("node is not installed: the page's numerics are not checked against the golden data here")
     balls = {name: astuple(ball) for name, ball in gr.balls.BALLS.items()}
     run = subprocess.run([node, "--test", *HERE.glob("*.test.mjs")], capture_output=True, text=True, check=False,
                          env=os.environ | {"THIRD": str(third), "BALLS": json.dumps(balls)})

@@ -30,7 +30,7 @@ console.log(JSON.stringify(found.filter(([, faults]) => faults.length)));
 def test_the_page_answers_as_the_library_does(count, monkeypatch, tmp_path) -> None:
     node = shutil.which("node")
     if node is None:
-        pytest.skip("`node` must be the answers of the page are not compared here.*, got not installed")
+        pytest.skip("node is not installed: the answers of the page are not compared here")
     monkeypatch.syspath_prepend(HERE)
     from make_golden import REAL, SLIDERS, case, settings
 
@@ -66,7 +66,7 @@ def test_real_balls_rise_as_the_library_says_at_either_bounce(count) -> None:
     """The film of the page ends at these heights: tests/page/film.test.mjs."""
     node = shutil.which("node")
     if node is None:
-        pytest.skip("`node` must be the rises of the page are not compared here.*, got not installed")
+        pytest.skip("node is not installed: the rises of the page are not compared here")
     pairs = list(product(gr.balls.BALLS.values(), repeat=2))[:: 121 // count][:count]
     told = os.environ | {"PAIRS": json.dumps([[astuple(ball) for ball in pair] for pair in pairs])}
     script = RISES.replace("PHYSICS", (Path(granular.app.page.__file__).parent / "physics").as_uri())
@@ -98,7 +98,7 @@ def test_balls_that_come_to_rest_sink_and_rise_as_the_library_says(count, monkey
     """Soft enough to sink by about 1 % of a radius, and so lossy that hard ones collapse."""
     node = shutil.which("node")
     if node is None:
-        pytest.skip("`node` must be the page's balls at rest are not compared here.*, got not installed")
+        pytest.skip("node is not installed: the page's balls at rest are not compared here")
     monkeypatch.syspath_prepend(HERE)
     from make_golden import balls_of, compared, scene_of, settings
 

@@ -103,7 +103,7 @@ def test_contacts_that_went_to_a_file_are_in_the_table(capsys, tmp_path, monkeyp
     assert table[2] == table[3]
     code, said = told(capsys, "run", "three-balls", "--log", "l.npy", "--save", "z.csv")
     assert code != 0
-    assert "leave out one of the two" in said.err
+    assert "Leave out one of the two" in said.err
     assert not (tmp_path / "l.npy").exists()
     monkeypatch.setattr("granular.app.cli.one_scene.MAX_CONTACTS_READ", 2)
     assert f"contacts are in {tmp_path / 'm.npy'}" in told(capsys, "run", "three-balls", "--log", "m.npy")[1].out

@@ -167,10 +167,14 @@ def answer_of(report):
     """Return the answer, its kind, and the numbers it tells: pair, soft and hard contacts, or how many contacts."""
     sentence, answer = report.verdict, report.answer.name
     kind = next((kind for part, kind in KINDS if part in sentence), answer)
-    said = re.search(r"pair (\d+) has (\d+) contacts?, not (\d+)|part after (\d+) contact", sentence)
+    said = re.search(r"pair (floor|\d+)–\w+ has (\d+) contacts?, not (\d+)|part after (\d+) contact", sentence)
     if kind == "forever" and report.hard.stats["verdict"] == "proved":  # of which pairs: the page has no proofs
         said = None
-    return {"answer": answer, "kind": kind, "said": said and [int(number) for number in said.groups() if number]}
+    return {
+        "answer": answer,
+        "kind": kind,
+        "said": said and [int(number.replace("floor", "0")) for number in said.groups() if number],
+    }
 
 
 KINDS = (
