@@ -114,7 +114,7 @@ class Pairs(Sequence[Pair]):
 
     def _label(self, index: int) -> str:
         """Name of a pair with an end whose name is not its number, or an empty string."""
-        first, last = index == self.start, index == self.start + len(self) - 1
+        first, last = bool(index == self.start), bool(index == self.start + len(self) - 1)
         if not (first or last):
             return ""
         (below, above), lower, upper = self.ends, str(index), str(index + 1)
