@@ -102,8 +102,8 @@ def frontier(
     >>> scene = gr.scenes.three_balls(gap=1e-3)
     >>> law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     >>> found = gr.frontier(scene, law, until=gr.until.contact(pair=0, nth=2), methods=["located", "verlet"])
-    >>> 1.8 < found.order("verlet") < 2.2
-    True
+    >>> found.fastest(1e-9).method
+    'located'
     """
     laws = checked(law, a_scene(scene)).given
     stop.without_levels(stop.checked(until, scene), "frontier")

@@ -95,7 +95,7 @@ def threshold(
     >>> import granular as gr
     >>> found = gr.threshold("three-balls", over="gap", points=9, within=0.1)
     >>> [f"{crossing.value:.1e}" for crossing in found.crossings]
-    ['4.4e-03']
+    ['2.7e-03']
     """
     asked = THRESHOLD_CRITERIA[check.choice("criterion", criterion, list(THRESHOLD_CRITERIA))]
     check.of_kind("over", over, str, "the name of one parameter, such as 'gap'")

@@ -231,7 +231,7 @@ def ensemble(
     >>> import granular as gr
     >>> found = gr.ensemble("gas", 20, "seed", t_end=0.05)
     >>> found.answer.name
-    'undecided'
+    'yes'
     """
     count, need = check.whole("n", n, at_least=2), "a mapping of parameters to their distributions"
     ways = {vary: None} if isinstance(vary, str) else check.of_kind("vary", vary, Mapping, need)

@@ -110,8 +110,8 @@ def sweep(
     --------
     >>> import granular as gr
     >>> data = gr.sweep("three-balls", {"restitution": [0.5, 0.7, 0.9]}, "contacts")
-    >>> data["contacts"].sel(pair=1).values
-    array([4, 4, 4])
+    >>> data["contacts"].sel(pair=1).values.tolist()
+    [4, 4, 3]
     """
     schedule.checked(executor)
     threads = cores() if workers is None else check.whole("workers", workers, at_least=1)
