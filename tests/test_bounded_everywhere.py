@@ -67,9 +67,10 @@ def test_bad_input_is_a_sentence(line, sentence, granular):
 
 
 def test_a_run_without_an_end_is_refused():
+    kinds = {"ring-gas": "on a ring", "heated-gas": "with a thermal wall", "pendulum-cradle": "of pendula"}
     for name, options in CASES:
         case = gr.cases.make(name, **options)
-        with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run .* does not end by "
+        with pytest.raises(ValueError, match=rf"`t_end` must be given, got None\. A run {kinds[name]} does not end by "
                                              r"itself\. Give t_end=, until= or max_events=\."):
             gr.md.simulate(case.scene, case.law)
         assert math.isfinite(gr.cases.make(name).t_end)

@@ -168,7 +168,8 @@ def test_stops_limits_and_soft_event_driven():
         stop = gr.md.simulate(rolled(close, by), law, t_end=2.0, disturbed="stop")
         assert stop.status is gr.Status.disturbed
         assert stop.first_disturbed[1] == -by % 3
-        assert isolation.first_disturbed(stop).startswith("pairs ")
+        assert isolation.first_disturbed(stop).startswith(
+            f"pairs {stop.scene.pairs.name(-by % 3)} and {stop.scene.pairs.name((1 - by) % 3)} at t = ")
     with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run on a ring does not end by "
                                          r"itself\. Give t_end=, until= or max_events=\."):
         gr.md.simulate(scene, law)

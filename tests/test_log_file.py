@@ -144,4 +144,4 @@ def test_mistakes_are_told_and_nothing_is_written_over(tmp_path, capsys) -> None
     capsys.readouterr()
     assert len(np.load(tmp_path / "c.npy")) == 2
     assert main(["run", "three-balls", "--log", str(tmp_path / "c.npy")]) == 2
-    assert "`log` must be a new file" in capsys.readouterr().err
+    assert "c.npy'. Give another name, or remove the file." in capsys.readouterr().err
