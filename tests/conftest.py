@@ -61,6 +61,14 @@ def pytest_collection_modifyitems(config, items):
                     item.add_marker("soak")
 
 
+@pytest.fixture(autouse=True, scope="session")
+def wide_terminal():
+    """Commands print their lines whole; test_cli_width narrows the terminal."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "400")
+        yield
+
+
 def pytest_collection_finish():
     gc.freeze()  # thousands of tests live on: to look at them again and again took a thirtieth of the time
 

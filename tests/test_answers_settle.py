@@ -46,7 +46,7 @@ def test_a_force_presses_as_weight_does() -> None:
               gr.Scene([1.0, 1.0], [0.05, 0.05], [0.1], [0.0, 0.0], external_force=[9.81, -9.81])]
     found = [gr.compare(scene, law) for scene in scenes]
     assert [one.answer for one in found] == [gr.Answer.no] * 3
-    assert "under what presses them" in found[1].verdict
+    assert "under the applied forces" in found[1].verdict
 
 
 class Dent:

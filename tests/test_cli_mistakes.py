@@ -45,7 +45,7 @@ def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch)
     ("run three-bals", "`scene` must be a known name, got 'three-bals'. Did you mean 'three-balls'?"),
     ("scenes gaz", "`scene` must be a known name, got 'gaz'. Did you mean 'gas'?"),
     ("run gas --packng 0.2", "unknown option --packng; did you mean --packing?"),
-    ("run gas -x", "unknown option -x; available: --"),
+    ("run gas -x", "unknown option -x; see --help."),
     ("run gas 7", "unexpected argument '7'; see granular run gas --help"),
     ("run gas -7", "unexpected argument '-7'; see granular run gas --help"),
     ("run gas --n 2.5", "argument --n: must be an integer, got '2.5'; see granular run gas --help"),

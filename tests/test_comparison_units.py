@@ -53,8 +53,8 @@ def test_a_contact_faster_than_sound_in_solids_is_warned_of():
     report = gr.compare(scene, gr.Hertz.from_material(206e9, 0.3, scene.pairs[0]), t_end=0.1)
     (line,) = (line for line in str(report).splitlines() if line.startswith("warning: "))
     assert line in report.details()
-    assert line == ("warning: waves in the contact of pair 0–1 (and of 1 more) run at 5.3e+04 m/s, faster than sound "
-                    "in any solid: is its stiffness in SI units?")
+    assert line == ("warning: waves in the contact of pair 0–1 (and of 1 more) travel at 5.3e+04 m/s, faster than "
+                    "sound in any solid: is its stiffness in SI units?")
     points = gr.compare(scene.replace(radius=[0.0] * 3), gr.LinearDashpot(1e12), t_end=0.1)
     assert warnings(points) == []
     still = gr.compare(scene.replace(velocity=[0.0] * 3), gr.LinearDashpot(1e12), t_end=0.1)
@@ -76,9 +76,9 @@ def test_attraction_that_is_clipped_is_reported():
     scene, seen = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.1, 0.1], [1.0, 0.0, 0.0]), []
     for pull in (0.0, 5.0, 50.0):
         report = gr.compare(scene, [gr.LinearDashpot(1e6, 10.0), Sticky(1e6, pull)], t_end=1.0)
-        seen.append([line for line in warnings(report) if "attraction" in line])
+        seen.append([line for line in warnings(report) if "attract" in line])
     assert [len(lines) for lines in seen] == [0, 1, 1]
-    assert seen[2][0].startswith("the law of pair 1–2 pulls at an overlap of ")
+    assert seen[2][0].startswith("the law of pair 1–2 attracts at an overlap of ")
     for law in (gr.LinearDashpot(1e6, 500.0), gr.WaltonBraun.from_restitution(0.6, 1e6), gr.Hertz(1e9),
                 gr.TsujiHertz.from_restitution(0.3, 1e8), gr.ViscoelasticHertz(1e8, 1e4)):
         assert not warnings(gr.compare(scene, law, t_end=1.0))

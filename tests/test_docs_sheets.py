@@ -145,7 +145,7 @@ def test_the_numbers_of_the_lesson_are_those_of_the_engines():
 
     near, said = rises("tennis ball", 1e-3)
     assert f"1. {said}. " in text
-    pushed = re.search(r"pressed from above\s+= (0\.\d+)", near.details())
+    pushed = re.search(r"load on ball 1\s+= (0\.\d+)", near.details())
     assert f"4. {100.0 * float(pushed[1]):.0f} %" in text
     far, touching = rises("tennis ball", 0.02)[0].rises()[1], rises("tennis ball", 0.0)[0].rises()[1]
     assert f"{far:.3g} drop heights instead of {touching:.3g}" in text

@@ -93,7 +93,7 @@ def test_the_report_has_an_account_that_is_closed(steady):
     said = steady.details()
     assert "work of the floor" in said
     assert "ceiling" not in said
-    assert "beside a driven wall timing is outcome" in said
+    assert "so timing matters at a driven wall" in said
     for run in (steady.hard, steady.soft):
         parts = measures.balance(run)
         assert abs(parts["remainder"]) <= 1e-12 * parts["dissipated"]
@@ -124,7 +124,7 @@ def test_at_a_driven_wall_a_lag_is_no_matter_of_timing():
     scene = orbit(6.0, 0.8, 0.5)
     report = gr.compare(scene, dashpot(scene, 0.8, 20.0), t_end=0.5)
     assert report.answer is gr.Answer.no
-    assert report.verdict.endswith("; at a driven wall timing is outcome.")
+    assert report.verdict.endswith("; at a driven wall, timing affects the outcome.")
     with pytest.raises(ValueError, match=r"`observable` must be given for this scene, got None\. At a driven wall, "
                                          "a speed depends on the phase, which the duration of soft contacts "
                                          r"shifts\. Give a function of the run, such as a mean height\."):

@@ -199,17 +199,17 @@ REFUSED = {
     "point": (TWO.replace(radius=[0.0, 0.1]), SPRING, {},
         r"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got a ball of radius 0\."),
     "memory": (TWO, gr.WaltonBraun(1e5, 2e5), {},
-        r"The law of pair 0–1 must be known to LAMMPS, got WaltonBraun\(k_load=100000\.0, k_unload=200000\.0\)\. Use "
-        r"k ξ \+ γ ξ̇, or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+        r"The law of pair 0–1 must exist in LAMMPS, got WaltonBraun\(k_load=100000\.0, k_unload=200000\.0\)\. Use "
+        r"F = k ξ \+ γ ξ̇, or F = k ξ\^\(3/2\) \+ D with D = 0, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇ \(α < √5\)\."),
     "end": (TWO, gr.MatchedEnd(1.0, 1e5), {},
-        r"The law of pair 0–1 must be known to LAMMPS, got MatchedEnd\(load=1\.0, stiffness=100000\.0\)\. Use k ξ \+ "
-        r"γ ξ̇, or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+        r"The law of pair 0–1 must exist in LAMMPS, got MatchedEnd\(load=1\.0, stiffness=100000\.0\)\. Use F = k ξ \+ "
+        r"γ ξ̇, or F = k ξ\^\(3/2\) \+ D with D = 0, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇ \(α < √5\)\."),
     "power": (TWO, gr.PowerLaw(1e5, 2.0), {},
-        r"The law of pair 0–1 must be known to LAMMPS, got PowerLaw\(k=100000\.0, exponent=2\.0\)\. Use k ξ \+ γ ξ̇, "
-        r"or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+        r"The law of pair 0–1 must exist in LAMMPS, got PowerLaw\(k=100000\.0, exponent=2\.0\)\. Use F = k ξ \+ γ ξ̇, "
+        r"or F = k ξ\^\(3/2\) \+ D with D = 0, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇ \(α < √5\)\."),
     "never parts": (TWO, gr.TsujiHertz(1e5, 2.5), {},
-        r"The law of pair 0–1 must be known to LAMMPS, got TsujiHertz\(k=100000\.0, alpha=2\.5\)\. Use k ξ \+ γ ξ̇, "
-        r"or k ξ\^\(3/2\) with no damping, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇, α < √5\."),
+        r"The law of pair 0–1 must exist in LAMMPS, got TsujiHertz\(k=100000\.0, alpha=2\.5\)\. Use F = k ξ \+ γ ξ̇, "
+        r"or F = k ξ\^\(3/2\) \+ D with D = 0, γ √ξ ξ̇ or α √\(m_eff k\) ξ\^¼ ξ̇ \(α < √5\)\."),
     "rule": (TWO, gr.ConstantRestitution(0.5), {},
         r"`law` must be an object with force\(self, xi, xi_dot, pair\), got "
         r"ConstantRestitution\(restitution=0\.5\)\. For hard spheres use granular\.edmd\."),

@@ -122,7 +122,7 @@ def test_table_and_words_count_every_run(report):
     assert len(signs) == len(report.rows)
     wrong = sum(row.verdict == "wrong" for row in report.rows)
     assert signs.count("✗") == wrong
-    assert f"wrong without a word: {wrong} of {len(report.rows)} runs" in str(report)
+    assert f"wrong without a warning: {wrong} of {len(report.rows)} runs" in str(report)
     assert "not tried: gap × 0.001, gap × 1e-06, gap × 0: Neither the scene nor its laws change." in str(report)
 
 

@@ -245,7 +245,7 @@ def test_hard_spheres_that_collide_forever_where_soft_ones_part():
     case = gr.cases.make("column", n=10, restitution=0.6)
     report = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
     assert report.hard.status is gr.Status.bounded  # forever or not: nobody knows
-    assert report.verdict.startswith("No: hard spheres may collide forever (bounded), soft ones part after ")
+    assert report.verdict.startswith("No: hard spheres may collide forever (bounded), soft spheres separate after ")
 
 
 # symmetries

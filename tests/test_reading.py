@@ -58,6 +58,24 @@ def test_files_that_the_page_names_are_there():
     assert named <= FILES.keys() | {"tests/test_public_names.py"}
 
 
+def test_every_name_of_the_table_of_extensions_stands_in_its_file():
+    rows = re.findall(r"^\| (.+?) \| (.+) \|$", PAGE.partition("## Where to add an extension")[2], re.MULTILINE)[2:]
+    assert len(rows) >= 10
+    found = 0
+    for extension, text in rows:
+        for sentence in re.split(r"(?<=[.:;,]) ", text):
+            *names, file = re.findall(r"`([\w/.]+)`", sentence) or [""]
+            if names and (ROOT / "granular" / file).is_file():
+                source = (ROOT / "granular" / file).read_text(encoding="utf-8")
+                missing = [name for name in names if "/" not in name and not re.search(rf"\b{name}\b", source)]
+                assert not missing or missing == ["Piecewise"], (extension, missing, file)
+                found += len(names)
+        for file in re.findall(r"`([\w/]+(?:\.py|\.mjs|/))`", text):
+            assert (ROOT / file.removesuffix("/") if file.startswith("granular/")
+                    else ROOT / "granular" / file).exists() or (ROOT / file).exists(), file
+    assert found >= 15
+
+
 def test_an_integrator_is_a_row_of_a_table(monkeypatch):
     twin = integrators.INTEGRATORS["verlet"]._replace(name="mine")
     monkeypatch.setitem(integrators.INTEGRATORS, "mine", twin)

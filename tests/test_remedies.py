@@ -116,7 +116,7 @@ def test_remedies_are_options_of_a_comparison(crowded, name, value, unit):
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), **options)
     assert report.hard.contacts.tobytes() == run.contacts.tobytes() != crowded.hard.contacts.tobytes()
     assert report.hard.velocity.tobytes() == run.velocity.tobytes()
-    said = f"hard spheres run with {name} = {value:.3g} {unit}: what follows depends on it; see remedies()"
+    said = f"hard spheres run with {name} = {value:.3g} {unit}; the result depends on it, see remedies()"
     assert said in warnings(report)
     rows = report.remedies(tc=T_C).rows
     assert rows[3].setting == T_C
@@ -148,9 +148,9 @@ def test_the_verdict_where_hard_spheres_collapse_and_soft_ones_part():
     scene = gr.scenes.newtons_cradle(3, gap=1.0)
     law = gr.LinearDashpot.from_restitution(0.05, k=1e6, pair=scene.pairs[0])
     report = gr.compare(scene, law)
-    assert report.verdict.startswith("No: hard spheres collide forever (proved), soft ones part after ")
+    assert report.verdict.startswith("No: hard spheres collide forever (proved), soft spheres separate after ")
     unknown = replace(report, hard=replace(report.hard, status=gr.Status.bounded))
-    assert unknown.verdict.startswith("No: hard spheres may collide forever (proved), soft ones part after ")
+    assert unknown.verdict.startswith("No: hard spheres possibly collide forever (proved), soft spheres separate ")
 
 
 def test_an_observable_of_ones_own():

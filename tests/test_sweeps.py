@@ -154,7 +154,7 @@ def test_the_command(tmp_path, capsys):
     assert main(["sweep", "three-balls", "--over", "restitution=0.76:0.82:5", "--refine", "restitution", "--save",
                  str(file), "--gap", "1e-4", "--workers", "1"]) == 0
     out = capsys.readouterr().out
-    assert "status           until 5" in out
+    assert "status           5 × until" in out
     assert "(1, 4) to (1, 3)" in out
     assert xr.load_dataset(file).attrs["title"] == "granular sweep of three-balls"
     assert main(["sweep", "three-balls"]) == 2

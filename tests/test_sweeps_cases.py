@@ -123,7 +123,9 @@ def test_the_command_sweeps_a_file(mine, capsys):
     out = capsys.readouterr().out
     assert out.startswith("granular sweep of mine: 3 cells\n")
     counts = gr.sweep(mine, "gap[1]=1e-4:1e-3:3", "contacts", t_end=1.0)["contacts"].values
-    assert f"  contacts         {counts.min()} … {counts.max()} " in out
+    rows = [line.split() for line in out.splitlines()]
+    assert ["gap[1],", "m", "contacts[0]", "contacts[1]", "status"] in rows
+    assert [row[1:-1] for row in rows if row[-1:] == ["until"] and "×" not in row] == counts.astype(str).tolist()
 
 
 @pytest.mark.parametrize(("over", "sentence"), [

@@ -1,6 +1,6 @@
-"""Kernels, records, roots, argument checks and files that all rooms use.
+"""Kernels, records, root finding, checks and files shared by all subpackages.
 
-Modules of this room do not depend on scenes, laws or engines.
+Modules of this folder do not depend on scenes, laws or engines.
 
 Main line: `flight`.
 A first reader may skip: `check`, `compiler_state`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`,

@@ -42,7 +42,7 @@ class ByNumbers:
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
-        """All of them as one value; -0.0 is 0.0."""
+        """All field values as one hashable value; -0.0 counts as 0.0."""
         values = (getattr(self, f.name) for f in fields(self))  # type: ignore[arg-type]
         return tuple((x.shape, (x + 0.0).tobytes()) if isinstance(x, np.ndarray) else x for x in values)
 
@@ -223,9 +223,10 @@ def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tu
 
 
 def typed(module: dict[str, Any], *kinds: type) -> None:
-    """Let all public functions of a module check annotated arguments.
+    """Make the public functions of a module check their annotated arguments.
 
-    Arguments annotated as one of `kinds`, as an `Array` or as a `Mapping` must have this type.
+    `module` is the module's ``globals()``. Arguments annotated as one of `kinds`, as an `Array` or as a `Mapping` must
+    have this type.
     """
     needed: dict[str, Any] = {kind.__name__: (kind, f"a granular.{kind.__name__}") for kind in kinds} | {
         "Array": (np.ndarray, "an array"), "Mapping": (Mapping, "a mapping")}
@@ -335,7 +336,8 @@ def known(given: Iterable[str], names: Collection[str], what: str, kind: type[Ex
         if name not in names:
             thing, _, owner = what.partition(" of ")
             near = nearest(name, names)
-            listed = f"available: {', '.join(sorted(names))}." if names else "there is none."
+            every = f"available: {', '.join(sorted(names))}." if names else "there is none."
+            listed = "see --help." if name.startswith("-") else every  # an option of a command
             wrong = f"{owner} has no {thing} {quoted(name)}" if owner else f"unknown {thing} {name}"
             raise kind(f"{wrong}; " + (f"did you mean {quoted(near) if owner else near}?" if near else listed))
 

@@ -112,7 +112,7 @@ def from_json(what: str, value: Any) -> Any:
         If it is not in `CLASS_PLACES`, has other fields, or values that its class refuses.
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
-        raise ValueError(f"The description of a {what} must be a class with its fields, got "
+        raise ValueError(f"The description of a {what} must be a table with the texts 'class' and 'shown', got "
                          f"{plain_text(repr(value), 60)}.")
     word = OLD_CLASS_PLACES.get(value["class"], value["class"])
     if "fields" not in value and word not in CLASS_WORDS.values():

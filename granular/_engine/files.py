@@ -277,7 +277,7 @@ def heads(file: IO[bytes]) -> dict[str, Head]:
         sound = all(info.compress_type in (0, 8) and info.file_size <= MAX_EXPANSION * info.compress_size + ROOM
                     for info in members)
         if not sound or sum(info.compress_size for info in members) > size:
-            raise ValueError("members overlap or are larger than possible")
+            raise ValueError("members overlap, are too large, or use an unsupported compression")
         found = {_name(info): _head(archive, info) for info in members}
         if len(found) < len(members):
             raise ValueError("a member occurs twice")

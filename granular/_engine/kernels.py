@@ -114,7 +114,7 @@ def specialised(function: F, **instead: Any) -> F:
 
 
 def fitted(function: F, **instead: Any) -> F:
-    """Return a copy of a kernel like `specialised`, or the kernel itself.
+    """Return the copy that `specialised` makes, or the kernel if nothing changes.
 
     The kernel itself is returned if it does not read any of the names.
 

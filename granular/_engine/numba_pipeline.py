@@ -156,7 +156,7 @@ class ReferenceAttribute(AttributeTemplate):  # type: ignore[misc]
 
 
 def place_of(context: Any, builder: Any, reference: Reference, room: Any, at: int) -> Any:
-    """Return a pointer to the description of field number `at` in a table."""
+    """Return a pointer to the array structure of field number `at` of a table."""
     layout = ir.LiteralStructType([context.get_value_type(field) for field in reference.fields])
     assert context.get_abi_sizeof(layout) <= 8 * REFERENCE_WORDS
     return cgutils.gep_inbounds(builder, builder.bitcast(room, layout.as_pointer()), 0, at)

@@ -86,7 +86,10 @@ def one(records: np.ndarray[Any, Any]) -> Any:
 
 @cache
 def _of_one(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the type of the only record of an array, four times as fast as numpy's."""
+    """Return a record type whose fields are attributes.
+
+    Access is four times as fast as with numpy's record type.
+    """
     fields = {name: property(itemgetter(name)) for name in dtype.names or ()}
     assert not any(hasattr(np.void, name) for name in fields)
     return np.dtype((type("Record", (np.void,), fields | {"__setattr__": np.void.__setitem__}), dtype))

@@ -22,8 +22,11 @@ from granular._engine.package import VERSION
 Rows = Sequence[Sequence[str]]
 """Rows of a table as text. The first row is the header."""
 LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
+PER = re.compile(r" (\w+)-1$")
 UNIT_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
+LEAST_SHARE = 1e-12
+"""Share below which only rounding errors remain."""
 HARD_COLOUR, SOFT_COLOUR = "#c1440e", "#1f4e79"
 """Colours of hard and soft spheres, which also differ in grey print."""
 GREY_COLOUR = "#8a8a8a"
@@ -104,6 +107,29 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
     return "\n".join((indent + line).rstrip() for line in lines)
 
 
+def blocks(rows: Rows, sides: str = ">", left: int = 1, width: int = 80) -> str:
+    """Return a table, split into tables of at most `width` columns if it is wider.
+
+    Each of them begins with the first `left` columns.
+    """
+    widths = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides, groups = sides.ljust(len(widths), sides[-1]), [[*range(left)]]
+    for k in range(left, len(widths)):
+        if len(groups[-1]) > left and sum(widths[i] for i in groups[-1]) + widths[k] - 2 > width:
+            groups.append([*range(left)])
+        groups[-1].append(k)
+    return "\n\n".join(aligned([[row[k] for k in group] for row in rows], "".join(sides[k] for k in group))
+                       for group in groups)
+
+
+def with_unit(name: str, units: str) -> str:
+    """Return a name and its unit for the header of a column, such as "v, m/s".
+
+    `units` can also be in the form "m s-1".
+    """
+    return name if units in ("", "1") else f"{name}, " + PER.sub(r"/\1", units)
+
+
 def abridged(rows: Rows, most: int = 12) -> Rows:
     """Return the rows of a table, or the first and last ones of a long table."""
     half = most // 2
@@ -162,6 +188,11 @@ def shortened(text: str) -> str:
     return LONG.sub(lambda found: f"{float(found[0]):.4g}", text)
 
 
+def described(scene: Any) -> str:
+    """Return the text of a scene without the name of its class."""
+    return str(scene).removeprefix("Scene(").removesuffix(")")
+
+
 def number(value: float, form: str = ".6g", none: str = "–") -> str:
     """Return the text of a number, or `none` for nan and infinity."""
     return format(value, form) if math.isfinite(value) else none
@@ -170,6 +201,11 @@ def number(value: float, form: str = ".6g", none: str = "–") -> str:
 def rough(value: float) -> str:
     """Return the text of a number with two significant digits, without exponent."""
     return f"{float(f'{value:.2g}'):g}"
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent with two digits. Smaller shares are rounding errors."""
+    return f"{rough(100.0 * share)} %" if share == 0.0 or not share < LEAST_SHARE else f"< {100.0 * LEAST_SHARE:g} %"
 
 
 def rounded(value: float, digits: int, *, up: bool) -> str:

@@ -79,9 +79,10 @@ def first_up_crossing(p: Row, theta: float, work: Rows, sign: float = 1.0) -> fl
 
 @kernel
 def _cubic_bound(s: Row, rise: float) -> float:
-    """Return an upper bound on [0, 1]: cubic part by Bernstein, rest by its sum.
+    """Return an upper bound of a polynomial on [0, 1].
 
-    `rise` is the sum of all positive coefficients.
+    `s` contains its coefficients. The cubic part is bounded by its Bernstein coefficients, the rest by the sum of its
+    positive coefficients. `rise` is the sum of all positive coefficients.
     """
     late = rise - (max(0.0, s[1]) + max(0.0, s[2]) + max(0.0, s[3]))
     third, two = s[0] + s[1] / 3.0, s[0] + (2.0 * s[1] + s[2]) / 3.0

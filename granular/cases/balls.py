@@ -36,7 +36,7 @@ class Ball:
     restitution : float
         ε in (0, 1].
     filled : bool
-        Whether air makes the ball stiff, and not its wall.
+        Whether the stiffness of the ball comes from the air inside, not from its wall.
     spread : float
         Factor by which `duration` may be wrong in either direction.
     """

@@ -232,7 +232,7 @@ def place(where: str) -> Iterator[None]:
     try:
         yield
     except (TypeError, ValueError) as error:
-        kind = TypeError if isinstance(error, TypeError) else ValueError  # some kinds of them take other arguments
+        kind = TypeError if isinstance(error, TypeError) else ValueError  # subclasses can have other arguments
         raise kind(f"{where}: {error}") from None
 
 

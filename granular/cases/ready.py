@@ -160,12 +160,15 @@ def flights(count: float, scene: Scene) -> float | None:
 
 
 def swings(periods: float, scene: Scene) -> float | None:
-    """End time after `count` periods of pendula."""
+    """Return the end time after `periods` periods of pendula."""
     return periods * 2.0 * math.pi / scene.pendulum
 
 
 def shaken(periods: float, scene: Scene) -> float | None:
-    """End time after `count` periods of a shaken floor, or at the end of its path."""
+    """Return the end time after `periods` periods of a shaken floor.
+
+    A floor whose path ends earlier ends the run.
+    """
     end = ends(scene.floor)
     return periods / scene.floor.frequency if isinstance(scene.floor, walls.Sine) else end if end < math.inf else None
 
@@ -270,7 +273,7 @@ def touching(name: str, case: Case, **of_contact: Any) -> Case:
 
 
 def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
-    """Return a case with the overlaps that its laws demand, and its end time."""
+    """Return a case with the static overlaps of its laws, and its end time."""
     template = _named(name)
     if template.pressed is None or case.law is None:
         return case

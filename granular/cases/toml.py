@@ -309,4 +309,4 @@ def _value(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, (int, float)):
         return repr(value)
-    raise TypeError(f"Only numbers, texts and lists can be written to TOML, got {value!r}.")
+    raise TypeError(f"Only numbers, strings, booleans, lists and tables can be written to TOML, got {value!r}.")

@@ -86,7 +86,10 @@ def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
 
 
 def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
-    """Keep the first `most` contacts of each pair that begin by `latest` (n-1,)."""
+    """Keep the first `most` contacts of each pair that begin by `latest`.
+
+    `latest` has shape (n-1,).
+    """
     kept = run.contacts["t_begin"] <= latest[run.contacts["pair"]]
     return first(run if kept.all() else replace(run, contacts=run.contacts[kept]), most)
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from granular import edmd
 from granular._engine import check as _check
-from granular._engine.reports import rounded
+from granular._engine.reports import percent, rounded
 from granular.comparison import align, measures, outcome
 from granular.comparison.measures import static_overlaps
 from granular.comparison.numbers import Compared, smaller_radius
@@ -155,7 +155,7 @@ class Checked(Compared):
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory | str]:
-        """The hard run under each other tie rule, or the reason why it is missing."""
+        """Hard run under each other tie rule, or the reason why it cannot be used."""
         found: dict[str, Trajectory | str] = {}
         for options in align.others(self.settled, self.hard_options):
             name = options["ties"]
@@ -172,7 +172,7 @@ class Checked(Compared):
         return found
 
     def unchecked(self, j: int) -> str:
-        """Return the check of component `j` that could not be made, or an empty string."""
+        """Return why the answer for component `j` could not be checked, or ""."""
         if self._twin.status in EARLY_STATUSES:
             return f"the run from gaps shifted by 1e-12 of themselves stopped early ({self._twin.status.name})"
         pairs = self.components.of_pair == j
@@ -231,8 +231,8 @@ def _unfinished(report: Checked) -> Iterator[Reason]:
         yield Reason(Answer.no, so)
     for name, run in (("soft-sphere", soft), ("event-driven", hard)):
         if run.status in EARLY_STATUSES:
-            yield Reason(Answer.undecided, f": the {name} run did not get to its end; {run.status.name}: "
-                                           f"{run.message.rstrip('.')}")
+            yield Reason(Answer.undecided, f": the {name} run did not finish ({run.status.name}: "
+                                           f"{run.message.rstrip('.')})")
 
 
 def _judged(report: Checked, j: int) -> Reason:
@@ -252,48 +252,50 @@ def _judged(report: Checked, j: int) -> Reason:
     ties, rule = max(((float(e[j]), name) for name, e in report.tie_errors.items()), default=(0.0, ""))
     if ties > ERROR_LIMIT:
         return so(Answer.not_unique,
-                  ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
-                  f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
+                  ": hard spheres have no unique answer for simultaneous collisions; the tie rules "
+                  f"{report.hard_options['ties']} and {rule} differ by {percent(ties)} of the fastest impact")
     chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
     if chaos > ERROR_LIMIT and align.touching(report.scene)[list(pairs)].any():
         return so(Answer.not_unique,
-                  ": touching balls have no one hard-sphere answer; here it hangs on the option ties")
+                  ": hard spheres have no unique answer for touching balls; it depends on the tie rule")
     if chaos > ERROR_LIMIT:
         crowded = "; contacts overlap in time" if overlap else ""
-        return so(Answer.not_ball_by_ball, f": beyond predictability (compare ensembles){crowded}")
+        return so(Answer.not_ball_by_ball, f": single balls are not predictable (compare ensembles){crowded}")
     if shift > ERROR_LIMIT:
         return so(Answer.not_unique,
-                  ": hard spheres from gaps shifted by 1e-12 of themselves, as where balls collide almost at once, "
-                  f"differ by {shift:.2g} of the fastest impact")
+                  ": balls collide almost simultaneously, and gaps shifted by 1e-12 of themselves change the hard "
+                  f"spheres by {percent(shift)} of the fastest impact")
     if lasting := [c for c in pairs if report.unknown[c]]:
         return so(Answer.undecided, f": a soft contact of pair {report.scene.pairs.name(lasting[0])} was still running "
-                                    "at the end, and cannot be followed; choose a later end, or "
-                                    "method='located'", tuple(lasting))
+                                    "at the end and cannot be continued; choose a later end or method='located'",
+                  tuple(lasting))
     if wrong:
         return so(Answer.no, f": {_other_counts(report, wrong, len(pairs))}", wrong)
     if not error <= ERROR_LIMIT:
         alone = "" if overlap else ", though no contacts overlap in time"
-        driven = "; at a driven wall timing is outcome" if report.scene.driven and not overlap else ""
+        driven = "; at a driven wall, timing affects the outcome" if report.scene.driven and not overlap else ""
         leaves = _leaves(report, j)
-        off = f"{leaves}, off" if leaves else "outcomes are off"
-        return so(Answer.no, f": {off} by {error:.2g} of the fastest impact{alone}{driven}")
+        differ = f"{leaves}, an error of" if leaves else "outcomes differ by"
+        return so(Answer.no, f": {differ} {percent(error)} of the fastest impact{alone}{driven}")
     if not sinking and (check := report.unchecked(j)):
         return so(Answer.undecided, f": {check}, so the answer could not be checked")
     return so(*(sinking or (Answer.yes, "")))
 
 
 def _yes(report: Checked, trivially: list[str]) -> Reason:
-    """Return the reason for "yes" if the error is at most `ERROR_LIMIT`."""
+    """Return the reason for "yes" if the error is at most `ERROR_LIMIT`.
+
+    Otherwise return the reason for "undecided". `trivially` contains the texts of components that agree trivially.
+    """
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= ERROR_LIMIT:
-        return Reason(Answer.undecided, ": no contact has come to its end")
-    within = (
-        f"within {rounded(error, 1, up=True)} of the fastest impact" if error >= MIN_CONTACT_STRENGTH else "to rounding"
-    )
+        return Reason(Answer.undecided, ": no contact has ended")
+    bound = f"within {rounded(100.0 * error, 1, up=True)} % of the fastest impact"
+    within = bound if error >= MIN_CONTACT_STRENGTH else "to rounding"
     agree = f"outcomes agree {within}"
     if len(trivially) == report.components.count:
         touch = len(report.settled.contacts) + len(report.soft.contacts) > 0
-        nothing = ", trivially: balls touch, but no faster than rounding" if touch else ", trivially: nothing collides"
+        nothing = f", trivially: {'balls touch only at speeds of rounding errors' if touch else 'nothing collides'}"
         words = max(trivially, default=nothing)
     elif isolated == 1.0:
         words = f": every contact is binary (certified), and {agree}"
@@ -301,7 +303,7 @@ def _yes(report: Checked, trivially: list[str]) -> Reason:
         words = f", {within}, though contacts overlap in time"
     else:
         how = "every contact is binary" if not isolated < 1.0 else (
-            "contacts that overlap in time share no impulse that counts")
+            "contacts that overlap in time share no relevant impulse")
         words = f": {how}, and {agree}"
     return Reason(Answer.yes, words, error=error)
 
@@ -320,11 +322,11 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
     if report.soft.status is Status.resting:
         still = static_overlaps(report.soft)[log["pair"]]
         depth = np.fmax(still, np.where(settled | np.isnan(still), depth, 0.0))
-    load = "their weight" if report.scene.external_force is None and not report.scene.driven else "what presses them"
+    load = "their weight" if report.scene.external_force is None and not report.scene.driven else "the applied forces"
     share = float(np.max(depth / smaller_radius(report.scene)[log["pair"]]))
     if share > ERROR_LIMIT:
-        what = "nothing collides, but soft spheres" if lying else "where balls come to rest, soft ones"
-        return Answer.no, f": {what} sink by {share:.2g} of a radius under {load}"
+        subject = "nothing collides, but soft spheres" if lying else "soft spheres that come to rest"
+        return Answer.no, f": {subject} sink by {percent(share)} of a radius under {load}"
     deepest = f"soft spheres overlap by {depth.max():.3g} m under {load}"
     return (Answer.yes, f", trivially: nothing collides; {deepest}") if lying else None
 
@@ -340,8 +342,8 @@ def _forever(report: Checked, pairs: Sequence[int]) -> str:
     if not any(soft.count(c) and not math.isnan(float(soft.of(c)["t_end"][-1])) for c in group):
         return ""
     n = sum(map(report.soft.count, group))
-    return (f": hard spheres {'may ' * (hard.status is Status.bounded)}collide forever ({hard.stats['verdict']}), "
-            f"soft ones part after {n} contact{'s' * (n != 1)}")
+    return (f": hard spheres {'possibly ' * (hard.status is Status.bounded)}collide forever ({hard.stats['verdict']}), "
+            f"soft spheres separate after {n} contact{'s' * (n != 1)}")
 
 
 def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
@@ -351,8 +353,8 @@ def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
     said = f"pair {report.scene.pairs.name(p.pair)} has {counted}"
     many = f"{len(wrong)} of {of} pairs differ in contacts; " if len(wrong) > 1 else ""
     j = int(report.components.of_pair[p.pair])
-    off = f"outcomes are off by {float(report.errors[j]):.2g} of the fastest impact"
-    return f"{many}{said}, and {_leaves(report, j) or off}"
+    error = f"outcomes differ by {percent(float(report.errors[j]))} of the fastest impact"
+    return f"{many}{said}, and {_leaves(report, j) or error}"
 
 
 def _leaves(report: Checked, j: int) -> str:

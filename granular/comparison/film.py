@@ -66,9 +66,10 @@ class Story:
 
     @cached_property
     def acts(self) -> dict[str, Array]:
-        """Times in s of all frames, act by act.
+        """Times in s of the frames of the acts "fall", "stop", "slow", "flight" and "end".
 
-        There is only one act if nothing falls, or if contacts and flights alternate.
+        There is only the act "slow" if contacts cannot be separated from flights: without gravity or without a floor,
+        if walls exchange energy with the balls, if a run ended early, or if contacts would hardly be slowed down.
         """
         view, fps = self.view, self.fps
         contacts = np.linspace(view.begin, view.end, max(2, round(self.seconds * fps)))

@@ -22,6 +22,7 @@ import numpy as np
 from granular import edmd, md
 from granular._engine import check
 from granular.comparison.outcome import ERROR_LIMIT
+from granular.edmd.physics import GROUP, TIE_ORDERS
 from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 from granular.run.until import Separated
 from granular.scene import Scene, speed_scale
@@ -149,7 +150,7 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     """
     scene, onward, options = report.scene, Onward(report, engine), report.hard_options
     found = np.full((len(bodies), 2), math.nan)
-    no_end = engine == "hard" and (options["ties"] in ("newton", "poisson", "reflect")
+    no_end = engine == "hard" and (TIE_ORDERS[options["ties"]] == GROUP
                                    or options["tc"] > 0.0 or options["elastic_below"] > 0.0)  # carried on without them
     if report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity or no_end:
         return found

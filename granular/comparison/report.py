@@ -9,10 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._engine.reports import named_pairs, number, pairs_by_law, problem, shortened
+from granular._engine.reports import (
+    described,
+    duration,
+    named_pairs,
+    number,
+    pairs_by_law,
+    percent,
+    problem,
+    shortened,
+    unit_of,
+)
 from granular.comparison import measures
 from granular.comparison.numbers import smaller_radius
-from granular.comparison.outcome import MIN_CONTACT_STRENGTH, PairOutcome
+from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, PairOutcome
 from granular.laws.kinds import resolved
 from granular.md import isolation
 from granular.run.trajectory import Status, Trajectory
@@ -34,14 +44,14 @@ Aerographene has 0.16 and osmium 22 590 kg/m³, and diamond 18 000 m/s. The spee
 soft balls have deep overlaps, which are reported.
 """
 MEASURE_FORMATS = {
-    "error": "largest error of a velocity, of the fastest impact = {error:.3g}",
-    "shared_impulse": "impulse shared with a neighbour      φ   = {shared_impulse:.4g}",
-    "floor_share": "floor's impulse while pressed from above  = {floor_share:.4g}   (explains, does not decide)",
-    "crowding": "events with a neighbour within t_c   p   = {crowding:.4g}",
-    "occupation": "share of time in contact             Λ   = {occupation:.3g}",
-    "distance": "distance of leaving velocities       D   = {distance:.3g}"
-                "   (hard spheres from gaps shifted by 1e-12: {predictability:.1g})",
-    "mass_centre_ratio": "restitution of the mass centre, soft / hard = {mass_centre_ratio:.4g}",
+    "error": f"error = {{error:.3g}} of the fastest impact (hard spheres are valid up to {ERROR_LIMIT:g})",
+    "shared_impulse": "share of the impulse during a neighbouring contact  φ = {shared_impulse:.4g}",
+    "floor_share": "share of the floor's impulse with a load on ball 1    = {floor_share:.4g}",
+    "crowding": "share of events with a neighbour within t_c         p = {crowding:.4g}",
+    "occupation": "share of time in contact                            Λ = {occupation:.3g}",
+    "distance": "distance of leaving velocities                      D = {distance:.3g}",
+    "predictability": "D of hard spheres from gaps shifted by 1e-12          = {predictability:.1g}",
+    "mass_centre_ratio": "restitution of the mass centre, soft / hard           = {mass_centre_ratio:.4g}",
 }
 GROUP_FORMATS = {
     "mass_ratio": "mass ratio {mass_ratio:.4g}", "stiffness_ratio": "stiffness ratio {stiffness_ratio:.4g}",
@@ -64,8 +74,10 @@ def text(report: Judged) -> str:
             report.verdict,
             *list(_why(report))[:2],
             "",
-            f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}",
+            f"{shortened(described(report.scene))}, {_eps(report.restitution_spec)}",
             "",
+            *_head(),
+            *_rises(report),
             *_deciding(report),
             *_pairs(report, SHORT_PAIR_COUNT),
             *_ends(report),
@@ -82,8 +94,9 @@ def details(report: Judged) -> str:
 
     return "\n".join([
         report.verdict, *_why(report), "",
-        str(report.scene), *_laws(report), "",
-        *_deciding(report), *_pairs(report, FULL_PAIR_COUNT, speeds=True), *_ends(report), *_account(report), "",
+        described(report.scene), *_laws(report), "",
+        *_head(), *_rises(report), *_deciding(report), *_pairs(report, FULL_PAIR_COUNT, speeds=True),
+        *_ends(report), *_account(report), "",
         *_known(MEASURE_FORMATS, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
         "groups: " + ", ".join(_known(GROUP_FORMATS, report.groups)),
         *(f"warning: {w}" for w in warnings(report)),
@@ -112,8 +125,8 @@ def _merged(report: Judged) -> Iterator[str]:
     """Warn about hard spheres that merge or collide elastically by an option."""
     many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
     if many and below < math.inf:
-        yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
-    yield from (f"hard spheres run with {name} = {value:.3g} {unit}: what follows depends on it; see remedies()"
+        yield f"{many} hard collisions below {below:.3g} m/s were merged; the result depends on that speed"
+    yield from (f"hard spheres run with {name} = {value:.3g} {unit}; the result depends on it, see remedies()"
                 for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
 
 
@@ -129,8 +142,8 @@ def _attraction(report: Judged) -> Iterator[str]:
         pulls = [xi for xi in deepest * OVERLAP_SHARES if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
         if pulls:
             pair = int(np.flatnonzero(kind == c)[0])
-            yield (f"the law of pair {report.scene.pairs.name(pair)} pulls at an overlap of {max(pulls):.2g} m; a "
-                   "contact force is clipped to 0 there, so attraction is left out")
+            yield (f"the law of pair {report.scene.pairs.name(pair)} attracts at an overlap of {max(pulls):.2g} m; "
+                   "attractive contact forces are replaced by 0")
 
 
 def _no_solid(report: Judged) -> Iterator[str]:
@@ -150,8 +163,8 @@ def _no_solid(report: Judged) -> Iterator[str]:
                "masses in kg?")
     fast = np.flatnonzero((waves > MAX_WAVE_SPEED) & (waves < math.inf))
     for c in fast[:1] if not len(odd) else ():
-        yield (f"waves in the contact of pair {scene.pairs.name(c)}{_and(fast)} run at {waves[c]:.2g} m/s, faster than "
-               "sound in any solid: is its stiffness in SI units?")
+        yield (f"waves in the contact of pair {scene.pairs.name(c)}{_and(fast)} travel at {waves[c]:.2g} m/s, faster "
+               "than sound in any solid: is its stiffness in SI units?")
 
 
 def _and(some: Any) -> str:
@@ -177,9 +190,10 @@ def _extremes(report: Judged) -> Iterator[str]:
     name = report.scene.pairs.name
     for c, depth, speed in zip(met.tolist(), depths, speeds, strict=True):
         if depth > 0.1:
-            yield f"pair {name(c)} overlaps by {depth:.2g} of the smaller radius; force laws end near 0.1"
+            yield (f"pair {name(c)} overlaps by {percent(depth)} of the smaller radius; force laws are valid up to "
+                   "about 10 %")
         if speed > 0.1:
-            yield f"pair {name(c)} meets at {speed:.2g} of the speed of contact waves"
+            yield f"pair {name(c)} collides at {percent(speed)} of the speed of contact waves"
 
 
 def numbers(report: Judged) -> dict[str, Any]:
@@ -245,33 +259,43 @@ def _eps(of: Any) -> str:
     return f"ε = {low:.6g}" + f" … {high:.6g}" * (high - low > SAME_RESTITUTION)
 
 
+def _head() -> Iterator[str]:
+    """Yield the header of the table."""
+    yield _line("", "hard spheres", "soft spheres")
+    yield _line("", "(event-driven)", "(Newton)")
+
+
+def _rises(report: Judged) -> Iterator[str]:
+    """Yield the rises of the top ball after the first and the last bounce."""
+    if math.isnan(report.drop):
+        return
+    last = report.until.nth - 1 if isinstance(report.until, Contact) and report.until.pair == 0 else 1
+    for bounce in sorted({1, max(1, last)}):
+        hard, soft = (number(rise / report.drop) for rise in report.rises(bounce))
+        yield _line(f"rise of ball {report.scene.n - 1}, drops", hard, soft,
+                    f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
+
+
 def _deciding(report: Judged) -> Iterator[str]:
     """Yield the ball and the episode with the largest error, for both engines."""
     one = report.deciding
-    yield _line("", "hard spheres", "soft spheres")
-    yield _line("", "(event-driven)", "(Newton)")
     if one is not None:
         yield _line(f"ball {one.ball} leaves, m/s", number(one.hard_velocity), number(one.soft_velocity),
-                    f"  off by {one.difference:.3g} U")
+                    f"  error {percent(one.difference)}")
         yield _line("at t, s", f"{one.hard_t:.9g}", f"{one.soft_t:.9g}",
                     f"  episode {one.episode}, {one.contacts} contact{'s' * (one.contacts != 1)}")
 
 
 def _ends(report: Judged) -> Iterator[str]:
-    """Yield numbers of contacts, ends of the runs, and rises of the top ball."""
+    """Yield numbers of contacts and ends of the runs."""
     hard, soft = report.hard, report.soft
     yield _line("all contacts", len(report.settled.contacts), len(soft.contacts))
     if any(left := _left_out(report)):
-        yield _line("left out as rounding", *left, f"  slower than {MIN_CONTACT_STRENGTH:g} of U")
+        yield _line("rounding errors, ignored", *left, f"  below {MIN_CONTACT_STRENGTH:g} of U")
+    yield from _not_compared(report)
     because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
     at = hard.stats.get("collapse_time", hard.time[-1])
     yield _line("ended at t, s", f"{at:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
-    if not math.isnan(report.drop):
-        asked = report.until.nth - 1 if isinstance(report.until, Contact) and report.until.pair == 0 else 1
-        for bounce in sorted({1, max(1, asked)}):
-            hard_rise, soft_rise = (number(rise / report.drop) for rise in report.rises(bounce))
-            yield _line(f"rise of ball {report.scene.n - 1}, drops", hard_rise, soft_rise,
-                        f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
@@ -314,13 +338,27 @@ def _account(report: Judged) -> Iterator[str]:
         if hard[name] or soft[name]:  # what is 0 in both is not shown; nan is
             yield _line(words, number(hard[name]), number(soft[name]))
     if report.scene.driven:
-        yield "The duration of a contact shifts the phase of the next one: beside a driven wall timing is outcome."
+        yield "The duration of a contact shifts the phase of the next one, so timing matters at a driven wall."
     if report.scene.heated:
-        yield "Both runs draw the same speeds at thermal walls, hit by hit: single balls agree only for a while."
+        yield "Both runs draw the same sequence of speeds at thermal walls; single balls diverge after some time."
 
 
 def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
-    return f"{name:26}{hard:>16}{soft:>16}{mark}"
+    return f"{name:26}{hard:>15}{soft:>15}{mark}"
+
+
+def _not_compared(report: Judged) -> Iterator[str]:
+    """Yield a line on further contacts of balls that settle in one of the two runs."""
+    further, fastest = 0, 0.0
+    for p in report.pairs:
+        fewer, more = sorted((run.of(p.pair) for run in (report.settled, report.soft)), key=len)
+        if not report.other_counts[p.pair] and len(more) > len(fewer):
+            further += len(more) - len(fewer)
+            fastest = max(fastest, float(np.abs(np.diff(more["v_in"][len(fewer):])).max()))
+    if further:
+        scale, unit = unit_of(fastest, "m/s", 1.0)
+        yield (f"{further} further bounce{'s' * (further > 1)} {'are' if further > 1 else 'is'} not compared: at most "
+               f"{fastest / scale:.3g} {unit}")
 
 
 def _left_out(report: Judged) -> tuple[int, int]:
@@ -333,7 +371,7 @@ def _why(report: Judged) -> Iterator[str]:
     """Yield the reason why the engines differ, and how many contacts are isolated."""
     shared = report.overlaps
     if not shared and report.measures["isolated_share"] < 1.0:
-        yield "Why: contacts overlap in time only where no force counts; only the finite durations differ."
+        yield "Why: contacts that overlap in time exert no relevant force; only the finite durations differ."
     elif not shared:
         yield "Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."
     else:
@@ -345,13 +383,14 @@ def _overlaps(report: Judged) -> Iterator[str]:
     """Yield the first contacts that overlap in time."""
     shared, log = report.overlaps, report.counted[1].contacts
     some = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"
-    yield f"Why: {some} in time with a contact of a neighbouring pair, first of all:"
+    first = "; the first" * (len(shared) > 1)
+    yield f"Why: {some} in time with a contact of a neighbouring pair{first}:"
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
         lower, upper = (report.scene.pairs.name(int(one["pair"])) for one in (below, above))
         yield (
-            f"  pairs {lower} and {upper} share {o.end - o.begin:.3g} s from t = {o.begin:.9g} s "
-            f"(contacts of {below['duration']:.3g} and {above['duration']:.3g} s)"
+            f"  pairs {lower} and {upper} at t = {o.begin:.9g} s for {duration(o.end - o.begin)} "
+            f"(they last {duration(below['duration'])} and {duration(above['duration'])})"
         )
 
 

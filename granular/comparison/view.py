@@ -249,7 +249,7 @@ def _durations(report: Judged) -> Any:
 
 
 def _span(values: Any, unit: str = "", prefixes: Any = UNIT_PREFIXES, digits: int = 4) -> str:
-    """Return one number, or a range of numbers, with a unit."""
+    """Format finite values with a unit: one number, "a and b", or "low … high"."""
     known = values[np.isfinite(values)]
     if not len(known):
         return "–"

@@ -218,10 +218,11 @@ class BlockQueue(TreeQueue):
     def _run(
         self, low: int, high: int, edge: float, speed: float, log: Log | None = None, page: Any = TreeQueue.room
     ) -> State | None:
-        """Advance pairs `low` to `high` - 1 alone.
+        """Advance pairs `low` to `high` - 1 alone, to the time `edge`.
 
-        Returns their final state, or None if the result may not be used. Log rows are appended to `log`, and the first
-        of them are stored in `page`.
+        Times are in s after the epoch. Returns the final state, or None if a ball was faster than `speed` (m/s), if a
+        gap was replaced by 0, if balls merged, or if the run paused earlier. Log rows are appended to `log` in any
+        case, with pairs counted from `low`, and the first of them are stored in `page`.
         """
         s, fastest = self.state, np.zeros(1)
         part = State(

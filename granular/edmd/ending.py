@@ -61,7 +61,9 @@ def sentence(run: Any, status: Status, s: dict[str, Any], now: float) -> str:
 def counters(run: Any, numbers: dict[str, Any]) -> dict[str, Any]:
     """Return the counters of a run and its verdict.
 
-    The counters are collisions, clamped gaps, re-basings, uses of relative coordinates and lost rates.
+    The entries are the engine, collisions, clamped gaps, re-basings, uses of relative coordinates, collisions in them,
+    and lost rates. Further entries exist only where they apply: balls brought to rest, merged balls, the impulses (N
+    s) of thermal walls, and the verdict on a collapse with its pairs, bound (m/s) and time (s).
     """
     verdict = run.verdict
     names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost", *["settled"] * (numbers["settled"] > 0),

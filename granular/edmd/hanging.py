@@ -68,8 +68,10 @@ def swing_together(
 ) -> tuple[int, int, float]:
     """Give pair `c`, which closes at rate `w`, and its neighbours one velocity.
 
-    All bodies that touch at rest take part. They stay together where pendula touch at rest, and separate immediately
-    elsewhere. Returns the first and the last pair to predict again, and the momentum exchanged by pair `c` in kg m/s.
+    All balls that are connected to pair `c` by pairs with gap 0 and rate 0 take part, but a wall only if it belongs to
+    pair `c`. Pairs of pendula that touch in their rest positions stay together. All other pairs separate immediately.
+    `w` ≤ 0 is the rate before the collision. Returns the first and the last pair to predict again, and the momentum
+    exchanged by pair `c` in kg m/s.
     """
     n, b, e = len(pairs), c, c + 1
     while b > 0 and bodies[b - 1].mass < math.inf and stands(run, pairs[b - 1], now, walls):

@@ -168,10 +168,10 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
 
 @kernel
 def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
-    """Advance a pair of pendula, or a pair with a driven or stuck body, to time `now`.
+    """Advance a pair of pendula, or a pair at a driven wall, to time `now`.
 
-    A stuck pair keeps its time `at`. Its opening is searched from the time of its closing, so that a jump of the wall
-    velocity at `now` is found.
+    A stuck pair is not changed: it keeps its time `at`. Its opening is searched from the time of its closing, so that a
+    jump of the wall velocity at `now` is found. Returns 1 if the gap was replaced by 0, otherwise 0.
     """
     # The gap of a stuck pair stays 0, and `opening` needs the time of its closing.
     if FORCED and pair.stuck > FREE:
@@ -190,12 +190,13 @@ def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Wal
 def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e: float) -> None:
     """Let a pair collide at time `now` and separate with the rate -ε·w.
 
-    `w` ≤ 0 is the rate before the collision, `e` is ε.
+    `w` ≤ 0 is the rate before the collision, `e` is ε. The noise of both bodies is updated too.
 
     The velocity change of the heavier body is computed from its share. The velocity of the lighter body follows from
     the new rate. Rounding errors of the two shares therefore do not accumulate (with shares that add to 1 only within
-    2^-54, the energy drifts by 4e-12 in 4e7 collisions). With ε = 0 both bodies have bitwise identical velocities. On a
-    ring, equal balls with ε = 1 exchange their velocities exactly, as if they passed through each other.
+    2^-54, the energy drifts by 4e-12 in 4e7 collisions). With ε = 0 and without a closing acceleration, both bodies
+    have bitwise identical velocities; otherwise they agree to rounding. On a ring, equal balls with ε = 1 exchange
+    their velocities exactly, as if they passed through each other.
     """
     part = pair.closing_acceleration * now - e * w
     # Equal masses: an exchange has no rounding error.
@@ -251,7 +252,8 @@ def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
 def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: Walls) -> int:
     """Return the number of a pair that approaches at time `now`, or -1.
 
-    The search starts at pair `first` and wraps around.
+    The search starts at pair `first` and wraps around. Without a closing acceleration, a rate below its noise is not an
+    approach.
     """
     n = len(pairs)
     for k in range(n):
@@ -268,7 +270,8 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: 
 def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Walls) -> float:
     """Advance all pairs to time `shift`, which becomes the new zero of time.
 
-    Returns the largest relative velocity (m/s), excluding the gravity term.
+    Stuck pairs keep the time of their closing. Returns the largest magnitude of the relative velocities (m/s) at the
+    new zero of time.
     """
     for c in range(len(pairs)):
         pair = pairs[c]

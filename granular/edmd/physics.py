@@ -47,12 +47,14 @@ class Physics:
 
     Attributes
     ----------
+    scene, rules, options
+        The scene, its rules, and the options.
     has : tuple
         Kernel flags that hold for the scene.
-    eps : array
-        Restitution per pair. Contains nan if a rule is not constant; then `rule` is evaluated.
+    eps : (p,) array
+        Restitution per pair. All entries are nan if any rule is not constant; then `rule` is evaluated for every pair.
     rule : callable or None
-        ε of a pair at a speed (m/s). None if all rules are constant.
+        Called as ``rule(c, speed)``: ε of pair `c` at a speed (m/s). None if all rules are constant.
     """
 
     rule: Restitution | None = None
@@ -86,6 +88,7 @@ def rank(c: int, order: int, seed: int, contacts: int) -> int:
         return c
     if order == RIGHT:
         return ((MASK - c) << 24) | c
+    # RANDOM
     return (mixed(mixed(mixed(seed & 0x7FFFFFFF) ^ c) ^ (contacts & 0x7FFFFFFF)) << 24) | c
 
 
@@ -93,7 +96,7 @@ def rank(c: int, order: int, seed: int, contacts: int) -> int:
 def mixed(x: int) -> int:
     """Return 31 well-mixed bits of `x`.
 
-    No product exceeds 63 bits, so compiled and interpreted code agree.
+    For 0 ≤ `x` < 2³¹ no product exceeds 63 bits, so compiled and interpreted code agree.
     """
     x = ((x ^ (x >> 16)) * 0x45D9F3B) & 0x7FFFFFFF
     x = ((x ^ (x >> 15)) * 0x2C1B3C6D) & 0x7FFFFFFF

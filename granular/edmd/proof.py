@@ -116,7 +116,11 @@ class Group:
 
 
 def collide(rates: Any, c: int, shares: Any) -> None:
-    """Apply a collision of pair `c` to the rates, or to the rows of a matrix of rates."""
+    """Apply a collision of pair `c` to the rates, or to the rows of a matrix of rates.
+
+    `shares[:, c]` contains the shares of the change that the pairs below and above receive, and the coefficient of
+    restitution.
+    """
     low, high, eps = shares[:, c]
     jump = rates[c] * (1 + eps)
     rates[c] = rates[c] * -eps
@@ -141,9 +145,9 @@ def repeated(log: list[int]) -> list[int]:
 class Leading(NamedTuple):
     """Leading eigenvalue of a matrix, its eigenvectors and bounds.
 
-    The eigenvalue is real, positive and simple. The product of the right and the left eigenvector is 1. The norms
-    ``|(matrix / value)ⁿ|`` are taken on the complement of the eigenvector, over n = 0, 1, … to infinity: `most` is the
-    largest norm, `total` their sum.
+    The eigenvalue is real, positive and simple. The product of the right and the left eigenvector is 1. The norms of
+    ``(matrix / value)ⁿ``, n = 0, 1, …, are taken on the subspace complementary to the right eigenvector: `most` is the
+    largest norm, and `total` is the sum of all norms.
     """
 
     value: Any
@@ -197,7 +201,7 @@ def size(matrix: Array) -> Any:
 
 
 def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
-    """Return a time in s within which the sequence `word` repeats forever.
+    """Return an upper bound of the time in s of all repetitions of `word`.
 
     `gap` and `rate` are the state at the beginning of a period. The result is inf if the proof fails.
     """

@@ -193,7 +193,10 @@ class Run:
         self.halvings += 1
 
     def _comes_to_rest(self, verdict: collapse.Verdict) -> bool:
-        """Whether a verdict leaves all balls at rest, so that the run continues."""
+        """Record the time of a collapse, and return whether the run continues at rest.
+
+        The run continues if the collapse is exact, if all balls then rest on a wall, and if the end time is finite.
+        """
         self.ended = self.time()
         self.at_rest = verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
         return self.at_rest

@@ -119,8 +119,9 @@ class State:
     def restored(cls, physics: Physics, saved: Mapping[str, Any]) -> State:
         """Return a state saved by `checkpoint`, also by an earlier release.
 
-        States saved before velocities had noise have exact velocities. In these states, free-fall velocities are given
-        at the epoch in scenes without walls too. The frame of such scenes now falls from the start of the run.
+        States saved before velocities had noise get noise 0. Without walls their velocities are those at the epoch, in
+        the frame of the scene, and are converted to the frame that falls from the start of the run. Raises
+        `ValueError` if the state is inconsistent.
         """
         saved = {NEW_NAMES.get(name, name): value for name, value in saved.items()}
         check_numbers(saved, physics)

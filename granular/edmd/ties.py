@@ -168,9 +168,9 @@ def _velocities(first: int, last: int, s: State, fit: Fit) -> Row:
 
 
 def _apply(first: int, last: int, p: Row, s: State) -> None:
-    """Change the velocities by impulses `p`.
+    """Apply impulses `p` to the velocities of the bodies of a group.
 
-    Rates that consist of rounding errors become exactly 0. Otherwise the pairs would collide again.
+    Relative velocities that consist of rounding errors become exactly 0. Otherwise the pairs would collide again.
     """
     for c in range(first, last + 1):
         lower, upper = s.bodies[c], s.bodies[c + 1]

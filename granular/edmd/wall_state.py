@@ -205,9 +205,9 @@ def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls)
 
 @kernel
 def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> float:
-    """Add a collision at rate `w` with restitution `e` to the energy balance.
+    """Add a collision at rate `w` ≤ 0 with restitution `e` to the energy balance.
 
-    Walls must have their velocities at the time of the collision. Returns the impulse.
+    Walls must have their velocities at the time of the collision. Returns the impulse in N s, not negative.
     """
     exchanged = impulse(lower, upper, (1.0 + e) * w)
     enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)

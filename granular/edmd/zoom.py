@@ -123,7 +123,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
 def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
     """Return the pair of the slice that collides first, and its waiting time.
 
-    The rank decides between simultaneous collisions.
+    The rank decides between simultaneous collisions. The result is (0, inf) if no pair collides.
     """
     best, when = 0, math.inf
     for j in range(len(near)):

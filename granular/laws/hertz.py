@@ -105,7 +105,7 @@ class ViscoelasticHertz(_Spheres):
         dissipation : float
             Dissipative constant A in s: F = k (ξ^(3/2) + (3/2) A √ξ ξ̇).
         pair : Pair
-            Pair with m_eff and r_eff.
+            Required. r_eff determines k. m_eff is used only with `restitution`.
         restitution, speed : float
             Alternative to `dissipation`: ε in (0, 1] at an impact speed in m/s. Slower impacts have a larger ε.
 

@@ -385,7 +385,7 @@ def _without_spring(law: PairLaw, damping: float, speed: float) -> ValueError:
 
 
 def _denied(law: PairLaw, xi: float, rate: float) -> ValueError:
-    """Return the error for a law whose force depends on the rate, against its trait."""
+    """Return the error for a force that depends on the rate against its declaration."""
     still, moving = law.force(xi, 0.0, xi), law.force(xi, rate, xi)
     return refused(law, "must not depend on the rate if rate_dependent is False",
                    f"got force({xi:.6g}, 0) = {still!r} and force({xi:.6g}, {rate:.6g}) = {moving!r}",

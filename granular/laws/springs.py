@@ -91,7 +91,7 @@ class WaltonBraun:
         Parameters
         ----------
         restitution : float
-            ε in (0, 1].
+            ε in (0, 1]. k_load / ε² must be a finite float.
         k_load : float
             Loading stiffness in N/m, positive.
 
@@ -232,7 +232,7 @@ def stiffness_at(law: PairLaw, xi: float) -> float:
 
 
 def at_rest(law: PairLaw, xi: float) -> float:
-    """Return the force in N at overlap `xi` in m and rest, at first loading.
+    """Return the force in N on first loading, at overlap `xi` in m and zero rate.
 
     Raises `ValueError` if it is not a finite number.
     """

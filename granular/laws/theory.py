@@ -94,7 +94,7 @@ def two_ball_drop(
     gap : float
         Distance Δh between the surfaces of the balls in m.
     gravity : float
-        g ≥ 0 in m/s².
+        g ≥ 0 in m/s². Defaults to 9.81.
     speed : float
         Speed in m/s with which both balls are thrown down. Defaults to 0.
 
@@ -108,6 +108,9 @@ def two_ball_drop(
 
         v1′ = |v10| (ε01 - μ (1 + ε12 + ε01 ε12)) / (1 + μ) - g (t12 - t10)
         v2′ = |v10| (ε01 + ε12 + ε01 ε12 - μ) / (1 + μ) - g (t12 - t10).
+
+    The formulas hold for g Δh ≤ 2 ε01 (1 + ε01) v10². Otherwise the lower ball reaches the floor again before it meets
+    the upper ball. This condition is not checked.
     """
     mu = check.number("mass_ratio", mass_ratio, at_least=0.0)
     e01, e12 = _restitutions(restitution, 2).tolist()
@@ -363,7 +366,7 @@ def _of_logarithm(eps: float) -> float:
 
 
 def _marshall(eps: float) -> float:
-    """Return ζ = α/√5 of Marshall's polynomial."""
+    """Return ζ = α/√5 for a coefficient of restitution, by Marshall's polynomial."""
     return _polynomial(eps, 1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218) / math.sqrt(5.0)
 
 

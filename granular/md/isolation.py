@@ -110,7 +110,8 @@ class Durations:
         """Return the durations in s of contacts of pairs at impact speeds in m/s.
 
         Relative errors are 1e-14 for powers, 1e-7 for viscoelastic spheres and about 1e-5 at most for other laws. They
-        are larger at speeds where such a law has a kink. The duration of a contact that does not end is inf.
+        are larger at speeds where such a law has a kink. Speeds below `slowest` give the duration at `slowest`. The
+        duration of a contact that does not end is inf.
         """
         v = np.log2(np.maximum(speed, self.slowest))
         kind: Any = self.kind[pair] if len(self.unit) > 1 else 0

@@ -364,7 +364,8 @@ def resume(
 def _in_range(law: Any) -> Iterator[None]:
     """Convert range errors of the engine's own numbers to a `ValueError`.
 
-    Errors raised by a user's law pass through.
+    These are `ArithmeticError` and `LinAlgError` raised in modules of granular or numpy, including numpy functions
+    that a user's law calls. Errors raised in other modules pass through.
     """
     try:
         yield

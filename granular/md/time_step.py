@@ -24,9 +24,10 @@ DOUBTFUL_DT_LAMBDA = 0.2
 
 
 def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = True) -> float:
-    """Bound λ in 1/s over all pairs with the given overlaps in m (0: open).
+    """Return an upper bound of λ in 1/s for all pairs with the given overlaps in m.
 
-    `beside` states for every pair whether it and the next one are ever closed simultaneously. By default all are.
+    An overlap of at most 0 denotes an open pair. The bound is 0 if all pairs are open. `beside` states for every pair
+    whether it and the next one are ever closed simultaneously. By default all are.
     """
     overlap = np.array(overlap, np.float64)
     for c, wall in zip((0, -1), scene.heat, strict=True):

@@ -7,6 +7,7 @@ tasks are done here once for all engines, including the check of their common op
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from enum import Enum
@@ -56,8 +57,8 @@ def requested(
     """Return the checked options that all engines share."""
     end = math.inf if t_end is None else check.number("t_end", t_end, at_least=start, fix="The run starts there.")
     if end < end - start == math.inf:
-        raise ValueError("`t_end` must be within the range of floating-point numbers from the start of the run, "
-                         f"{start!r} s, got {t_end!r}.")
+        raise ValueError(f"`t_end` must be less than {sys.float_info.max:.3g} s after the start of the run, {start!r} "
+                         f"s, got {t_end!r}.")
     log = given["log"]
     stream = log if isinstance(log, (str, PathLike)) else None
     return Request(
@@ -200,11 +201,11 @@ class End(NamedTuple):
     Attributes
     ----------
     row : Row or None
-        State at the end, or None if a sample shows it.
+        State at the end, or None if the last sample already contains it.
     status, message, stats, state
         As in `granular.Trajectory`. The state can also be a function that creates it on access.
     running : records or None
-        Contacts that are still open.
+        Contacts that have not ended.
     """
 
     row: Row | None

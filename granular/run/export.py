@@ -144,8 +144,8 @@ def _words(law: PairLaw) -> str:
         return f"hertz {k / root!r} {gamma / (root * m_eff)!r} damping viscoelastic"
     if p == 1.5 and d == 0.25 and (asked := restitution_pulling(gamma / math.sqrt(5.0 * m_eff * k))):
         return f"hertz {k / root!r} {asked!r} damping coeff_restitution"
-    raise ValueError(f"The law of pair {law.pair.name} must be known to LAMMPS, got {law.law!r}. Use k ξ + γ ξ̇, or "
-                     "k ξ^(3/2) with no damping, γ √ξ ξ̇ or α √(m_eff k) ξ^¼ ξ̇, α < √5.")
+    raise ValueError(f"The law of pair {law.pair.name} must exist in LAMMPS, got {law.law!r}. Use F = k ξ + γ ξ̇, or "
+                     "F = k ξ^(3/2) + D with D = 0, γ √ξ ξ̇ or α √(m_eff k) ξ^¼ ξ̇ (α < √5).")
 
 
 def _run(scene: Scene) -> list[str]:

@@ -144,7 +144,7 @@ def _known(run: Any, span: Span, touches: Array) -> bool:
 def _touches(run: Any) -> Array:
     """Return onsets and ends of contacts in s, shape (count, 2).
 
-    Open contacts end with the run.
+    Contacts that have not ended are given the end of the run.
     """
     log = run.contacts
     return np.column_stack([log["t_begin"], np.nan_to_num(log["t_end"], nan=float(run.time[-1]))])

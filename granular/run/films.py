@@ -47,7 +47,7 @@ def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> 
         raise ValueError(f"`scene` must have at most {MOST_BALLS} bodies for a film, got {scene.n}. Play larger runs "
                          "with granular view.")
     if ending == ".mp4" and not optional("matplotlib.animation", "animate").writers.is_available("ffmpeg"):
-        raise ValueError("A film that ends in .mp4 requires ffmpeg, which is not installed. Write .gif instead.")
+        raise ValueError("An .mp4 film requires ffmpeg, which is not installed. Use a name that ends in .gif.")
 
 
 def check_film(path: str | PathLike[str]) -> str:

@@ -17,7 +17,8 @@ from granular._engine.check import Array, face, misuse, number
 class Pair:
     """Two neighbouring bodies, which a force law acts on.
 
-    Pair ``index`` joins bodies ``index`` and ``index + 1``. The two bodies remain neighbours during the whole run.
+    Pair ``index`` joins bodies ``index`` and ``index + 1``. On a ring the last pair joins the last ball and ball 0.
+    The two bodies remain neighbours during the whole run.
 
     Attributes
     ----------

@@ -229,7 +229,7 @@ def unending(scene: Scene) -> str:
 
 
 def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
-    """Return `scene` with wall motions that are functions replaced by panels.
+    """Return `scene` with panels in place of wall motions given as functions.
 
     The panels cover a run from `t_start` to `t_end` (s). `ValueError` is raised if the path of a wall is shorter.
     """

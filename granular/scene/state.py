@@ -317,10 +317,10 @@ class Scene(ByNumbers):
         return out
 
     def anchor(self, elapsed: Any, start: float = 0.0) -> Any:
-        """Return the position in m from which all positions are measured.
+        """Return the position in m relative to which all positions are measured.
 
-        The anchor is a wall, whose motion begins at the time `start` in s. Without a wall it is the centre of mass,
-        which falls freely.
+        The anchor is a wall, whose motion begins at the time `start` in s. Without a wall it is the centre of mass in
+        its motion without contacts.
 
         Parameters
         ----------

@@ -168,16 +168,17 @@ class Stability(Report):
         axis.tick_params(length=0, labeltop=True, labelbottom=False, labelsize=8)
         axis.set(xlim=(0, ends[-1]), xticks=0.5 * (ends[1:] + ends[:-1]), xticklabels=methods, ylim=(len(lines), 0),
                  yticks=np.arange(len(lines)) + 0.5, yticklabels=[line[0] for line in lines])
-        figure.suptitle(self._about(), fontsize=7.5, x=0.01, ha="left")
+        figure.suptitle(f"{self.title}: {self._key()}", fontsize=7.5, x=0.01, ha="left")
         return files.write_figure(path, figure, dpi=150)
 
-    def _about(self) -> str:
+    def _key(self) -> str:
         return (
-            f"{self.title}: right digits of the velocities, of the impact speed\n"
-            f"fixed steps: {', '.join(f'1/{n}' for n in STEPS_PER_CONTACT)} of the shortest contact of the scene "
-            f"as given, {self.duration:.3g} s, and the method's own\n"
-            f"! flagged by a status or a warning   ✗ wrong without a word: error above {self.error:g}, or another "
-            "number of contacts\n? not known to the judge either"
+            "correct digits of the velocities, relative to the impact speed\n"
+            f"fixed steps: {', '.join(f'1/{n}' for n in STEPS_PER_CONTACT)} of the shortest contact of the given "
+            f"scene, {self.duration:.3g} s, and the default of the method\n"
+            "! flagged by a status or a warning\n"
+            f"✗ wrong without a warning: error above {self.error:g}, or another number of contacts\n"
+            "? the reference solution is not known either"
         )
 
     def _numbers(self) -> dict[str, Any]:
@@ -189,12 +190,12 @@ class Stability(Report):
             [name, *(str(sum(row.verdict == name for row in self.of(method))) for method in self.table()[0][1:])]
             for name in ("right", *VERDICT_SIGNS)
         ]
-        told = [f"wrong without a word: {len(wrong)} of {len(self.rows)} runs"] + [
-            f"  {row.method}, {row.scene}, dt = {number(row.dt, '.2g', 'its own choice')}: error {row.error:.2g}, "
+        told = [f"wrong without a warning: {len(wrong)} of {len(self.rows)} runs"] + [
+            f"  {row.method}, {row.scene}, dt = {number(row.dt, '.2g', 'default')}: error {row.error:.2g}, "
             f"{row.contacts:+d} contacts" for row in wrong[:8]
         ] + [f"not tried: {', '.join(name for name in self.left_out if self.left_out[name] == why)}: {why}"
              for why in dict.fromkeys(self.left_out.values())]
-        return "\n".join([self._about(), "", aligned(lines, "<>"), "", *told])
+        return "\n".join([self.title, "", aligned(lines, "<>"), "", *told, "", self._key()])
 
 
 @check.face
@@ -312,9 +313,9 @@ def _scaled(case: Case, *factors: Mapping[str, float]) -> Case:
 
 
 def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
-    """Return the run of "located", which is the reference, and its own error.
+    """Return the located run, the reference that it defines, and its error.
 
-    The error is in impact speeds, inf if the run did not end.
+    The error is in units of the impact speed. It is inf if the run ended early.
     """
     run = case.simulate("md", method="located")
     truth = Reference(contacts_of(run), float(run.time[-1]), run.status.name, "located")

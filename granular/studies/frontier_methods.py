@@ -244,7 +244,7 @@ def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
 def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
     """Return errors of velocities and times, and whether a contact count is wrong.
 
-    See `Row`.
+    `granular.studies.frontier_result.Row` defines their units.
     """
     each = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
     velocity = float(np.max([_velocity_error(true, got) for true, got in each])) / truth.impact_speed  # nan if one is

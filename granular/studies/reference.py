@@ -301,7 +301,8 @@ class Restarted(Newton):
     def go(self, watches: list[Watch], end: float) -> Watch | None:
         """Advance to the first event, to the time `end` in s, or to a break of a path.
 
-        A break is the end of a piece of a driven wall's path.
+        A break is a time at which one polynomial of the path of a driven wall ends and the next one begins. Return the
+        observed function of the event, or None.
         """
         from scipy.integrate import solve_ivp
 

@@ -125,7 +125,7 @@ def path(mp: Any, motion: Any) -> Path:
         breaks = list(map(number, motion.breaks.tolist()))
         return Pieces(mp, breaks, breaks[:-1], [list(map(number, column)) for column in columns])
     if not isinstance(motion, Panels) or motion.frequency:
-        raise ValueError(f"The wall must be a granular.walls.Sine for a periodic motion, got {motion!r}.")
+        raise ValueError(f"The wall motion must be a Sine, a Piecewise or non-periodic Panels, got {motion!r}.")
     edges = list(map(number, motion.edges.tolist()))
     centres = [(a + b) / 2 for a, b in pairwise(edges)]
     halves = [(b - a) / 2 for a, b in pairwise(edges)]

@@ -297,7 +297,7 @@ def _span(report: Threshold, low: float, high: float) -> str:
 
 
 def _crossings(report: Threshold) -> Iterator[str]:
-    """Yield each crossing: values, verdicts, and the reason on the invalid side."""
+    """Yield a table of the crossings, and a line if some of them are not shown."""
     found = report.crossings
     if not found:
         return

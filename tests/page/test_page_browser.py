@@ -171,7 +171,7 @@ def test_contacts_as_csv(lab) -> None:
 
 def test_a_collapse_shows_nothing_unfinished(blank, story) -> None:
     go(blank, f"{story}#scene=newtons-cradle&eps=0.105&gap=0.0000881&n=8&moving=5&k=2290000&speed=0.549")
-    told = "No: hard spheres collide forever (inelastic collapse), soft ones part after 3 contacts."
+    told = "No: hard spheres collide forever (inelastic collapse), soft spheres separate after 3 contacts."
     assert text(blank, ".verdict") == told
     final = "[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[3].textContent)"
     assert blank.run(final) == ["–"] * 8

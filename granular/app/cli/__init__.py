@@ -107,7 +107,7 @@ def _naming(options: Mapping[str, Any]) -> Iterator[None]:
             raise
         name, value = far[0]
         raise ValueError(f"`{name}` must be 0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}, got {value!r}. "
-                         f"Use other units ({str(error).rstrip('.')}).") from error
+                         f"Use other units. The error was: {str(error).rstrip('.')}.") from error
 
 
 def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

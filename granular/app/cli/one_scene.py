@@ -16,7 +16,7 @@ import numpy as np
 
 import granular as gr
 from granular import cases
-from granular._engine.reports import aligned
+from granular._engine.reports import aligned, described
 from granular.app.cli import output
 from granular.app.cli.parser import Command, case_of, offer_until, offered
 from granular.cases.case import ENGINE_NAMES, Option, engine_named
@@ -53,9 +53,9 @@ class Scenes(Command):
         if given.target is not None:
             print(cases.dumps(case_of(given)), end="")
             return
-        print(aligned([[name, cases.about(name)] for name in cases.names()], "<"))
-        print("\ngranular compare SCENE --help lists a scene's parameters; "
-              "granular scenes SCENE prints it as a TOML file.")
+        print(output.fitted(aligned([[name, cases.about(name)] for name in cases.names()], "<")))
+        print(output.fitted("\ngranular compare SCENE --help lists the parameters of a scene.\n"
+                            "granular scenes SCENE prints it as a TOML file."))
 
 
 class Run(Command):
@@ -69,7 +69,7 @@ class Run(Command):
                             "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
                             "proof")
         offer_until(parser)
-        parser.add_argument("--log", metavar="FILE.npy", help="write contacts there as the run goes on")
+        parser.add_argument("--log", metavar="FILE.npy", help="write the contacts to this file during the run")
         output.offer(parser, save="write the trajectory and its contact log; by its ending also .nc (netCDF), .csv "
                                   "(contacts) or .extxyz (OVITO)")
         each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINE_NAMES}
@@ -89,7 +89,7 @@ class Run(Command):
         options = given.run | ({"watch": case.physics("md")} if given.watch else {}) | (
             {"log": given.log} if given.log else {})
         trajectory = case.simulate(given.engine, **options, progress=True)
-        print(summary(case, with_log(trajectory)))
+        print(output.fitted(summary(case, with_log(trajectory))))
         if given.save is not None:
             trajectory.save(given.save)
         return [trajectory]
@@ -100,13 +100,13 @@ class Compare(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw contacts, forces and paths of both engines, and a lens on the hops",
+        output.offer(parser, plot="draw contacts, forces and paths of both engines, and a magnified view",
                      film="film both engines: fall, contacts slowed down, flight; or .mp4",
                      json="write every number of the report")
-        parser.add_argument("--remedies", action="store_true", help="print what remedies for an inelastic collapse "
-                            "make of the scene, against Newton")
+        parser.add_argument("--remedies", action="store_true", help="print the results of the remedies for an "
+                            "inelastic collapse beside Newton's")
         offer_until(parser)
-        parser.add_argument("-v", "--verbose", action="store_true", help="print all that there is to read")
+        parser.add_argument("-v", "--verbose", action="store_true", help="print the full report")
         return [option for option in offered(gr.compare) if option.name != "rule"]
 
     @staticmethod
@@ -121,16 +121,17 @@ class Compare(Command):
         ends, work = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
         if given.verbose and 0 < work <= MAX_SENSITIVITY_SIZE and not np.isnan(ends).any():
             end = {"t_end": options["t_end"]} if options.get("t_end") else {}
-            print(gr.sensitivity(given.target, **given.given | end).line, file=output.stream(given))
+            print(output.fitted(gr.sensitivity(given.target, **given.given | end).line), file=output.stream(given))
         return [report.soft, report.hard]
 
 
 class Threshold(Command):
-    """Find the gap, stiffness, ... from which on hard spheres are valid."""
+    """Find the gap, stiffness, ... from which hard spheres are valid."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw what decides over the values", json="write every value with its verdict")
+        output.offer(parser, plot="draw the deciding measure over the values",
+                     json="write every value with its verdict")
         return offered(gr.threshold, "over", "between", "criterion", "error", "within", "points", "spacing")
 
     @staticmethod
@@ -157,7 +158,7 @@ class Frontier(Command):
 
 
 class Stability(Command):
-    """Make a scene stiff, close, damped, unequal: which methods stay right?"""
+    """Test all methods on stiff, close, damped and unequal variants of a scene."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
@@ -203,11 +204,11 @@ def summary(case: cases.Case, run: Trajectory) -> str:
     from granular.md import isolation
 
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
-    lines = [*[case.about] * bool(case.about), f"{run.scene}, {engine}"]
+    lines = [*[case.about] * bool(case.about), f"{described(run.scene)}; {engine}"]
     if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
-    lines += [f"{run.status.name}: {run.message}",
-              f"t = {run.time[-1]:.12g} s, {_count(run)} contacts",
+    lines += [f"ended ({run.status.name}): {run.message}",
+              f"final state at t = {run.time[-1]:.9g} s, {_count(run)} contacts",
               *filter(None, [isolation.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
     if run.scene.fed:
         parts = measures.balance(run)
@@ -229,25 +230,29 @@ def _contacts(run: Trajectory) -> Iterator[str]:
     if _count(run) > len(run.contacts):
         yield f"contacts are in {run.stats['log']}"
         return
-    yield f"{'pair':>12} {'contacts':>9} {'first onset / s':>18} {'last onset / s':>18} {'max overlap / m':>16}"
+    yield f"{'pair':>12} {'contacts':>9} {'first onset / s':>16} {'last onset / s':>16} {'max overlap / m':>16}"
     for pair, row in _some(run.scene.n_pairs):
         log = run.of(pair)
         row = row or f"{run.scene.pairs.name(pair):>12} {len(log):9d}"
         if len(log) and "…" not in row:
             deepest = 0.0 if run.law is None else float(log["xi_max"].max())
-            row += f" {log['t_begin'][0]:18.12g} {log['t_begin'][-1]:18.12g} {deepest:16.4g}"
+            row += f" {log['t_begin'][0]:16.9g} {log['t_begin'][-1]:16.9g} {deepest:16.4g}"
         yield row
 
 
 def _bodies(run: Trajectory) -> Iterator[str]:
-    yield f"{'body':>12} {'mass / kg':>12} {'position / m':>18} {'velocity / (m/s)':>20}"
+    yield f"{'body':>12} {'mass / kg':>12} {'position / m':>14} {'velocity / (m/s)':>18}"
     for i, row in _some(run.scene.n):
         mass, x, v = run.scene.mass[i], run.position[-1, i], run.velocity[-1, i]
-        yield row or f"{body_name(run.scene, i):>12} {mass:12.6g} {x:18.12g} {v:20.12g}"
+        yield row or f"{body_name(run.scene, i):>12} {mass:12.6g} {x:14.6g} {v:18.6g}"
 
 
 def _some(n: int) -> Iterator[tuple[int, str]]:
-    """Return the numbers of up to `n` pairs or bodies, the first and the last ones."""
+    """Yield the rows of a table of `n` pairs or bodies: index and replacement text.
+
+    Of a long table only the first rows and the last one are yielded, with one row "… (k more)" between them. The text
+    of all other rows is empty.
+    """
     for i in range(n):
         if i < MAX_TABLE_ROWS - 2 or i == n - 1 or n <= MAX_TABLE_ROWS:
             yield i, ""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +15,11 @@ from granular._engine.check import optional
 from granular.cases.ready import is_file
 from granular.run import tables
 
+LAST_COLUMN_SHARE = 0.7
+"""Maximum start of the last column, as a share of the width.
+
+The text of a column that starts further to the right is not continued below the column.
+"""
 DEFAULT_SUFFIXES = {"plot": "png", "film": "gif", "json": "json"}
 
 
@@ -59,6 +66,22 @@ def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
         taken.add(os.path.realpath(name))
 
 
+def fitted(text: str) -> str:
+    """Wrap lines at the width of the terminal, or at 80 columns if it is unknown.
+
+    A longer line of a table is continued in its last column, another line two columns further to the right.
+    """
+    width = shutil.get_terminal_size((80, 24)).columns
+    lines = []
+    for line in text.split("\n"):
+        last_column = line.rstrip().rfind("  ") + 2  # columns are at least two spaces apart
+        margin = len(line) - len(line.lstrip()) + 2
+        indent = last_column if margin < last_column <= LAST_COLUMN_SHARE * width else margin
+        lines += [line] if len(line) <= width else textwrap.wrap(
+            line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines)
+
+
 def deliver(report: Any, given: argparse.Namespace) -> None:
     """Print a report, and draw and write it as the options demand.
 
@@ -66,7 +89,7 @@ def deliver(report: Any, given: argparse.Namespace) -> None:
     """
     text = report.details() if getattr(given, "verbose", False) else report
     more = f"\n\n{report.remedies()}" if getattr(given, "remedies", False) else ""
-    print(f"{text}{more}", file=stream(given))
+    print(fitted(f"{text}{more}"), file=stream(given))
     if getattr(given, "plot", None) is not None:
         report.plot(given.plot)
     if getattr(given, "film", None) is not None:

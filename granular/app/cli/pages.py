@@ -65,7 +65,7 @@ def offer_page(parser: argparse.ArgumentParser, default: str | None, shown: str)
 def announce(name: str, show: bool) -> None:
     """Print the size of the file, and open it in the browser if `show`."""
     path = Path(name).resolve()
-    print(f"{name}: {path.stat().st_size / 1000:.0f} kB, opens in any browser, needs no network")
+    print(output.fitted(f"{name}: {path.stat().st_size / 1000:.0f} kB, opens in any browser, needs no network"))
     if show:
         import webbrowser
 

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 from granular import cases
 from granular._engine import check
 from granular._engine.package import VERSION
+from granular.app.cli import output
 from granular.cases.case import CASE_ARGUMENTS, Option, options_of
 from granular.cases.ready import is_file
 from granular.cases.toml import stop_condition
@@ -29,32 +30,39 @@ COMMAND_CLASSES = {
 }
 """Location of each command: a module of this package, and its `Command`."""
 PROGRAM_DESCRIPTION = """\
-Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
-equation with a contact force). Do the two agree? All numbers are in SI units."""
+Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions)
+and as soft spheres (md: Newton's equation with a contact force), and whether
+the two models agree. All numbers are in SI units."""
 PROGRAM_EXAMPLES = """\
 examples:
-  granular scenes                                   the ready-made scenes
-  granular scenes three-balls > mine.toml           one of them as a file to change
-  granular run bouncing-ball --engine edmd          run one engine
-  granular run mine.toml --engine md --dt 1e-7      ... on a scene of your own
-  granular compare three-balls --restitution 0.7    both engines on one scene, and where they part
-  granular compare three-balls --help               the parameters of that scene
+  granular compare three-balls --restitution 0.7  both engines on one scene
+  granular compare three-balls --help             parameters of this scene
+  granular scenes                                 ready-made scenes
+  granular scenes three-balls > mine.toml         one of them as a file to edit
+  granular run bouncing-ball --engine edmd        hard spheres only
+  granular run mine.toml --engine md --dt 1e-7    soft spheres, your own scene
   granular sweep three-balls --over restitution=0.5:1:101 --refine restitution
   granular sweep mine.toml --over gap[1]=1e-6:1e-2:41:log
-  granular threshold three-balls --over gap         from which gap on hard spheres will do
-  granular sensitivity three-balls                  what its outcomes answer to, and how uncertain they are
-  granular ensemble gas --vary seed --draws 200     means of both engines over many gases
-  granular frontier three-balls --plot out.png      error against run time of every method
-  granular stability three-balls                    the scene made stiff, close, damped, unequal: who is right?
-  granular page --open                              the teaching page, in the browser
-  granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
-  granular verify touching-cradle --check mine.csv  whether another code's numbers are right
-  granular warm                                     compile everything once, for an image, a class, a test server
-  granular info                                     what is installed, to look for a fault or to report one
+  granular threshold three-balls --over gap       minimum gap for hard spheres
+  granular sensitivity three-balls                derivatives and uncertainties
+  granular ensemble gas --vary seed --draws 200   means over random gases
+  granular frontier three-balls --plot out.png    error against run time
+  granular stability three-balls                  stiff and extreme variants
+  granular page --open                            teaching page in the browser
+  granular run gas --engine edmd --samples 500 --save gas.npz
+  granular view gas.npz --open                    play a recorded run
+  granular verify touching-cradle --check my.csv  check numbers of another code
+  granular warm                                   compile all kernels now
+  granular info                                   versions, for bug reports
 
-exit codes: 0 done; 1 verify found a number wrong or missing; 2 misuse, or a file that cannot be read or written;
- 3 the run came to no proper end (status unstable: the time step is too long; broken: the last state is none that there
- can be; max_events: the limit on the amount of work); 130 interrupted; 143 ended by SIGTERM"""
+exit codes:
+  0    success
+  1    verify found a wrong or missing number
+  2    misuse, or a file that cannot be read or written
+  3    the run did not end properly: unstable (the time step is too long),
+       broken (the final state is invalid), max_events (limit on the work)
+  130  interrupted
+  143  ended by SIGTERM"""
 UNTIL_SEPARATED = "separated"
 HIDDEN_OPTIONS = CASE_ARGUMENTS | {"engine", "log", "t_start", "watch"}
 """Options of the engines that only the table [run] of a TOML file offers."""
@@ -90,7 +98,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--traceback", action="store_true", help="show where an error came from (to report a bug)")
 
     def _print_message(self, message: str, file: object = None) -> None:
-        print(message, end="", flush=True)  # argparse itself passes over a full disk
+        print(message, end="", flush=True)  # argparse ignores write errors, such as a full disk
 
     def error(self, message: str) -> NoReturn:
         raise ValueError(f"{message}; see {self.prog} --help")
@@ -145,8 +153,8 @@ def offer_until(parser: argparse.ArgumentParser) -> None:
     """Add the option --until."""
     parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
                         type=lambda text: UNTIL_SEPARATED if text.strip() == UNTIL_SEPARATED else _entry(text),
-                        help="stop there: pair=0 nth=2 (a contact); type=force pair=0 above=1e3; type=speed ball=2 "
-                             "above=1.5; type=position ball=2 above=0.8 (or below=); separated")
+                        help="stop the run there: pair=0 nth=2 (a contact); type=force pair=0 above=1e3; type=speed "
+                             "ball=2 above=1.5; type=position ball=2 above=0.8 (or below=); separated")
 
 
 def teller(target: str | None) -> Callable[[str], None]:
@@ -200,13 +208,14 @@ def _settings(command: str, chosen: type[Command], target: str | None) -> dict[s
     if usage.startswith("SCENE"):
         description += " All numbers are in SI units."
         listed = ", ".join(cases.names())
-        settings["epilog"] = f"scenes: {listed}\ngranular {command} SCENE --help lists the parameters of a scene."
+        settings["epilog"] = output.fitted(
+            f"scenes: {listed}\ngranular {command} SCENE --help lists the parameters of a scene.")
     if target is not None:
         settings = {"prog": f"granular {command} {target}"}
         usage = " ".join([target, *usage.split()[1:]])
         if target in cases.names():
             description = f"{cases.about(target)}\n\n{description}"
-    return settings | {"usage": f"granular {command} {usage}", "description": description}
+    return settings | {"usage": f"granular {command} {usage}", "description": output.fitted(description)}
 
 
 def _add(parser: argparse.ArgumentParser, title: str, options: Iterable[Option]) -> None:

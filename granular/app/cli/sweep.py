@@ -7,7 +7,7 @@ import math
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
-from granular._engine.reports import cores
+from granular._engine.reports import blocks, cores, number, with_unit
 from granular.app.cli import ends, output
 from granular.app.cli.parser import Command, offered
 from granular.cases.case import Option
@@ -32,6 +32,8 @@ MIN_CELLS_FOR_POOL = 20_000
 """Number of cells from which on several processes are used by default."""
 MAX_WORKERS = 1024
 """Maximum number of processes."""
+MAX_TABLE_CELLS = 20
+"""Number of cells up to which each cell is printed."""
 MAX_PRINTED_JUMPS = 40
 """Maximum number of jumps that are printed."""
 
@@ -44,10 +46,10 @@ class Sweep(Command):
         parser.add_argument("--over", action="append", metavar="NAME=FIRST:LAST:COUNT[:log]", default=[],
                             help="vary a parameter; or NAME=VALUE,VALUE,...; may be given several times")
         parser.add_argument("--result", action="append", choices=list(RESULTS), metavar="NAME", default=[],
-                            help=f"what to keep of every cell, may be given several times: {', '.join(RESULTS)}")
+                            help=f"result to store for each cell, may be given several times: {', '.join(RESULTS)}")
         parser.add_argument("--workers", type=int, metavar="N",
                             help="number of processes [one per core in large sweeps]")
-        output.offer(parser, save_as="nc", save="write a netCDF file; if it is there, go on from it")
+        output.offer(parser, save_as="nc", save="write a netCDF file; continue it if it exists")
         return offered(sweep, "refine", "precision")
 
     @staticmethod
@@ -63,7 +65,7 @@ class Sweep(Command):
         with processes(workers) as executor:
             data = sweep(given.target, over, given.result or DEFAULT_RESULTS, save=given.save, executor=executor,
                          workers=given.workers, progress=True, **given.given, **given.run)
-        print(summary(data))
+        print(output.fitted(summary(data)))
 
 
 class Sensitivity(Command):
@@ -78,9 +80,9 @@ class Sensitivity(Command):
         parser.add_argument("--over", action="append", metavar="NAME",
                             help="a parameter, may be given several times [every number of the scene]")
         parser.add_argument("--uncertainty", nargs="+", metavar="NAME=VALUE", default=[],
-                            help="standard uncertainties, as gap=1e-5 or gap=5%%; 1%% is of every parameter")
+                            help="standard uncertainties, such as gap=1e-5 or gap=5%%; 1%% applies to every parameter")
         parser.add_argument("--border", action="store_true",
-                            help="find from where on, below and above each parameter, there is a contact more or less")
+                            help="find the values below and above each parameter at which a contact count changes")
         parser.add_argument("--workers", type=int, metavar="N", default=1, help="number of processes [1]")
         output.offer(parser, json="write every number")
         return offered(sensitivity, "t_end")
@@ -146,7 +148,7 @@ class Ensemble(Command):
             action="append",
             metavar="NAME",
             default=[],
-            help=f"what is compared, such as v_rel[1], may be given several times: {', '.join(COMMON_RESULTS)}",
+            help=f"result to compare, such as v_rel[1], may be given several times: {', '.join(COMMON_RESULTS)}",
         )
         output.offer(parser, plot="draw the distributions", json="write every number")
         return offered(ensemble, "margin", "seed", "independent")
@@ -159,24 +161,46 @@ class Ensemble(Command):
 
 
 def summary(data: Any) -> str:
-    """Return axes, ranges of results, statuses and jumps as text."""
+    """Return the cells, or the ranges of axes and results; then statuses and jumps."""
     status = data["status"]
     lines = [f"{data.attrs['title']}: {' × '.join(str(data.sizes[name]) for name in status.dims)} cells"]
     names = [name for name in (*status.dims, *data.data_vars) if name != "status" and not name.startswith("edge")]
+    if status.size <= MAX_TABLE_CELLS:
+        lines += ["", _cells(data, names), ""]
+        names = []
     for name in names:
         values, about = data[name].values, data[name].attrs
         if values.dtype.kind in "iuf":
             known = values[values >= 0] if values.dtype.kind == "i" and name in data.data_vars else values  # -1: none
             known = known[~np.isnan(known)]
             text = f"{known.min():.6g} … {known.max():.6g}" if known.size else "no value"
-            lines.append(f"  {name!s:16} {text:28} {about.get('comment') or about.get('long_name', '')}")
+            text = with_unit(text, about.get("units", "")).replace(",", "")
+            lines.append(f"  {name!s:16} {text:26} {about.get('comment') or about.get('long_name', '')}")
     codes, counts = np.unique(status.values, return_counts=True)
     lines.append(
-        "  status           " + ", ".join(f"{STATUS_NAMES[int(c)]} {n}" for c, n in zip(codes, counts, strict=True))
+        "  status           " + ", ".join(f"{n} × {STATUS_NAMES[int(c)]}" for c, n in zip(codes, counts, strict=True))
     )
     if "refusal" in data.attrs:
         lines.append(f"  refused          {data.attrs['refusal']}")
     return "\n".join(lines + (_jumps(data) if "edge" in data else []))
+
+
+def _cells(data: Any, names: Sequence[str]) -> str:
+    """Return a table with a row for each cell, and a column for each number."""
+    axes = data["status"].dims
+    columns = {}
+    for name in names:
+        variable, unit = data[name], data[name].attrs.get("units", "")
+        if name in axes:
+            columns[with_unit(name, unit)] = variable.broadcast_like(data["status"]).transpose(*axes).values.ravel()
+            continue
+        inner = [dim for dim in variable.dims if dim not in axes]
+        values = variable.transpose(*axes, *inner).values.reshape(data["status"].size, -1)
+        columns |= {with_unit(f"{name}[{i}]" if inner else name, unit): values[:, i] for i in range(values.shape[1])}
+    codes = data["status"].values.ravel().tolist()
+    rows = zip(*columns.values(), (STATUS_NAMES[code] for code in codes), strict=True)
+    return blocks([[*columns, "status"], *([one if isinstance(one, str) else number(one) for one in row]
+                                           for row in rows)], ">", len(axes))
 
 
 def _jumps(data: Any) -> list[str]:

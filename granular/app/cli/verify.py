@@ -7,6 +7,7 @@ from collections import Counter
 
 from granular._engine import files
 from granular._engine.reports import aligned
+from granular.app.cli import output
 from granular.app.cli.parser import Command
 from granular.cases.case import Option
 from granular.studies import verification
@@ -21,13 +22,13 @@ MAX_PRINTED_ANSWERS = 12
 class Verify(Command):
     """List or write reference cases for other codes, or check their numbers."""
 
-    USAGE = "[CASE] [-o FILE.csv|FILE.json] [--check THEIRS.csv [--tolerance NUMBER]]"
+    USAGE = "[CASE] [-o FILE] [--check FILE.csv [--tolerance NUMBER]]"
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         parser.add_argument("case", nargs="?", metavar="CASE", help=f"one of {', '.join(verification.names())}")
         parser.add_argument("-o", "--output", metavar="FILE", help="write it: .csv (answers), .json (everything)")
-        parser.add_argument("--check", metavar="FILE.csv", help="a table as that of -o, its values replaced by theirs")
+        parser.add_argument("--check", metavar="FILE.csv", help="table written by -o, with the values of another code")
         parser.add_argument("--tolerance", type=float, metavar="NUMBER",
                             help="relative difference that counts as right [every digit that is written]")
         return []
@@ -38,8 +39,10 @@ class Verify(Command):
             if given.output or given.check:
                 raise ValueError(f"{'--check' if given.check else '-o'} requires a case: one of "
                                  f"{', '.join(verification.names())}.")
-            print(aligned([[name, verification.case(name)["about"]] for name in verification.names()], "<"))
-            print("\ngranular verify CASE -o FILE.csv writes one; --check FILE.csv says whether yours is right.")
+            rows = [[name, verification.case(name)["about"]] for name in verification.names()]
+            print(output.fitted(aligned(rows, "<")))
+            print(output.fitted("\ngranular verify CASE -o FILE.csv writes a case.\n"
+                                "granular verify CASE --check FILE.csv checks your numbers."))
         elif given.check:
             return _checked(given)
         elif given.output:
@@ -52,15 +55,14 @@ class Verify(Command):
 
 def _show(name: str) -> None:
     told, rows = verification.case(name), verification.answers(name)
-    print(f"{told['about']}\n{told['source']}\n")
-    print(*(f"- {line}" for line in verification.kit()["conventions"]), sep="\n")
-    print(f"\n{'value':>24} unit  condition  quantity")
-    for one in rows[:MAX_PRINTED_ANSWERS]:
-        print(f"{one.value:>24} {one.unit:5} {one.condition:<9g}  {one.run}: {one.quantity}")
+    lines = [f"{told['about']}\n{told['source']}\n", *(f"- {line}" for line in verification.kit()["conventions"]),
+             f"\n{'value':>24} unit  condition  quantity"]
+    lines += [f"{one.value:>24} {one.unit:5} {one.condition:<9g}  {one.run}: {one.quantity}"
+              for one in rows[:MAX_PRINTED_ANSWERS]]
     if len(rows) > MAX_PRINTED_ANSWERS:
-        print(
-            f"… {len(rows) - MAX_PRINTED_ANSWERS} more; granular verify {name} -o FILE.json writes all, and the set-up."
-        )
+        lines.append(f"… {len(rows) - MAX_PRINTED_ANSWERS} more; granular verify {name} -o FILE.json writes all of "
+                     "them, and the set-up.")
+    print(output.fitted("\n".join(lines)))
 
 
 def _checked(given: argparse.Namespace) -> int:
@@ -72,8 +74,9 @@ def _checked(given: argparse.Namespace) -> int:
     first = next((one for one in bad if one.word == "wrong"), None)
     print(f"{given.case}: of {len(found)} answers {many}.")
     if first is not None:
-        print(f"First wrong: {first.answer.run}: {first.answer.quantity}: {files.plain_text(first.theirs)} instead of "
-              f"{first.answer.value} {first.answer.unit}, off by {first.off:.1e} of it.")
+        print(output.fitted(
+            f"First wrong: {first.answer.run}: {first.answer.quantity}: {files.plain_text(first.theirs)} instead of "
+            f"{first.answer.value} {first.answer.unit}, relative difference {first.off:.1e}."))
     for one in [one for one in found if one.word != "right"][:MAX_PRINTED_ANSWERS]:
         off = "" if one.word == "missing" else f" by {one.off:.1e}"
         print(f"  {one.word}{off}: {one.answer.run}: {one.answer.quantity}")

@@ -49,7 +49,7 @@ class Setting:
     words: tuple[str, ...] = ()
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the entries of a link for `value`, or raise an error."""
+        """Return the link parameters for `value`, or raise an error."""
         if self.whole:
             return {self.slider: check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
         if self.zero and type(value) in (int, float) and value == 0:
@@ -62,7 +62,7 @@ class Choice(Setting):
     """One of several words, which a link has as its index."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the entry of a link for a word."""
+        """Return the link parameter of a setting with a list of options."""
         return {self.slider: self.words.index(check.choice(name, value, self.words))}
 
 
@@ -70,7 +70,7 @@ class Language(Setting):
     """A language."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the entry of a link for a language."""
+        """Return the link parameter of a language."""
         return {self.slider: check.choice(name, value, self.words)}
 
 
@@ -78,7 +78,7 @@ class Kind(Setting):
     """A ball by its name in `granular.balls`. `slider` is 1 for the lower ball or 2."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the entries of a link for a ball."""
+        """Return the link parameters of a ball."""
         ball = balls.BALLS[check.choice(name, value, self.words)]
         return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT_NAMES.items()}
 
@@ -87,7 +87,7 @@ class Truth(Setting):
     """True or False."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the entry of a link for a truth value."""
+        """Return the link parameter of a boolean setting as 0 or 1."""
         return {self.slider: +check.truth(name, value)}
 
 

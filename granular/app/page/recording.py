@@ -112,7 +112,10 @@ def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajecto
 
 
 def _account(run: Trajectory) -> list[list[str | float]]:
-    """Return the parts of the energy balance in J, except those that are 0."""
+    """Return the finite, nonzero terms of the energy balance in J, with labels.
+
+    The list is empty if no wall exchanges energy with the balls.
+    """
     parts = balance(run)
     return [[BALANCE_LABELS[name], parts[name]] for name in ("floor", "ceiling", "heat", "dissipated", "remainder")
             if run.scene.fed and parts[name] and math.isfinite(parts[name])]
@@ -197,7 +200,7 @@ def filled(run: Trajectory, most: int) -> Trajectory:
 
 
 def _instants(run: Trajectory) -> Iterator[Array]:
-    """Yield times of samples and contacts, first with additional ones between them."""
+    """Yield alternative sets of times of frames, the densest first."""
     corners = np.union1d(run.time, np.append(run.contacts["t_begin"], run.stats.get("collapse_time", run.time[-1])))
     scene = run.scene
     if scene.gravity or scene.pendulum or scene.external_force is not None:

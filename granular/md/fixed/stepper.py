@@ -300,7 +300,7 @@ class Stepper:
         return halt
 
     def after(self, k: int, dt: float) -> Any:
-        """Return the rows a time `dt` in s after the current step `k`.
+        """Compute the rows a time `dt` in s after the current step `k`.
 
         The run stays at step `k`.
         """

@@ -83,7 +83,7 @@ stepped."""
 
 @kernel
 def copy(count: int, source: Any, i: int, target: Any, j: int) -> None:
-    """Copy entries of the rows that both have.
+    """Copy `count` entries of each row that both tables have.
 
     The guard shows compilers that no index is negative.
     """

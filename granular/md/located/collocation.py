@@ -113,9 +113,10 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scrat
 
 
 def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, scratch: Any) -> float:
-    """Return the first τ up to `span` at which the force vanishes for an instant.
+    """Return the τ from which the force is 0 around a minimum of the overlap.
 
-    The law is evaluated at the minimum of the overlap.
+    Only τ up to `span` are examined. The law is evaluated at the first minimum, and the onset is found by bisection.
+    The result is inf if there is no such interval, or if the overlap does not decrease at τ = 0.
     """
     least = first_up_crossing(pair.e, span, scratch) if pair.e[0] < 0.0 else math.inf
     return bisected(pushes, *last_push(pushes, least)) if least < math.inf and idles(least) else math.inf
@@ -170,8 +171,8 @@ def _own_speeds(pairs: list[Any]) -> Array:
 def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[Array, float]:
     """Return the mean error of each force, and the largest relative error.
 
-    The latter is relative to the force of the contact. `off` contains the errors of the interpolants between the nodes.
-    Values up to `noise` are rounding errors.
+    Relative errors are divided by the largest force of the contact. `off` contains the errors of the interpolants
+    between the nodes. Values up to `noise` are rounding errors.
     """
     last_terms = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
     last_terms, off = np.where(last_terms > noise, last_terms, 0.0), np.where(off > noise[:, None], off, 0.0)

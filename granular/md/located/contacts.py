@@ -246,10 +246,10 @@ def pushes(pair: Any) -> bool:
 
 @kernel
 def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
-    """Make pairs dormant that touch at rest and are pressed by a force or by gravity.
+    """Make all pairs dormant that touch at rest and are pressed together.
 
-    Returns NONE, SOME or AWAITED. All forces are repulsive, so the contact of such a pair begins immediately, unless
-    gravity separates the balls.
+    Returns NONE, SOME, or AWAITED if the run has to stop at one of them first. All forces are repulsive, so the
+    contact of such a pair begins immediately, unless gravity separates the balls.
     """
     found, lo, hi = NONE, run.lo, run.hi
     closed = RING and is_closed(pairs, lo, hi)

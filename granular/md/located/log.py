@@ -15,7 +15,7 @@ from granular.md.located.system import is_closed, nth
 def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Record the time and velocities at the onset of the contact of pair `c`.
 
-    The contact of a dormant pair may not develop a force.
+    A dormant pair possibly never develops a force. The largest overlap is set to the present one.
     """
     pair = pool[pairs[c].slot]
     pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
@@ -77,9 +77,9 @@ def velocity_now(body: Any, run: Any) -> float:
 
 @kernel
 def keep_unsettled(s: Any, t: float) -> None:
-    """Remove the rows of the log that are void or settled at time `t`.
+    """Keep only the rows of contacts that end after the time `t`.
 
-    Rows of contacts that continue stay.
+    Other rows are settled or void, and are removed.
     """
     run, kept = s.run[0], 0
     for i in range(run.rows):

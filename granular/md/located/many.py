@@ -206,7 +206,7 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 def scene_of(many: Any, i: int, room: Any) -> Any:
     """Return the records of scene i, stored in a `room`.
 
-    Pool, queue and log are shared by all scenes.
+    Only run, pairs, kinds and bodies belong to the scene. All other records are shared by all scenes.
     """
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
     rest = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None

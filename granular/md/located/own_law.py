@@ -226,8 +226,9 @@ class Collocation:
     def _iterate(self, pairs: list[Any]) -> tuple[Array, Array, float]:
         """Return the forces (pairs, nodes) at the nodes, and their errors.
 
-        The first error is the error of each rate. The second is the largest error of a force, relative to the largest
-        force of a contact at the pair's own speed. Both are inf if the iteration diverges.
+        The first error is the error of the rate of each pair in m/s. The second is the largest error of the force of
+        an active pair. It is relative to the larger of two forces: the scale of a contact at the pair's own speed, and
+        the largest force at the nodes. All errors are inf if the iteration does not converge.
         """
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
@@ -265,9 +266,10 @@ class Collocation:
         return force, np.full(len(pairs), math.inf), math.inf
 
     def _grain(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
-        """Return the change of each force under one rounding of its overlap.
+        """Return the change of each force under one rounding of its overlaps.
 
-        Changes comparable to the rounding error of the force itself are returned as 0.
+        It is the largest change at the nodes. Changes comparable to the rounding error of the force itself are
+        returned as 0.
         """
         here = self._forces(pairs, xi, eta)
         moved = abs(self._forces(pairs, xi * (1.0 + FLOAT_SPACING), eta) - here).max(axis=1)
@@ -350,9 +352,10 @@ def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> 
 
 
 def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
-    """Write the piece of an island at rest, and return whether it is at rest.
+    """Write the piece of an island whose contacts rest, and return whether they do.
 
-    `closed` is True for a whole ring.
+    Open pairs can move freely. Nothing is written if the result is False, as it is without an active pair, or if a ball
+    arrives now. `closed` is True for a whole ring.
     """
     block = pairs[0]
     if any(

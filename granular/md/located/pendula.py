@@ -25,7 +25,7 @@ from granular.md.located.records import ACTIVE
 def shift(run: Any, body: Any, pair: Any, way: float) -> None:
     """Set the `fall` of a body at the clock of `pair`, displaced upwards by `way`.
 
-    `way` is in m.
+    `way` is in m. Velocity and clock of the body are not changed. The caller sets them with `free`.
     """
     fall = swung(body, run.omega, since(body, pair.t, pair.tail))[1]
     body.fall = fall + run.omega * run.omega * way

@@ -152,7 +152,7 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
 
 
 def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
-    """Return k and p of a power law equal to `law` at an overlap in m, and q.
+    """Return (k, p, q) of the power law that is tangent to a law at an overlap in m.
 
     See `_rough_form`.
     """

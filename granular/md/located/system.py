@@ -313,10 +313,7 @@ def count_of(pairs: Any) -> int:
 
 @kernel
 def nth(pairs: Any, c: int) -> int:
-    """Return the number of a pair or body counted beyond the last one, or below 0.
-
-    On a line the number is returned unchanged.
-    """
+    """Return the number of a pair or body, on a ring modulo the number of pairs."""
     return c % (len(pairs) // 2) if RING else c
 
 

@@ -175,7 +175,7 @@ def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
 
 @kernel
 def carry_walls(walls: Any, s: Any) -> None:
-    """Set the velocities of driven walls, and the pulls at them, to the current event."""
+    """Update the velocities of driven walls, and the pulls at them, for the event."""
     run = s.run[0]
     for i in range(len(walls.wall)):
         c, b = (0, 0) if walls.wall[i].side > 0.0 else (len(s.pairs) - 1, len(s.bodies) - 1)
@@ -234,10 +234,11 @@ def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, 
 
 @kernel
 def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
-    """Expand the paths of the driven walls of an island about the clock of its block.
+    """Expand the paths of driven walls of an island about the clock of its block.
 
     `lo` is the first pair of the island. Returns the longest permitted duration of the next piece, inf without driven
-    walls. Sets `holds` of the block, the time to the next edge of a panel.
+    walls. Sets `holds` of the block, the time to the next edge of a panel, and `pull` and `sway` of the pairs at driven
+    walls, the closing acceleration at the start of the piece and a bound of its magnitude.
     """
     reach = math.inf
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
@@ -316,9 +317,9 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
 
 @kernel
 def beside_edge(walls: Any, pair: Any, block: Any) -> float:
-    """Return the time from the clock of a block to the EDGE at which it has arrived.
+    """Return the signed time in s from the clock of a block to the edge of a panel.
 
-    The clock is there only to the resolution of one float. Returns 0 if `pair` is not at a driven wall.
+    Returns 0 if the edge is farther away than rounding, if the path is periodic, or if `pair` is not at a driven wall.
     """
     if pair.wall <= 0:
         return 0.0

@@ -53,7 +53,8 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
     The lowest branch comes first.
 
     One ball per cell: ω = 2 √(K/m) |sin(θ/2)|. Two balls of masses m and M: ω² = K (1/m + 1/M) ± K √((1/m + 1/M)² - 4
-    sin²(θ/2)/(m M)). Larger cells: eigenvalues of a Hermitian matrix.
+    sin²(θ/2)/(m M)). Larger cells: ω² are the eigenvalues of a
+    Hermitian matrix; ω are computed as the singular values of a factor of it.
 
     Parameters
     ----------

@@ -23,19 +23,20 @@ ROUNDING_FORCE_SHARE = 1e-13
 @check.face
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """Arrival time, strength and width of a pulse at each contact.
+    """Arrival time, strength and width of a pulse at each of p pairs.
 
     Attributes
     ----------
-    time : (n-1,) array
+    time : (p,) array
         Time in s of the largest force. It is nan if this is at the first or the last sample of the run, or if the force
         is at most rounding error: 1e-13 of the largest force of the run.
-    peak : (n-1,) array
-        Largest force in N above the static force.
-    width : (n-1, w) array
-        Duration in s for which the force around the peak exceeds each of the requested shares of it.
-    place : (n-1,) array
-        Positions of the contacts at the first sample, in m.
+    peak : (p,) array
+        Largest force in N above the static force. It is not interpolated where `time` is nan.
+    width : (p, w) array
+        Duration in s for which the force around the peak exceeds each of the requested shares of it. It is nan where
+        `time` is nan, or if the run does not contain both crossings.
+    place : (p,) array
+        Position in m of the upper surface of the lower body of each pair, in the initial scene.
     """
 
     time: Array
@@ -93,7 +94,7 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
 def _of_one(time: Array, force: Array, shares: Array, faint: float) -> tuple[float, float, list[float]]:
     """Return time, peak and widths of the largest force of one contact.
 
-    Time and widths are nan for a force up to `faint`.
+    Time and widths are nan if the force does not exceed `faint`, or if the first or the last sample is the largest.
     """
     from scipy.interpolate import CubicSpline
 

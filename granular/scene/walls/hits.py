@@ -124,9 +124,9 @@ def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: f
 @rare
 @kernel
 def out_of_reach(wall: Record, now: State, s: float) -> float:
-    """Return how long the ball is certain to stay out of the range of the wall.
+    """Return a time in s for which the ball stays out of reach of the wall.
 
-    The interval starts a time s after `now`.
+    The interval starts a time s after `now`. The result is `NO_HIT` for all times, and 0 if the ball is within reach.
     """
     height, rate, noise = above(wall, now, s)
     if rate == 0.0 and now.pull == 0.0 and wall.speed == 0.0:
@@ -211,9 +211,9 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
 @rare
 @kernel
 def touch(s: float, f: float, df: float, a: float) -> float:
-    """Return the time of a hit from a state that agrees with it to rounding.
+    """Return the time of a hit from a state whose gap is 0 up to rounding errors.
 
-    If the gap is still positive, one last step is added.
+    `f`, `df` and `a` are gap, rate and acceleration. If the gap is still positive, one last step is added.
     """
     if f <= 0.0:
         return s
@@ -343,9 +343,9 @@ def bounds(
 @rare
 @kernel
 def lowest(a: float, b: float, rise: float, fall: float, length: float) -> float:
-    """Return the least value of a function that changes from a to b in `length`.
+    """Return a lower bound of functions that change from a to b in `length`.
 
-    Its rate of increase is at most `rise` and its rate of decrease at most `fall`.
+    Their rates of increase and decrease are at most `rise` and `fall`, both not negative.
     """
     if rise + fall == 0.0:
         return min(a, b)

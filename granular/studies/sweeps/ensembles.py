@@ -17,7 +17,7 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.check import Array
-from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, number, rough
+from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, number, rough, with_unit
 from granular.cases import Case
 from granular.comparison.answer import ANSWER_ORDER, Answer as Judgement
 from granular.run.trajectory import EARLY_STATUSES, Trajectory
@@ -140,13 +140,15 @@ class Ensemble(Report):
                 f"about {rough(self.n * (q.reach / room) ** 2)} draws" if room > 0.0 else "more draws"))) + "."
 
     def __str__(self) -> str:
-        rows = [["", "hard", "± s.e.", "sd", "soft", "± s.e.", "sd", "difference", "± 95 %", "margin", "draws", ""]]
+        engines = [["", "hard", "± s.e.", "sd", "soft", "± s.e.", "sd"]]
+        differences = [["", "difference", "± 95 %", "margin", "draws", "answer"]]
         for q in self.quantities:
             of_engines = [number(x, ".4g") for one in zip(q.means, q.errors, q.spreads, strict=True) for x in one]
             judged = [number(x, ".3g") for x in (q.difference, q.reach, q.margin)]
-            rows.append([f"{q.name}, {q.units}", *of_engines, *judged, str(q.draws), q.answer.name])
+            engines.append([with_unit(q.name, q.units), *of_engines])
+            differences.append([with_unit(q.name, q.units), *judged, str(q.draws), q.answer.name])
         how = f"{self.title}: {self.n} {'independent draws' if self.independent else 'draws, the same for both'}"
-        return "\n".join([self.verdict, "", how, aligned(rows, "<" + 10 * ">" + "<"),
+        return "\n".join([self.verdict, "", how, aligned(engines, "<>"), "", aligned(differences, "<>>>><"),
                           *[f"refused: {self.refused}"] * bool(self.refused)])
 
     _headline = verdict
@@ -320,7 +322,7 @@ class Of:
 
 
 def _names(name: str) -> tuple[str, str]:
-    """Return the name of a quantity, and of its result."""
+    """Return the name of a quantity such as "rise[1]", and of its result "rise"."""
     return name, name.partition("[")[0]
 
 

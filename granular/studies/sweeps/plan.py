@@ -140,7 +140,7 @@ def planned(
         check.takes("result", ask, "case") if callable(ask) else check.choice("result", ask, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
-        plan.subject.way(name)  # says what is no parameter
+        plan.subject.way(name)  # raises for names that are not parameters
     if twice := [name for name in over if name in fixed]:
         raise ValueError(f"The parameter {twice[0]} is both varied and fixed. Give it once.")
     return replace(plan, at_once=have_numba() and not run and all(result.many for result in plan.results.values()))

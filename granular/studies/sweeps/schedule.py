@@ -1,6 +1,7 @@
-"""Solution of cells in batches, one by one, or on an executor.
+"""Solution of the cells of a sweep in batches, one by one, or on an executor.
 
-A batch is a compiled call of many cells. All ways are bitwise identical to one run of the located engine per cell.
+A batch is one compiled call for many cells. All three methods give bitwise the same results as one run of the located
+engine per cell.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -264,7 +264,14 @@ def _made(plan: Plan, starts: tuple[Start, ...], slopes: Sequence[Slope], places
         by_parameter(dict(zip(names, scale * error, strict=True))), split(condition), split(spread),
         {start.name: start.value for start in starts}, {start.name: start.doubt for start in starts if start.doubt},
         {name: {one: (split(low)[name], split(high)[name]) for one, (low, high) in sides.items()} for name in places},
-        why, ("Draws of thermal walls are held fixed.",) * heated, starts, partial(borders, plan))
+        why, ("Draws of thermal walls are held fixed.",) * heated, starts, partial(borders, plan), _units(plan, names))
+
+
+def _units(plan: Plan, parameters: Iterable[str]) -> dict[str, str]:
+    """Return the unit of each result and parameter, empty for pure numbers."""
+    units = {name: result.units for name, result in plan.results.items()}
+    units |= {name: plan.subject.attributes(name)["units"] for name in parameters}
+    return {name: "" if unit == "1" else unit for name, unit in units.items()}
 
 
 def slope(plan: Plan, start: Start) -> Slope:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._engine.check import Array, face
-from granular._engine.reports import Report, abridged, aligned, number
+from granular._engine.reports import Report, abridged, blocks, number, with_unit
 
 MAX_COLUMNS, MAX_ROWS = 6, 60
 """Maximum numbers of outcomes and parameters of a table."""
@@ -85,6 +85,7 @@ class Sensitivity(Report):
     notes: tuple[str, ...]
     _starts: tuple[Start, ...] = field(compare=False)
     _borders: Callable[[Start], tuple[float, float]] = field(compare=False)
+    _units: Mapping[str, str] = field(compare=False)
 
     @cached_property
     def border(self) -> dict[str, tuple[float, float]]:
@@ -117,18 +118,20 @@ class Sensitivity(Report):
         return f"sensitivity: {self._headline.removeprefix(f'{self.title}: ')} (all: granular sensitivity)"
 
     def _by(self, parameter: str) -> dict[str, float]:
-        """Return all derivatives by one parameter."""
+        """Return all derivatives with respect to one parameter."""
         return flat({name: slopes[parameter] for name, slopes in self.gradient.items()})
 
     def __str__(self) -> str:
         value = flat(self.value)
         names = [name for name in value if math.isfinite(value[name])][:MAX_COLUMNS]
         parts = {"value": value, "condition": flat(self.condition), "spread": flat(self.spread)}
-        table = [[name, "", *(number(part[one]) for one in names)] for name, part in parts.items()]
-        slopes = [[f"∂/∂ ln {p}" if at > 0.0 else f"∂/∂ {p}", f"at {at:.6g}",
+        table = [[name, "", *(number(part[one]) for one in names)] for name, part in parts.items()
+                 if name != "spread" or any(math.isfinite(part[one]) for one in names)]
+        slopes = [[f"∂/∂ ln {p}" if at > 0.0 else f"∂/∂ {p}", f"at {at:.6g} {self._units.get(p, '')}".rstrip(),
                    *(number(self._by(p)[one]) for one in names)] for p, at in self.parameters.items()]
-        rows = [["", "", *names], *table, *abridged(slopes, MAX_ROWS)]
-        return "\n".join([self._headline, "", aligned(rows, "<<>"[: 2 + len(names)]), *self._remarks(names)])
+        rows = [["", "", *(with_unit(one, self._units.get(one.partition("[")[0], "")) for one in names)], *table,
+                *abridged(slopes, MAX_ROWS)]
+        return "\n".join([self._headline, "", blocks(rows, "<<>", 2), *self._remarks(names)])
 
     def _remarks(self, names: list[str]) -> Iterator[str]:
         """Yield remarks that are not in the table."""

@@ -71,7 +71,10 @@ def axis(text: str) -> tuple[str, Values]:
 
 
 def checked(over: Any) -> dict[str, Values]:
-    """Return the axes as arrays. `over` maps names to values, or has texts for `axis`."""
+    """Return the axes as checked arrays.
+
+    `over` maps names to values, or is one or several texts in the format of `axis`.
+    """
     texts = over if isinstance(over, Iterable) and not isinstance(over, str) else [over]
     axes: dict[str, Values] = {}
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):

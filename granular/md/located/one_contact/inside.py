@@ -275,9 +275,10 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
 
 @kernel
 def look_inside(s: Any, c: int, t: float) -> int:
-    """Request the state of a pair that is in a contact solved as one event.
+    """Request the state of the next pair whose contact is solved as one event.
 
-    This is the first such pair from `c` on at time `t`. Return it, for `seen`, or the number of pairs if there is none.
+    The search begins at pair `c`. The contact is integrated to the time `t`. Return the number of the pair for `seen`,
+    or the number of pairs if there is no such pair.
     """
     run, n = s.run[0], count_of(s.pairs)
     while c < n and not in_contact(s.pairs[c], t, 0.0):

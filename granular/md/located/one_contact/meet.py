@@ -68,8 +68,8 @@ throws the ball back in no time."""
 def happen_at_once(s: Any, c: int) -> int:
     """Solve the contact of pair `c`, which is due, as one event.
 
-    Return DONE if it is known and certain to be isolated. Otherwise return BY_PIECES, or the missing information:
-    WANTS_TABLE, WANTS_CONTACT.
+    Return DONE if the contact map is known and the contact is certainly isolated, or if disturbances are ignored.
+    Otherwise return BY_PIECES, or the missing information: WANTS_TABLE or WANTS_CONTACT.
     """
     run, pairs, pair = s.run[0], s.pairs, s.pairs[c]
     v = touching_rate(s.field, pair, pair.wait) if may_happen_at_once(run, pairs, c) else 0.0
@@ -112,7 +112,8 @@ def happen_at_once(s: Any, c: int) -> int:
 def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
     """Return whether the next event of pair `c` is an onset that can be one event.
 
-    It cannot if the run has to monitor the contact.
+    It cannot if the run stops at this contact. Unless disturbances are ignored, it also cannot if the run stops at any
+    event, or if the pair is at a driven wall.
     """
     pair = pairs[c]
     if pair.mode != OPEN or pair.event != BEGIN or is_awaited(run, pairs, c):
@@ -145,7 +146,8 @@ def flank_above(
 ) -> tuple[float, bool, float, float]:
     """Like `flank_below`, for the gap above.
 
-    On a ring of two balls both flanks are the same gap.
+    On a ring of two balls both flanks are the same gap. It is evaluated here with both displacements, and `flank_below`
+    reports no flank.
     """
     pairs, bodies, pair, n, upper = s.pairs, s.bodies, s.pairs[c], count_of(s.pairs), beside(s.pairs, c)[1]
     if upper >= n:

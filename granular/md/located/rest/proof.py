@@ -152,9 +152,10 @@ def is_still(pairs: Any, pool: Any, lo: int) -> bool:
 
 @kernel
 def may_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
-    """Return whether every pair flies or is strongly damped, and can be pressed.
+    """Return whether the pairs of an island can creep, that is, move without inertia.
 
-    The pairs of one island are examined.
+    Every pair must be in free flight or strongly damped, and none can be at a driven or thermal wall. At least one pair
+    must be in contact. Gravity must press at least one pair, or both end bodies must be walls.
     """
     hi, active = pairs[lo].hi, False
     pressed = bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0
@@ -267,7 +268,7 @@ def nearest(run: Any, pairs: Any, pool: Any, lo: int) -> None:
 def closes(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Return whether a gap of the island that starts with pair `lo` can ever close.
 
-    A gap that is not open yet counts as well.
+    Gaps between the hulls of groups are tested. A gap that is not open yet counts as well.
     """
     if pairs[lo].slot < 0:
         return bool(pairs[lo].due < math.inf or in_contact(pairs[lo], run.t, run.tail))
