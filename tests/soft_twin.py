@@ -22,7 +22,7 @@ def never(s: Any, c: int) -> int:
     return BY_PIECES
 
 
-WITHOUT = specialised(blocks.advance, happen_at_once=never)
+WITHOUT = specialised(blocks.advance, solve_as_one_event=never)
 
 
 @contextlib.contextmanager

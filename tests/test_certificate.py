@@ -114,7 +114,7 @@ def end(scene: gr.Scene, law: Any, row: Any) -> float:
 def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], monkeypatch: Any) -> bool:
     """Whether the first contacts are solved at once; the run is taken no further."""
     met: list[int] = []
-    known, laws = blocks.happen_at_once, checked(law, scene)
+    known, laws = blocks.solve_as_one_event, checked(law, scene)
 
     def watching(s: Any, c: int) -> int:
         came = known(s, c)
@@ -126,7 +126,7 @@ def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], mo
     s = to_plain(system_of(scene, laws, None, **limits))
     asked = Collocation(laws, scene.ring) if s.kinds[0].kind == GENERAL else None
     with monkeypatch.context() as patch:
-        patch.setattr(blocks, "happen_at_once", watching)
+        patch.setattr(blocks, "solve_as_one_event", watching)
         blocks.launch(s, asked)
         plan_all_due(s, asked)
         while blocks.advance(s, 1.0, contacts - len(met), asked) == WANTS_TABLE:

@@ -92,7 +92,7 @@ def test_who_watches_is_told_once_that_machine_code_is_made(monkeypatch):
     said = io.StringIO()
     said.isatty = lambda: True
     monkeypatch.setattr(sys, "stderr", said)
-    monkeypatch.setattr(kernels, "on_making", [cli._say_compiling])
+    monkeypatch.setattr(kernels, "on_making", [cli._report_compiling])
     kernels.compiled.cache_clear()
     for known in (True, False, False):
         monkeypatch.setattr(kernels, "on_disk", lambda function, inline, known=known: known)

@@ -18,7 +18,7 @@ from granular.edmd.state import State
 from granular.laws.rules import ConstantRestitution
 from granular.scene import Scene
 
-ACTIONS = ("events", "until", "shift", "look", "change", "copy", "saved")
+ACTIONS = ("events", "until", "shift", "advance_slice", "change", "copy", "saved")
 
 
 def drawn(seed, n, gravity):
@@ -68,9 +68,9 @@ class Acting:
             due = self.queue.soonest()
             s.shift_to(due if due < math.inf else run.now, self.queue.kernel)
             self.queue.rebuild()
-        elif action == "look" and self.one_more():
+        elif action == "advance_slice" and self.one_more():
             collapse.begin(s, self.queue)
-            collapse.look(s, self.physics, self.queue, self.edge(), int(self.random.integers(0, 30)), [])
+            collapse.advance_slice(s, self.physics, self.queue, self.edge(), int(self.random.integers(0, 30)), [])
             if s.near is not None:
                 collapse.finish(s, self.queue)
         elif action == "change":

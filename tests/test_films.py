@@ -46,5 +46,5 @@ def test_films_refuse_what_they_cannot_do(tmp_path, cradle, monkeypatch) -> None
     with pytest.raises(ValueError, match=r"`seconds` must be a finite number above 0, got 0\."):
         cradle.animate(tmp_path / "film.gif", seconds=0)
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(ValueError, match=r"requires ffmpeg, which is not installed\. Write \.gif instead"):
+    with pytest.raises(ValueError, match=r"requires ffmpeg, which is not installed\. Use a name that ends in \.gif"):
         cradle.animate(tmp_path / "film.mp4")

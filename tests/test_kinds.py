@@ -14,7 +14,7 @@ import granular as gr
 from granular import measures
 from granular.laws import resolve
 from granular.laws.contact_law import PairLaw
-from granular.laws.kinds import alike, resolved
+from granular.laws.kinds import number_distinct_rows, resolved
 from granular.scene import Pair, Scene, positions, velocities
 
 TRAITS = {"linear", "power", "memory", "potential", "exponent", "rate_dependent"}
@@ -86,7 +86,7 @@ def test_laws_by_kinds_of_pairs_are_the_laws_of_the_pairs(seed):
 def test_rows_alike_are_numbered_in_the_order_in_which_they_come(seed):
     random = np.random.default_rng(seed)
     columns = random.integers(int(random.integers(1, 4)), size=(3, int(random.integers(1, 50)))).astype(float)
-    kind, first = alike(*columns)
+    kind, first = number_distinct_rows(*columns)
     rows = [tuple(row) for row in columns.T]
     different = list(dict.fromkeys(rows))
     assert kind.tolist() == [different.index(row) for row in rows]

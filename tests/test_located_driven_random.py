@@ -229,7 +229,7 @@ def beside_a_plate(seed):
 
 def by_pieces(kernel, **flags):
     """The kernel, fitted, in which no contact is solved at once."""
-    more = {"happen_at_once": never} if "happen_at_once" in _read_below(kernel) else {}
+    more = {"solve_as_one_event": never} if "solve_as_one_event" in _read_below(kernel) else {}
     return fitted(kernel, **flags, **more)
 
 

@@ -167,7 +167,7 @@ def among_numbers(value: Any) -> bool:
     return isinstance(value, (list, tuple)) and not {bool, np.bool_}.isdisjoint(map(type, value))
 
 
-def held(
+def saved_array(
     state: Mapping[str, Any], name: str, kind: str, shape: tuple[int, ...], least: float = -math.inf,
     most: float = math.inf, *, finite: bool = True, nan: bool = False,
 ) -> Any:

@@ -39,7 +39,7 @@ def plain(records: Records) -> list[Any]:
         return records
     if records.ndim > 1:
         return list(map(plain, records))
-    make = twin(records.dtype)
+    make = plain_class(records.dtype)
     if len(records) < SMALL_RECORD_COUNT and not make.has_rows:
         return list(starmap(make, records.tolist()))
     return list(map(make, *(records[name].tolist() for name in records.dtype.names)))
@@ -109,7 +109,7 @@ def _fields_of(dtype: np.dtype[Any]) -> Callable[[Any], tuple[Any, ...]]:
 
 
 @cache
-def twin(dtype: np.dtype[Any]) -> Any:
+def plain_class(dtype: np.dtype[Any]) -> Any:
     """Return the class of plain objects with the fields of `dtype`."""
     assert dtype.names is not None
     namespace = {"dtype": dtype, "has_rows": any(dtype[name].shape for name in dtype.names),

@@ -67,22 +67,22 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     most, cut = np.maximum(counts(hard), counts(soft)), float(soft.time[-1])
     latest, followed = _latest(hard, soft, most), _patience(soft, cut)
     end = float(latest[1].max())
-    later = _gone_on(soft, end, options)
+    later = _continued(soft, end, options)
     still = _ever_lower(soft, at_once(hard), [c for c in np.flatnonzero(followed > cut).tolist()
                                      if not later.of(c)["t_end"][soft.count(c) - 1] <= followed[c]])
     latest[1, still] = cut
     until = _patience(_due(later, latest[1], most), cut)
     until[still] = followed[still]
     if until.max() > end:
-        later = _gone_on(soft, float(until.max()), options)
-    hard, later = counted(at_once(_gone_on(hard, float(latest[0].max()), {})), later)
+        later = _continued(soft, float(until.max()), options)
+    hard, later = counted(at_once(_continued(hard, float(latest[0].max()), {})), later)
     return _due(hard, latest[0], most), _endless(_due(later, latest[1], most), until)
 
 
 def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
     """Return the soft run with each contact that has begun followed to its end."""
     until, begun = _patience(soft, float(soft.time[-1])), counts(soft)
-    return first(_endless(_gone_on(soft, float(until.max()), options), until), begun)
+    return first(_endless(_continued(soft, float(until.max()), options), until), begun)
 
 
 def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
@@ -206,7 +206,7 @@ def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:
     return np.asarray((delay * fastest)[parts.of_pair])
 
 
-def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
+def _continued(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
     """Continue a run until `end` in s, and return it with the new contacts."""
     end = min(end, ends(*run.scene.motions))
     if run.scene.is_wall[[0, -1]].all():  # nor beyond where they leave no room

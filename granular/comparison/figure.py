@@ -83,7 +83,7 @@ def timeline(axis: Any, view: View, named: int = MAX_LABELS) -> None:
         axis.broken_barh(np.column_stack([start, width])[soft["pair"] == c], (c - 0.31, 0.3), color=SOFT_COLOUR, lw=0)
     axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT_COLOUR, lw=MIN_MARK_WIDTH)
     axis.scatter(view.clock(hard["t_begin"]), hard["pair"] + 0.22, marker="|", s=60, color=HARD_COLOUR)
-    _tell_of_later(axis, view)
+    _mark_later_contacts(axis, view)
     axis.set(ylim=(-0.6, n - 0.3), xlim=view.limits, ylabel="contacts" if n <= named else "contacts\nof pair")
     if n <= named:
         axis.set_yticks(range(n), [f"pair {c}: {view.report.scene.pairs.name(c)}" for c in range(n)], **SMALL_FONT)
@@ -91,7 +91,7 @@ def timeline(axis: Any, view: View, named: int = MAX_LABELS) -> None:
         axis.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
 
-def _tell_of_later(axis: Any, view: View) -> None:
+def _mark_later_contacts(axis: Any, view: View) -> None:
     """Print how many contacts follow after the end of the axis, and mark their pairs."""
     later = np.concatenate([run.contacts[run.contacts["t_begin"] > view.end] for run in view.report.counted])
     if not len(later):

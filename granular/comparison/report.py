@@ -302,18 +302,18 @@ def _ends(report: Judged) -> Iterator[str]:
 
 def _pairs(report: Judged, most: int, speeds: bool = False) -> Iterator[str]:
     """Yield contacts and separation speeds of the `most` pairs that differ most."""
-    shown = sorted(sorted(report.pairs, key=_alike)[:most], key=lambda p: p.pair)
+    shown = sorted(sorted(report.pairs, key=_difference_key)[:most], key=lambda p: p.pair)
     name = report.scene.pairs.name
     for p in shown:
         yield _line(f"contacts of pair {name(p.pair)}", p.hard_contacts, p.soft_contacts)
         if speeds:
             yield _line(f"v_rel′ pair {name(p.pair)}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
-                        "  still in contact at the stop" if p.ongoing else _meanwhile(report, p))
+                        "  still in contact at the stop" if p.ongoing else _neighbour_mark(report, p))
     if hidden := len(report.pairs) - len(shown):
         yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
 
 
-def _meanwhile(report: Judged, p: PairOutcome) -> str:
+def _neighbour_mark(report: Judged, p: PairOutcome) -> str:
     """Mark a separation speed while a neighbouring soft contact is running."""
     soft, (below, above) = report.levelled[1], report.scene.neighbours
     for c in {*below[above == p.pair].tolist(), *above[below == p.pair].tolist()}:
@@ -323,7 +323,7 @@ def _meanwhile(report: Judged, p: PairOutcome) -> str:
     return ""
 
 
-def _alike(p: PairOutcome) -> tuple[bool, float]:
+def _difference_key(p: PairOutcome) -> tuple[bool, float]:
     """Sort key: pairs that differ most come first."""
     return p.hard_contacts == p.soft_contacts, -float(np.nan_to_num(abs(p.soft_v_rel - p.hard_v_rel), nan=-1.0))
 

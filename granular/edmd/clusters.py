@@ -95,11 +95,11 @@ def bind(
         if FORCED and not (on_floor and on_ceiling):
             enter(bodies[c], bodies[c + 1], exchanged, 0.5 * mass * w * w, walls)
         if on_floor:
-            come_to_rest(run, pairs, bodies, c, e, now, FLOOR, walls)
+            stop_bodies(run, pairs, bodies, c, e, now, FLOOR, walls)
         else:
-            come_to_rest(run, pairs, bodies, b, c + 1, now, CEILING, walls)
+            stop_bodies(run, pairs, bodies, b, c + 1, now, CEILING, walls)
     else:
-        exchanged = go_together(bodies, b, c, e, now, w, walls)
+        exchanged = join_in_flight(bodies, b, c, e, now, w, walls)
     first, last = max(b - 1, 0), min(e, n - 1)
     if RING and (b < 0 or e > n):
         first, last = 0, n - 1
@@ -131,7 +131,7 @@ def falls_stuck(pairs: Records, bodies: Records, c: int) -> bool:
 
 @rare
 @kernel
-def come_to_rest(
+def stop_bodies(
     run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls
 ) -> None:
     """Let bodies `b` to `e` come to rest.
@@ -153,7 +153,7 @@ def come_to_rest(
 
 
 @kernel
-def go_together(bodies: Records, b: int, c: int, e: int, now: float, w: float, walls: Walls) -> float:
+def join_in_flight(bodies: Records, b: int, c: int, e: int, now: float, w: float, walls: Walls) -> float:
     """Give bodies `b` to `e` in mid-air, which stick by pair `c`, a common motion.
 
     The bodies take their common velocity and acceleration. Returns the momentum exchanged.

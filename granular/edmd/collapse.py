@@ -98,7 +98,7 @@ def begin(state: State, queue: SortedQueue) -> None:
     state.near = queue.hold(near)
 
 
-def look(
+def advance_slice(
     state: State, physics: Physics, queue: SortedQueue, limit: float, budget: int, log: Log | None
 ) -> tuple[int, Verdict | None]:
     """Advance the slice until time `limit`.

@@ -47,12 +47,12 @@ def swing_off(
     pair.gap, pair.at, pair.rate = 0.0, now, -e * w
     if row is not None:
         cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)
-        kick(bodies[c], up, cosine, sine)
-        kick(bodies[c + 1], -down, cosine, sine)
+        change_velocity(bodies[c], up, cosine, sine)
+        change_velocity(bodies[c + 1], -down, cosine, sine)
 
 
 @kernel
-def kick(body: Record, change: float, cosine: float, sine: float) -> None:
+def change_velocity(body: Record, change: float, cosine: float, sine: float) -> None:
     """Change the velocity of a body by `change` (m/s).
 
     `cosine` and `sine` are cos Ωt and sin Ωt at the time t of the change.
@@ -91,7 +91,7 @@ def swing_together(
     pair = pairs[c]
     cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)
     for i in range(b, e + 1):
-        kick(bodies[i], (up if i <= c else -down) if bodies[i].mass < math.inf else 0.0, cosine, sine)
+        change_velocity(bodies[i], (up if i <= c else -down) if bodies[i].mass < math.inf else 0.0, cosine, sine)
     pair.gap, pair.at, pair.rate = 0.0, now, 0.0
     return max(b - 1, 0), min(e, n - 1), -upper * down if lower == math.inf else -lower * up
 
@@ -146,7 +146,7 @@ def strike(s: Any, first: int, rates: list[float], changes: list[float]) -> None
         pair.gap, pair.rate = 0.0, after if abs(after) > tiny else 0.0
     turn = s.pairs[first].omega * s.run.now
     for body, change in zip(s.bodies[first : last + 2], changes, strict=True):
-        kick(body, change, math.cos(turn), math.sin(turn))
+        change_velocity(body, change, math.cos(turn), math.sin(turn))
     if first > 0:
         s.pairs[first - 1].rate += changes[0]
     if last + 1 < len(s.pairs):

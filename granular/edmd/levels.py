@@ -31,7 +31,7 @@ def watched(run: Any, level: Level) -> Callable[[float], float]:
     """
     state = run.state
     if not isinstance(level, Speed) or run.scene.driven:
-        return partial(ahead, run, level)
+        return partial(observable_at, run, level)
     (body,), show, g = plain(state.bodies[level.ball : level.ball + 1]), run.queue.fit(velocities), state.run["gravity"]
 
     def velocity(time: float) -> float:
@@ -41,7 +41,7 @@ def watched(run: Any, level: Level) -> Callable[[float], float]:
     return velocity
 
 
-def ahead(run: Any, level: Level, time: float) -> float:
+def observable_at(run: Any, level: Level, time: float) -> float:
     """Evaluate the observable at `time`, up to the next event.
 
     The run is not advanced.

@@ -387,11 +387,11 @@ def centre(bodies: Records) -> None:
     for i in range(n):
         if abs(mean) > MIN_REMOVED_DRIFT * fastest:
             bodies[i].fall_velocity -= mean
-    same(bodies[n], bodies[0])
+    copy_ball(bodies[n], bodies[0])
 
 
 @kernel
-def same(body: Record, other: Record) -> None:
+def copy_ball(body: Record, other: Record) -> None:
     """Copy velocity and noise from `other` to `body`, which represent the same ball.
 
     Both represent the ball at the seam of a ring.
@@ -405,9 +405,9 @@ def across(bodies: Records, c: int) -> None:
     """Copy the result of a collision of pair `c` to the other body of the seam ball."""
     n = len(bodies) - 1
     if c == 0:
-        same(bodies[n], bodies[0])
+        copy_ball(bodies[n], bodies[0])
     elif c == n - 1:
-        same(bodies[0], bodies[n])
+        copy_ball(bodies[0], bodies[n])
 
 
 @kernel

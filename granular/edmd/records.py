@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from granular._engine.check import EDITED_STATE, MAX_INTEGER, held
+from granular._engine.check import EDITED_STATE, MAX_INTEGER, saved_array
 from granular.edmd.physics import TIE_ORDERS, Physics
 from granular.scene.walls.path import WALL_DTYPE
 
@@ -207,9 +207,9 @@ def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
     for name, kind in SAVED_NUMBERS.items():
         # Balls that stick at any speed have an infinite limit.
         infinite = name == "merge_below" and physics.eps.max() == 0.0
-        held(saved, name, kind, (), least=-math.inf if name in SIGNED_NUMBERS else 0, finite=not infinite)
+        saved_array(saved, name, kind, (), least=-math.inf if name in SIGNED_NUMBERS else 0, finite=not infinite)
     # Earlier releases saved three counters.
-    held(saved, "tally", "i", (4 if np.size(saved.get("tally", 0)) == 4 else 3,), least=0)
+    saved_array(saved, "tally", "i", (4 if np.size(saved.get("tally", 0)) == 4 else 3,), least=0)
     if not isinstance(saved.get("ties"), str) or saved["ties"] not in TIE_ORDERS:
         raise ValueError(f"'ties' in the state of `trajectory` must be one of {', '.join(TIE_ORDERS)}. {EDITED_STATE}")
     if math.frexp(saved["window"])[0] != 0.5:
@@ -230,7 +230,8 @@ def check_entries(
         for name in names:
             if name in saved or name not in ADDED_ARRAYS:
                 least, most = ENTRY_LIMITS.get(name, (-math.inf, math.inf))
-                held(saved, name, "i" if name in INTEGER_ARRAYS else "f", (length,), least, most, finite=name != "last")
+                kind = "i" if name in INTEGER_ARRAYS else "f"
+                saved_array(saved, name, kind, (length,), least, most, finite=name != "last")
     _check_look(saved, n, physics.scene.ring)
     _check_watch(saved, n)
 
@@ -243,15 +244,15 @@ def _check_look(saved: Mapping[str, Any], n: int, ring: bool) -> None:
     if not any(name.startswith("zoom_") for name in saved):
         return
     size = np.shape(saved.get("zoom_gap", 0))
-    most = n if ring else n - int(held(saved, "zoom_first", "i", (), 0, n - 1))
+    most = n if ring else n - int(saved_array(saved, "zoom_first", "i", (), 0, n - 1))
     if len(size) != 1 or not 0 < size[0] <= most:
         raise ValueError(f"'zoom_gap' in the state of `trajectory` must have 1 to {most} pairs, got shape {size}. "
                          f"{EDITED_STATE}")
-    held(saved, "zoom_first", "i", (), 0, n - 1)
+    saved_array(saved, "zoom_first", "i", (), 0, n - 1)
     dial = (min(np.size(saved.get("zoom_dial", 0)), 5),)
     for name, shape, least in (("base", (), -math.inf), ("gap", size, 0.0), ("rate", size, -math.inf),
                                ("dial", dial, 0.0)):
-        held(saved, f"zoom_{name}", "f", shape, least)
+        saved_array(saved, f"zoom_{name}", "f", shape, least)
 
 
 def _check_watch(saved: Mapping[str, Any], n: int) -> None:
@@ -265,4 +266,4 @@ def _check_watch(saved: Mapping[str, Any], n: int) -> None:
             ("disturbed", "i", (n,), {"least": 0, "most": 1}), ("counts", "i", (3,), {"least": -1}),
             ("time", "f", (), {"finite": False, "nan": True})]
         for name, kind, shape, limits in tables:
-            held(saved, f"watch_{name}", kind, shape, **limits)
+            saved_array(saved, f"watch_{name}", kind, shape, **limits)

@@ -285,7 +285,7 @@ class Run:
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
-            why, self.verdict = self._closer.look(state, self.physics, self.queue, limit, budget, rows)
+            why, self.verdict = self._closer.advance_slice(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
         if self.events > before and self.queue.chunk < SortedQueue.chunk:  # slow rules report more often
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))

@@ -20,7 +20,7 @@ from granular.laws import rules
 from granular.laws.rules import Rule
 from granular.run import until as stop
 from granular.run.contact_log import Event, one_by_one
-from granular.run.drive import Request, drive, go_on, in_time, requested
+from granular.run.drive import Request, continue_run, drive, in_time, requested
 from granular.run.trajectory import Status, Trajectory
 from granular.run.until import check_end
 from granular.scene import Scene, checked as a_scene
@@ -309,7 +309,7 @@ def resume(
     check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
     _refuse_the_ended(trajectory)
     saved, scene = trajectory.state, trajectory.scene
-    start = float(check.held(saved, "start", "f", ()))
+    start = float(check.saved_array(saved, "start", "f", ()))
     scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     check_scene(scene)
     physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in RUN_OPTIONS})
@@ -326,9 +326,9 @@ def resume(
         fresh = states.pop() if states else State.restored(physics, saved)
         run = Run(physics, fresh, queue, asked, watching)
         if "collapse_time" in saved:
-            run.rest(check.held(saved, "collapse_pair", "i", (), 0, scene.n_pairs - 1),
-                     check.held(saved, "collapse_time", "f", ()))
-        return go_on(_stopping(run), trajectory)
+            run.rest(check.saved_array(saved, "collapse_pair", "i", (), 0, scene.n_pairs - 1),
+                     check.saved_array(saved, "collapse_time", "f", ()))
+        return continue_run(_stopping(run), trajectory)
 
     return in_time(solve, request)
 

@@ -12,7 +12,7 @@ from typing import Any
 from sortedcontainers import SortedList
 
 from granular._engine.kernels import FORCED, RING, fitted, interpreted, kernel
-from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, plain, twin
+from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, plain, plain_class
 from granular.edmd.clusters import rest
 from granular.edmd.collision import SUSPICIOUS_STREAK, event, leave
 from granular.edmd.motion import approaching, predicted, velocities
@@ -176,7 +176,7 @@ class SortedQueue:
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, at most `chunk` rows."""
-        return list(map(object.__new__, repeat(twin(LOG_ROW), min(n, self.chunk))))
+        return list(map(object.__new__, repeat(plain_class(LOG_ROW), min(n, self.chunk))))
 
     def kept(self, rows: Records) -> Records:
         """Return rows of the log as they are stored, without the unused room behind them."""

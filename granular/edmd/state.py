@@ -10,8 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import EDITED_STATE, Array, held
-from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, column, copied, one, packed, taken, twin
+from granular._engine.check import EDITED_STATE, Array, saved_array
+from granular._engine.records import (
+    SMALL_RECORD_COUNT,
+    Record,
+    Records,
+    column,
+    copied,
+    one,
+    packed,
+    plain_class,
+    taken,
+)
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
 from granular.edmd.physics import TIE_ORDERS, Physics, felt_gravity, frame_velocity, scales, shares
@@ -147,7 +157,7 @@ class State:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
             for name in wall_state.BALANCE_FIELDS:
-                state.walls.sides[name] = held(saved, name, "f", (2,)) if name in saved else 0.0
+                state.walls.sides[name] = saved_array(saved, name, "f", (2,)) if name in saved else 0.0
             wall_state.set_epoch(state)
         if "zoom_gap" in saved:
             look = {
@@ -320,7 +330,7 @@ class State:
             (pairs["gap"] >= 0.0).all(),
             (pairs["at"] <= max(run.now, 0.0)).all(),
             self.walls is not None or (pairs["closing_acceleration"] == run.gravity * np.diff(bodies["is_free"])).all(),
-            self.walls is None or wall_state.sound(self, pairs, bodies),
+            self.walls is None or wall_state.rests_soundly(self, pairs, bodies),
             hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["contacts"].sum() == run.events,
             not bodies["is_free"][wall].any() and (bodies["noise"] >= 0.0).all(),
             self.walls is not None or not bodies["noise"][wall].any(),
@@ -375,7 +385,7 @@ def columns(records: Records, *names: str) -> Any:
 
 def _begun(kind: np.dtype[Any], **numbers: Any) -> Record:
     """Return an object with the fields of `kind`; fields that are not given are 0."""
-    record = twin(kind)(*ZERO_RECORDS[kind])
+    record = plain_class(kind)(*ZERO_RECORDS[kind])
     for name, number in numbers.items():
         setattr(record, name, number)
     return record

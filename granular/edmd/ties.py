@@ -22,10 +22,10 @@ from types import SimpleNamespace
 from typing import Any
 
 from granular._engine.kernels import FORCED, RING, kernel, rare
-from granular._engine.records import Records, twin
+from granular._engine.records import Records, plain_class
 from granular.edmd import hanging
 from granular.edmd.collision import release
-from granular.edmd.motion import COLLISION_NOISE, carry, predicted, same, touches, velocities
+from granular.edmd.motion import COLLISION_NOISE, carry, copy_ball, predicted, touches, velocities
 from granular.edmd.physics import Physics
 from granular.edmd.records import BUDGET, LOG_ROW, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
@@ -107,7 +107,7 @@ def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, in
     for k in hit:
         s.pairs[k].contacts, s.pairs[k].last = s.pairs[k].contacts + 1, now
     if log is not None:
-        log.append([twin(LOG_ROW)(first + i, now, *before[i : i + 2], *parted[i : i + 2], x)
+        log.append([plain_class(LOG_ROW)(first + i, now, *before[i : i + 2], *parted[i : i + 2], x)
                     for i, x in enumerate(p) if x > 0.0])
     run.events += len(hit)
     # Without an impulse the same event would repeat forever.
@@ -133,7 +133,7 @@ def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tu
     line = replace(s, pairs=s.pairs[k:] + s.pairs[:k], bodies=s.bodies[k:n] + s.bodies[: k + 1])
     why, first, last = _collide(line, SimpleNamespace(rule=rule, options=physics.options), fit, rows)
     run.suspect, run.stop_pair = numbers_here
-    same(s.bodies[n], s.bodies[0])
+    copy_ball(s.bodies[n], s.bodies[0])
     for chunk in rows or ():
         for row in chunk:
             row.pair = (row.pair + k) % n

@@ -122,7 +122,7 @@ def at_walls(state: Any) -> list[tuple[int, int]]:
     return floor + ([(i, 1) for i in range(n - 1 - above, n)] if math.isinf(mass[-1]) else [])
 
 
-def sound(state: Any, pairs: Any, bodies: Any) -> bool:
+def rests_soundly(state: Any, pairs: Any, bodies: Any) -> bool:
     """Whether resting balls form connected piles without acceleration.
 
     Also checks that pairs are marked only beside existing driven walls.

@@ -75,7 +75,7 @@ class SceneLaws:
     def in_pairs(self) -> tuple[Kinds, list[PairLaw]]:
         """Index for every pair, and the laws: one for every law in pairs of equal sizes."""
         if "in_pairs" not in self.notes:
-            kind, first = alike(self.kind, self._pairs.m_eff, self._pairs.r_eff)
+            kind, first = number_distinct_rows(self.kind, self._pairs.m_eff, self._pairs.r_eff)
             self.notes["in_pairs"] = kind, [self[c] for c in first.tolist()]
         found: tuple[Kinds, list[PairLaw]] = self.notes["in_pairs"]
         return found
@@ -108,7 +108,7 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     each = {id(law): law for law in given} if len(given) <= CACHED_PAIRS else {0: None}
     floats = {number: _floats_of(law) for number, law in each.items()}
     if None in floats.values():
-        return _asked(given, pairs)
+        return _requested(given, pairs)
     known = _remembered(tuple(map(floats.__getitem__, map(id, given))), pairs.m_eff.tobytes(), pairs.r_eff.tobytes(),
                         pairs.ends)
     found = SceneLaws(given, pairs, known.kind, known.each)
@@ -132,7 +132,7 @@ def _remembered(
     floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: bytes, r_eff: bytes, ends: tuple[str, str]
 ) -> SceneLaws:
     given = {one: one[0](**dict(zip(one[1], unpack(f"{len(one[1])}d", one[2]), strict=True))) for one in set(floats)}
-    laws = _asked(tuple(given[one] for one in floats), Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff), 0, ends))
+    laws = _requested(tuple(given[one] for one in floats), Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff), 0, ends))
     laws.sound = all(one.form is not None for one in laws.each)
     if laws.sound:
         _check_said(laws)
@@ -140,19 +140,19 @@ def _remembered(
     return laws
 
 
-def _asked(given: tuple[Any, ...], pairs: Pairs) -> SceneLaws:
-    kind, first = alike(_kinds_of(given, pairs))
+def _requested(given: tuple[Any, ...], pairs: Pairs) -> SceneLaws:
+    kind, first = number_distinct_rows(_kinds_of(given, pairs))
     # refine the kinds in two stages: laws that need the sizes, then laws that need the number of the pair
-    sized = np.array([not _says(given[c], UNKNOWN_VALUE, formless=False) for c in first.tolist()])[kind]
-    kind, first = alike(kind, np.where(sized, pairs.m_eff, 0.0), np.where(sized, pairs.r_eff, 0.0))
+    sized = np.array([not _is_independent(given[c], UNKNOWN_VALUE, formless=False) for c in first.tolist()])[kind]
+    kind, first = number_distinct_rows(kind, np.where(sized, pairs.m_eff, 0.0), np.where(sized, pairs.r_eff, 0.0))
     numbered = np.array([
-        sized[c] and not _says(given[c], replace(pairs[c], index=UNKNOWN_VALUE)) for c in first.tolist()
+        sized[c] and not _is_independent(given[c], replace(pairs[c], index=UNKNOWN_VALUE)) for c in first.tolist()
     ])[kind]
-    kind, first = alike(kind, np.where(numbered, np.arange(len(given)), 0))
+    kind, first = number_distinct_rows(kind, np.where(numbered, np.arange(len(given)), 0))
     return SceneLaws(given, pairs, kind, [resolve(given[c], pairs[c]) for c in first.tolist()])
 
 
-def alike(*columns: Array | Ints | Kinds) -> tuple[Kinds, Ints]:
+def number_distinct_rows(*columns: Array | Ints | Kinds) -> tuple[Kinds, Ints]:
     """Number the different rows of some columns, in order of occurrence.
 
     Returns
@@ -177,16 +177,16 @@ def _kinds_of(laws: tuple[Any, ...], pairs: Pairs) -> Kinds:
 
     Frozen laws with equal contents have the same number.
     """
-    kind, first = alike(np.fromiter(map(id, laws), np.int64, len(laws)))
+    kind, first = number_distinct_rows(np.fromiter(map(id, laws), np.int64, len(laws)))
     each = [instance(f"the law of pair {pairs.name(c)}", laws[c]) for c in first.tolist()]
-    return _numbered(held(law) or id(law) for law in each)[0][kind]
+    return _numbered(hashable_contents(law) or id(law) for law in each)[0][kind]
 
 
 CONSTANT_TYPES = (type(None), bool, int, float, str, bytes, np.generic, Enum, type, types.BuiltinFunctionType, np.ufunc)
 """Types whose objects cannot change."""
 
 
-def held(law: Any) -> tuple[Any, ...] | None:
+def hashable_contents(law: Any) -> tuple[Any, ...] | None:
     """Return the contents of a frozen law as one hashable value, or None.
 
     Laws with equal contents compute the same force. None is returned for a law that can change.
@@ -212,7 +212,7 @@ def _is_value(held_by: Any) -> bool:
         return all(map(_is_value, held_by))
     if isinstance(held_by, types.FunctionType):
         return held_by.__closure__ is None
-    return isinstance(held_by, CONSTANT_TYPES) or held(held_by) is not None
+    return isinstance(held_by, CONSTANT_TYPES) or hashable_contents(held_by) is not None
 
 
 class _Unknown:
@@ -224,7 +224,7 @@ class _Unknown:
 UNKNOWN_VALUE: Any = _Unknown()
 
 
-def _says(law: Any, pair: Any, formless: bool = True) -> bool:
+def _is_independent(law: Any, pair: Any, formless: bool = True) -> bool:
     """Return whether the traits of a law do not need the unknown properties of a pair.
 
     If `formless` is false, the law must also have a form, because a law without a form depends on the sizes.

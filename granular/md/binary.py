@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from granular._engine import check
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
-from granular.laws.kinds import held, resolved
+from granular.laws.kinds import hashable_contents, resolved
 from granular.laws.rules import ConstantRestitution, Rule
 from granular.md.simulation import simulate
 from granular.scene.pair import Pair, Pairs, checked_pair
@@ -406,7 +406,7 @@ def _integrated(law: Any, pair: Pair, v: float) -> Collision:
 
     Results are cached for immutable laws.
     """
-    values = held(law)
+    values = hashable_contents(law)
     return _bounce(law, pair, v) if values is None else _remembered(values, law, pair, v)
 
 

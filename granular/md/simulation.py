@@ -20,7 +20,7 @@ from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_law
 from granular.md.located import run as located
 from granular.run import until as stop
 from granular.run.contact_log import Event, one_by_one
-from granular.run.drive import Request, drive, go_on, in_time, requested
+from granular.run.drive import Request, continue_run, drive, in_time, requested
 from granular.run.trajectory import Status, Trajectory
 from granular.run.until import check_end
 from granular.scene.places import Closing, checked, fitted
@@ -354,9 +354,9 @@ def resume(
         on_progress=on_progress, progress=progress,
     )
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
-    _check_walls(trajectory.scene, float(check.held(state, "origin", "f", ())), request.end)
+    _check_walls(trajectory.scene, float(check.saved_array(state, "origin", "f", ())), request.end)
     with _in_range(laws.given[0]):
-        return in_time(lambda asked: go_on(_stopping(
+        return in_time(lambda asked: continue_run(_stopping(
             located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state)), trajectory), request)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular.laws.contact_law import PairLaw
-from granular.laws.kinds import SceneLaws, alike
+from granular.laws.kinds import SceneLaws, number_distinct_rows
 from granular.scene import Scene, speed_scale
 
 DOUBTFUL_DT_LAMBDA = 0.2
@@ -62,7 +62,7 @@ def _slopes(laws: SceneLaws, overlap: Array) -> Array:
     slope, closed = np.zeros((2, len(overlap))), np.flatnonzero(overlap > 0.0)
     if len(closed):
         of_pair, each = laws.in_pairs
-        kind, first = alike(of_pair[closed], overlap[closed])
+        kind, first = number_distinct_rows(of_pair[closed], overlap[closed])
         tangents = [_tangent(each[of_pair[c]], float(overlap[c])) for c in closed[first].tolist()]
         slope[:, closed] = np.array(tangents).T[:, kind]
     return slope

@@ -328,7 +328,7 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     )
 
 
-def go_on(run: Run, before: Trajectory) -> Trajectory:
+def continue_run(run: Run, before: Trajectory) -> Trajectory:
     """Run an engine to its end, starting from the end of the run `before`.
 
     Raises
@@ -343,13 +343,14 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
     # the last row shows the state, unless it precedes the end or is the scene before the first event
     acted = "end" not in before.stats and before.time[-1] != before.time[0]
     if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
-            _alike(row.gap, gap) and _alike(speed, velocity, float(np.abs(gap).max()) / row.elapsed))):
+            _equal_to_rounding(row.gap, gap)
+            and _equal_to_rounding(speed, velocity, float(np.abs(gap).max()) / row.elapsed))):
         raise ValueError("The state of `trajectory` must agree with its last sample. One of them was changed after "
                          "the run.")
     return drive(run)
 
 
-def _alike(one: check.Array, other: check.Array, scale: float = 0.0) -> bool:
+def _equal_to_rounding(one: check.Array, other: check.Array, scale: float = 0.0) -> bool:
     """Return whether numbers are equal up to the rounding of another release.
 
     The tolerance is relative to the largest number or to `scale`.

@@ -76,7 +76,7 @@ def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array |
     return d
 
 
-def refuse_together(scene: Any, walls: Any) -> None:
+def check_exclusive(scene: Any, walls: Any) -> None:
     """Raise `ValueError` for arguments that cannot be combined."""
     if not (scene.ring or scene.pendulum > 0.0 or scene.heated):
         return

@@ -101,8 +101,10 @@ class Pairs(Sequence[Pair]):
     def __getitem__(self, c: int | slice) -> Pair | tuple[Pair, ...]:
         if isinstance(c, slice):
             return tuple(self[i] for i in range(*c.indices(len(self))))
-        i = range(len(self))[c]
-        return Pair(self.m_eff.item(i), self.r_eff.item(i), self.start + i, self._label(self.start + i))
+        n = len(self.m_eff)
+        i = range(n)[c]
+        label = "" if 0 < i < n - 1 else self._label(self.start + i)  # inner pairs are named by their numbers
+        return Pair(self.m_eff.item(i), self.r_eff.item(i), self.start + i, label)
 
     def __iter__(self) -> Iterator[Pair]:
         numbers = range(self.start, self.start + len(self))
@@ -115,11 +117,9 @@ class Pairs(Sequence[Pair]):
 
     def _label(self, index: int) -> str:
         """Name of a pair with an end whose name is not its number, or an empty string."""
-        first, last = bool(index == self.start), bool(index == self.start + len(self) - 1)
-        if not (first or last):
-            return ""
-        (below, above), lower, upper = self.ends, str(index), str(index + 1)
-        return f"{below * first or lower}–{above * last or upper}" if below * first or above * last else ""
+        below = self.ends[0] if index == self.start else ""
+        above = self.ends[1] if index == self.start + len(self.m_eff) - 1 else ""
+        return f"{below or index}–{above or index + 1}" if below or above else ""
 
     def __eq__(self, other: object) -> bool:
         return tuple(self) == tuple(other) if isinstance(other, (Pairs, tuple)) else NotImplemented

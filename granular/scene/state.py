@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from granular._engine import check
 from granular._engine.check import Array, ByNumbers
-from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
+from granular.scene.given import check_exclusive, external_forces, line, placed, rest_gaps
 from granular.scene.pair import Pairs, body_name
 from granular.scene.walls.motion import checked, moved
 from granular.scene.walls.thermal import Thermal
@@ -98,7 +98,7 @@ class Scene(ByNumbers):
             pendulum=check.number("pendulum", pendulum, at_least=0.0),
         )
         self.__dict__["rest_gap"] = rest_gaps(rest_gap, self.pendulum, len(walls))
-        refuse_together(self, walls)
+        check_exclusive(self, walls)
 
     @classmethod
     def from_positions(

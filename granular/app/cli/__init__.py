@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with ends.as_interrupts(), warnings.catch_warnings():
             warnings.simplefilter("default")
             warnings.showwarning = _show_warning
-            on_making[:] = [_say_compiling]
+            on_making[:] = [_report_compiling]
             code = _act(arguments)
         if sys.stdout is not None:  # closed by the shell's >&-
             sys.stdout.flush()
@@ -120,7 +120,7 @@ def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
                     yield key or name, x
 
 
-def _say_compiling() -> None:
+def _report_compiling() -> None:
     """Print on a terminal why there is no output for up to half a minute."""
     if sys.stderr is not None and sys.stderr.isatty():
         print("granular: compiling once, for up to half a minute; later runs start immediately …", file=sys.stderr)

@@ -30,7 +30,7 @@ def parts(pairs: int) -> int:
     return max(1, min(cores(), pairs // MIN_PAIRS_PER_PART))
 
 
-def crew(whole: Any, works: list[Any], code: Any) -> Crew:
+def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Crew:
     """Return the work space of `march.march` for steps of the parts in parallel."""
     return Crew(whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
 

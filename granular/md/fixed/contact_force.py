@@ -2,10 +2,11 @@
 
 All kernels share the signature ``force(physics, lo, j, xi, xi_dot, a)``, where `j` is the index of the pair in a window
 that begins at pair `lo`. They return the unclipped force, and 0 for an open pair. Laws of the form k ξ + γ ξ̇, √ξ (k ξ
-+ γ ξ̇) or Tsuji's law are compiled into the march itself. All other laws are called as objects (`asked`) in interpreted
-runs, and as one C function (`called`) in compiled runs. This function is the law's own method, compiled with a record
-of its fields in place of `self`. The source is the same, so results are bitwise identical. The function has one fixed
-type for all laws. The march is therefore compiled once and cached, and a new law costs only its own few lines.
++ γ ξ̇) or Tsuji's law are compiled into the march itself. All other laws are called as objects (`object_force`) in
+interpreted runs, and as one C function (`called`) in compiled runs. This function is the law's own method, compiled
+with a record of its fields in place of `self`. The source is the same, so results are bitwise identical. The function
+has one fixed type for all laws. The march is therefore compiled once and cached, and a new law costs only its own few
+lines.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def tsuji(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 
 
 @kernel
-def asked(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
+def object_force(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
     """Return the force of a law that is an object.
 
     Overflow gives inf, as in compiled code.
@@ -138,7 +139,7 @@ def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
 def _or_inf(force: Any) -> Any:
     """Return the force function with exceptions converted to inf, which ends the run.
 
-    No exception can pass through a C function. `ask_again` raises it later.
+    No exception can pass through a C function. `reevaluate_laws` raises it later.
     """
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
@@ -152,7 +153,7 @@ def _or_inf(force: Any) -> Any:
     return call
 
 
-def ask_again(laws: SceneLaws, compiled: Called) -> None:
+def reevaluate_laws(laws: SceneLaws, compiled: Called) -> None:
     """Call laws again, interpreted, where their compiled force failed.
 
     They then raise their own errors.

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
-from granular.md.fixed.contact_force import asked as force
+from granular.md.fixed.contact_force import object_force as force
 from granular.md.fixed.window import END, HALF, HAS_DAMPING, KEEPS_LOG, LAST, MIDDLE, START, WHOLE, close, steer
 
 CHANGED, CLOSED = 1, 2

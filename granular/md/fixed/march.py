@@ -18,7 +18,7 @@ from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
 from granular.md.fixed.notes import log_contacts, may_log_alone
-from granular.md.fixed.walls import CROWD, HALT, HIT, MAX_HITS_PER_STEP, ahead, book, heat
+from granular.md.fixed.walls import CROWD, HALT, HIT, MAX_HITS_PER_STEP, book, compute_wall_motion, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
@@ -67,7 +67,7 @@ def take_steps(
         while done < taken:
             right = m if hi == pairs else m - done * EVALUATIONS_PER_STEP  # pairs beyond are invalid by now
             if DRIVEN and (lo == 0 or hi == pairs):
-                ahead(physics, k + done)
+                compute_wall_motion(physics, k + done)
             if HEATED and (lo == 0 or hi == pairs):
                 wall_flags = heat(physics, lo, m, first, stop, k + done, work)
                 if wall_flags & HIT:

@@ -15,7 +15,7 @@ import numpy as np
 from granular._engine.kernels import Toll, have_numba
 from granular._engine.records import packed
 from granular.laws.kinds import SceneLaws
-from granular.md.fixed.contact_force import Called, NotCompilableError, ask_again
+from granular.md.fixed.contact_force import Called, NotCompilableError, reevaluate_laws
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
@@ -289,7 +289,7 @@ class Run:
         at = self.request.end if pause is Pause.reached else min(self.met, self.time())
         row = self._onset() if self.halted else self.row(at)
         if isinstance(self.stepper.physics.laws, Called):
-            ask_again(self.stepper.laws, self.stepper.physics.laws)
+            reevaluate_laws(self.stepper.laws, self.stepper.physics.laws)
         status, message, trust = self._judge(pause.value, row.time)
         stats = {
             "method": self.integrator.name,

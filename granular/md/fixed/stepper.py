@@ -15,7 +15,7 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.kernels import compiled, fitted
-from granular._engine.records import one, packed, twin
+from granular._engine.records import one, packed, plain_class
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import abreast, contact_force, march, window
 from granular.md.fixed.integrators import Integrator
@@ -89,7 +89,7 @@ class Stepper:
         p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         form = contact_force.coefficients(laws)
-        self.force = contact_force.asked if form is None else form[3]
+        self.force = contact_force.object_force if form is None else form[3]
         self.heaters = heaters(scene)
         self.walls = walls_of(scene, start) if "WORKED" in self.flags else None
         self.parts = abreast.parts(p) if self.walls is None else 1  # walls that move leave notes for all windows
@@ -102,10 +102,10 @@ class Stepper:
         rows = [[0.0] * (2 if at_once else p + 2) for _ in ROW_NAMES]
         # a step adds at most one row per pair and `MAX_HITS_PER_STEP` per thermal wall: the log has room for it
 
-        room, row = max(64, 4 * p) + 4 * MAX_HITS_PER_STEP * scene.heated if logged else 0, twin(STEP_ROW)
+        room, row = max(64, 4 * p) + 4 * MAX_HITS_PER_STEP * scene.heated if logged else 0, plain_class(STEP_ROW)
         log: Any = np.zeros(room, STEP_ROW) if at_once else list(map(object.__new__, repeat(row, room)))
         self.work = Work(
-            twin(WINDOW_RECORD)(*rows),
+            plain_class(WINDOW_RECORD)(*rows),
             rows,
             rows[window.FIRST_WAS_ROW :],
             rows[window.FIRST_GIVEN_ROW :],
@@ -180,7 +180,7 @@ class Stepper:
     @cached_property
     def fit(self) -> Code:
         """Kernels to compile: those for the step and the force of the run."""
-        return self._kernels(contact_force.called) if self.force is contact_force.asked else self.code
+        return self._kernels(contact_force.called) if self.force is contact_force.object_force else self.code
 
     def compile(self) -> None:
         """Continue with compiled code from the current state.
@@ -192,7 +192,7 @@ class Stepper:
         ImportError, NotCompilableError
             If numba is missing or a law does not compile.
         """
-        laws = 0 if self.force is not contact_force.asked else contact_force.records(self.laws, self.scene.pairs)
+        laws = 0 if self.force is not contact_force.object_force else contact_force.records(self.laws, self.scene.pairs)
         self.code = Code(*map(compiled, self.fit))  # can fail, so it precedes all changes of the state
         walls = 0 if self.walls is None else packed_walls(self.walls)
         heat = packed(self.heaters, HEATER_RECORD) if self.heaters else 0
@@ -227,7 +227,7 @@ class Stepper:
         ends = [-(-pairs * i // (parts * block)) * block for i in range(parts + 1)]
         works = [self._packed(self.work, np.zeros(pairs // parts * self.physics.logged, STEP_ROW), low=low, high=high)
                  for low, high in pairwise(ends)]
-        self.crew = abreast.crew(self.work, works, self.code)
+        self.crew = abreast.parallel_workspace(self.work, works, self.code)
         self.code = self.code._replace(march=fitted(self.fit.march, **abreast.MARCH_REPLACEMENTS))
 
     def _block(self) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 from granular._engine.flight import rate_at_contact, time_to_contact
 from granular._engine.kernels import kernel
 from granular._engine.records import packed, plain
-from granular.md.fixed.contact_force import asked as force
+from granular.md.fixed.contact_force import object_force as force
 from granular.md.fixed.integrators import ball_acceleration
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, START, WHOLE
 from granular.scene import Scene
@@ -80,7 +80,7 @@ def clock(walls: Any, k: float, dt: float) -> tuple[float, float]:
 
 
 @kernel
-def ahead(physics: Any, k: int) -> None:
+def compute_wall_motion(physics: Any, k: int) -> None:
     """Compute the motion of driven walls in step k."""
     walls, dt = physics.walls, physics.dt
     for i in range(len(walls.bodies)):

@@ -21,8 +21,8 @@ from granular.md.located.contacts import TOUCH_ONLY, act, activate, count_isolat
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
 from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
 from granular.md.located.ledger import LOST, add, run_off
-from granular.md.located.one_contact.inside import expose, relive
-from granular.md.located.one_contact.meet import happen_at_once
+from granular.md.located.one_contact.inside import expose, restore_record
+from granular.md.located.one_contact.meet import solve_as_one_event
 from granular.md.located.pieces import FLOAT_SPACING, arrive, in_contact, piece_time
 from granular.md.located.plan import advance_island, follow_contact, plan_all_due, series_of_piece
 from granular.md.located.records import (
@@ -49,7 +49,7 @@ from granular.md.located.records import (
     WORK_LIMIT,
 )
 from granular.md.located.rest.overdamped import expand_slowly
-from granular.md.located.rest.proof import lie, may_rest
+from granular.md.located.rest.proof import may_rest, write_still_piece
 from granular.md.located.system import count_of, join
 from granular.md.located.walls import carry_walls, foresee_walls, rate_at
 
@@ -166,7 +166,7 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
     lo = s.queue[1].key
     pair = s.pairs[lo]
     if pair.slot < 0:
-        why = happen_at_once(s, lo)
+        why = solve_as_one_event(s, lo)
         if why != BY_PIECES:
             return why
         xi = pair.xi
@@ -257,7 +257,7 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
         if in_contact(pairs[c], t, 0.0):
             if run.members + SPARE_PLACES >= len(pool):
                 return False
-            relive(s, c, t, 0.0)
+            restore_record(s, c, t, 0.0)
             follow_contact(s, laws)
             expose(s, c)
             if pool[pairs[c].slot].mode == ACTIVE:
@@ -289,7 +289,7 @@ def gather_slowly(s: Any) -> None:
         if pair.first == c and pair.slot >= 0 and pair.due < math.inf and pool[pair.slot].h > 0.0:
             block = pool[pair.slot]
             if block.manner == LIES:
-                lie(pairs, pool, s.bodies, c)
+                write_still_piece(pairs, pool, s.bodies, c)
             elif block.manner == CREEPS and not expand_slowly(pairs, pool, s.bodies, c):
                 block.manner = MOVES
                 series_of_piece(s, c, None, math.inf)

@@ -14,13 +14,13 @@ below rounding error. It becomes ACTIVE when the force can be resolved (BEGIN).
    vanishes as well (PART, the pair is then OPEN), or the force becomes positive again (BEGIN, a new contact).
 2. PART of an active pair: overlap and force vanish together. The pair becomes OPEN.
 3. PART of a dormant pair: the balls separate before the force can be resolved. The pair becomes OPEN.
-4. Jump of the velocity of a wall, or of a ball thrown back by a thermal wall (`jumps.jolt`): the force of an active
-   pair is clipped, so that it becomes RESIDUAL, or a dormant pair is pulled apart and becomes OPEN.
+4. Jump of the velocity of a wall, or of a ball thrown back by a thermal wall (`jumps.apply_velocity_jump`): the force
+   of an active pair is clipped, so that it becomes RESIDUAL, or a dormant pair is pulled apart and becomes OPEN.
 5. Reflection at a thermal wall (`jumps.throw_back`): the contact takes no time. The pair is STRUCK until the ball
    leaves.
 
-If the balls separate with no more energy than rounding error and stay together (`stays`), the contact does not end. The
-pair becomes DORMANT instead.
+If the balls separate with no more energy than rounding error and stay together (`stays_in_contact`), the contact does
+not end. The pair becomes DORMANT instead.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     run.events += 1
     if what in (TURN, RELOAD):
         change_branch(pair, what)
-    elif (what == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays(pair, block.speed):
+    elif (what == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays_in_contact(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
         halt(pairs, pool, bodies, c)
     else:
@@ -297,7 +297,7 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
 
 
 @kernel
-def stays(pair: Any, speed: float) -> bool:
+def stays_in_contact(pair: Any, speed: float) -> bool:
     """Return whether a pair that separates stays in contact except for rounding error.
 
     This is the case for a ball held by gravity under a nonlinear law if its energy at ξ = 0 is rounding error. It also

@@ -13,7 +13,7 @@ from granular._engine.records import play
 from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
 from granular.md.located.jumps import throw_back
 from granular.md.located.ledger import LOST, add, run_off
-from granular.md.located.one_contact.inside import expose, relive
+from granular.md.located.one_contact.inside import expose, restore_record
 from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
 from granular.md.located.plan import advance_island, follow_contact
 from granular.md.located.records import DUE_TO_PLAN, EXTEND, MORE, MOVES, OPEN, SPARE_PLACES, STOPPED
@@ -105,7 +105,7 @@ def extend_event(s: Any, lo: int, laws: Any) -> bool:
     if pairs[lo].slot < 0 and run.members + SPARE_PLACES >= len(s.pool):
         return False
     if in_contact(pairs[lo], run.t, run.tail):
-        relive(s, lo, run.t, run.tail)
+        restore_record(s, lo, run.t, run.tail)
         follow_contact(s, laws)
         expose(s, lo)
     else:

@@ -91,14 +91,14 @@ def pass_edge(walls: Any, s: Any, laws: Any) -> int:
         jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
         member.eta += slip
         member.e[0] = member.eta
-        if jump != 0.0 and not jolt(s, c, jump, laws):
+        if jump != 0.0 and not apply_velocity_jump(s, c, jump, laws):
             return ENDS
         pushing = pushing or (jump == 0.0 and pushes(member))
     return SAME if pushing else CHANGED
 
 
 @kernel
-def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
+def apply_velocity_jump(s: Any, c: int, jump: float, laws: Any) -> bool:
     """Start or end the force of pair `c` after a velocity jump.
 
     The velocity of its wall has jumped, or a thermal wall has thrown back one of its balls. `jump` is the change of the
@@ -141,7 +141,7 @@ def throw_back(s: Any, laws: Any) -> int:
                 pool[pairs[f].slot].eta += kick
                 # the new rate has the rounding error of the jump
                 pool[pairs[f].slot].noise += FLOAT_SPACING * kick
-                if not jolt(s, f, kick, laws):
+                if not apply_velocity_jump(s, f, kick, laws):
                     return AWAITED
     return found
 

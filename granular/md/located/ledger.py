@@ -94,7 +94,7 @@ def book_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
 
 
 @kernel
-def look_at_once(ledger: Any, s: Any, c: int, sums: Any) -> None:
+def keep_part_until_now(ledger: Any, s: Any, c: int, sums: Any) -> None:
     """Replace in `sums` the whole contact of pair `c` by its part up to now.
 
     The contact was solved as one event. Its part up to now has just been integrated by pieces.

@@ -16,7 +16,7 @@ from granular._engine.kernels import compiled, interpreted, kernel
 from granular._engine.records import play
 from granular.md.located.blocks import advance, expose_all, gather, set_out
 from granular.md.located.log import keep_unsettled
-from granular.md.located.one_contact.inside import look
+from granular.md.located.one_contact.inside import write_states
 from granular.md.located.pace import MAX_PIECES_COMPILED, PAUSE_REASONS, looked_at, seldom
 from granular.md.located.plan import make_table
 from granular.md.located.power_form import kind_and_q, mapped
@@ -249,11 +249,11 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
                 return
         if not set_out(s, None):
             result.why = STOPPED
-        harvest(s, last, 0.0)
+        collect_results(s, last, 0.0)
     why = result.why if result.why in (STOPPED, REST, BINDING) else MORE
     while why == MORE:
         why = advance(s, t_end, chunk, None)
-        harvest(s, last, run.t)
+        collect_results(s, last, run.t)
     result.why, result.time = why, run.t
     if why in (WANTS_TABLE, WANTS_LOOK):
         return
@@ -261,8 +261,8 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
         result.time = t_end
     expose_all(s, result.time, None)
     gather(s, result.time, None)
-    harvest(s, last, result.time)
-    look(s, result.time, seen[0], seen[1], seen[2], None, None)
+    collect_results(s, last, result.time)
+    write_states(s, result.time, seen[0], seen[1], seen[2], None, None)
     for c in range(n):
         pair = s.pairs[c]
         last[c].counts, last[c].rate = pair.contacts, -seen[1][c]
@@ -272,7 +272,7 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
 
 
 @kernel
-def harvest(s: Any, last: Any, t: float) -> None:
+def collect_results(s: Any, last: Any, t: float) -> None:
     """Collect the results of contacts that ended by time `t` from the log."""
     for i in range(s.run[0].rows):
         row = s.log[i]

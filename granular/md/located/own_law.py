@@ -122,7 +122,7 @@ class Collocation:
             reach = block.last_step
         allowed, shortest = max(tol, SMALLEST_COLLOCATION_TOL), SHORTEST_TRIAL_STEP * reach
         self._check(pairs, [0.0])
-        if not (self.shaken or self.square) and lie_still(pairs, self.force, self.closed):
+        if not (self.shaken or self.square) and write_resting_piece(pairs, self.force, self.closed):
             return 0.0
         reach = min(reach, shown(self.shaken, holds, block.clock))
         while True:
@@ -351,7 +351,7 @@ def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> 
     return branch(mirror, eta) + branch(mirror, -eta) - branch(image, -eta)
 
 
-def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
+def write_resting_piece(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
     """Write the piece of an island whose contacts rest, and return whether they do.
 
     Open pairs can move freely. Nothing is written if the result is False, as it is without an active pair, or if a ball

@@ -29,7 +29,7 @@ from granular.md.located.records import (
     WORK_LIMIT,
 )
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
-from granular.md.located.rest.overdamped import look_at, turn_to_asking
+from granular.md.located.rest.overdamped import turn_to_asking, verdict_until
 from granular.md.located.system import readable
 from granular.run.drive import Pause, portion
 
@@ -157,7 +157,7 @@ def looked_at(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:
     `kernels` and `rare_kernel` return the versions of kernels that are called often and rarely. Returns why a run up to
     the time `limit` ends, or WANTS_LOOK to continue.
     """
-    found = rare_kernel(look_at)(s, limit)
+    found = rare_kernel(verdict_until)(s, limit)
     if found != NOT_YET:
         return REST if found == RESTS else BINDING
     return WANTS_LOOK if kernels(plan_all_due)(s, None) else STOPPED

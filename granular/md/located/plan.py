@@ -15,7 +15,7 @@ from granular.md.located.contacts import confirm, judge
 from granular.md.located.ledger import book_piece
 from granular.md.located.log import follow
 from granular.md.located.one_contact.inside import goes_on, has_piece
-from granular.md.located.one_contact.tables import OWN_SPEED, ask, fit, note
+from granular.md.located.one_contact.tables import OWN_SPEED, fit, note, request_contact
 from granular.md.located.pendula import swing
 from granular.md.located.pieces import FLOAT_SPACING, locate, piece_time, power, since, tick, value
 from granular.md.located.records import (
@@ -60,7 +60,7 @@ def plan_all_due(s: Any, laws: Any) -> bool:
 
 @kernel
 def follow_contact(s: Any, laws: Any) -> None:
-    """Integrate the contact of one pair by pieces, as set by `inside.ask_to_follow`."""
+    """Integrate the contact of one pair by pieces, see `inside.request_integration`."""
     run = s.run[0]
     while has_piece(s, laws):
         plan(s, run.solo, laws)
@@ -271,7 +271,7 @@ def make_table(s: Any, laws: Any, kernels: Any) -> None:
     The state of the run does not change.
     """
     for j in range(POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE):
-        kernels(ask)(s, j, laws)
+        kernels(request_contact)(s, j, laws)
         kernels(follow_contact)(s, laws)
         if not kernels(note)(s, j):
             break
@@ -280,6 +280,6 @@ def make_table(s: Any, laws: Any, kernels: Any) -> None:
 
 def answer(s: Any, laws: Any, kernels: Any) -> None:
     """Integrate the requested contact alone."""
-    kernels(ask)(s, OWN_SPEED, laws)
+    kernels(request_contact)(s, OWN_SPEED, laws)
     kernels(follow_contact)(s, laws)
     kernels(note)(s, OWN_SPEED)

@@ -165,7 +165,7 @@ SOFT_RUN_RECORD = np.dtype(
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("wanted", int), ("answered", int),  # pair whose contact is to be integrated alone; 1 if that is done
-        ("solo", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # `inside.ask_to_follow`
+        ("solo", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # by `request_integration`
         ("over", float), ("parting", float),
         ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be restored
         ("speed", float),  # speed of the contact that is integrated alone, m/s

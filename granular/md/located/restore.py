@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import EDITED_STATE, held
+from granular._engine.check import EDITED_STATE, saved_array
 from granular._engine.records import column, copied, tournament
 from granular.md.located.checkpoint import CHECKPOINT_RECORDS
 from granular.md.located.records import (
@@ -56,9 +56,9 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
 
     `s` are these records. All indices in the checkpoint must exist.
     """
-    held(state, "origin", "f", ())
+    saved_array(state, "origin", "f", ())
     for name in {"creeping", "riding"} & state.keys():  # fields of earlier versions
-        held(state, name, "b", ())
+        saved_array(state, name, "b", ())
     sizes = {name: len(getattr(s, name)) for name in ("run", "pairs", "bodies", "maps")}
     for name, dtype in CHECKPOINT_RECORDS.items():
         if name == "ledger" and s.ledger is None:

@@ -15,7 +15,7 @@ from granular.md.located import blocks
 from granular.md.located.checkpoint import MAX_FULL_COPY_PAIRS, Checkpoint, Untouched
 from granular.md.located.ending import message_of, rest_of_log, settle, stats_of
 from granular.md.located.log import keep_unsettled
-from granular.md.located.one_contact.inside import look_inside, look_over, seen
+from granular.md.located.one_contact.inside import request_state, seen, write_and_request_states
 from granular.md.located.pace import PAUSE_REASONS, Pace
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
@@ -256,11 +256,11 @@ class Run:
         made: Any = np.zeros((3, n))
         rows = made.tolist() if self.is_plain else made
         sums: Any = None if self.s.ledger is None else [0.0] * 5 if self.is_plain else np.zeros(5)
-        c = self.kernels(look_over)(self.s, elapsed, *rows, sums, self.collocation)
+        c = self.kernels(write_and_request_states)(self.s, elapsed, *rows, sums, self.collocation)
         while c < n:
             self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(seen)(self.s, c, *rows, sums)
-            c = self.kernels(look_inside)(self.s, c + 1, elapsed)
+            c = self.kernels(request_state)(self.s, c + 1, elapsed)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted code raises earlier
             raise OverflowError("an overlap or its rate")

@@ -139,7 +139,7 @@ def complete(pair: Any, q: int) -> None:
     """Extend the event function φ = kξ + γη to full order, without neighbours."""
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
-    force = works(pair)
+    force = has_force(pair)
     for n in range(SERIES_ORDER - q + 1, SERIES_ORDER + 1):
         pair.g[n] = pair.k * pair.x[n] + pair.gamma * pair.e[n]
         if pair.kind == LINEAR:
@@ -147,7 +147,7 @@ def complete(pair: Any, q: int) -> None:
 
 
 @kernel
-def works(pair: Any) -> float:
+def has_force(pair: Any) -> float:
     """Return 1 if the pair exerts a force, else 0."""
     return 1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0
 
@@ -160,7 +160,7 @@ def expand_two(a: Any, b: Any, h: float) -> None:
     time of the series in an interpreted run.
     """
     xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
-    of_a, of_b = works(a), works(b)
+    of_a, of_b = has_force(a), has_force(b)
     ka, ga, kb, gb = of_a * a.k, of_a * a.gamma, of_b * b.k, of_b * b.gamma
     own_a, between, across, own_b = a.inverse, a.upper, b.lower, b.inverse
     x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f

@@ -30,7 +30,7 @@ from granular.md.located.records import (
     RESIDUAL,
     SERIES_ORDER,
 )
-from granular.md.located.series import works
+from granular.md.located.series import has_force
 from granular.md.located.system import is_closed
 
 LINEAR_STEP_REACH = (math.factorial(SERIES_ORDER + 1) * 1e-17) ** (1.0 / (SERIES_ORDER + 1))
@@ -66,7 +66,7 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
     k_below, g_below, closed = 0.0, 0.0, RING and is_closed(pairs, lo, hi)
     if RING and closed:
         last = pool[pairs[hi - 1].slot]
-        pushes = works(last)
+        pushes = has_force(last)
         k_below, g_below = pushes * last.k, pushes * last.gamma
     for c in range(lo, hi):
         pair, k_above, g_above = pool[pairs[c].slot], 0.0, 0.0
@@ -75,9 +75,9 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
             return -1.0
         if c + 1 < hi or closed:
             above = pool[pairs[c + 1].slot]
-            pushes = works(above)
+            pushes = has_force(above)
             k_above, g_above = pushes * above.k, pushes * above.gamma
-        pushes = works(pair)
+        pushes = has_force(pair)
         if pushes > 0.0:
             row = pair.lower * k_below + pair.inverse * pair.k + pair.upper * k_above + square
             stiffness = max(stiffness, row)

@@ -17,7 +17,7 @@ from granular._engine.compiler_state import ByReference
 from granular._engine.kernels import RING, kernel
 from granular._engine.records import NODE, packed, plain, tournament
 from granular._engine.roots import MAX_SUBDIVISIONS, workspace
-from granular.laws.kinds import SceneLaws, alike
+from granular.laws.kinds import SceneLaws, number_distinct_rows
 from granular.md.located.power_form import kinds_of
 from granular.md.located.records import (
     CONTACT_TABLE_RECORD,
@@ -266,7 +266,7 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
     known = s.kinds["map"][laws.kind]
     lacking = np.flatnonzero(((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT))) & (s.pairs["wall"] == 0))
     if len(lacking):
-        number, first = alike(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
+        number, first = number_distinct_rows(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
         if len(first) <= MAX_TABLED_PAIRS:
             s.pairs["map"][lacking] = number
 

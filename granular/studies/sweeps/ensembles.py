@@ -243,7 +243,7 @@ def ensemble(
     for name, way in ways.items():
         _check_way(plan, name, way)
     draws = Draws(plan, tuple(ways.values()), check.whole("seed", seed))
-    asked, whole = _asked(results)
+    asked, whole = _requested(results)
     each = margin if isinstance(margin, Mapping) else {"": margin}
     own = {name: check.number(f"the margin of {name}" if name else "margin", x, at_least=0.0)
            for name, x in each.items()}
@@ -276,7 +276,7 @@ def _check_way(plan: Plan, name: str, way: Any) -> None:
         check.number(f"the standard deviation of {name}", spread, at_least=0.0)
 
 
-def _asked(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def _requested(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the requested quantities, and the results that contain them."""
     given = check.several("results", results, "a name or a function of a run, or several")
     asked = {ask if isinstance(ask, str) else getattr(ask, "__name__", "result"): ask for ask in given}

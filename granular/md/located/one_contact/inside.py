@@ -1,8 +1,8 @@
 """Integrate one contact alone, piece by piece, from its onset.
 
 This gives the state within a contact that was solved as one event. Such a contact can also become a member of an event
-that may disturb it. `relive` requests the integration, `plan.follow_contact` performs it piece by piece, and then
-`expose` or `seen` use the result.
+that may disturb it. `restore_record` requests the integration, `plan.follow_contact` performs it piece by piece, and
+then `expose` or `seen` use the result.
 """
 
 from __future__ import annotations
@@ -13,7 +13,17 @@ from typing import Any
 from granular._engine.flight import swung, time_to_contact
 from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.located.contacts import change_branch, pushes
-from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_once, read, run_off, tally, tally_island
+from granular.md.located.ledger import (
+    LOST,
+    begin,
+    book,
+    book_at_once,
+    keep_part_until_now,
+    read,
+    run_off,
+    tally,
+    tally_island,
+)
 from granular.md.located.log import follow
 from granular.md.located.pieces import fly, force_returns, in_contact, piece_time, power, since, tau_at, tick, value
 from granular.md.located.records import (
@@ -37,7 +47,7 @@ MAX_CONTACT_PIECES = 2000
 
 
 @kernel
-def take_up(s: Any, c: int, v: float) -> Any:
+def occupy_record(s: Any, c: int, v: float) -> Any:
     """Take a record of the pool for pair `c`, which just touched at speed `v`.
 
     The pair becomes an island of its own.
@@ -53,7 +63,7 @@ def take_up(s: Any, c: int, v: float) -> Any:
 
 
 @kernel
-def ask_to_follow(s: Any, c: int, left: float) -> None:
+def request_integration(s: Any, c: int, left: float) -> None:
     """Request that a contact that just began is integrated for a time `left`.
 
     The integration ends earlier if the balls separate. `plan.follow_contact` performs it, and stores in the record of
@@ -128,18 +138,18 @@ def goes_on(s: Any, laws: Any) -> bool:
         jump, slip = jump_at(s.field, member, member.t, member.tail)
         member.eta += slip
         if jump != 0.0:
-            jolted(run, member, laws)
+            update_after_jump(run, member, laws)
     if member.fired == c:
         if member.event == BEGIN:
             return False
         if member.mode == ACTIVE and (member.event == END or member.event == PART):
             run.over, run.parting = run.passed, -member.eta
-        happen(member)
+        apply_piece_end(member)
     return True
 
 
 @kernel
-def jolted(run: Any, member: Any, laws: Any) -> None:
+def update_after_jump(run: Any, member: Any, laws: Any) -> None:
     """Update the mode of a contact alone after a jump of its wall's velocity."""
     member.exact = 0
     if laws is not None:
@@ -153,7 +163,7 @@ def jolted(run: Any, member: Any, laws: Any) -> None:
 
 
 @kernel
-def happen(member: Any) -> None:
+def apply_piece_end(member: Any) -> None:
     """Apply the event that ends the piece of a contact alone."""
     if member.event == END:
         member.mode, member.exact = RESIDUAL, 1
@@ -164,7 +174,7 @@ def happen(member: Any) -> None:
 
 
 @kernel
-def relive(s: Any, c: int, t: float, tail: float) -> None:
+def restore_record(s: Any, c: int, t: float, tail: float) -> None:
     """Take a record of the pool for pair `c`, in contact at the time t + tail.
 
     Request that its contact is integrated up to this time. The pair becomes an island of its own. If its force has
@@ -172,17 +182,17 @@ def relive(s: Any, c: int, t: float, tail: float) -> None:
     """
     pair = s.pairs[c]
     left = pair.lasts + since(pair, t, tail)
-    member = take_up(s, c, pair.speed)
+    member = occupy_record(s, c, pair.speed)
     tick(member, -pair.lasts)
     member.t_begin = member.t
-    ask_to_follow(s, c, left)
+    request_integration(s, c, left)
 
 
 @kernel
 def expose(s: Any, c: int) -> None:
     """Make pair `c` a member of the current event, because it may be disturbed.
 
-    Its contact has been integrated by `relive`.
+    Its contact has been integrated by `restore_record`.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
@@ -197,12 +207,12 @@ def expose(s: Any, c: int) -> None:
         return
     xi -= member.xi  # lead of the asymptote over the contact
     eta -= member.eta
-    take_back_row(s, c, member)
+    withdraw_row(s, c, member)
     move_beside(s, c, xi, eta)
 
 
 @kernel
-def take_back_row(s: Any, c: int, member: Any) -> None:
+def withdraw_row(s: Any, c: int, member: Any) -> None:
     """Restore the onset of pair `c` from its row of the log, and delete that row."""
     run, pair = s.run[0], s.pairs[c]
     if run.log_level != NO_LOG and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
@@ -247,7 +257,7 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
 
 
 @kernel
-def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
+def write_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
     """Write overlap, rate and force of every pair at time `t`.
 
     The time is within the current pieces. Contacts solved as one event are represented by their asymptotes. With a
@@ -274,7 +284,7 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
 
 
 @kernel
-def look_inside(s: Any, c: int, t: float) -> int:
+def request_state(s: Any, c: int, t: float) -> int:
     """Request the state of the next pair whose contact is solved as one event.
 
     The search begins at pair `c`. The contact is integrated to the time `t`. Return the number of the pair for `seen`,
@@ -285,19 +295,19 @@ def look_inside(s: Any, c: int, t: float) -> int:
         c += 1
     if c < n:
         run.before_due, run.before_steps, run.before_error = s.pairs[c].due, run.steps, run.error
-        relive(s, c, t, 0.0)
+        restore_record(s, c, t, 0.0)
         run.pieces = AT_LEAST_ONE
     return c
 
 
 @kernel
-def look_over(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> int:
-    """Call `look`, and then `look_inside` from pair 0 on.
+def write_and_request_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> int:
+    """Call `write_states`, and then `request_state` from pair 0 on.
 
     A single call is used because entering machine code costs more than the evaluation.
     """
-    look(s, t, xi, eta, force, sums, laws)
-    return look_inside(s, 0, t)
+    write_states(s, t, xi, eta, force, sums, laws)
+    return request_state(s, 0, t)
 
 
 @kernel
@@ -318,7 +328,7 @@ def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
         xi[above] += member.upper / member.inverse * deeper
         eta[above] += member.upper / member.inverse * faster
     if WORKED:
-        look_at_once(s.ledger, s, c, sums)
+        keep_part_until_now(s.ledger, s, c, sums)
     leave(run, s.pairs, s.pool, c)
     pair.due, run.steps, run.error = run.before_due, run.before_steps, run.before_error
 

@@ -107,7 +107,7 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
     if zeta == 0.0:  # the motion is symmetric about the largest overlap
         t = (math.pi + 2.0 * math.atan(pull / (omega * v))) / omega
         return t, t, v, v
-    t, dt, xi, eta, push = let_go(omega, zeta, relax, pull, v)
+    t, dt, xi, eta, push = state_before_end(omega, zeta, relax, pull, v)
     if dt == math.inf:
         return NO_CLOSED_FORM
     # the last Newton step is taken by Taylor's formula, which is exact to rounding for |dt| ω < CLOSE
@@ -124,7 +124,9 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
 
 
 @kernel
-def let_go(omega: float, zeta: float, relax: float, pull: float, v: float) -> tuple[float, float, float, float, float]:
+def state_before_end(
+    omega: float, zeta: float, relax: float, pull: float, v: float,
+) -> tuple[float, float, float, float, float]:
     """Return a time close to the end of a dashpot's force, and the state then.
 
     The force ξ + relax·ξ̇ falls to 0. The other values are the difference to its end (inf if it does not end), and
@@ -155,7 +157,7 @@ def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -
     zeta = 0.5 * law.gamma * inverse / omega
     if law.map != DASHPOT or v * omega < MIN_SPEED_PER_PULL * abs(pull) or zeta >= NEARLY_CRITICAL:
         return NO_CLOSED_FORM
-    t, dt, xi, eta, push = let_go(omega, zeta, relax, pull, v)
+    t, dt, xi, eta, push = state_before_end(omega, zeta, relax, pull, v)
     if dt == math.inf:
         return NO_CLOSED_FORM
     jerk = -stiff * eta - law.gamma * inverse * push

@@ -65,7 +65,7 @@ throws the ball back in no time."""
 
 
 @kernel
-def happen_at_once(s: Any, c: int) -> int:
+def solve_as_one_event(s: Any, c: int) -> int:
     """Solve the contact of pair `c`, which is due, as one event.
 
     Return DONE if the contact map is known and the contact is certainly isolated, or if disturbances are ignored.
@@ -104,7 +104,7 @@ def happen_at_once(s: Any, c: int) -> int:
         deflect(s, lower, pair, below, rate_below, time_left_below)
     if upper < count_of(pairs):
         deflect(s, upper, pair, above, rate_above, time_left_above)
-    queue_anew(s, lower, c, upper)
+    update_queue(s, lower, c, upper)
     return DONE
 
 
@@ -134,7 +134,7 @@ def flank_below(s: Any, c: int, t2: float, moment: float, lower_v: float) -> tup
         return math.inf, True, 0.0, 0.0
     over = pair.wait + t2
     rate = lower_v - coasting(s, nth(pairs, c - 1), pair, over)
-    time_left = still_busy(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
+    time_left = remaining_contact_time(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
     narrowing = s.bodies[c].inverse_mass * moment
     gap, certain = clearance(s.field, pairs[lower], pair, t2, narrowing, rate, time_left)
     return gap, certain, rate, time_left
@@ -154,7 +154,7 @@ def flank_above(
         return math.inf, True, 0.0, 0.0
     over = pair.wait + t2
     rate = coasting(s, nth(pairs, c + 2), pair, over) - upper_v
-    time_left = still_busy(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
+    time_left = remaining_contact_time(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
     narrowing = bodies[c + 1].inverse_mass * moment
     if RING and n == 2:
         rate, time_left = lower_v - upper_v, 0.0
@@ -198,7 +198,7 @@ def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, moment: float, 
 
 
 @kernel
-def queue_anew(s: Any, lower: int, c: int, upper: int) -> None:
+def update_queue(s: Any, lower: int, c: int, upper: int) -> None:
     """Update the queue for pair `c` and its flanks."""
     if RING and upper - lower != 2:
         # on a ring the three pairs need not be neighbours in the queue
@@ -366,7 +366,7 @@ def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
 
 
 @kernel
-def still_busy(beyond: Any, pair: Any, dt: float) -> float:
+def remaining_contact_time(beyond: Any, pair: Any, dt: float) -> float:
     """Return the remaining time in contact of the pair beyond a flank.
 
     The reference time is `dt` after the clock of `pair`.

@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from granular._engine.kernels import kernel
-from granular.md.located.one_contact.inside import ask_to_follow, take_up
+from granular.md.located.one_contact.inside import occupy_record, request_integration
 from granular.md.located.pieces import tick
 from granular.md.located.records import (
     CHECKS_PER_OCTAVE,
@@ -61,7 +61,7 @@ def table_of(s: Any, c: int, v: float) -> int:
 
 
 @kernel
-def ask(s: Any, j: int, laws: Any) -> None:
+def request_contact(s: Any, j: int, laws: Any) -> None:
     """Request that the wanted contact is integrated alone.
 
     Its speed is point j of the octave, or its own speed for ITSELF.
@@ -74,9 +74,9 @@ def ask(s: Any, j: int, laws: Any) -> None:
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log_level
     run.speed, run.log_level, run.error = v, PEAKS, 0.0
-    member = take_up(s, c, v)
+    member = occupy_record(s, c, v)
     tick(member, pair.wait)
-    ask_to_follow(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
+    request_integration(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
 
 
 @kernel

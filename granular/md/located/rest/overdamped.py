@@ -9,9 +9,9 @@ creep alone is regular. With the forces F = F° + Σ m a, load plus inertia of t
 is an equation of first order, whose series has steps as long as the creep. Its rates give the next forces. Each
 iteration reduces the error by the ratio of both times.
 
-`look_at` examines an island that may be at rest. It returns whether rest is proved, and writes the piece of an island
-that lies still or creeps. The event loop stops for it (`WANTS_LOOK`), so that this module is compiled only when it is
-needed.
+`verdict_until` examines an island that may be at rest. It returns whether rest is proved, and writes the piece of an
+island that lies still or creeps. The event loop stops for it (`WANTS_LOOK`), so that this module is compiled only when
+it is needed.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, f
 from granular.md.located.rest.proof import (
     MIN_CREEP_RATIO,
     between,
-    come_to_rest,
-    drags,
-    flies,
-    lie,
+    is_in_free_flight,
+    is_overdamped,
+    move_to_equilibrium,
     postpones,
     verdict,
     whole_verdict,
+    write_still_piece,
 )
 from granular.md.located.series import power_term
 from granular.md.located.step_size import growth, left_out, trusted
@@ -70,10 +70,10 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """
     block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
     while c < hi:
-        if pool[pairs[c].slot].mode == ACTIVE and not drags(pool[pairs[c].slot]):
+        if pool[pairs[c].slot].mode == ACTIVE and not is_overdamped(pool[pairs[c].slot]):
             return False
         b = end_of_group(pairs, pool, c)
-        if pairs[c].wall != 0 or (b == c and not flies(pool[pairs[c].slot])):
+        if pairs[c].wall != 0 or (b == c and not is_in_free_flight(pool[pairs[c].slot])):
             return False
         if b > c:
             h = min(h, slow_time(pairs, pool, bodies, c, b))
@@ -272,7 +272,7 @@ def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direction: i
 
 
 @kernel
-def look_at(s: Any, limit: float) -> int:
+def verdict_until(s: Any, limit: float) -> int:
     """Return the verdict about the scene if it ends a run up to time `limit`.
 
     The verdict is RESTS, BOUND or NOT_YET. The current island is examined, and its next piece is written or left to the
@@ -287,7 +287,7 @@ def look_at(s: Any, limit: float) -> int:
             if whole != NOT_YET and limit == math.inf:
                 return whole
         if proved == RESTS and block.manner != LIES:
-            come_to_rest(pairs, pool, bodies, lo)
+            move_to_equilibrium(pairs, pool, bodies, lo)
         run.steps += 1
     if block.manner == MOVES and postpones(pairs, pool, lo):
         block.manner = LOOKED
@@ -307,7 +307,7 @@ def write_piece(s: Any, lo: int) -> None:
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     block.linear, block.clock = 1 if block.manner == LIES else 0, 1
     if block.manner == LIES:
-        lie(pairs, pool, s.bodies, lo)
+        write_still_piece(pairs, pool, s.bodies, lo)
     else:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)

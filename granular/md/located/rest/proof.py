@@ -162,7 +162,7 @@ def may_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         active, pressed = active or pair.mode == ACTIVE, pressed or pair.pull > 0.0
-        if pairs[c].wall != 0 or not (drags(pair) if pair.mode == ACTIVE else flies(pair)):
+        if pairs[c].wall != 0 or not (is_overdamped(pair) if pair.mode == ACTIVE else is_in_free_flight(pair)):
             return False
     return bool(active and pressed)
 
@@ -184,7 +184,7 @@ def postpones(pairs: Any, pool: Any, lo: int) -> bool:
 
 
 @kernel
-def drags(pair: Any) -> bool:
+def is_overdamped(pair: Any) -> bool:
     """Return whether a pair without load is damped strongly enough for creep.
 
     Under a load a stronger damping is required.
@@ -198,7 +198,7 @@ def drags(pair: Any) -> bool:
 
 
 @kernel
-def flies(pair: Any) -> bool:
+def is_in_free_flight(pair: Any) -> bool:
     """Return whether a pair has no force, and a return of its force needs no powers."""
     return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
 
@@ -330,7 +330,7 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, direction: int)
 
 
 @kernel
-def come_to_rest(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+def move_to_equilibrium(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Move the groups of an island to their equilibrium if the difference is rounding.
 
     Return whether this was done. The groups then lie still.
@@ -348,7 +348,7 @@ def come_to_rest(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 
 @kernel
-def lie(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
+def write_still_piece(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
     """Write the piece of an island whose groups lie still.
 
     It does not end unless a ball arrives.
