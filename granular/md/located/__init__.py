@@ -4,7 +4,7 @@ A step is a polynomial, and an event is its first root.
 
 Main line: `pieces`, `series`, `plan`, `blocks`, `one_contact/`, `run`.
 A first reader may skip: `checkpoint`, `collocation`, `contacts`, `ending`, `islands`, `jumps`, `ledger`,
-`levels`, `log`, `many`, `own_law`, `pace`, `pendula`, `power_form`, `records`, `rest/`, `restore`, `step_size`,
+`levels`, `log`, `many`, `modes`, `own_law`, `pace`, `pendula`, `power_form`, `records`, `rest/`, `restore`, `step_size`,
 `system`, `walls`.
 """
 

@@ -19,8 +19,9 @@ from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
 from granular._engine.records import play
 from granular.md.located.contacts import TOUCH_ONLY, act, activate, count_isolated, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
-from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
+from granular.md.located.jumps import CHANGED, ENDS, SAME, pass_edge
 from granular.md.located.ledger import LOST, add, run_off
+from granular.md.located.modes import is_clipped
 from granular.md.located.one_contact.inside import expose, restore_record
 from granular.md.located.one_contact.meet import solve_as_one_event
 from granular.md.located.pieces import FLOAT_SPACING, arrive, in_contact, piece_time

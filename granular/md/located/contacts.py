@@ -30,6 +30,7 @@ from typing import Any
 
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, kernel
 from granular.md.located.log import begin_contact, end_contact
+from granular.md.located.modes import change_mode
 from granular.md.located.pieces import DRIFT_NOISE_FACTOR, ROUNDING_OVERLAP_SHARE, direction, power, since
 from granular.md.located.records import (
     ACTIVE,
@@ -70,29 +71,17 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
         return begin(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
     if what in (TURN, RELOAD):
-        change_branch(pair, what)
+        change_mode(pair, what)
     elif (what == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays_in_contact(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
         halt(pairs, pool, bodies, c)
     else:
         if pair.going_on == 1:
             end_contact(run, pairs, pool, bodies, log, c)
-        if what == END:
-            pair.mode, pair.exact = RESIDUAL, 1
-        else:
-            # a dormant pair keeps the gap at which it separates, all others separate at ξ = 0
-            pair.xi = pair.xi if pair.mode == DORMANT else 0.0
-            pair.mode, pair.exact, pair.xi_peak, pair.loading, pairs[c].isolated = OPEN, 0, 0.0, 1, 0
+        change_mode(pair, what)
+        if what != END:
+            pairs[c].isolated = 0
     return True
-
-
-@kernel
-def change_branch(pair: Any, event: int) -> None:
-    """Switch a law with memory to unloading (TURN) or back to loading (RELOAD)."""
-    if event == TURN:
-        pair.loading, pair.xi_peak, pair.eta = 0, pair.xi, min(0.0, pair.eta)
-    else:
-        pair.loading, pair.xi = 1, pair.xi_peak
 
 
 @kernel

@@ -18,8 +18,9 @@ from granular._engine.kernels import kernel
 from granular.md.located.contacts import AWAITED, NONE, SOME, activate, pushes
 from granular.md.located.ledger import CEILING, FLOOR, add
 from granular.md.located.log import end_contact, velocity_now
-from granular.md.located.pieces import FLOAT_SPACING, power
-from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, OPEN, RESIDUAL, STRUCK
+from granular.md.located.modes import FORCE_BEGINS, FORCE_ENDS, clip
+from granular.md.located.pieces import FLOAT_SPACING
+from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, OPEN, STRUCK
 from granular.md.located.walls import jump_at
 from granular.scene.walls.thermal import drawn
 
@@ -105,13 +106,12 @@ def apply_velocity_jump(s: Any, c: int, jump: float, laws: Any) -> bool:
     rate in m/s. Returns false if the run stops.
     """
     run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
-    member.exact = 0
-    if member.mode == ACTIVE and is_clipped(member, laws):
+    force = clip(member, laws)
+    if force == FORCE_ENDS:
         run.events += 1
         if member.going_on == 1:
             end_contact(run, pairs, s.pool, bodies, s.log, c)
-        member.mode = RESIDUAL
-    elif member.mode == RESIDUAL and not is_clipped(member, laws):
+    elif force == FORCE_BEGINS:
         if not activate(run, pairs, s.pool, bodies, c):
             return False
         member.exact = 0
@@ -144,14 +144,3 @@ def throw_back(s: Any, laws: Any) -> int:
                 if not apply_velocity_jump(s, f, kick, laws):
                     return AWAITED
     return found
-
-
-@kernel
-def is_clipped(pair: Any, laws: Any) -> bool:
-    """Return whether overlapping balls separate so fast that their force is clipped."""
-    if pair.xi == 0.0:
-        return False
-    if laws is not None:
-        return laws.is_clipped(pair)  # type: ignore[no-any-return]
-    return bool(pair.k * power(pair.xi, pair.s) + pair.gamma * pair.eta <= 0.0)
-

@@ -12,7 +12,7 @@ from typing import Any
 
 from granular._engine.flight import swung, time_to_contact
 from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
-from granular.md.located.contacts import change_branch, pushes
+from granular.md.located.contacts import pushes
 from granular.md.located.ledger import (
     LOST,
     begin,
@@ -25,6 +25,7 @@ from granular.md.located.ledger import (
     tally_island,
 )
 from granular.md.located.log import follow
+from granular.md.located.modes import FORCE_BEGINS, FORCE_ENDS, change_mode, clip
 from granular.md.located.pieces import fly, force_returns, in_contact, piece_time, power, since, tau_at, tick, value
 from granular.md.located.records import (
     ACTIVE,
@@ -35,9 +36,7 @@ from granular.md.located.records import (
     NO_LOG,
     OPEN,
     PART,
-    RELOAD,
     RESIDUAL,
-    TURN,
 )
 from granular.md.located.system import count_of, join, leave, nth
 from granular.md.located.walls import beside_edge, flown, jump_at
@@ -144,33 +143,18 @@ def goes_on(s: Any, laws: Any) -> bool:
             return False
         if member.mode == ACTIVE and (member.event == END or member.event == PART):
             run.over, run.parting = run.passed, -member.eta
-        apply_piece_end(member)
+        change_mode(member, member.event)
     return True
 
 
 @kernel
 def update_after_jump(run: Any, member: Any, laws: Any) -> None:
     """Update the mode of a contact alone after a jump of its wall's velocity."""
-    member.exact = 0
-    if laws is not None:
-        clipped = laws.is_clipped(member)
-    else:
-        clipped = member.k * power(member.xi, member.s) + member.gamma * member.eta < 0.0
-    if member.mode == ACTIVE and clipped:
-        run.over, run.parting, member.mode = run.passed, -member.eta, RESIDUAL
-    elif member.mode == RESIDUAL and not clipped:
+    force = clip(member, laws)
+    if force == FORCE_ENDS:
+        run.over, run.parting = run.passed, -member.eta
+    elif force == FORCE_BEGINS:
         member.mode = ACTIVE
-
-
-@kernel
-def apply_piece_end(member: Any) -> None:
-    """Apply the event that ends the piece of a contact alone."""
-    if member.event == END:
-        member.mode, member.exact = RESIDUAL, 1
-    elif member.event in (TURN, RELOAD):
-        change_branch(member, member.event)
-    else:
-        member.mode, member.xi, member.exact = OPEN, 0.0, 0
 
 
 @kernel
