@@ -82,8 +82,8 @@ class Recomputed:
 def numbers_of_verdict(verdict):
     """The error named by a verdict and whether it is an upper bound; the two counts of a pair; None if not named."""
     number = r"(\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
-    bound = re.search(rf"within {number}", verdict)
-    off = re.search(rf"off by {number}", verdict)
+    bound = re.search(rf"within {number} %", verdict)
+    off = re.search(rf"(?:an error of|outcomes differ by) {number} %", verdict)
     counts = re.search(r"has (\d+) contacts?, not (\d+)", verdict)
-    return (float(bound[1]) if bound else None, float(off[1]) if off else None,
+    return (0.01 * float(bound[1]) if bound else None, 0.01 * float(off[1]) if off else None,
             (int(counts[1]), int(counts[2])) if counts else None)

@@ -191,7 +191,7 @@ def test_the_command_stops_at_a_level(capsys):
     from granular.app.cli import main
 
     assert main(["run", "three-balls", "--until", "type=speed", "ball=2", "above=2.5"]) == 0
-    assert "until: the stop condition was met (t = 0.254842 s" in capsys.readouterr().out
+    assert "ended (until): the stop condition was met (t = 0.254842 s" in capsys.readouterr().out
     assert main(["compare", "three-balls", "--until", "separated"]) == 0
 
 

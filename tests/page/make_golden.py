@@ -167,7 +167,7 @@ def answer_of(report):
     """Return the answer, its kind, and the numbers it tells: pair, soft and hard contacts, or how many contacts."""
     sentence, answer = report.verdict, report.answer.name
     kind = next((kind for part, kind in KINDS if part in sentence), answer)
-    said = re.search(r"pair (floor|\d+)–\w+ has (\d+) contacts?, not (\d+)|part after (\d+) contact", sentence)
+    said = re.search(r"pair (floor|\d+)–\w+ has (\d+) contacts?, not (\d+)|separate after (\d+) contact", sentence)
     if kind == "forever" and report.hard.stats["verdict"] == "proved":  # of which pairs: the page has no proofs
         said = None
     return {
@@ -178,8 +178,8 @@ def answer_of(report):
 
 
 KINDS = (
-    ("collide forever", "forever"), ("radius under their weight", "sinks"), (", not ", "counts"), ("off by", "off"),
-    ("though contacts overlap", "yes, overlap"),
+    ("collide forever", "forever"), ("radius under their weight", "sinks"), (", not ", "counts"),
+    ("an error of", "off"), ("outcomes differ by", "off"), ("though contacts overlap", "yes, overlap"),
 )
 
 

@@ -4,8 +4,8 @@ A step is a polynomial, and an event is its first root.
 
 Main line: `pieces`, `series`, `plan`, `blocks`, `one_contact/`, `run`.
 A first reader may skip: `checkpoint`, `collocation`, `contacts`, `ending`, `islands`, `jumps`, `ledger`,
-`levels`, `log`, `many`, `modes`, `own_law`, `pace`, `pendula`, `power_form`, `records`, `rest/`, `restore`, `step_size`,
-`system`, `walls`.
+`levels`, `log`, `many`, `modes`, `own_law`, `pace`, `pendula`, `power_form`, `records`, `rest/`, `restore`,
+`step_size`, `system`, `walls`.
 """
 
 from granular.md.located.run import Run
