@@ -217,7 +217,7 @@ def several(name: str, value: Any, need: str, least: int = 0) -> list[Any]:
 
 
 def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tuple[str, ...]:
-    """Return some of `options`, or one of them, as a tuple."""
+    """Return one or several choices as a tuple; raise unless all are in `options`."""
     need = f"one or more of {', '.join(options)}"
     return tuple(choice(name, one, options) for one in several(name, value, need, least))
 

@@ -39,7 +39,7 @@ parameters = cache(parameters_of)
 
 @dataclass(frozen=True, repr=False)
 class Named:
-    """A function by its name, which is looked up at the first call.
+    """Function given by its name, which is imported at the first call.
 
     It can be sent to other processes.
 

@@ -160,7 +160,7 @@ class Case:
 
 
 def checked_run(run: Any) -> Mapping[str, Any]:
-    """Return options of the engines. Raises for options that neither engine has."""
+    """Return engine options unchanged; raise if neither engine has one of them."""
     if check.of_kind("run", run, Mapping, "a mapping of options to values"):
         check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINE_NAMES)),
                      "option", TypeError)

@@ -329,7 +329,7 @@ def _difference_key(p: PairOutcome) -> tuple[bool, float]:
 
 
 def _account(report: Judged) -> Iterator[str]:
-    """Yield the energy balance if walls do work or heat, and its limits."""
+    """Yield the energy balance of moving or thermal walls, with notes on its use."""
     if not report.scene.fed:
         return
     hard, soft = measures.balance(report.hard), measures.balance(report.soft)

@@ -185,7 +185,7 @@ def _form(law: Any, pair: Pair) -> Form | None:
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """The expression xi·ξ + rate·ξ̇, with sums and products by numbers.
+    """Linear expression xi·ξ + rate·ξ̇ with symbolic ξ and ξ̇.
 
     It detects linear laws without a trait. The `force` of a law is evaluated with the symbols ξ and ξ̇. If it only
     adds them and multiplies them by numbers, it is exactly k ξ + γ ξ̇ for every overlap and rate. Any comparison, root

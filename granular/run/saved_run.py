@@ -304,7 +304,7 @@ def _check_rows(stored: Mapping[str, Any], status: str) -> None:
 
 
 def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: Any) -> dict[str, Any]:
-    """Return the fields of a run."""
+    """Return the constructor arguments of a run from its stored data."""
     numbers = {name: _plain(stored[f"scene.{name}"]) for name in SCENE_ARRAYS if f"scene.{name}" in stored}
     floor, ceiling = (wall and from_json("wall", wall) for wall in words.get("walls", (None, None)))
     scene = Scene(**numbers, floor=floor, ceiling=ceiling)

@@ -40,7 +40,7 @@ VERDICT_SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
 
 
 def _stiffer(case: Case, factor: float) -> Case:
-    """Multiply stiffnesses by `factor`, with constant restitution of each impact.
+    """Multiply stiffnesses by `factor`, and keep the restitution of each impact.
 
     γ changes for laws with known powers. Pairs that are compressed at the start are compressed by the same forces.
     """

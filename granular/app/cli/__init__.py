@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _act(arguments: Sequence[str]) -> int:
-    """Run the command that the arguments name."""
+    """Run the named command and return its exit code."""
     if getattr(granular, "__version__", None) != VERSION and list(arguments[:1]) != ["info"]:
         from granular.app.cli.installation import overwritten
 
@@ -82,7 +82,7 @@ def _act(arguments: Sequence[str]) -> int:
         return EXIT_OK
     on_running[:] = [parser.teller(given.target)]
     output.check(given)
-    with np.errstate(all="ignore"), _naming(given.given | given.run):  # what is no number is refused in words
+    with np.errstate(all="ignore"), _naming(given.given | given.run):  # invalid numbers raise errors with a message
         runs = given.act(given)
     if isinstance(runs, int):
         return runs

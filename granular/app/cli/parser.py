@@ -202,7 +202,7 @@ def _about(command: type[Command]) -> str:
 
 
 def _settings(command: str, chosen: type[Command], target: str | None) -> dict[str, Any]:
-    """Return name, usage and description of a command with its scene."""
+    """Return the argparse settings of a command, for a scene if `target` is given."""
     description, usage = _about(chosen), chosen.USAGE
     settings = {"prog": f"granular {command}"}
     if usage.startswith("SCENE"):

@@ -129,7 +129,7 @@ def processes(count: int) -> Iterator[Executor | None]:
 
 
 def _obey() -> None:
-    """Ignore signals in worker processes; the parent process decides."""
+    """Ignore end signals in a worker process, which ends with its parent."""
     for one in ends.END_SIGNALS:
         signal.signal(one, signal.SIG_IGN)
     end_with_parent(os.getpid())

@@ -66,7 +66,7 @@ def _show(name: str) -> None:
 
 
 def _checked(given: argparse.Namespace) -> int:
-    """Print how many numbers are right; return `EXIT_NOT_RIGHT` if any is not."""
+    """Print the result of a check; return `EXIT_NOT_RIGHT` unless all is right."""
     found = verification.check(given.case, given.check, given.tolerance)
     count = Counter(one.word for one in found)
     bad = [one for one in found if one.word in ("wrong", "missing")]

@@ -67,7 +67,7 @@ class Choice(Setting):
 
 
 class Language(Setting):
-    """A language."""
+    """Setting of the page that selects its language."""
 
     def written(self, name: str, value: Any) -> dict[str, Any]:
         """Return the link parameter of a language."""

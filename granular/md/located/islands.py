@@ -97,9 +97,9 @@ def cut(run: Any, pairs: Any, pool: Any) -> None:
 
 @kernel
 def extend_event(s: Any, lo: int, laws: Any) -> bool:
-    """Advance the block that starts with pair `lo` to the event and include it.
+    """Advance the block that starts with pair `lo`, and include it in the event.
 
-    Returns false if the pool has no place for it.
+    Returns false if the pool is full.
     """
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0 and run.members + SPARE_PLACES >= len(s.pool):

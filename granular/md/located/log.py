@@ -24,7 +24,7 @@ def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 
 @kernel
 def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -> None:
-    """Add the part [0, τ] of the piece of an island to the data of its contacts.
+    """Add the part [0, τ] of the current piece to the contacts of an island.
 
     `lo` is the first pair of the island.
     """

@@ -113,9 +113,9 @@ class Pace:
             looked_at(run.s, 0.0, run.kernels, self.rare_kernel)
 
     def rare_kernel(self, kernel: Any) -> Any:
-        """Return the version of a kernel that is called rarely.
+        """Return the compiled or the interpreted version of a rarely called kernel.
 
-        In a compiled run it is interpreted until compilation pays.
+        In a compiled run it is interpreted until compilation pays off.
         """
         run = self.run
         return run.kernels(kernel) if run.is_plain else seldom(run.fit(kernel), compiled)

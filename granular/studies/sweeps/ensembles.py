@@ -223,7 +223,8 @@ def ensemble(
         For an unknown parameter, result or distribution, or if all draws are refused.
 
     Notes
-    ----- With d the mean difference, s its standard error and q the quantile of Student's t at 1 - 0.025/m of m
+    -----
+    With d the mean difference, s its standard error and q the quantile of Student's t at 1 - 0.025/m of m
     quantities, all m intervals |d| ± q s contain the true differences with 95 % or more (Bonferroni). The answer is
     "yes" if |d| + q s is at most the margin, and "no" if |d| - q s is above it. This concerns means. Distributions may
     differ, see `plot`.

@@ -299,7 +299,7 @@ def _memory(key: bytes) -> dict[Any, Any]:
 
 
 def _distinct(columns: Sequence[Values], count: int) -> tuple[list[int], Values]:
-    """Return first places and numbers of the different rows of some columns."""
+    """Return the first index of each distinct row, and the group number of all rows."""
     which = np.zeros(count, np.int64)
     for column in columns:
         values, code = np.unique(column, return_inverse=True)

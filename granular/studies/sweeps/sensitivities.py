@@ -101,7 +101,8 @@ def sensitivity(
         For misuse: an unknown parameter or result, a result that is an integer, a scene that is refused.
 
     Notes
-    ----- Outcomes are smooth while all contacts begin and end in the same order. Derivatives are central differences
+    -----
+    Outcomes are smooth while all contacts begin and end in the same order. Derivatives are central differences
     of eight runs of the exact engines, at ± 2⁻⁷ … 2⁻¹⁰ of the parameter, extrapolated (Richardson) to about ten
     digits. Two more runs, much nearer, show whether the order changes at the value itself. Steps are halved until all
     runs have the same order, and further if this reduces the error, which is the difference of two estimates. A gap of
@@ -206,7 +207,7 @@ def _uncertain(given: Any, parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _unit(name: str, parameters: Mapping[str, float]) -> float:
-    """Return the power of two of which steps are fractions.
+    """Return the power of two that serves as the unit of difference steps.
 
     It is near the parameter, or near the largest similar one if the parameter is 0.
     """

@@ -79,7 +79,7 @@ def request_integration(s: Any, c: int, left: float) -> None:
 
 @kernel
 def has_piece(s: Any, laws: Any) -> bool:
-    """Return whether the contact that is integrated alone has another piece.
+    """Start the next piece of the contact integrated alone, or return false.
 
     A residual contact without a returning force is advanced by free flight instead.
     """
@@ -159,9 +159,9 @@ def update_after_jump(run: Any, member: Any, laws: Any) -> None:
 
 @kernel
 def restore_record(s: Any, c: int, t: float, tail: float) -> None:
-    """Take a record of the pool for pair `c`, in contact at the time t + tail.
+    """Move pair `c` into the pool, and restart its contact from its onset.
 
-    Request that its contact is integrated up to this time. The pair becomes an island of its own. If its force has
+    The contact is then integrated up to the time t + tail. The pair becomes an island of its own. If its force has
     vanished, the contact is residual.
     """
     pair = s.pairs[c]
@@ -208,9 +208,9 @@ def withdraw_row(s: Any, c: int, member: Any) -> None:
 
 @kernel
 def move_beside(s: Any, c: int, xi: float, eta: float) -> None:
-    """Move the balls and flanks of pair `c` to the time of the current event.
+    """Correct the balls of pair `c` and its neighbouring pairs to the current event.
 
-    They follow the asymptote, which is ahead of the contact by `xi` and `eta`.
+    Their records contain the free motion after the contact, which leads by `xi` and `eta`.
     """
     run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
     low, high = member.lower / member.inverse, member.upper / member.inverse

@@ -189,7 +189,7 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 
 @kernel
 def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
-    """Return the largest overlap and force of a contact that `encounter` knows."""
+    """Return the largest overlap and force of a contact solved by `encounter`."""
     if law.map == SELF_SIMILAR:
         length = reach(law, inverse, v)
         return law.deepest * length, law.strongest * v * v / (inverse * length)

@@ -142,7 +142,7 @@ def weight(body: Any) -> float:
 
 @kernel
 def find_loads_in_flight(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
-    """Store the loads of a group in flight.
+    """Store the contact forces in a group of balls that falls together.
 
     The load of a pair is F = m_eff Δ(fall), for the balls above and below it. Falls are relative to the fall of the
     lowest ball, so loads are exactly 0 if only gravity acts.
