@@ -68,21 +68,21 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
         last = pool[pairs[hi - 1].slot]
         pushes = has_force(last)
         k_below, g_below = pushes * last.k, pushes * last.gamma
+    pushes = has_force(pool[pairs[lo].slot])
     for c in range(lo, hi):
-        pair, k_above, g_above = pool[pairs[c].slot], 0.0, 0.0
+        pair, k_above, g_above, pushes_above = pool[pairs[c].slot], 0.0, 0.0, 0.0
         if pair.mode != OPEN and pair.kind != LINEAR:
             # only linear laws have a rate that is valid for the whole step
             return -1.0
         if c + 1 < hi or closed:
             above = pool[pairs[c + 1].slot]
-            pushes = has_force(above)
-            k_above, g_above = pushes * above.k, pushes * above.gamma
-        pushes = has_force(pair)
+            pushes_above = has_force(above)
+            k_above, g_above = pushes_above * above.k, pushes_above * above.gamma
         if pushes > 0.0:
             row = pair.lower * k_below + pair.inverse * pair.k + pair.upper * k_above + square
             stiffness = max(stiffness, row)
             damping = max(damping, pair.lower * g_below + pair.inverse * pair.gamma + pair.upper * g_above)
-        k_below, g_below = pushes * pair.k, pushes * pair.gamma
+        k_below, g_below, pushes = pushes * pair.k, pushes * pair.gamma, pushes_above
     return 0.5 * (damping + math.sqrt(damping * damping + 4.0 * stiffness))
 
 
