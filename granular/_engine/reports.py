@@ -22,7 +22,7 @@ from granular._engine.package import VERSION
 Rows = Sequence[Sequence[str]]
 """Rows of a table as text. The first row is the header."""
 LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
-PER = re.compile(r" (\w+)-1$")
+INVERSE_UNIT = re.compile(r" (\w+)-1$")
 UNIT_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
 LEAST_SHARE = 1e-12
@@ -122,12 +122,12 @@ def blocks(rows: Rows, sides: str = ">", left: int = 1, width: int = 80) -> str:
                        for group in groups)
 
 
-def with_unit(name: str, units: str) -> str:
-    """Return a name and its unit for the header of a column, such as "v, m/s".
+def with_unit(text: str, units: str, between: str = ", ") -> str:
+    """Return a text and its unit, such as the header "v, m/s" of a column.
 
-    `units` can also be in the form "m s-1".
+    `units` can also be in the form "m s-1". It is empty or "1" for pure numbers.
     """
-    return name if units in ("", "1") else f"{name}, " + PER.sub(r"/\1", units)
+    return text if units in ("", "1") else text + between + INVERSE_UNIT.sub(r"/\1", units)
 
 
 def abridged(rows: Rows, most: int = 12) -> Rows:

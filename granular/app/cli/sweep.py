@@ -174,7 +174,7 @@ def summary(data: Any) -> str:
             known = values[values >= 0] if values.dtype.kind == "i" and name in data.data_vars else values  # -1: none
             known = known[~np.isnan(known)]
             text = f"{known.min():.6g} … {known.max():.6g}" if known.size else "no value"
-            text = with_unit(text, about.get("units", "")).replace(",", "")
+            text = with_unit(text, about.get("units", ""), " ")
             lines.append(f"  {name!s:16} {text:26} {about.get('comment') or about.get('long_name', '')}")
     codes, counts = np.unique(status.values, return_counts=True)
     lines.append(
