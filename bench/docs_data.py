@@ -3,7 +3,7 @@
     python bench/docs_data.py             recompute and store all data in docs/figures/data (some minutes)
     python bench/docs_data.py paper-gap   recompute and store one entry
 
-The data are computed at few points. tests/test_docs_figures.py recomputes and compares them, so that an outdated figure
+The data are computed at few points. tests/docs/test_figures.py recomputes and compares them, so that an outdated figure
 is noticed. If they differ, redraw the figure with bench/regenerate.py, which also stores the data, and inspect it. A
 new figure needs a line in `PAPER_POINTS` or `DATA_ENTRIES`.
 """

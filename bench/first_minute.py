@@ -4,7 +4,7 @@
     python bench/first_minute.py film   write only two-balls.gif and two-balls.png
 
 `Comparison.animate` draws the film of the paper's base scene, with balls and a ruler only. The picture is the last
-frame. tests/test_docs_figures.py compares the stored numbers of the film with recomputed numbers.
+frame. tests/docs/test_figures.py compares the stored numbers of the film with recomputed numbers.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def film_numbers() -> Any:
 
 def screenshot(path: Path, width: int = 1280, height: int = 1130) -> None:
     """Save the fourth screen of the teaching page, which is about real balls."""
-    sys.path.insert(0, str(REPO_ROOT / "tests" / "page"))
-    from browser import Browser
+    sys.path.insert(0, str(REPO_ROOT))
+    from tests.app.page.browser import Browser
 
     with tempfile.TemporaryDirectory() as folder, Browser(width, height) as tab:
         live_page(Path(folder) / "page.html")

@@ -22,12 +22,13 @@ from pathlib import Path
 REPO_ROOT = Path(__file__).resolve().parent.parent
 CPU_SECONDS = 120
 """Limit of processor time in s for the tests of one mutation."""
-HARD_TESTS, TIE_TESTS, COLLAPSE_TESTS = "test_edmd test_edmd_invariants", "test_edmd_ties", "test_edmd_collapse"
-SOFT_TESTS, REST_TESTS = "test_located_reference", "test_located_rest"
-ISOLATED_TESTS = "test_isolated test_isolated_scenes"
-WALL_TESTS = "test_walls_hits test_walls_path test_walls_ride"
-DRIVEN_TESTS = "test_edmd_driven test_edmd_ride test_edmd_driven_runs test_located_driven"
-COMPARISON_TESTS = "test_error test_judge test_comparison test_comparison_answer"
+HARD_TESTS = "edmd/test_known_results edmd/test_invariants"
+TIE_TESTS, COLLAPSE_TESTS = "edmd/test_ties", "edmd/test_collapse"
+SOFT_TESTS, REST_TESTS = "located/test_reference", "located/test_rest"
+ISOLATED_TESTS = "located/test_isolated located/test_isolated_scenes"
+WALL_TESTS = "scene/test_walls_hits scene/test_walls_path scene/test_walls_ride"
+DRIVEN_TESTS = "edmd/test_driven edmd/test_ride edmd/test_driven_runs located/test_driven"
+COMPARISON_TESTS = "comparison/test_error comparison/test_judge comparison/test_comparison comparison/test_answer"
 MUTANTS = [
     # hard spheres
     ("edmd", "part = pair.closing_acceleration * now - e * w", "part = -e * w", HARD_TESTS),
@@ -44,12 +45,17 @@ MUTANTS = [
         "body.fall_velocity -= run.gravity * shift",
         HARD_TESTS,
     ),
-    ("edmd", "if now - pairs[k].last < run.tc:", "if now - pairs[k].last > run.tc:", TIE_TESTS + " test_edmd"),
+    (
+        "edmd",
+        "if now - pairs[k].last < run.tc:",
+        "if now - pairs[k].last > run.tc:",
+        TIE_TESTS + " edmd/test_known_results",
+    ),
     (
         "edmd",
         "part = upper / (lower + upper)",
         "part = lower / (lower + upper)",
-        "test_edmd_collapse test_edmd_actions",
+        "edmd/test_collapse edmd/test_actions",
     ),
     ("edmd", "return count + 3", "return count", COLLAPSE_TESTS),
     (
@@ -58,10 +64,10 @@ MUTANTS = [
         "back = [p for e, p in zip(eps, compression, strict=True)]",
         TIE_TESTS,
     ),
-    ("edmd", "return c - run.pairs if RING and c >= run.pairs else c", "return c", "test_edmd_rings"),
-    ("edmd", "body.sway -= change * sine", "body.sway += change * sine", "test_edmd_pendula"),
+    ("edmd", "return c - run.pairs if RING and c >= run.pairs else c", "return c", "edmd/test_rings"),
+    ("edmd", "body.sway -= change * sine", "body.sway += change * sine", "edmd/test_pendula"),
     # located method
-    ("md/located", "push -= field.square * pair.x[n]", "push += field.square * pair.x[n]", "test_located_pendula"),
+    ("md/located", "push -= field.square * pair.x[n]", "push += field.square * pair.x[n]", "located/test_pendula"),
     (
         "md/located",
         "push = pair.lower * below - pair.inverse * force + pair.upper * above",
@@ -79,23 +85,23 @@ MUTANTS = [
         "md/located",
         "scratch, 1.0)\n    return (again, BEGIN) if again < math.inf else (parts, PART)",
         "scratch, 1.0)\n    return parts, PART",
-        SOFT_TESTS + " test_located_corners",
+        SOFT_TESTS + " located/test_corners",
     ),
     (
         "laws",
         "return self.k * xi + self.gamma * xi_dot",
         "return self.k * xi - self.gamma * xi_dot",
-        "test_laws test_binary",
+        "laws/test_laws md/test_binary",
     ),
     ("md/located", "return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2", "return t2 * v, v", ISOLATED_TESTS),
-    ("md/located", "count(run, pair, isolated,", "count(run, pair, True,", ISOLATED_TESTS + " test_disturbed"),
+    ("md/located", "count(run, pair, isolated,", "count(run, pair, True,", ISOLATED_TESTS + " located/test_disturbed"),
     (
         "md/located",
         "if found == NOT_YET or closes(run, pairs, pool, bodies, c):",
         "if found == NOT_YET:",
-        REST_TESTS + " test_located_pressed",
+        REST_TESTS + " located/test_pressed",
     ),
-    ("md/located", "if below >= 0 and (pushes", "if below > 0 and (pushes", SOFT_TESTS + " test_located_ring"),
+    ("md/located", "if below >= 0 and (pushes", "if below > 0 and (pushes", SOFT_TESTS + " located/test_ring"),
     # walls
     (
         "scene/walls",
@@ -121,7 +127,7 @@ MUTANTS = [
         "scene/walls",
         "return math.sqrt(-2.0 * (temperature / mass) * math.log(u))",
         "return math.sqrt(-(temperature / mass) * math.log(u))",
-        "test_heat_flow test_edmd_thermal",
+        "both_engines/test_heat_flow edmd/test_thermal",
     ),
     (
         "edmd",
@@ -134,7 +140,7 @@ MUTANTS = [
         "edmd",
         "0.5 * (s + w) * given",
         "0.5 * (s - w) * given",
-        "test_edmd_driven test_edmd_ride test_edmd_thermal test_heat_flow",
+        "edmd/test_driven edmd/test_ride edmd/test_thermal both_engines/test_heat_flow",
     ),
     (
         "md/located",
@@ -170,7 +176,12 @@ MUTANTS = [
         "return after / before if before != 0.0",
         COMPARISON_TESTS,
     ),
-    ("md/isolation.py", 'return float(run.stats["isolated"] / run.stats["contacts"])', "return 1.0", "test_fronts"),
+    (
+        "md/isolation.py",
+        'return float(run.stats["isolated"] / run.stats["contacts"])',
+        "return 1.0",
+        "both_engines/test_fronts",
+    ),
 ]
 
 

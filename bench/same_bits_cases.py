@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 REPO_ROOT = Path(__file__).resolve().parent.parent
-sys.path += [str(REPO_ROOT / "tests"), str(REPO_ROOT)]  # the unpacked tree of REF has no `bench.reference`
+sys.path.append(str(REPO_ROOT))  # the unpacked tree of REF has no `bench.reference`
 WORK_LIMITS = {"max_events": 80, "max_steps": 3000}
 GAS_SIZES = (60, 1000, 120_000)
 """Numbers of balls. From 1e5 balls on, compiled hard spheres run in blocks."""
@@ -35,7 +35,7 @@ def own_rule(speed: float, pair: Any) -> float:
 
 def random_scene(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any:
     """Scene of one to six balls: ties, touching rows, piles, moving walls, gravity."""
-    from scenes_at_random import ALL, HARD, scene
+    from tests.helpers.scenes_at_random import ALL, HARD, scene
 
     gaps = (*(ALL if overlaps else HARD), "uneven")
     return scene(rng, (1, 6), walls=(0.5, 0.2, 0.3) if walls else (0.5, 0.0, 0.0), gaps=gaps)
@@ -43,7 +43,7 @@ def random_scene(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any
 
 def soft_laws(rng: Any) -> dict[str, Any]:
     """One law of every kind, with stiffnesses from 1e2 to 1e6."""
-    from scenes_at_random import LAWS, POWERS
+    from tests.helpers.scenes_at_random import LAWS, POWERS
 
     k, zeta = float(10.0 ** rng.uniform(2.0, 6.0)), float(rng.choice([0.02, 0.2, 1.0]))
     return {name: LAWS[name](k, zeta, 1.0) for name in (*POWERS, "Walton-Braun", "own Hertz", "own with memory")}

@@ -15,7 +15,7 @@ LAW_NAMES = ("dashpot", "viscoelastic", "own Hertz")
 
 def driven_scene(rng: Any) -> Any:
     """Scene with driven walls, external forces, or both."""
-    from scenes_at_random import driven
+    from tests.helpers.scenes_at_random import driven
 
     scene = random_scene(rng)
     while not scene.is_wall.any():

@@ -46,7 +46,7 @@ html_math_renderer = "mathml"
 myst_heading_anchors = 3
 suppress_warnings = ["config.cache"]  # sphinx-gallery keeps functions in its settings
 
-nb_execution_mode = "off"  # notebooks are stored with their outputs; tests/test_notebooks.py runs them
+nb_execution_mode = "off"  # notebooks are stored with their outputs; tests/docs/test_notebooks.py runs them
 nb_ipywidgets_js: dict[str, dict[str, str]] = {}
 
 default_role = "py:obj"

@@ -10,18 +10,19 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
-from noise import pytest_itemcollected  # noqa: F401
+
+from tests.helpers.machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
+from tests.helpers.noise import pytest_itemcollected  # noqa: F401
 
 with suppress(ImportError):  # files marked `core` do without
     from hypothesis import settings
 
     settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
     settings.load_profile("same")
-MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines"
+MAKERS = "edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located/test_compiled", "fixed/test_engines"
 """Files that have machine code made for nearly all that others need."""
-TAKERS = ("test_costs", "test_costs_hard", "test_levels", "test_sweeps", "test_sweeps_cases", "test_sweeps_saved",
-          "test_sweeps_ways")
+TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "studies/test_sweeps",
+          "studies/test_sweeps_cases", "studies/test_sweeps_saved", "studies/test_sweeps_ways")
 """Files that need much of it: the other worker must not come to them while it is being made."""
 PATIENCE = {
     "granular.md.located.run": {"LOCATED_COMPILE_SECONDS": math.inf},
@@ -34,6 +35,11 @@ PATIENCE = {
 
 HERE = Path(__file__).parent
 assert [name for name in (*MAKERS, *TAKERS) if not (HERE / f"{name}.py").is_file()] == []
+
+
+def place(item):
+    """The file of a test, as "edmd/test_ties"."""
+    return item.path.relative_to(HERE).with_suffix("").as_posix() if item.path.is_relative_to(HERE) else ""
 
 
 @cache
@@ -51,7 +57,7 @@ def pytest_collection_modifyitems(config, items):
     Of cases marked `thirds` a run of whole folders has each third one, which by commit and, for single ones, by name,
     its soak the others; of files, all.
     """
-    items.sort(key=lambda item: (item.path.stem not in MAKERS) + (item.path.stem in TAKERS))
+    items.sort(key=lambda item: (place(item) not in MAKERS) + (place(item) in TAKERS))
     if all(Path(name).is_dir() for name in config.args):
         count = Counter()
         for item in items:
@@ -63,7 +69,7 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.fixture(autouse=True, scope="session")
 def wide_terminal():
-    """Commands print their lines whole; test_cli_width narrows the terminal."""
+    """Commands print their lines whole; app/test_width narrows the terminal."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", "400")
         yield

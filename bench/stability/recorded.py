@@ -1,8 +1,8 @@
 """Write ``recorded.json``: scenes solved by an independent solver.
 
 ``python -m bench.stability.recorded`` takes two minutes. The scenes are drawn to resemble scenes that once failed, and
-are solved by the solver of tests/fuzz in long doubles. The unit of a number is its scale times the condition number of
-the scene. The condition number is the change of the result over the change of gaps, velocities and masses.
+are solved by the solver of tests/helpers/fuzz in long doubles. The unit of a number is its scale times the condition
+number of the scene. The condition number is the change of the result over the change of gaps, velocities and masses.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-sys.path.append(str(Path(__file__).parents[2] / "tests"))
+sys.path.append(str(Path(__file__).parents[2]))
 
 import numpy as np
-from fuzz.arithmetic import LONG
-from fuzz.judge import Truth, truth
-from fuzz.laws import Spec
-from fuzz.scenes import Case
 
 from bench.stability.line import COMPARED_FIELDS
+from tests.helpers.fuzz.arithmetic import LONG
+from tests.helpers.fuzz.judge import Truth, truth
+from tests.helpers.fuzz.laws import Spec
+from tests.helpers.fuzz.scenes import Case
 
 OUTPUT_PATH = Path(__file__).with_suffix(".json")
 DRAWS_PER_KIND = 14

@@ -1,0 +1,1 @@
+"""Tests, in one folder per room of the package. See README.md."""

@@ -1,0 +1,358 @@
+"""The real pages in a headless Chromium."""
+
+import json
+from html import escape
+from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
+
+import pytest
+
+import granular as gr
+from granular.app.page import assemble, live_page, player_page
+from tests.app.page.driving import click, fresh, go, named, slide, text
+
+HERE = Path(__file__).parent
+
+
+def time_bar(tab):
+    return tab.run("Number(document.querySelector('.time-bar').value)")
+
+
+def test_the_paper_is_what_the_laboratory_opens_with(page, live) -> None:
+    fresh(page, live)
+    told = "No: balls 1 and 2 have 4 contacts, not 1; ball 2 leaves at 2.282 m/s instead of 5.91 m/s."
+    assert text(page, ".verdict") == told
+    assert page.run("document.querySelectorAll('.stage svg .ball').length") == 4
+
+
+def test_golden_data_in_the_browser(tab, tmp_path) -> None:
+    check = assemble.EXPORT_PATTERN.sub(
+        "", assemble.IMPORT_PATTERN.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8"))
+    )
+    cases = (HERE / "golden.json").read_text(encoding="utf-8")
+    needed = "physics/outcome.mjs", "physics/setups.mjs", "physics/film.mjs", "live/camera.mjs", "physics/reason.mjs"
+    script = assemble.bundle(*needed) + f"{{{check}const cases = {cases};\n"
+    script += "const some = cases.filter((_, i) => i % 5 === 0); window.tried = some.length;"  # all of them: by node
+    script += "window.faults = some.flatMap((c) => check(c, 100)); }"
+    (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
+    tab.open((tmp_path / "golden.html").as_uri())
+    tab.wait("window.faults !== undefined")
+    assert tab.run("[window.tried, window.faults]") == [100, []]
+
+
+def test_sliders_change_everything_at_once(lab) -> None:
+    curve = lab.run("document.querySelector('.curve .soft-line').getAttribute('d')")
+    slide(lab, "eps", 1000)
+    assert lab.run("document.querySelector('output[for=slider-eps]').textContent") == "1"
+    slide(lab, "gap", 1000)
+    assert text(lab, ".verdict").startswith("Yes")
+    assert lab.run("document.querySelector('[data-name=gap]').getAttribute('aria-valuetext')") == "0.1 m"
+    lab.wait(f"document.querySelector('.curve .soft-line')?.getAttribute('d') !== {curve!r}")
+
+
+def test_presets(lab) -> None:
+    named(lab, "touching")
+    assert text(lab, "output[for=slider-gap]") == "0, touching"
+    assert text(lab, ".presets [aria-pressed=true]") == "touching"
+    named(lab, "the paper")
+    assert text(lab, "output[for=slider-gap]") == "100 µm"
+
+
+def test_scrubbing_moves_the_balls(lab) -> None:
+    at = "document.querySelector('.stage .soft .ball:last-child').getAttribute('transform')"
+    before = lab.run(at)
+    lab.run("{ const b = document.querySelector('.time-bar'); b.value = 900; b.dispatchEvent(new Event('input')); }")
+    assert lab.run(at) != before
+    assert lab.run("document.querySelector('.forces .playhead').getAttribute('visibility')") == "visible"
+    assert "slowed" in lab.run("document.querySelector('.time-bar').getAttribute('aria-valuetext')")
+
+
+def test_keyboard(lab) -> None:
+    lab.key("Home")
+    lab.key("ArrowRight")
+    lab.key("ArrowRight")
+    assert time_bar(lab) == 40
+    lab.key("ArrowLeft")
+    assert time_bar(lab) == 20
+    lab.key("ArrowRight", shift=True)  # the floor is touched
+    lab.key("ArrowRight", shift=True)
+    first = lab.run("document.querySelector('.time-now').textContent").replace("\u00a0", " ")
+    assert first == "18.78 µs"  # hard spheres meet: 0.1 mm at (1 + 0.7) times 3.13 m/s
+    lab.key(" ")
+    assert lab.run("document.querySelector('.play').getAttribute('aria-label')") == "pause"
+    lab.wait(f"document.querySelector('.time-now').textContent !== {first!r}")
+    lab.key(" ")
+    assert lab.run("document.querySelector('.play').getAttribute('aria-label')") == "play"
+    lab.key("r")
+    assert time_bar(lab) == 0
+    lab.run("document.querySelector('[data-name=eps]').focus()")
+    lab.key("ArrowRight")
+    assert time_bar(lab) == 0  # arrows belong to the slider that has the focus
+
+
+def test_the_link_brings_everything_back(lab, story) -> None:
+    click(lab, "[data-scene=newtons-cradle]")
+    slide(lab, "n", 7)
+    slide(lab, "gap", 300)
+    lab.key("ArrowRight")
+    lab.wait("location.hash.includes('n=7') && location.hash.includes('at=0.01')")
+    link, told = lab.run("location.hash"), text(lab, ".verdict")
+    fresh(lab, story + link)
+    assert text(lab, ".verdict") == told
+    assert (text(lab, "output[for=slider-n]"), time_bar(lab)) == ("7", 20)
+    lab.run("location.hash = '#scene=ball-stack&n=99&eps=nonsense'")
+    lab.wait("document.querySelector('output[for=slider-massRatio]') !== null")
+    assert text(lab, "output[for=slider-n]") == "8"
+    assert text(lab, "output[for=slider-eps]") == "0.9"
+    assert text(lab, ".notice").startswith("ε cannot be nonsense here (0.1 – 1): 0.9 is shown. N cannot be 99")
+
+
+@pytest.mark.parametrize("name", ["constructor", "toString", "__proto__"])
+def test_a_scene_that_is_none_is_told(blank, story, name) -> None:
+    go(blank, f"{story}#scene={name}")
+    assert text(blank, ".notice") == f"There is no scene “{name}” here."
+    assert text(blank, ".verdict").startswith("No: balls 1 and 2 have 4 contacts")
+
+
+def test_a_value_that_cannot_be_is_told_until_something_changes(blank, story) -> None:
+    go(blank, f"{story}#gap=-1")
+    assert text(blank, ".notice") == "Δh cannot be -1 here (0, 100 nm – 0.1 m): 0 m is shown."
+    slide(blank, "gap", 500)
+    assert text(blank, ".notice") == ""
+
+
+HOST = """<!doctype html><title>host</title><p>The host's page</p><iframe ATTRIBUTES width=900 height=700></iframe>"""
+
+
+@pytest.mark.parametrize("sandbox", ["", "sandbox='allow-scripts'"])
+@pytest.mark.parametrize("way", ["src", "srcdoc"])
+def test_inside_an_iframe_it_stays_what_it_is(blank, live, tmp_path, way, sandbox) -> None:
+    """It once replaced itself by the host's page, as about:srcdoc has the host's address for its base."""
+    content = live if way == "src" else escape(Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8"))
+    host = HOST.replace("ATTRIBUTES", f'{way}="{content}" {sandbox}')
+    (tmp_path / "host.html").write_text(host, encoding="utf-8")
+    blank.open((tmp_path / "host.html").as_uri())
+    frame = blank.frame()
+    blank.wait_in(frame, "performance.getEntriesByName('drawn').length > 0")
+    blank.run_in(frame, "document.querySelector('.steps [data-screen=\"5\"]').click()")
+    blank.run_in(frame, MOVED)
+    blank.run("new Promise((done) => setTimeout(done, 450))")
+    after = blank.frame()
+    assert blank.run_in(after, "document.querySelector('.story-title').textContent") == "Drag until both agree"
+    assert blank.run_in(after, "document.querySelector('h1').textContent") == "Hard or soft?"
+    assert blank.run_in(after, "document.querySelector('.soft .grip').getAttribute('aria-valuenow')") == "0"
+    assert blank.run("document.querySelector('p').textContent") == "The host's page"
+
+
+MOVED = """
+document.querySelector('.soft .grip').dispatchEvent(new KeyboardEvent('keydown', { key: 'Home', bubbles: true }))
+"""
+
+
+SAVED = """
+window.saved = undefined;
+URL.createObjectURL = (blob) => { blob.text().then((t) => { window.saved = t; }); return 'data:,'; };
+"""
+
+
+def test_contacts_as_csv(lab) -> None:
+    lab.run(SAVED)
+    click(lab, ".csv")
+    lab.wait("window.saved !== undefined")
+    head, *rows = [line.split(",") for line in lab.run("window.saved").replace('"', "").strip().split("\r\n")]
+    assert head[0] == "engine"
+    assert [row[0] for row in rows].count("soft") == 5
+    scene = gr.scenes.three_balls()
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+    log = gr.md.simulate(scene, law, until=gr.until.contact(0, 2)).contacts
+    assert [float(row[2]) for row in rows if row[0] == "soft"] == pytest.approx(log["t_begin"], rel=1e-12)
+
+
+def test_a_collapse_shows_nothing_unfinished(blank, story) -> None:
+    go(blank, f"{story}#scene=newtons-cradle&eps=0.105&gap=0.0000881&n=8&moving=5&k=2290000&speed=0.549")
+    told = "No: hard spheres collide forever (inelastic collapse), soft spheres separate after 3 contacts."
+    assert text(blank, ".verdict") == told
+    final = "[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[3].textContent)"
+    assert blank.run(final) == ["–"] * 8
+    assert blank.run("document.querySelectorAll('.rises .hard-bar').length") == 0
+    assert "no final velocities" in text(blank, ".finals-note")
+    blank.run(SAVED)
+    click(blank, ".csv")
+    blank.wait("window.saved !== undefined")
+    assert blank.run("window.saved.trim().split('\\r\\n').pop()").startswith('note,"Hard spheres collide without end')
+
+
+def test_elastic_balls_do_not_wait_for_rounding(blank, story) -> None:
+    go(blank, f"{story}#scene=newtons-cradle&eps=1&gap=0.000136&n=7&moving=5&k=25100000&speed=0.451")
+    assert text(blank, ".verdict") == "Yes: every contact is binary, and the outcomes agree to rounding."
+    assert text(blank, ".slowdown").startswith("slowed")
+
+
+def test_a_ball_at_rest_on_the_floor_takes_no_steps(blank, story) -> None:
+    go(blank, f"{story}#scene=ball-stack&eps=0.233&gap=0.0015&n=3&massRatio=0.203&k=394000000&height=1.62")
+    told = "No: balls 2 and 3 have 2 contacts, not 1."
+    assert text(blank, ".verdict") == told
+    rises = blank.run("[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[6].textContent)")
+    assert len(rises) == 3
+    assert not any("−" in rise for rise in rises)
+
+
+def test_a_heavy_ball_on_a_light_one_rises_in_both_pictures(blank, story) -> None:
+    go(blank, f"{story}#scene=three-balls&eps=1&gap=0.00000484&ratio=0.782&k=244000000&height=1.27")
+    assert text(blank, ".figure:nth-child(3) .hard") == "1.71 m"
+    assert text(blank, ".figure:nth-child(3) .soft") == "1.42 m"
+
+
+def test_predict_first(lab) -> None:
+    click(lab, ".predict-button")
+    assert lab.run("getComputedStyle(document.querySelector('.verdict')).display") == "none"
+    lab.key("ArrowRight")
+    lab.key(" ")
+    assert time_bar(lab) == 0  # nothing is given away
+    assert lab.run("document.querySelector('.run').disabled")  # there is no answer before there is a guess
+    lab.media(prefers_reduced_motion="reduce")  # the film is its last picture
+    lab.run("document.querySelector('.soft .grip').focus()")
+    for _ in range(3):
+        lab.key("ArrowUp")
+    click(lab, ".run")
+    assert text(lab, ".told").startswith("You guessed 1.3 drop heights. Hard spheres say 3.56, soft spheres 0.53.")
+    assert lab.run("getComputedStyle(document.querySelector('.verdict')).display") != "none"
+    lab.media()
+
+
+def test_all_tie_rules_beside_the_soft_spheres(blank, story) -> None:
+    go(blank, f"{story}#scene=newtons-cradle&n=3&gap=0&eps=1")
+    cells = "[...document.querySelectorAll('.ties tbody tr')].map((r) => [...r.children].map((c) => c.textContent))"
+    blank.wait("document.querySelectorAll('.ties tbody tr').length === 7")
+    rows = blank.run(cells)
+    assert rows[0][1:] == ["0", "0", "1"]
+    assert rows[4][1:] == ["−0.333", "0.667", "0.667"]
+    assert rows[6][0] == "soft spheres"
+
+
+def test_everything_has_a_name_for_those_who_listen(lab) -> None:
+    nameless = lab.run(
+        "[...document.querySelectorAll('button, input, select, svg[role=img], section')].filter((e) =>"
+        " !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"
+    )
+    assert nameless == []
+    assert lab.run("document.querySelector('.announced').getAttribute('role')") == "status"
+
+
+def test_print_style(lab) -> None:
+    lab.media("print")
+    shown = lab.run("getComputedStyle(document.querySelector('.transport')).display")
+    lab.media()
+    assert shown == "none"
+
+
+@pytest.mark.parametrize("scene", ["three-balls", "ball-stack&n=8", "newtons-cradle&n=9"])
+def test_nothing_sticks_out_on_a_small_phone(blank, story, scene) -> None:
+    blank.size(360, 740, mobile=True)
+    fresh(blank, f"{story}#scene={scene}")
+    assert blank.run("document.documentElement.scrollWidth") <= 360
+
+
+def test_the_player_manages_a_thousand_balls(tab, tmp_path) -> None:
+    scene = gr.scenes.gas(n=1000)
+    run = gr.edmd.simulate(
+        scene, gr.ConstantRestitution(0.9), t_end=5 * float(scene.gap.mean()), samples=500, engine="sorted"
+    )
+    player_page(tmp_path / "gas.html", [run, run], ["gas", "twin"])
+    fresh(tab, (tmp_path / "gas.html").as_uri(), "drawn")
+    assert "of 500 rows" in text(tab, ".honest")
+    assert tab.run("document.querySelectorAll('canvas').length") == 8
+    tab.key("End")
+    assert time_bar(tab) == 2000
+    tab.size(360, 740, mobile=True)
+    assert tab.run("document.documentElement.scrollWidth") <= 360
+    assert tab.complaints == []
+    assert json.dumps(sorted(set(tab.requests))).count("http") == 0
+
+
+def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> None:
+    scene, times = gr.scenes.three_balls(gap=1e-4), [0.001 * i for i in range(601)]
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    runs = [gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=0.6, samples=times),
+            gr.md.simulate(scene, law, t_end=0.6, samples=times)]
+    player_page(tmp_path / "two.html", runs, ["hard", "soft"], "Two balls")
+    fresh(tab, (tmp_path / "two.html").as_uri(), "drawn")
+    assert text(tab, ".player-title") == "Two balls"
+    assert tab.run("document.querySelectorAll('.run-box.upright').length") == 2
+    lefts = "[...document.querySelectorAll('.run-box')].map((box) => [...box.querySelectorAll('.over-time canvas')]"
+    assert tab.run(lefts + ".map((c) => c.getBoundingClientRect().left)).every((l) => new Set(l).size === 1)")
+    assert tab.run("document.querySelector('.slow').checked")
+    click(tab, ".next")
+    assert text(tab, ".time-now").endswith("µs")
+    assert text(tab, ".time-now").startswith("0.318 s")
+    tab.size(360, 740, mobile=True)
+    for _ in range(8):
+        assert len(text(tab, ".time-now")) < 30
+        assert tab.run("document.documentElement.scrollWidth") <= 360
+        click(tab, ".nearer")
+    named(tab, "whole run")
+    tab.run("{ const s = document.querySelector('.shown'); s.value = 2; s.dispatchEvent(new Event('change')); }")
+    assert "0 is touching" in text(tab, ".lines-key")
+    assert tab.complaints == []
+
+
+def test_a_run_that_is_over_in_an_instant_is_shown(tab, tmp_path) -> None:
+    """Touching hard balls pass a blow on at once: there was no scale of time, and the film was slowed infinitely."""
+    run = gr.edmd.simulate(gr.scenes.newtons_cradle(3), gr.ConstantRestitution(1.0))
+    assert run.time[-1] == run.time[0]
+    player_page(tmp_path / "instant.html", [run])
+    fresh(tab, (tmp_path / "instant.html").as_uri(), "drawn")
+    assert "All of it is at one instant" in text(tab, ".honest")
+    assert text(tab, ".slowdown") == "slowed 9 ×"
+    assert tab.complaints == []
+
+
+def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):
+    scene = gr.scenes.bouncing_ball(0.01, plate=gr.walls.Sine.from_acceleration(2.0, 50.0))
+    law = gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=scene.pairs[0])
+    run = gr.md.simulate(scene, law, t_end=0.1, method="verlet", dt=2e-5, samples=300)
+    player_page(tmp_path / "plate.html", [run])
+    fresh(tab, (tmp_path / "plate.html").as_uri(), "drawn")
+    assert "work of the floor, J" in text(tab, ".facts")
+    assert "dissipated, J" in text(tab, ".facts")
+    assert tab.complaints == []
+
+
+STRICT = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'self'\">"
+
+
+@pytest.mark.parametrize("policy", [STRICT, STRICT.replace("default", "script")])
+def test_where_scripts_are_forbidden_the_page_says_so(tab, live, tmp_path, policy) -> None:
+    html = Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8")
+    (tmp_path / "strict.html").write_text(html.replace("<head>", f"<head>{policy}"), encoding="utf-8")
+    tab.open((tmp_path / "strict.html").as_uri())
+    tab.wait("getComputedStyle(document.querySelector('.blocked')).visibility === 'visible'")
+    said = tab.run("document.body.innerText")
+    assert all(assemble.words(language)["blocked"] in said for language in assemble.LANGUAGES)
+
+
+def test_a_page_that_runs_says_nothing_of_it(lab) -> None:
+    assert lab.run("document.querySelector('.blocked')") is None
+    assert "may not run here" not in lab.run("document.documentElement.outerHTML")
+
+
+def test_the_page_opens_in_the_state_it_is_asked_for(blank, tmp_path) -> None:
+    asked = {"upper": "golf ball", "gap": 2e-3, "pair_rule": "series", "upper_mass": 0.04, "language": "de", "at": 0.5}
+    live_page(tmp_path / "golf.html", "real-balls", asked)
+    fresh(blank, (tmp_path / "golf.html").as_uri())
+    case = gr.cases.make("real-balls", upper="golf ball", gap=2e-3, pair_rule="series")
+    assert text(blank, "output[for=slider-gap]") == "2 mm"
+    assert text(blank, "output[for=slider-m2]") == "40 g"
+    assert text(blank, "output[for=slider-r2]") == f"{1e3 * case.scene.radius[2]:.3g}".replace(".", ",") + " mm"
+    assert (text(blank, ".story-title"), time_bar(blank)) == ("Das Labor", 1000)
+    assert text(blank, ".notice") == ""
+
+
+def test_a_link_to_a_file_on_this_disk_is_copied_without_its_path(lab) -> None:
+    keep = "{writeText: async (text) => { window.kept = text; }}"
+    lab.run(f"Object.defineProperty(navigator, 'clipboard', {{value: {keep}}})")
+    click(lab, ".link-button")
+    lab.wait("window.kept")
+    assert lab.run("window.kept").startswith("#scene=three-balls")
+    lab.wait("document.querySelector('.link-button').textContent.includes('#')")

@@ -1,0 +1,112 @@
+"""Odd links, a film dragged to its end, and sentences that stand beside each other."""
+
+import pytest
+
+import granular as gr
+from tests.app.page.driving import click, fresh, go, last_picture, settle, text
+
+SHOWN = "document.querySelector(%r).checkVisibility()"
+
+
+@pytest.mark.parametrize(("link", "notice"), [
+    ("screen=6&rule=9", "cannot be 9 here (lens rule, springs in series): springs in series is shown."),
+    ("scene=real-balls&bounces=3", "watch the flight after cannot be 3 here (the first bounce, the second bounce)"),
+    ("scene=real-balls&air1=2", "filled with air cannot be 2 here (no, yes): yes is shown."),
+    ("scene=three-balls&gap=", "cannot be – here"), ("scene=three-balls&eps=Infinity", "cannot be Infinity here"),
+    ("scene=newtons-cradle&n=2&moving=8", "cannot be 8 here (1 – 1): 1 is shown."),
+])
+def test_an_odd_link_opens_the_page_and_is_told(blank, story, link, notice) -> None:
+    fresh(blank, f"{story}#{link}&lang=en")
+    assert notice in text(blank, ".notice")
+    assert text(blank, ".verdict-words")
+    blank.is_worn = True
+
+
+def test_what_is_covered_says_nothing_and_is_whole_afterwards(own, story) -> None:
+    go(own, f"{story}#scene=three-balls&lang=en")
+    click(own, ".predict-button")
+    for part in (".verdict-box", ".because", ".distance-box", ".figures-box"):
+        assert not own.run(SHOWN % part), part
+    own.run("{ const g = document.querySelector('.guess'); g.value = 100; g.dispatchEvent(new Event('input')); }")
+    own.run("document.querySelector('.run').disabled = false")
+    click(own, ".run")
+    last_picture(own)  # by hand
+    settle(own)
+    assert text(own, ".told").startswith("You guessed 1 drop heights. Hard spheres say 3.56, soft spheres 0.53")
+    assert own.run(SHOWN % ".distance-box")
+    width = "document.querySelector('.distance svg').%s"
+    assert abs(own.run(width % "viewBox.baseVal.width") - own.run(width % "clientWidth")) <= 2
+
+
+def test_a_no_is_not_called_agreement(own, story) -> None:
+    go(own, f"{story}#scene=newtons-cradle&predict=1&lang=en")
+    own.run("{ const g = document.querySelector('.guess'); g.value = 100; g.dispatchEvent(new Event('input')); }")
+    click(own, ".run")
+    last_picture(own)
+    settle(own)
+    assert "both agree" not in text(own, ".told")
+    assert text(own, ".verdict-words").startswith("No")
+
+
+BALLS = "document.querySelector('[data-preset=\"%s\"]').click()"
+
+
+def test_at_the_second_bounce_words_and_heights_go_together(page, story) -> None:
+    go(page, f"{story}#screen=6&lang=en")
+    page.run(BALLS % "basketball+tennis ball")
+    page.run("document.querySelector('[data-name=bounces] input[value=\"1\"]').click()")
+    settle(page)
+    assert text(page, ".because-line").startswith("Nothing overlaps at this bounce.")
+    football, tennis = "m1=0.43&r1=0.11&t1=0.009&e1=0.84&air1=1", "m2=0.0577&r2=0.033&t2=0.005&e2=0.78&air2=1"
+    go(page, f"{story}#screen=6&{football}&{tennis}&gap=0.02&bounces=2&lang=en")
+    assert text(page, ".verdict-words").startswith("Yes, up to the ball’s next bounce: the error is 0.54 %")
+
+
+def test_far_from_right_is_not_nearly(page, story) -> None:
+    go(page, f"{story}#screen=6&lang=en")
+    superball, small = "m1=0.045&r1=0.0225&t1=0.004&e1=0.88&air1=0", "m2=0.0098&r2=0.0135&t2=0.0024&e2=0.88&air2=0"
+    go(page, f"{story}#screen=6&{superball}&{small}&gap=0.005&bounces=1&lang=en")
+    assert text(page, ".verdict-words").startswith("No: hard spheres promise")
+
+
+def test_held_as_far_apart_as_is_offered_the_answer_is_yes(page, story) -> None:
+    for lower, upper, gap in gr.balls.PRESETS:
+        go(page, f"{story}#screen=6&lang=en")
+        page.run(BALLS % f"{lower}+{upper}")
+        settle(page)
+        click(page, ".apart")
+        nearly = (lower, upper) == ("basketball", "table-tennis ball")  # gravity acts during the long contact, too
+        assert text(page, ".verdict-words").startswith("No, but nearly" if nearly else "Yes"), gap
+
+
+@pytest.mark.parametrize("language", ["en", "de", "fr", "es", "tr", "zh"])
+def test_on_a_phone_words_of_the_last_picture_do_not_meet(blank, story, language) -> None:
+    blank.size(390, 844, mobile=True)
+    for state in ("screen=4", "screen=6"):
+        go(blank, f"{story}#{state}&lang={language}")
+        last_picture(blank)
+        settle(blank)
+        boxes = blank.run(
+            "[...document.querySelectorAll('.stage svg')].map((s) => [s.getBoundingClientRect().toJSON(), ..."
+            "["
+            "...s.querySelectorAll('.stage-name, .ruler text, .top-line, .top-value, .note, .ball-name')]"
+            ".filter((t) => t.textContent && t.checkVisibility({ visibilityProperty: true }))"
+            ".map((t) => t.getBoundingClientRect().toJSON())])")
+        for stage, *words in boxes:
+            for i, one in enumerate(words):
+                assert one["right"] <= stage["right"] + 1, (state, one)
+                for other in words[:i]:
+                    apart = (one["right"] <= other["left"] or other["right"] <= one["left"]
+                             or one["bottom"] <= other["top"] + 2 or other["bottom"] <= one["top"] + 2)
+                    assert apart, (state, one, other)
+
+
+@pytest.mark.parametrize("link", [
+    "scene=ball-stack&gap=0.01", "scene=ball-stack&gap=0.1&n=8", "scene=three-balls&gap=0.1",
+])
+def test_balls_held_far_apart_are_in_the_picture(blank, story, link) -> None:
+    go(blank, f"{story}#{link}&lang=en")
+    settle(blank)
+    tops = blank.run("[...document.querySelectorAll('.stage .ball .face')].map((b) => b.getBoundingClientRect().top"
+                     " - b.closest('.stage svg, svg').getBoundingClientRect().top)")
+    assert min(tops) > -2

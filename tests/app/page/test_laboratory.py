@@ -1,0 +1,106 @@
+"""The laboratory fits two windows, and a lesson is printed from it."""
+
+import re
+from base64 import b64decode
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+
+import pytest
+
+from granular.app.page import assemble, live_page
+from tests.app.page.browser import Browser, found
+from tests.app.page.driving import click, fresh, go, text
+
+
+def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) -> None:
+    """1600 px at 1280 by 800, every scene as it opens; what is folded is there once it is opened, and drawn as wide."""
+    blank.size(1280, 800)
+    fresh(blank, f"{live}#screen=7&lang=en")
+    for scene in range(blank.run("document.querySelectorAll('.scenes button').length")):
+        blank.run(f"document.querySelectorAll('.scenes button')[{scene}].click()")
+        blank.run("new Promise((done) => setTimeout(done, 300))")
+        assert blank.run("document.documentElement.scrollHeight") <= 1600
+        assert blank.run("document.documentElement.scrollWidth") == 1280
+        shown = "[...document.querySelectorAll('.graphs > *')].filter((box) => box.offsetHeight)"
+        widths = blank.run(f"{shown}.map((box) => [box.clientWidth, box.querySelector('.chart').clientWidth])")
+        assert all(chart == box for box, chart in widths), widths
+        assert sum(box for box, _ in widths) > 1080
+    blank.run("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    blank.run("new Promise((done) => setTimeout(done, 300))")
+    told = "[...document.querySelectorAll('.times .chart, .sliders input, .finals, .csv')]"
+    assert min(blank.run(f"{told}.map((one) => one.clientWidth)")) > 80
+    blank.is_worn = True
+
+
+@pytest.mark.parametrize("language", assemble.LANGUAGES)
+def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, language) -> None:
+    """1600 px at 1280 by 800, real balls and the paper's: these are the tallest."""
+    blank.size(1280, 800)
+    for scene in ("real-balls", "three-balls"):
+        go(blank, f"{live.partition('#')[0]}#scene={scene}&lang={language}")
+        blank.run("new Promise((done) => setTimeout(done, 100))")
+        named = assemble.words(language)[f"scene-{scene}"].replace("\u00a0", " ")
+        assert text(blank, ".scenes [aria-pressed=true]") == named
+        assert blank.run("document.documentElement.scrollHeight") <= 1600
+
+
+@pytest.mark.parametrize("language", assemble.LANGUAGES)
+def test_a_lesson_is_printed_on_two_pages_in_the_words_of_the_page(blank, story, language, tmp_path) -> None:
+    """A sheet with seven tasks for six screens, and a teacher's page with a picture for the board; afterwards the page
+    is as it was. A page that is a file of one's own has no code, for nobody else could open it."""
+    pypdf = pytest.importorskip("pypdf")
+    go(blank, f"{story}#screen=6&lang={language}")
+    blank.run("window.print = () => {}")
+    click(blank, ".pack-button")
+    (tmp_path / "pack.pdf").write_bytes(b64decode(blank.call("Page.printToPDF")["data"]))
+    assert len(pypdf.PdfReader(tmp_path / "pack.pdf").pages) == 2
+    words, said = assemble.words(language), text(blank, ".pack")
+    assert [words[f"s{n}-title"].replace("\u00a0", " ") in said for n in range(1, 7)] == [True] * 6
+    assert blank.run("document.querySelectorAll('.pack li').length") == 7
+    assert blank.run("document.querySelectorAll('.pack .board circle').length") == 6
+    assert blank.run("document.querySelectorAll('.code').length") == 0
+    assert not re.search(r"pack-|undefined|[{}\[\]_]", said)
+    assert blank.run("document.body.className.includes('packed')") is False
+    blank.is_worn = True
+
+
+def test_on_paper_what_is_folded_is_open(blank, live) -> None:
+    """And folded again afterwards, where it was."""
+    go(blank, f"{live.partition('#')[0]}#scene=real-balls&lang=en")
+    blank.run("document.querySelector('.sliders details').open = true")
+    unfolded = "[...document.querySelectorAll('.sliders details')].map((one) => one.open)"
+    blank.run("dispatchEvent(new Event('beforeprint'))")
+    assert blank.run(unfolded) == [True, True]
+    blank.run("dispatchEvent(new Event('afterprint'))")
+    assert blank.run(unfolded) == [True, False]
+    blank.is_worn = True
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves files and says nothing."""
+
+    def log_message(self, *what) -> None:
+        pass
+
+
+def test_paper_has_the_code_of_a_page_that_has_an_address(tmp_path) -> None:
+    """Of the state that is printed; lesson sheets have that of the opening. Afterwards there is none."""
+    if found() is None:
+        pytest.skip("no Chromium or Chrome is installed: the pages are not driven here")
+    live_page(tmp_path / "page.html")
+    coded = "[...document.querySelectorAll('.code')].map((one) => one.getAttribute('aria-label'))"
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=tmp_path)) as server, Browser() as browser:
+        Thread(target=server.serve_forever, daemon=True).start()
+        here = f"http://127.0.0.1:{server.server_port}/page.html"
+        browser.open(f"{here}#scene=real-balls&lang=de")
+        browser.wait("performance.getEntriesByName('settled').length > 0")
+        codes, address = browser.run(f"(dispatchEvent(new Event('beforeprint')), [{coded}, location.href])")
+        assert codes == [address]
+        assert address == f"{here}#scene=real-balls&lang=de"
+        browser.run("dispatchEvent(new Event('afterprint'))")
+        assert browser.run(coded) == []
+        browser.run("window.print = () => {}")
+        click(browser, ".pack-button")
+        assert browser.run(coded) == [f"{here}#screen=0&lang=de"]
+        server.shutdown()

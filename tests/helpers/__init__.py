@@ -1,0 +1,1 @@
+"""Independent solvers, random scenes and fixtures that several tests use."""

@@ -1,0 +1,343 @@
+"""The light ball on the heavy one: against the exact engine, its own limit m2 → 0, and closed forms by other means."""
+
+import json
+import math
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import granular as gr
+from granular import adiabatic
+from granular.run.trajectory import Status
+
+ROWS = json.loads((Path(__file__).parents[1] / "reference" / "icm.json").read_text(encoding="utf-8"))["rows"]
+SECOND_FLOOR = gr.until.contact(0, 2)
+
+
+def drop(ratio=10.0, gap=1e-4, height=0.6, upper=0.01):
+    """Return the paper's scene with R1/R2 = `ratio`."""
+    return gr.scenes.three_balls((ratio * upper, upper), gap, height)
+
+
+def dashpots(scene, restitution, k=(5e7, 5e7)):
+    eps = restitution if isinstance(restitution, tuple) else (restitution, restitution)
+    return [gr.LinearDashpot.from_restitution(e, ki, p) for e, ki, p in zip(eps, k, scene.pairs, strict=True)]
+
+
+def lighter(scene, law, factor):
+    """Same motion of the upper ball, `factor` less push on the lower one: m2, k12 and γ12 all multiplied by it."""
+    mass = scene.mass * np.array([1.0, 1.0, factor])
+    return scene.replace(mass=mass), [law[0], gr.LinearDashpot(law[1].k * factor, law[1].gamma * factor)]
+
+
+def upper_contacts(scene, law, **end):
+    """Contacts of the balls by the exact engine: (begin, end) in s since the first floor touch, and last v1, v2."""
+    log = gr.md.simulate(scene, law, engine="plain", **end).contacts
+    start, rows = log["t_begin"][0], log[log["pair"] == 1]
+    return np.stack([rows["t_begin"], rows["t_end"]], axis=1) - start, rows["v_out"][-1] if len(rows) else None
+
+
+def matrix(scene, law, active):
+    """ż = M z, z = (ξ0, ξ̇0, ξ1, ξ̇1, 1), while the contacts push that are `active`."""
+    m = mpmath.zeros(5)
+    m[0, 1] = m[2, 3] = 1
+    m[1, 4] = mpmath.mpf(scene.gravity)
+    for c in (0, 1):
+        if active[c]:
+            row = mpmath.matrix(push(scene, law, c)).T
+            m[1 + 2 * c, 2 * c : 2 * c + 2] -= row
+            if c == 0:
+                m[3, 0:2] += row
+    return m
+
+
+def push(scene, law, c):
+    """ω² and 2β of a contact."""
+    mass = mpmath.mpf(float(scene.mass[c + 1]))
+    return [mpmath.mpf(x) / mass for x in law[c].linear(scene.pairs[c])]
+
+
+def at_touch(scene):
+    """Time to the first floor contact, and the state there."""
+    floor, upper, g = (mpmath.mpf(float(x)) for x in (*scene.gap, scene.gravity))
+    fall, follow = (mpmath.mpf(float(x)) for x in np.diff(scene.velocity))
+    rate = mpmath.sqrt(fall * fall + 2 * g * floor)
+    t10 = (fall + rate) / g if g else -floor / fall
+    return t10, mpmath.matrix([0, rate, -(upper + follow * t10), -follow, 1])
+
+
+def events(scene, law, solution):
+    """(time, pair, whether it begins) of every onset and end that is finite, not the floor's onset at 0."""
+    found = [(t, 1, begins) for row in solution.contacts for t, begins in zip(row, (True, False), strict=True)]
+    found += [(solution.floor_end, 0, False), (solution.floor_again, 0, True)]
+    last = solution.floor_again
+    if solution.ongoing:  # the floor is touched again and again, which the solution does not tell
+        last = solution.t_f
+        light, its_law = lighter(scene, law, 2.0**-60)
+        floor = gr.md.simulate(light, its_law, t_end=solution.t10 + last, engine="plain").of(0)
+        found += [(t - solution.t10, 0, begins) for row in floor[["t_begin", "t_end"]].tolist()[1:]
+                  for t, begins in zip(row, (True, False), strict=True)][1:]
+    return sorted((e for e in found if e[0] <= last and math.isfinite(e[0])), key=lambda e: e[0])
+
+
+def check_against_limit(scene, law, tol=1e-12, solution=None):
+    """Both must be the same to rounding: the approximation is the limit m2 → 0, nothing else.
+
+    The exponential of the exact equations, in 30 digits, goes from event to event: at each of them the overlap or the
+    force must be zero, and between them every force must push that is said to, and no other.
+    """
+    solution = solution or adiabatic.contacts(scene, law)
+    happens = events(scene, law, solution)
+    scale = tol * max([1e-4, *(t for t, _, _ in happens)])
+    with mpmath.workdps(30):
+        t10, z = at_touch(scene)
+        assert solution.t10 == pytest.approx(float(t10), rel=1e-14, abs=1e-300)
+        now, active = mpmath.mpf(0), [True, False]
+        for t, c, begins in happens:
+            check_between(scene, law, active, z, float(t - now))
+            m = matrix(scene, law, active)
+            z, now = mpmath.expm(m * (t - now)) * z, mpmath.mpf(t)
+            assert t == 0.0 or abs(misses(scene, law, c, z, m)) < scale
+            assert active[c] != begins
+            active[c] = begins
+            if t == solution.t_f:
+                found = [float(x) for x in (-z[1], -z[1] - z[3])]
+                speed = tol * abs(solution.v10 - scene.velocity[0])
+                np.testing.assert_allclose([solution.v1, solution.v2], found + scene.velocity[0], rtol=0, atol=speed)
+        if solution.status is Status.resting:
+            assert active == [True, True]
+            check_between(scene, law, active, z, 10.0 * float(now) + 1e-3)
+    return solution
+
+
+def misses(scene, law, c, z, m):
+    """Time in s by which an event of pair `c` misses the zero of its overlap or its force, whichever is nearer."""
+    square, damping = push(scene, law, c)
+    rate = m * z
+    force, rise = (square * x[2 * c] + damping * x[2 * c + 1] for x in (z, rate))
+    times = [x / y for x, y in ((z[2 * c], rate[2 * c]), (force, rise)) if y]
+    return min(times, key=abs)
+
+
+def check_between(scene, law, active, z, span, points=40):
+    """Inside a stretch of `span` s after `z`, contacts push that are `active`, and no other."""
+    step = expm(np.array(matrix(scene, law, active).tolist(), dtype=float) * (span / points))
+    z = np.array(z.tolist(), dtype=float).ravel()
+    pushing = [[float(x) for x in push(scene, law, c)] for c in (0, 1)]
+    for _ in range(points - 1):
+        z = step @ z
+        for c, (square, damping) in enumerate(pushing):
+            parts = square * z[2 * c], damping * z[2 * c + 1]
+            pushes = z[2 * c] > 0.0 and sum(parts) > 0.0
+            small = 1e-9 * max(map(abs, parts))
+            assert pushes == active[c] or abs(sum(parts)) <= small or abs(z[2 * c]) * square <= 1e-9 * scene.gravity
+
+
+# --- the exact solution ---
+
+@pytest.mark.thirds
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row["id"])
+def test_reference_inputs_in_the_limit(row):
+    r1, r2, gap, g = (float(row[name]) for name in ("R1", "R2", "dh", "g"))
+    v = None if row["v0"] is None else float(row["v0"])
+    scene = gr.scenes.three_balls((r1, r2), gap, r1 if v else float(row["z1"]), float(row["rho"]), g)
+    if v is not None:
+        scene = scene.replace(velocity=[0.0, v, v])
+    solution = check_against_limit(scene, dashpots(scene, float(row["eps"])))
+    assert solution.v10 == pytest.approx(row["v10"], rel=1e-14)
+    assert solution.t10 == pytest.approx(row["t10"], rel=1e-14, abs=1e-300)
+
+
+@pytest.mark.parametrize(("ratio", "from_eps", "largest"), [(10.0, 0.30, 0.0016), (5.0, 0.33, 0.0145)])
+def test_counts_and_top_velocity_agree_with_the_exact_engine(ratio, from_eps, largest):
+    """Off the jumps: at R1/R2 = 10 these restitutions keep 0.003 away from every jump of the count."""
+    scene, worst = drop(ratio), 0.0
+    for eps in (e for e in np.arange(from_eps, 1.0, 0.02) if abs(e - 0.794) > 0.008):
+        law = dashpots(scene, float(eps))
+        solution = adiabatic.contacts(scene, law)
+        times, velocity = upper_contacts(scene, law, until=SECOND_FLOOR)
+        assert solution.count == len(times), eps
+        assert solution.status is Status.until
+        worst = max(worst, abs(solution.v2 - velocity[1]) / abs(solution.v10))
+    assert 0.5 * largest < worst < largest
+
+
+def test_one_count_differs_at_a_ratio_of_five():
+    scene = drop(5.0)
+    law = dashpots(scene, 0.31)
+    assert adiabatic.contacts(scene, law).count == 2
+    assert len(upper_contacts(scene, law, until=SECOND_FLOOR)[0]) == 3
+
+
+@pytest.mark.parametrize(("eps", "factor"), [(1.0, 0.3676), (0.85, 1.2814), (0.7, 0.8848), (0.5, 0.1206)])
+def test_error_is_of_first_order_in_the_mass_ratio(eps, factor):
+    scene = drop()
+    law = dashpots(scene, eps)
+    solution = adiabatic.contacts(scene, law)
+    mu, error = [], []
+    for lightness in (2.0**-2, 2.0**-4, 2.0**-6, 2.0**-8):
+        light, its_law = lighter(scene, law, lightness)
+        _, velocity = upper_contacts(light, its_law, until=SECOND_FLOOR)
+        mu.append(light.mass[2] / light.mass[1])
+        error.append(abs(solution.v2 - velocity[1]) / abs(solution.v10))
+    order = np.polyfit(np.log(mu), np.log(error), 1)[0]
+    assert order == pytest.approx(1.0, abs=0.005)
+    assert error[-1] / mu[-1] == pytest.approx(factor, rel=1e-3)
+
+
+# --- what the paper leaves out ---
+
+def overlap_at(scene, law, solution, t):
+    """Overlaps of both pairs at a time after the first touch, by the exact engine with a ball of hardly any weight."""
+    light, its_law = lighter(scene, law, 2.0**-60)
+    return -gr.md.simulate(light, its_law, t_end=solution.t10 + t, engine="plain").gap[-1]
+
+
+def test_contact_begins_again_at_positive_overlap():
+    """A clipped force that turns positive again is a new contact: of the balls, and of the floor."""
+    scene = drop(gap=1e-5, height=0.1001)
+    law = dashpots(scene, (0.9, 0.1))
+    solution = check_against_limit(scene, law)
+    assert solution.count == 2
+    assert overlap_at(scene, law, solution, solution.contacts[1, 0])[1] > 1e-9
+    law = dashpots(scene, (0.2, 0.9), (5e7, 200.0))
+    solution = check_against_limit(scene, law)
+    assert solution.floor_end < solution.floor_again < 2.0 * solution.floor_end
+    assert overlap_at(scene, law, solution, solution.floor_again)[0] > 1e-9
+
+
+def test_contact_still_running_at_the_second_floor_contact():
+    scene = drop(height=0.10001)
+    law = dashpots(scene, 0.9, (5e7, 1e3))
+    solution = check_against_limit(scene, law)
+    assert solution.ongoing
+    assert solution.count == 1
+    assert solution.floor_end < solution.floor_again < solution.t_f
+    exact, velocity = upper_contacts(scene, law, t_end=0.013)
+    np.testing.assert_allclose(solution.contacts[0], exact[0], rtol=2e-3)
+    assert solution.v2 == pytest.approx(velocity[1], rel=2e-2)
+
+
+def test_equal_balls_are_no_light_ball():
+    """At R1/R2 ≤ 1.06 the real upper ball pushes the lower one back on the floor; this one cannot."""
+    scene = drop(1.0)
+    law = dashpots(scene, 0.8)
+    assert not adiabatic.contacts(scene, law).ongoing
+    assert np.isnan(upper_contacts(scene, law, until=SECOND_FLOOR)[0][-1, 1])
+
+
+@pytest.mark.parametrize(("eps", "count", "status"), [(0.0092, 1, Status.until), (0.009, 2, Status.resting)])
+def test_lower_ball_that_never_leaves_the_floor(eps, count, status):
+    """Below ε = 0.0091 the first floor contact has no end, in truth as well."""
+    scene = drop()
+    law = dashpots(scene, eps, (5e7, 1e6))
+    solution = adiabatic.contacts(scene, law)
+    assert (solution.count, solution.status) == (count, status)
+    assert math.isinf(solution.floor_end) == (status is Status.resting)
+    assert gr.md.simulate(scene, law, until=SECOND_FLOOR, engine="plain").status is status
+
+
+def test_both_at_rest_in_the_end():
+    scene = drop(gap=1e-6, height=0.10000001)
+    solution = check_against_limit(scene, dashpots(scene, 0.3))
+    assert solution.status is Status.resting
+    assert solution.count == 3
+    assert solution.contacts[-1, 1] == solution.t_f == solution.floor_end == math.inf
+    assert solution.v1 == solution.v2 == solution.v_rel == 0.0
+
+
+def test_elastic_light_ball_on_a_moving_wall():
+    """ε = 1 and one separate contact: the lower ball is a wall, v2′ = 2 v1 - v2, and it keeps its energy."""
+    scene = drop(gap=3e-3)
+    solution = check_against_limit(scene, dashpots(scene, 1.0))
+    g, impact = scene.gravity, -solution.v10
+    assert solution.v1 == pytest.approx(impact - g * (solution.t_f - solution.floor_end), rel=1e-12)
+    begin = solution.contacts[0, 0]
+    approach = (impact - g * (begin - solution.floor_end)) - (-impact - g * begin)
+    assert solution.v_rel == pytest.approx(approach, rel=1e-12)
+    assert solution.floor_again - solution.floor_end == pytest.approx(2.0 * impact / g, rel=1e-12)
+
+
+def test_upper_ball_far_away_has_no_contact():
+    scene = drop(gap=5.0)
+    solution = adiabatic.contacts(scene, dashpots(scene, 0.5))
+    assert (solution.count, solution.contacts.shape, solution.status) == (0, (0, 2), Status.until)
+    assert math.isnan(solution.t_f)
+    assert math.isnan(solution.v_rel)
+
+
+def test_random_scenes_equal_the_limit():
+    rng = np.random.default_rng(83)
+    seen = set()
+    for _ in range(30):
+        scene = drop(10 ** rng.uniform(0.0, 1.5), rng.choice([0.0, 10 ** rng.uniform(-8, -3)]), 0.32)
+        scene = scene.replace(gap=scene.gap - [scene.gap[0], 0.0], gravity=10 ** rng.uniform(-1, 2.5),
+                              velocity=np.array([0.0, -1.0, -1.0]) * 10 ** rng.uniform(-2, 1))
+        k, zeta = 10 ** rng.uniform(4, 8, 2), rng.choice([0.0, 0.03, 0.3, 1.0, 2.0], 2, p=[0.1, 0.3, 0.3, 0.2, 0.1])
+        if zeta[0] == 0.0 or zeta[1] == 0.0:
+            scene = scene.replace(gravity=min(scene.gravity, 10.0))
+        law = [gr.LinearDashpot(k[c], 2.0 * zeta[c] * math.sqrt(k[c] * scene.mass[c + 1])) for c in (0, 1)]
+        solution = adiabatic.contacts(scene, law, max_steps=2000)
+        if solution.status is not Status.max_events:
+            seen.add(check_against_limit(scene, law, 1e-11, solution).status)
+    assert seen == {Status.until, Status.resting}
+
+
+# --- parts ---
+
+@pytest.mark.parametrize("square", [(4.0, 900.0), (900.0, 4.0), (9.0, 9.0)])
+@pytest.mark.parametrize("zeta", [(0.0, 0.0), (0.1, 0.9), (1.0, 1.0), (2.0, 0.1), (0.3, 40.0)])
+def test_every_type_of_damping_and_resonance(square, zeta):
+    scene = drop(3.0, gap=1e-3, height=0.04)
+    law = [gr.LinearDashpot(w * m, 2.0 * z * math.sqrt(w) * m)
+           for w, z, m in zip(square, zeta, scene.mass[1:], strict=True)]
+    assert check_against_limit(scene, law).count >= 1
+
+
+def test_the_work_limit_is_a_status():
+    scene = drop()
+    law = dashpots(scene, 0.7)
+    full = adiabatic.contacts(scene, law)
+    cut = adiabatic.contacts(scene, law, max_steps=full.steps // 3)
+    assert cut.status is Status.max_events
+    assert 0 < cut.count < full.count
+    assert math.isnan(cut.floor_end)
+
+
+def test_a_floor_that_moves():
+    """Only relative velocities count; the floor's own is added in the end."""
+    scene = drop().replace(gap=[0.0, 1e-4], velocity=[0.0, -3.0, -3.0])
+    law = dashpots(scene, 0.7)
+    still = adiabatic.contacts(scene, law)
+    moving = adiabatic.contacts(scene.replace(velocity=[0.5, -2.5, -2.5]), law)
+    assert moving.v2 == pytest.approx(still.v2 + 0.5, rel=1e-15)
+    assert (moving.contacts == still.contacts).all()
+
+
+def other_scene(**changes):
+    return lambda: adiabatic.contacts(drop().replace(**changes), gr.LinearDashpot(5e7))
+
+
+@pytest.mark.exact
+@pytest.mark.parametrize(("make", "message"), [
+    (lambda: adiabatic.contacts(3, gr.LinearDashpot(1.0)),
+        r"`scene` must be a granular\.Scene, such as granular\.scenes\.three_balls\(\), got 3\."),
+    (lambda: adiabatic.contacts(gr.scenes.newtons_cradle(3), gr.LinearDashpot(1.0)),
+        r"`scene` must have a floor and two balls, as in granular\.scenes\.three_balls\(\), got Scene\(3 "
+        r"balls\)\."),
+    (lambda: adiabatic.contacts(drop(), gr.Hertz(1e6)),
+        r"The law of pair floor–1 must be linear, such as LinearDashpot, got Hertz\(k=1000000\.0\)\. For other laws "
+        r"use granular\.md\."),
+    (other_scene(gap=[0.1, -1e-6]), r"`gap\[1\]` must be non-negative, got -1e-06\."),
+    (other_scene(gap=[0.1, 1e-6], velocity=[0.0, 0.0, -1.0]),
+        r"The lower ball must reach the floor before the balls meet, got gap\[1\] = 1e-06 m closing at 1\.0 m/s\."),
+    (other_scene(gravity=0.0), r"The lower ball must fall on the floor, got gap\[0\] = 0\.5 m closing at -0\.0 m/s\."),
+    (lambda: adiabatic.contacts(drop(), gr.LinearDashpot(1.0), max_steps=0),
+        r"`max_steps` must be an integer.*, got 0"),
+])
+def test_misuse(make, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        make()
