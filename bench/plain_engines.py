@@ -1,4 +1,4 @@
-"""Page with the main functions of the engines, cut down to scenes without special features.
+"""Page of the engines: their main functions for scenes without special features.
 
     python bench/plain_engines.py            write docs/plain-engines.md
 
@@ -55,7 +55,10 @@ these functions in place of the originals and compares the results bit by bit. S
 
 
 def truth(node: ast.expr, false: frozenset[str]) -> bool | None:
-    """Return the value of a condition if the names in `false` are False, or None if it depends on other values."""
+    """Return the value of a condition in which the names in `false` are False.
+
+    The result is None if the condition depends on other values.
+    """
     if isinstance(node, ast.Name):
         return False if node.id in false else None
     if isinstance(node, ast.Constant) and isinstance(node.value, bool):
@@ -90,7 +93,7 @@ class Folder(ast.NodeTransformer):
 
 
 def folded(text: str, header: bool, false: frozenset[str]) -> str:
-    """Return a statement, or the header of a compound statement, with folded expressions.
+    """Return a statement, or the header of a compound one, with folded conditions.
 
     The text is returned unchanged, with its layout and comments, if there is nothing to fold.
     """
@@ -117,9 +120,9 @@ def constants(function: ast.FunctionDef) -> frozenset[str]:
 
 
 def kept_lines(body: list[ast.stmt], lines: list[str], begin: int, dedent: int, false: frozenset[str]) -> Iterator[str]:
-    """Yield the source lines of a block that remain, comments before a statement included.
+    """Yield the source lines of a block that remain after folding.
 
-    `begin` is the index of the first line that can belong to the block, `dedent` the number of spaces to remove.
+    A comment before a statement is kept with the statement. `begin` is the index of the first line that can belong to the block, `dedent` the number of spaces to remove.
     """
     for statement in body:
         before, first, end = lines[begin : statement.lineno - 1], statement.lineno - 1, statement.end_lineno or 0
