@@ -245,7 +245,10 @@ CONVENTIONS = [
 
 
 def set_up(run: Run) -> dict[str, Any]:
-    """Input of a run for another program, also read by `tests/cases/test_verification.py`."""
+    """Input of a run for another program.
+
+    `tests/cases/test_verification.py` reads it as well.
+    """
     scene = run.scene
     out: dict[str, Any] = {name: getattr(scene, name).tolist() for name in ("mass", "radius", "gap", "velocity")}
     laws = [{"type": type(law).__name__, **asdict(law)} for law in run.laws]

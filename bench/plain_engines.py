@@ -122,7 +122,8 @@ def constants(function: ast.FunctionDef) -> frozenset[str]:
 def kept_lines(body: list[ast.stmt], lines: list[str], begin: int, dedent: int, false: frozenset[str]) -> Iterator[str]:
     """Yield the source lines of a block that remain after folding.
 
-    A comment before a statement is kept with the statement. `begin` is the index of the first line that can belong to the block, `dedent` the number of spaces to remove.
+    A comment before a statement is kept with the statement. `begin` is the index of the first line that can belong to
+    the block, and `dedent` the number of spaces to remove.
     """
     for statement in body:
         before, first, end = lines[begin : statement.lineno - 1], statement.lineno - 1, statement.end_lineno or 0
@@ -162,7 +163,10 @@ def kept_lines(body: list[ast.stmt], lines: list[str], begin: int, dedent: int, 
 
 
 def plain_source(function: Callable[..., Any]) -> str:
-    """Return the source of a kernel with all flags folded to False, without decorators."""
+    """Return the source of a kernel with all flags folded to False.
+
+    Decorators are left out.
+    """
     text = inspect.getsource(function)
     tree = ast.parse(text).body[0]
     assert isinstance(tree, ast.FunctionDef)

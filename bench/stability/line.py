@@ -174,9 +174,9 @@ COMPARED_FIELDS = ("t_begin", "duration", "v_out", "xi_max", "force_max", "impul
 
 @cache
 def stored_scenes() -> tuple[dict[str, Any], ...]:
-    """Lines solved by the independent solver of tests/helpers/fuzz in 18 digits.
+    """Lines solved by an independent solver in 18 digits.
 
-    The solver uses long doubles and shares no code with the engines. ``python -m bench.stability.recorded`` writes the
+    The solver of tests/helpers/fuzz uses long doubles and shares no code with the engines. ``python -m bench.stability.recorded`` writes the
     file.
     """
     return tuple(json.loads(Path(__file__).with_name("recorded.json").read_text("utf-8")))
