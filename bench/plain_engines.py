@@ -20,7 +20,7 @@ from typing import Any
 
 PAGE_PATH = Path(__file__).resolve().parent.parent / "docs" / "plain-engines.md"
 FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING"})
-"""Flags that are False in scenes without special features (see `granular._engine.kernels`)."""
+"""Flags of the kernels that are False in scenes without special features."""
 MAX_WIDTH = 110
 """Width above which a folded condition is written on several lines."""
 SECTIONS = (

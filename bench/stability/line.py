@@ -176,8 +176,8 @@ COMPARED_FIELDS = ("t_begin", "duration", "v_out", "xi_max", "force_max", "impul
 def stored_scenes() -> tuple[dict[str, Any], ...]:
     """Lines solved by an independent solver in 18 digits.
 
-    The solver of tests/helpers/fuzz uses long doubles and shares no code with the engines. ``python -m bench.stability.recorded`` writes the
-    file.
+    The solver of tests/helpers/fuzz uses long doubles and shares no code with the engines.
+    ``python -m bench.stability.recorded`` writes the file.
     """
     return tuple(json.loads(Path(__file__).with_name("recorded.json").read_text("utf-8")))
 
