@@ -1,4 +1,4 @@
-"""Figure of docs/bounded.md: ring gases, thermal walls, pendula, a hot floor.
+"""Figure of bounded.md: ring gases, thermal walls, pendula, a hot floor.
 
 `python bench/bounded.py` writes docs/figures/bounded.png. Its panels show Haff's law, the heat flow between two walls,
 the energy of a cradle and the density above a hot floor. The run takes some minutes with numba. Without numba it takes

@@ -52,7 +52,7 @@ def paper(name: str, points: int) -> Any:
 
 
 def frontier(name: str) -> Any:
-    """Settings, errors and contact-count flags of a scene in docs/frontier.md.
+    """Settings, errors and contact-count flags of a scene in docs/guide/frontier.md.
 
     A flag is True if the run misses a contact. Run times are left out.
     """
@@ -62,28 +62,28 @@ def frontier(name: str) -> Any:
 
 
 def isolation() -> Any:
-    """Data of the figure in docs/threshold.md at few gaps."""
+    """Data of the figure in docs/guide/threshold.md at few gaps."""
     from isolation import compute
 
     return compute(7)
 
 
 def driven() -> Any:
-    """Data of the figure in docs/driven.md at few points."""
+    """Data of the figure in docs/guide/driven.md at few points."""
     from driven import compute
 
     return compute(3)
 
 
 def bounded() -> Any:
-    """Data of the figure in docs/bounded.md at few points."""
+    """Data of the figure in docs/guide/bounded.md at few points."""
     from bounded import compute
 
     return compute(3)
 
 
 def waves() -> Any:
-    """Data of the figure in docs/waves.md at few points."""
+    """Data of the figure in docs/guide/waves.md at few points."""
     from waves import compute
 
     return compute(3)
@@ -106,14 +106,14 @@ def frontier_rows(report: Any) -> Any:
 
 
 def stability() -> Any:
-    """Verdicts of the default methods on some cells per axis of docs/stability.md."""
+    """Verdicts of the default methods on some cells per axis of docs/guide/stability.md."""
     from bench.stability import stability
 
     return verdicts(stability(methods=("located", "edmd"), quick=True))
 
 
 def extremes() -> Any:
-    """Table of three balls in docs/stability.md."""
+    """Table of three balls in docs/guide/stability.md."""
     import granular as gr
 
     return gr.stability("three-balls").table()

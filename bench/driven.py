@@ -1,4 +1,4 @@
-"""Figure of docs/driven.md: a ball on a shaken plate, and a shaken column.
+"""Figure of driven.md: a ball on a shaken plate, and a shaken column.
 
 `python bench/driven.py` writes docs/figures/driven.png, which compares hard and soft spheres.
 """

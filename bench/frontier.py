@@ -1,4 +1,4 @@
-"""Figures and tables of docs/frontier.md: error against run time in six scenes.
+"""Figures and tables of frontier.md: error against run time in six scenes.
 
     python bench/frontier.py            all scenes, a few minutes
     python bench/frontier.py chain      one scene
@@ -22,7 +22,7 @@ from granular.studies.frontier_result import METHOD_STYLES
 from granular.studies.frontiers import Frontier, frontier as with_any_reference
 
 DOCS_FOLDER = Path(__file__).parents[1] / "docs"
-PAGE_PATH = DOCS_FOLDER / "frontier.md"
+PAGE_PATH = DOCS_FOLDER / "guide" / "frontier.md"
 ERROR_GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 SECOND_BOUNCE = until.contact(pair=0, nth=2)
 ALL_SEPARATED = until.separated()

@@ -1,4 +1,4 @@
-"""Figure of docs/threshold.md: two balls on a floor, over the gap between them.
+"""Figure of threshold.md: two balls on a floor, over the gap between them.
 
 `python bench/isolation.py` writes docs/figures/isolation.png. It compares hard spheres, soft spheres with every contact
 treated as isolated, and the exact soft result.

@@ -1,6 +1,6 @@
 """Page of the engines: their main functions for scenes without special features.
 
-    python bench/plain_engines.py            write docs/plain-engines.md
+    python bench/plain_engines.py            write docs/development/plain-engines.md
 
 A kernel contains branches for driven walls, thermal walls, forces, pendula and rings. Here the flags of these features
 are folded to False. The source lines that remain are cut out by their positions in the syntax tree, so that comments
@@ -18,7 +18,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import Any
 
-PAGE_PATH = Path(__file__).resolve().parent.parent / "docs" / "plain-engines.md"
+PAGE_PATH = Path(__file__).resolve().parent.parent / "docs" / "development" / "plain-engines.md"
 FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING"})
 """Flags of the kernels that are False in scenes without special features."""
 MAX_WIDTH = 110

@@ -9,7 +9,8 @@
 * import cycles: groups of modules that import each other. All imports count.
 * files executed by …: files that an interpreted run of a scene of `walks` executes, from the public call on.
 * statements loaded by compare: statements of all files that `compare` of three dashpot balls imports.
-* reading path: main-line files in the docstrings of the rooms. ``--reading`` writes the rooms into docs/reading.md.
+* reading path: main-line files in the docstrings of the rooms. ``--reading`` writes the rooms into
+  docs/development/reading.md.
 """
 
 from __future__ import annotations
@@ -148,7 +149,7 @@ def tree_lines(folder: Path, depth: int = 0) -> Iterator[str]:
 
 
 def reading_page(text: str, tree: Path) -> str:
-    """Text of docs/reading.md with the current tree."""
+    """Text of docs/development/reading.md with the current tree."""
     path = reading_path(tree)
     lines = sum(len((tree / name).read_text(encoding="utf-8").splitlines()) for name in path)
     body = "\n".join(tree_lines(tree / "granular"))
@@ -314,14 +315,14 @@ def table(columns: dict[str, dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Print the table, or write docs/reading.md."""
+    """Print the table, or write docs/development/reading.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("ref", nargs="?", metavar="REF", help="commit to compare with")
     parser.add_argument("--measure", help=argparse.SUPPRESS)
-    parser.add_argument("--reading", action="store_true", help="write docs/reading.md")
+    parser.add_argument("--reading", action="store_true", help="write docs/development/reading.md")
     given = parser.parse_args()
     if given.reading:
-        page = REPO_ROOT / "docs" / "reading.md"
+        page = REPO_ROOT / "docs" / "development" / "reading.md"
         page.write_text(reading_page(page.read_text(encoding="utf-8"), REPO_ROOT), encoding="utf-8")
         return
     if given.measure:

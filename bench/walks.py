@@ -41,7 +41,7 @@ def isolated_contact(gr: Any) -> Run:
 
 
 def own_law(gr: Any) -> Run:
-    """One isolated contact under the law of docs/your-own-law.md."""
+    """One isolated contact under the law of docs/guide/your-own-law.md."""
 
     @dataclass(frozen=True)
     class Stiffening:

@@ -1,4 +1,4 @@
-"""Figure of docs/waves.md: bands of a driven chain, and the solitary wave.
+"""Figure of waves.md: bands of a driven chain, and the solitary wave.
 
 `python bench/waves.py` writes docs/figures/waves.png, which compares runs of the located engine with closed forms.
 """

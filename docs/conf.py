@@ -94,7 +94,7 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-html_sidebars = {"index": [], "reading": [], "defence-of-design": []}
+html_sidebars = {"index": []}
 
 EMPHASIS = re.compile(r"(``.*?``|`[^`]+`|(?<![\w*])\*\w[^*|]*\*(?![\w*]))")
 

@@ -2,7 +2,7 @@
 
 ``python -m bench.stability [--quick] [--json FILE] [AXIS ...]`` prints the tables, and the cells of the default methods
 that are neither right nor flagged. The whole study takes about twenty minutes. It also writes the tables into
-docs/stability.md and draws the figure of that page.
+docs/guide/stability.md and draws the figure of that page.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from bench.stability.report import BAD_VERDICTS, markdown
 from granular._engine import check
 from granular._engine.progress import shown
 
-PAGE_PATH = Path(__file__).parents[2] / "docs" / "stability.md"
+PAGE_PATH = Path(__file__).parents[2] / "docs" / "guide" / "stability.md"
 FIGURE_PATH = PAGE_PATH.parent / "figures" / "stability-three-balls.png"
 CELL_SECONDS = {DEFAULT_METHODS: 20.0, FIXED_METHODS: 1.0}
 """Limit of processor time per cell in s, by methods."""

@@ -19,7 +19,7 @@ PAPER = """\
 The paper's figures
 ===================
 
-What :doc:`../../paper` shows, made by one script each, ``python examples/paper/sequence.py -o x.png --json x.json``.
+What :doc:`/theory/paper` shows, made by one script each, ``python examples/paper/sequence.py -o x.png --json x.json``.
 """
 SHELVES = {"": ("findings", HEADER), "features": ("", FEATURES), "paper": ("paper", PAPER)}
 """Where scripts are shown, in that order: their folder in ``examples/``, and the words above them."""
@@ -88,6 +88,9 @@ def describe(app: Any, tree: Any, docname: str) -> None:
     """Name the pictures of the gallery, which sphinx-gallery leaves without words, by the titles below them."""
     from docutils import nodes
 
+    for link in tree.findall(nodes.reference):  # links to the teaching page are written relative to the top
+        if link.get("refuri", "").startswith("page/"):
+            link["refuri"] = "../" * docname.count("/") + link["refuri"]
     unnamed = []
     for node in list(tree.findall()) if re.match("gallery/(.*/)?index$", docname) else []:
         if isinstance(node, nodes.image) and not node.get("alt"):

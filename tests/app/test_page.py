@@ -148,7 +148,7 @@ def test_numerics_by_node(third) -> None:
 
 def test_golden_data_are_what_python_says(monkeypatch) -> None:
     monkeypatch.syspath_prepend(HERE)
-    from make_golden import case
+    from tests.app.page.make_golden import case
 
     cases = json.loads((HERE / "golden.json").read_text(encoding="utf-8"))
     assert len(cases) == 500

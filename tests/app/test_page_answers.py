@@ -32,7 +32,7 @@ def test_the_page_answers_as_the_library_does(count, monkeypatch, tmp_path) -> N
     if node is None:
         pytest.skip("node is not installed: the answers of the page are not compared here")
     monkeypatch.syspath_prepend(HERE)
-    from make_golden import REAL, SLIDERS, case, settings
+    from tests.app.page.make_golden import REAL, SLIDERS, case, settings
 
     random, cases = np.random.default_rng(count), []
     for i in range(count):
@@ -100,7 +100,7 @@ def test_balls_that_come_to_rest_sink_and_rise_as_the_library_says(count, monkey
     if node is None:
         pytest.skip("node is not installed: the page's balls at rest are not compared here")
     monkeypatch.syspath_prepend(HERE)
-    from make_golden import balls_of, compared, scene_of, settings
+    from tests.app.page.make_golden import balls_of, compared, scene_of, settings
 
     parting = {"height": 0.15, "m1": 0.625, "r1": 0.0644, "t1": 0.0115, "e1": 0.115, "air1": 1}  # deepest at the onset
     cases = [("bouncing-ball", parting, compared("bouncing-ball", parting, "left"))]

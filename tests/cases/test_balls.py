@@ -18,7 +18,7 @@ from granular.app.page import opening
 from granular.cases.balls import BALLS, PRESETS, RULES, Ball, contact
 from granular.comparison import outcome
 
-PAGE = (Path(__file__).parents[2] / "docs" / "page.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "teaching" / "page.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| [a-z][^,|]*, [^|]* \| ([\d.]+) \| ([\d.]+)(?: \(([\d.]+)\))?", re.MULTILINE)
 
 

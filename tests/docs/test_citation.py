@@ -32,11 +32,11 @@ def test_authors_are_persons_or_entities():
 def test_version_and_licence_are_the_packages():
     assert str(CITATION["version"]) == granular.__version__ == PROJECT["version"]
     assert CITATION["license"] == PROJECT["license"]
-    assert f"version {granular.__version__}" in (ROOT / "docs" / "citing.md").read_text(encoding="utf-8")
+    assert f"version {granular.__version__}" in (ROOT / "docs" / "guide" / "citing.md").read_text(encoding="utf-8")
 
 
 def test_the_paper_is_named_with_its_doi():
     (paper,) = CITATION["references"]
     assert {"type", "title", "authors", "journal", "year"} <= paper.keys()
     assert re.fullmatch(r"10\.\d{4,}/\S+", paper["doi"])
-    assert paper["doi"] in (ROOT / "docs" / "citing.md").read_text(encoding="utf-8")
+    assert paper["doi"] in (ROOT / "docs" / "guide" / "citing.md").read_text(encoding="utf-8")

@@ -79,7 +79,7 @@ def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
 def test_what_contributing_names_is_there():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     named = set(re.findall(r"[\w.-]+/[\w./-]*\w", text)) | set(re.findall(r"\]\(([^)#]+)", text))
-    assert {"README.md", ".ci/run", "bench/paired.py", "docs/reading.md"} <= named
+    assert {"README.md", ".ci/run", "bench/paired.py", "docs/development/reading.md"} <= named
     assert [name for name in named if not (ROOT / name).is_file()] == []
 
 

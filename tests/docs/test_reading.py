@@ -18,7 +18,7 @@ from granular.edmd import physics, ties
 from granular.md.fixed import integrators
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "reading.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "development" / "reading.md").read_text(encoding="utf-8")
 FILES = {str(file.relative_to(ROOT / "granular")): file for file in sorted((ROOT / "granular").rglob("*.py"))}
 ROOMS = [file.parent for name, file in FILES.items() if file.name == "__init__.py"]
 

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 LINK = re.compile(r"\]\(page:([^)\s]*)\)")
 ROW = re.compile(r"^\| \[[^\]]*\]\(page:([^)]*)\) \|(.*)\|$", re.MULTILINE)
-STUDENT, KEY = ((DOCS / f"{name}-sheet.md").read_text(encoding="utf-8") for name in ("student", "teacher"))
+STUDENT, KEY = ((DOCS / "teaching" / f"{name}-sheet.md").read_text(encoding="utf-8") for name in ("student", "teacher"))
 BLANK = re.findall(r"^\| (?:hard|soft|contacts|touching, soft|1 mm apart).*$", STUDENT, re.MULTILINE)
 ASK = """
 import { SETUPS, refused } from "%s";
@@ -35,7 +35,7 @@ def state(link):
 @cache
 def compared(link):
     """The comparison that the page makes in that state, made by the Python engines."""
-    from make_golden import compared
+    from tests.app.page.make_golden import compared
 
     given = state(link)
     values = {key: float(x) if key not in ("n", "moving") else int(x) for key, x in given.items() if key != "scene"}
@@ -54,7 +54,7 @@ def numbers_of(link):
 
 
 def test_every_link_into_the_page_is_a_state_it_knows():
-    texts = {page.name: page.read_text(encoding="utf-8") for page in DOCS.glob("*.md")}
+    texts = {page.name: page.read_text(encoding="utf-8") for page in DOCS.rglob("*.md")}
     links = [(name, link) for name, text in texts.items() for link in LINK.findall(text) if link]
     assert {"student-sheet.md", "teacher-sheet.md"} <= {name for name, _ in links}
     node = shutil.which("node")
@@ -134,7 +134,7 @@ def test_what_the_key_says_beside_the_page_is_so():
 
 def test_the_numbers_of_the_lesson_are_those_of_the_engines():
     """Rises in drop heights of real balls, the share of the floor's push, the restitution, and v t_c."""
-    text = (DOCS / "lesson.md").read_text(encoding="utf-8")
+    text = (DOCS / "teaching" / "lesson.md").read_text(encoding="utf-8")
 
     def rises(upper, gap):
         case = gr.cases.make("real-balls", lower="basketball", upper=upper, gap=gap)

@@ -95,12 +95,13 @@ def every_picture_is_described(site, html):
 
 
 def formulas_are_mathml(site, html):
-    set_apart = {"theory": 6, "viscoelastic": 2, "adiabatic": 2, "driven": 3, "concepts": 2}
+    set_apart = {"theory/index": 6, "theory/viscoelastic": 2, "theory/adiabatic": 2, "guide/driven": 3,
+                 "guide/concepts": 2}
     assert {name: html[site / f"{name}.html"].count('<math display="block"') for name in set_apart} == set_apart
 
 
 def long_tables_are_folded(site, html):
-    for name in ("frontier", "stability"):
+    for name in ("guide/frontier", "guide/stability"):
         shown = re.sub(r"<details>.*?</details>", "", html[site / f"{name}.html"], flags=re.DOTALL)
         assert all(table.count("<tr") <= 9 for table in re.findall(r"<table.*?</table>", shown, re.DOTALL)), name
 
@@ -113,7 +114,7 @@ def sheets_are_printed_without_loss(site, html):
     if browser.found() is None:
         pytest.skip("no Chromium or Chrome is installed: nothing is printed here")
     with browser.Browser() as tab:
-        for name, sheets in (("teacher-sheet", 2), ("student-sheet", 2)):
+        for name, sheets in (("teaching/teacher-sheet", 2), ("teaching/student-sheet", 2)):
             tab.open((site / f"{name}.html").as_uri())
             printed = base64.b64decode(tab.call("Page.printToPDF", preferCSSPageSize=True)["data"])
             pages = pypdf.PdfReader(io.BytesIO(printed)).pages

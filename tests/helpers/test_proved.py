@@ -92,7 +92,7 @@ def test_the_border_between_four_and_three_contacts():
 
 @pytest.mark.parametrize("seed", range(100))
 def test_the_engine_is_as_near_as_it_says(seed):
-    """Random rows of dashpots: final velocities are right to what docs/limits.md promises of `error_estimate`."""
+    """Random rows of dashpots: final velocities are right to what docs/guide/limits.md promises of `error_estimate`."""
     from flint import arb
 
     from tests.helpers.proved import Motion, Undecided, proved

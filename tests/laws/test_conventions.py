@@ -16,7 +16,7 @@ ASKED = np.array([0.05, *np.round(np.arange(0.1, 0.91, 0.1), 1), 0.95])
 MASS, RADIUS, MODULUS = 0.02, 0.007, 3e7
 STIFFNESS = 4.0 / 3.0 * MODULUS * math.sqrt(RADIUS)
 """k of k ξ^(3/2), of one contact in SI units."""
-PAGE = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "guide" / "conventions.md").read_text(encoding="utf-8")
 COLUMNS = [("lammps/tsuji", False), ("lammps/tsuji", True), ("lammps/coeff_restitution", False),
            ("lammps/coeff_restitution", True), ("mfix/hertz", False), ("mfix/hertz", True),
            ("yade/hertz-mindlin", True)]

@@ -10,7 +10,7 @@ import pytest
 import granular as gr
 from tests.helpers.saved_scenes import FLOOR, LINE, RING
 
-PAGE = Path(__file__).parents[2] / "docs/other-codes.md"
+PAGE = Path(__file__).parents[2] / "docs/guide/other-codes.md"
 
 
 @pytest.mark.parametrize("scene", [FLOOR, LINE, RING])

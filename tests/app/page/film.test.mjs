@@ -1,14 +1,14 @@
 // The film ends as the figures say: for every pair of balls here, for random scenes where golden.mjs checks them.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Camera } from "../../granular/app/page/live/camera.mjs";
-import { dots, guessesIn } from "../../granular/app/page/live/classroom.mjs";
-import { filmOf } from "../../granular/app/page/physics/film.mjs";
+import { Camera } from "../../../granular/app/page/live/camera.mjs";
+import { dots, guessesIn } from "../../../granular/app/page/live/classroom.mjs";
+import { filmOf } from "../../../granular/app/page/physics/film.mjs";
 import { endsWrong } from "./golden.mjs";
-import { compareEngines } from "../../granular/app/page/physics/outcome.mjs";
-import { reasonOf } from "../../granular/app/page/physics/reason.mjs";
-import { pushesOf } from "../../granular/app/page/physics/pushes.mjs";
-import { ballValues, contactsIn, sceneOf } from "../../granular/app/page/physics/setups.mjs";
+import { compareEngines } from "../../../granular/app/page/physics/outcome.mjs";
+import { reasonOf } from "../../../granular/app/page/physics/reason.mjs";
+import { pushesOf } from "../../../granular/app/page/physics/pushes.mjs";
+import { ballValues, contactsIn, sceneOf } from "../../../granular/app/page/physics/setups.mjs";
 
 const third = (all) => all.filter((_, k) => k % 3 === Number(process.env.THIRD ?? k % 3));
 const reportOf = (name, values) => {

@@ -1,10 +1,10 @@
 // One golden case: what disagrees between the page and the Python engines, in words; empty if nothing.
-import { Camera } from "../../granular/app/page/live/camera.mjs";
-import { filmOf } from "../../granular/app/page/physics/film.mjs";
-import { isEarly, leavingVelocities } from "../../granular/app/page/physics/measures.mjs";
-import { AT_LEISURE, compareEngines } from "../../granular/app/page/physics/outcome.mjs";
-import { reachOf } from "../../granular/app/page/physics/reason.mjs";
-import { contactsIn, sceneOf } from "../../granular/app/page/physics/setups.mjs";
+import { Camera } from "../../../granular/app/page/live/camera.mjs";
+import { filmOf } from "../../../granular/app/page/physics/film.mjs";
+import { isEarly, leavingVelocities } from "../../../granular/app/page/physics/measures.mjs";
+import { AT_LEISURE, compareEngines } from "../../../granular/app/page/physics/outcome.mjs";
+import { reachOf } from "../../../granular/app/page/physics/reason.mjs";
+import { contactsIn, sceneOf } from "../../../granular/app/page/physics/setups.mjs";
 
 // What slow balls have left to go is known as well as elsewhere; when they meet is not.
 const TOLERANCE = 1e-9, STUCK = 1e-6; // hard spheres that have all but collapsed stick in another order

@@ -1,8 +1,8 @@
 // The player: which contacts belong together, and that its clock shows each of them.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { decoded, positionsAt, underWay } from "../../granular/app/page/player/decode.mjs";
-import { episodes, later, nextEpisode, slowable } from "../../granular/app/page/player/episodes.mjs";
+import { decoded, positionsAt, underWay } from "../../../granular/app/page/player/decode.mjs";
+import { episodes, later, nextEpisode, slowable } from "../../../granular/app/page/player/episodes.mjs";
 
 const run = (...spans) => ({ contacts: { begin: spans.map(([begin]) => begin), end: spans.map(([, end]) => end) } });
 const whole = [0, 10];

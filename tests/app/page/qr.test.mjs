@@ -2,9 +2,9 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { codeOf } from "../../granular/app/page/live/qr.mjs";
+import { codeOf } from "../../../granular/app/page/live/qr.mjs";
 
-const { codes } = JSON.parse(readFileSync(new URL("../reference/qr_codes.json", import.meta.url)));
+const { codes } = JSON.parse(readFileSync(new URL("../../reference/qr_codes.json", import.meta.url)));
 
 test("links of every length have the codes that another encoder gives them", () => {
   assert.equal(new Set(Object.values(codes).map((rows) => rows.length)).size, 6);
