@@ -1,8 +1,9 @@
 """Pieces of the motion, and the first event within a piece.
 
-The pairs of an island move along polynomials in τ, the pieces. All other pairs are in free flight, in closed form. An
-event is the first root of a polynomial, found by certified root isolation. The clock of a block is its absolute time as
-the sum of two floats, t + tail. A piece maps τ to the time (hτ)^q after that clock.
+The overlap and its rate of a pair in an island are polynomials in τ, valid until the next event: a piece. All other
+pairs are in free flight, in closed form. An event is the first root of a polynomial, found by certified root isolation.
+The clock of a block is its absolute time in s as the sum of two floats, t + tail. A piece maps τ to the time (hτ)^q in
+s after that clock.
 
 The mode of a pair determines which events can end it. Here φ = kξ^s + γξ̇ is the bracket of the force F = ξ^d φ:
 
@@ -50,30 +51,31 @@ from granular.md.located.walls import flown, next_touch, touching_rate
 DRIFT_NOISE_FACTOR = 4.0
 """Closing speed below which two balls count as moving together, in units of noise.
 
-The noise is the bound of the rounding errors in the rate of the pair."""
+The noise of a pair is the bound of the rounding errors in the rate of its overlap, in m/s."""
 INTEGER_RECIPROCALS = (0.0, *(1.0 / n for n in range(1, SERIES_ORDER + 5)))
-"""Reciprocals 1/n, for the integrals of rows; entry 0 is never used."""
+"""Reciprocals 1/n at index n, for integrals of polynomials. Entry 0 is never used."""
 FLOAT_SPACING = 2.0**-52
-"""Relative spacing of floats."""
+"""Relative spacing of double-precision floats."""
 SEPARATION_WAKE_FACTOR = 1e4
-"""Gap at which a pair at rest separates, in units of its overlap `wake`.
+"""Gap at which a pair at rest counts as separated, in units of its overlap `wake`.
 
-The first forces on its neighbours are far below rounding error and can have either sign."""
+At `wake` a dormant pair becomes active. A gap is needed because the first forces on its neighbours are far below
+rounding error and can have either sign."""
 NEAR_SEPARATION_SHARE = 0.1
-"""Overlap below which a pair has almost separated, relative to its start value."""
+"""Fraction of its initial overlap below which a pair has almost separated."""
 OPPOSED_SLOPE_SHARE = 0.999
-"""Part of the first slope of a row that the other slopes may cancel.
+"""Fraction of the first slope of a polynomial that the other slopes may cancel.
 
-The rest of the first slope covers their rounding errors."""
+The rest of the first slope covers the rounding errors of the other slopes."""
 ROUNDING_OVERLAP_SHARE = 1e-15
-"""Overlap below which a pair has separated, relative to its typical overlap.
+"""Fraction of its typical overlap below which a pair counts as separated.
 
 A smaller overlap is rounding error."""
 
 
 @kernel
 def two_sum(a: float, b: float) -> tuple[float, float]:
-    """Return a + b as the sum of two floats (Knuth)."""
+    """Return a + b as its rounded value and the rounding error (Knuth)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
@@ -81,7 +83,7 @@ def two_sum(a: float, b: float) -> tuple[float, float]:
 
 @kernel
 def tick(block: Any, dt: float) -> None:
-    """Advance a clock by `dt`.
+    """Advance the clock t + tail of a block or body by `dt` in s.
 
     The tail keeps the digits that a single float would lose, so that gaps are equally accurate at late times.
     """
@@ -90,7 +92,10 @@ def tick(block: Any, dt: float) -> None:
 
 @kernel
 def since(block: Any, t: float, tail: float) -> float:
-    """Return the time from the clock of the block to t + tail."""
+    """Return the time in s from the clock of a record to the time t + tail.
+
+    `block` is the record of a block, pair or body.
+    """
     dt: float = (t - block.t) + (tail - block.tail)
     return dt
 
@@ -99,14 +104,14 @@ def since(block: Any, t: float, tail: float) -> float:
 def in_contact(pair: Any, t: float, tail: float) -> bool:
     """Return whether a pair outside the islands overlaps at the time t + tail.
 
-    Such a pair is in a contact that was solved as one event, or in the residual phase after it.
+    Such a pair is in a contact that was solved as one event, or in the residual phase after this contact.
     """
     return bool(pair.slot < 0 and pair.lasts > 0.0 and since(pair, t, tail) < 0.0)
 
 
 @kernel
 def elapsed(h: float, q: int, tau: float) -> float:
-    """Return the time (hτ)^q since the start of a piece."""
+    """Return (hτ)^q: the time in s from the start of a piece to τ."""
     u = h * tau
     t = u
     for _ in range(1, q):
@@ -116,9 +121,9 @@ def elapsed(h: float, q: int, tau: float) -> float:
 
 @kernel
 def piece_time(block: Any) -> float:
-    """Return the duration of the piece of a block.
+    """Return the duration in s of the current piece of a block.
 
-    A piece that ends at an EDGE has exactly the duration `holds`.
+    A piece that ends at an EDGE of the path of a driven wall lasts exactly `block.holds`.
     """
     if DRIVEN and block.event == EDGE:
         return float(block.holds)
@@ -127,7 +132,10 @@ def piece_time(block: Any) -> float:
 
 @kernel
 def tau_at(block: Any, t: float, tail: float) -> float:
-    """Return the τ of a piece at the time t + tail, at most its end."""
+    """Return the τ of the current piece of a block at the time t + tail.
+
+    The result is 0 before the piece and at most the τ of its end.
+    """
     dt = since(block, t, tail)
     if dt <= 0.0 or block.tau == 0.0:
         return 0.0
@@ -152,7 +160,7 @@ def power(x: float, alpha: float) -> float:
 
 @kernel
 def value(row: Any, tau: float) -> float:
-    """Return Σ row_j τ^j.
+    """Return the value Σ row_j τ^j of a polynomial at τ.
 
     Even and odd powers are summed separately: two short chains of operations are faster than one long chain.
     """
@@ -167,7 +175,10 @@ def value(row: Any, tau: float) -> float:
 
 @kernel
 def integral(row: Any, q: int, tau: float) -> float:
-    """Return ∫ Σ row_j τ^j q τ^(q-1) dτ, which is to be multiplied by h^q."""
+    """Return ∫ Σ row_j τ^j q τ^(q-1) dτ from 0 to τ.
+
+    Multiplied by h^q, it is the integral over the time (hτ)^q.
+    """
     square = tau * tau
     even, odd = row[SERIES_ORDER] * INTEGER_RECIPROCALS[SERIES_ORDER + q], 0.0
     for j in range(SERIES_ORDER - 1, 0, -2):
@@ -181,10 +192,10 @@ def integral(row: Any, q: int, tau: float) -> float:
 
 @kernel
 def direction(x: Any) -> float:
-    """Return the first non-zero coefficient after x_0, or 0.
+    """Return the first non-zero coefficient after x_0 of an overlap series, or 0.
 
-    Its sign is the direction in which a pair at rest starts to move. (The coefficient of highest order can vanish by
-    parity.)
+    Its sign is the direction in which a pair at rest starts to move: positive if the balls are pressed together. (The
+    coefficient of highest order can vanish by parity.)
     """
     for j in range(1, SERIES_ORDER + 1):
         if x[j] != 0.0:
@@ -194,12 +205,14 @@ def direction(x: Any) -> float:
 
 @kernel
 def peaks(pair: Any, tau: float, scratch: Any) -> None:
-    """Update the largest overlap and force of a pair that is at the end of its piece.
+    """Update `xi_max` and `force_max` of a pair after its piece up to `tau`.
 
-    The row `g` of the pair is overwritten. A force that does not depend on the rate is largest at the largest overlap.
-    There the law is more accurate than a series far below the scale of its island. In a very short piece a force with
-    ξ^(1/4) is negligible, and its series need not converge. The force is therefore limited to twice the bound k ξ^p + γ
-    ξ^d |ξ̇|.
+    The pair already has its overlap and rate at the end of the piece, and its coefficients `g` are overwritten.
+
+    A force that does not depend on the rate is computed by the law at the largest overlap. There the law is more
+    accurate than a series far below the scale of its island. In a very short piece a force with ξ^(1/4) is negligible,
+    and its series need not converge. The force of a damped power law is therefore at most twice the bound k ξ^p + γ ξ^d
+    |ξ̇|.
     """
     deepest = max(float(pair.x[0]), float(pair.xi))
     # closing at first and opening at the end: the overlap has a maximum inside the piece
@@ -227,9 +240,9 @@ def peaks(pair: Any, tau: float, scratch: Any) -> None:
 
 @kernel
 def heading(row: Any, tau: float) -> float:
-    """Return 1 if a row increases from 0 to τ, -1 if it decreases, and 0 if undecided.
+    """Return 1 if a polynomial increases on [0, τ], -1 if it decreases, or 0.
 
-    A bound of the slope decides.
+    The result follows from a bound of the slope, and 0 means that the bound does not decide.
     """
     way, against = 1.0 if row[1] > 0.0 else -1.0, 0.0
     for j in range(SERIES_ORDER, 1, -1):
@@ -241,9 +254,10 @@ def heading(row: Any, tau: float) -> float:
 
 @kernel
 def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
-    """Return the largest local maximum of a row before τ, or -inf if there is none.
+    """Return the largest local maximum of a polynomial on (0, τ), or -inf without one.
 
-    `rate` has the sign of the slope of the row and is overwritten.
+    `row` has its coefficients. `rate` has the coefficients of a polynomial with the sign of its slope, and is
+    overwritten. `scratch` is the storage of the root finder.
     """
     at, best, way, steady = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
     # a row of order ORDER has fewer than ORDER extrema
@@ -267,7 +281,8 @@ def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
 def write_flight(pair: Any, h: float, push: float, force: float) -> None:
     """Write the piece of a pair with constant force and constant acceleration.
 
-    The pair closes at the acceleration `push`. The piece is on the plain clock, q = 1.
+    `h` is the scale of the piece in s on the clock t = hτ (q = 1). `push` is the acceleration of the overlap in m/s²,
+    and `force` the force in N.
     """
     for j in range(SERIES_ORDER + 1):
         pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
@@ -277,10 +292,13 @@ def write_flight(pair: Any, h: float, push: float, force: float) -> None:
 
 @kernel
 def predict(pair: Any, law: Any, field: Any) -> None:
-    """Compute the next event of a free pair, which is a block of its own.
+    """Compute the next event of a pair in free flight: `event`, `wait` and `due`.
+
+    The event is BEGIN or, for a residual pair, possibly PART. `wait` is the time in s from the clock of the pair, `due`
+    the absolute time. `law` is the record of the law of the pair, `field` the record of driven walls or pendula.
 
     After contacts, the rate of balls that move together is a rounding error instead of zero. A closing rate of at most
-    `DRIFT_NOISE_FACTOR` times its noise is therefore set to zero: such balls would meet again after some 1e12 s.
+    `DRIFT_NOISE_FACTOR` times its noise is therefore set to zero: such balls would meet again after about 1e12 s.
     """
     if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT_NOISE_FACTOR * pair.noise and pair.xi == 0.0:
         pair.eta = 0.0
@@ -303,9 +321,10 @@ def predict(pair: Any, law: Any, field: Any) -> None:
 
 @kernel
 def force_returns(pair: Any, law: Any) -> float:
-    """Return the time until φ = kξ + γη of a clipped pair increases to zero.
+    """Return the time in s until φ = kξ + γη of a clipped pair increases to zero.
 
-    -φ has a constant acceleration, so the formula for a closing gap applies.
+    The law has s = 1. In free flight -φ has a constant acceleration, so the formula for a closing gap applies. The
+    result is inf if φ stays negative.
     """
     phi = 0.0 if pair.exact else law.k * pair.xi + law.gamma * pair.eta
     rise = law.k * pair.eta + law.gamma * pair.pull
@@ -314,14 +333,17 @@ def force_returns(pair: Any, law: Any) -> float:
 
 @kernel
 def glide(pair: Any, dt: float, field: Any) -> None:
-    """Advance a free pair by `dt` if `dt` is positive."""
+    """Advance a pair in free flight by `dt` in s. A negative `dt` is ignored."""
     if dt > 0.0:
         fly(pair, dt, field)
 
 
 @kernel
 def fly(pair: Any, dt: float, field: Any) -> None:
-    """Advance a free pair by `dt`; a negative `dt` follows its asymptote backwards."""
+    """Advance a pair in free flight by `dt` in s.
+
+    A negative `dt` follows the asymptote of the pair backwards: its free motion extended into the contact before it.
+    """
     pair.xi, pair.eta = flown(field, pair, dt)
     pair.exact = 0
     tick(pair, dt)
@@ -329,9 +351,9 @@ def fly(pair: Any, dt: float, field: Any) -> None:
 
 @kernel
 def arrive(pair: Any, field: Any) -> None:
-    """Advance a free pair to its next event.
+    """Advance a pair in free flight to its next event.
 
-    An open pair arrives at ξ = 0 exactly. Its rate follows from its state, not from the rounded time.
+    An open pair then has exactly ξ = 0. Its rate is computed from its state and not from the rounded time.
     """
     if pair.mode == OPEN:
         pair.eta = touching_rate(field, pair, pair.wait)
@@ -345,7 +367,8 @@ def arrive(pair: Any, field: Any) -> None:
 def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, laws: Any) -> None:
     """Find the first event of the pairs lo … hi-1 of a block on τ in [0, span].
 
-    The piece ends at that event, or at `span` without one.
+    The piece ends at that event, or at `span` without an event. `tau`, `event` and `fired` (the pair, or -1) of the
+    block are set. `laws` is the `Collocation` of general laws, or None.
     """
     block = pool[pairs[lo].slot]
     block.tau, block.fired, block.event = span, -1, NOTHING
@@ -365,11 +388,13 @@ def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, l
 
 @kernel
 def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
-    """Return the τ at which a pair turns round before it separates, and the event.
+    """Return the τ at which an active pair turns round before it separates, if any.
 
-    The event is PART if the overlap left is a rounding error, else NOTHING. Without such a τ the result is inf. The
-    piece has to end there. For example, a ball that falls from a touch at rest returns to it with ξ = g (t - t0)²/2.
-    Then ξ^1.5 ∝ |t - t0|³, but the series continues as (t - t0)³, and its coefficients do not show the difference.
+    Only τ in [0, span] are examined. The second result is the event: PART if the overlap at this τ is a rounding error,
+    else NOTHING. Without a turning point whose overlap is small, τ is inf. The caller ends the piece at this τ, because
+    the series can be wrong after it. For example, a ball that falls from a touch at rest returns to it with ξ = g (t -
+    t0)²/2. Then ξ^1.5 ∝ |t - t0|³, but the series continues as (t - t0)³, and its coefficients do not show the
+    difference.
     """
     # the rate has to change from separating to closing within the piece
     if pair.mode != ACTIVE or pair.kind == LINEAR or not (pair.e[0] < 0.0 < value(pair.e, span)):
@@ -383,9 +408,9 @@ def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
 
 @kernel
 def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, int]:
-    """Return the τ of the first event of a pair within [0, span], and the event.
+    """Return the τ of the first event of a pair in [0, span], and the event.
 
-    Without an event, τ is inf.
+    Without an event, τ is inf. `laws` is the `Collocation` of general laws, or None.
     """
     row, doubt, wake = pair.g, 0.0, 0.0
     if pair.mode == OPEN:
@@ -411,9 +436,9 @@ def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, 
 
 @kernel
 def shifted(row: Any, by: float, span: float, scratch: Any, way: float) -> float:
-    """Return the first τ at which a row plus the constant `by` crosses zero.
+    """Return the first τ in [0, span] at which a polynomial plus `by` crosses zero.
 
-    The crossing is upwards for `way` 1 and downwards for `way` -1. The result is inf without a crossing.
+    The crossing is upwards if `way` is 1 and downwards if `way` is -1. The result is inf without a crossing.
     """
     first = row[0]
     row[0] = first + by

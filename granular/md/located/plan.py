@@ -1,7 +1,7 @@
 """The motion of an island from piece to piece.
 
-`plan` computes the next piece and its end, `advance_island` advances the island to that end. `laws` is None if every
-law is a power form. Otherwise it is the `Collocation` of the laws, and the run is interpreted.
+`plan` computes the next piece of an island and its end. `advance_island` advances the island to that end. `laws` is
+None if every law is a power form. Otherwise it is the `Collocation` of the laws, and the run is interpreted.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ from granular.md.located.walls import beside_edge, foresee_walls, speed_at
 
 @kernel
 def plan_all_due(s: Any, laws: Any) -> bool:
-    """Plan all blocks that were formed again; return false if the run stops here."""
+    """Plan the next piece of every block that was formed again.
+
+    Returns false if the run has to stop before a contact that begins at the current event.
+    """
     stays = True
     while s.queue[1].due == DUE_TO_PLAN:
         lo = s.queue[1].key
@@ -60,7 +63,10 @@ def plan_all_due(s: Any, laws: Any) -> bool:
 
 @kernel
 def follow_contact(s: Any, laws: Any) -> None:
-    """Integrate the contact of one pair by pieces, see `inside.request_integration`."""
+    """Integrate the contact of pair `run.solo` alone, piece by piece.
+
+    `one_contact.inside.request_integration` has requested this integration.
+    """
     run = s.run[0]
     while has_piece(s, laws):
         plan(s, run.solo, laws)
@@ -73,7 +79,8 @@ def follow_contact(s: Any, laws: Any) -> None:
 def plan(s: Any, lo: int, laws: Any) -> bool:
     """Compute the next piece of the island that starts with pair `lo`, and its end.
 
-    Returns false if the run stops here.
+    `due` of the pair becomes the absolute time in s of that end. A block that has to be tested for creep first gets no
+    piece and is due immediately. Returns false if the run has to stop before a contact that begins now.
     """
     run, pairs, pool, bodies, field = s.run[0], s.pairs, s.pool, s.bodies, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
@@ -116,10 +123,11 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
 
 @kernel
 def choose_scale(s: Any, lo: int, reach: float) -> float:
-    """Choose the clock and the scale h of the next piece of an island.
+    """Choose the clock exponent q and the scale h of the next piece of an island.
 
-    Returns the longest permitted duration of the piece in s. This is `reach`, or a time that covers the residual phases
-    if nothing else limits the piece.
+    `reach` is the time in s for which the series of the driven walls are valid, or inf. Returns the longest permitted
+    duration of the piece in s. It is `reach`, or at a driven wall a time that covers the residual phases if nothing
+    else limits the piece.
     """
     run, pairs, pool, field = s.run[0], s.pairs, s.pool, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
@@ -141,7 +149,7 @@ def choose_scale(s: Any, lo: int, reach: float) -> float:
 
 @kernel
 def wait(pairs: Any, pool: Any, lo: int) -> None:
-    """Make a block due immediately without a piece, to test it for creep."""
+    """Make a block due immediately without a piece, so that it is tested for creep."""
     block = pool[pairs[lo].slot]
     block.manner, block.fired, block.event, block.tau = ASKS, -1, NOTHING, 0.0
     pairs[lo].due = block.t + block.tail
@@ -152,10 +160,10 @@ def wait(pairs: Any, pool: Any, lo: int) -> None:
 
 @kernel
 def series_of_piece(s: Any, lo: int, laws: Any, reach: float) -> None:
-    """Compute the series of a piece.
+    """Compute the power series of the next piece of the island that starts with `lo`.
 
-    If pairs touch at rest, the series is computed again until it agrees with the modes of these pairs. `reach` and the
-    paths of driven walls are those from `foresee_walls`.
+    If pairs touch at rest, the series is computed again until it agrees with the modes of these pairs. `reach` (s) and
+    the series of driven walls were computed by `foresee_walls`.
     """
     pairs, pool, field = s.pairs, s.pool, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
@@ -173,7 +181,11 @@ def series_of_piece(s: Any, lo: int, laws: Any, reach: float) -> None:
 
 @kernel
 def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
-    """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
+    """Advance the island that starts with pair `lo` to τ, `dt` (s) into its piece.
+
+    Overlaps, rates, velocities, clock, contact log and energy balance are updated. The piece is used up, so a new one
+    has to be planned. τ = 0 changes nothing.
+    """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
@@ -212,9 +224,10 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
 
 @kernel
 def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
-    """Return the error that one step can add to the rate of pair `c`, in m/s.
+    """Return a bound of the error in m/s that one piece adds to the rate of pair `c`.
 
-    In a linear island it is the rounding error of the rates, otherwise the truncation error of the step.
+    In a linear island it is the rounding error of the rates, otherwise the truncation error of the piece. `tol` is the
+    relative tolerance of the run, `lo` the first pair of the island.
     """
     member = pool[pairs[c].slot]
     if pool[pairs[lo].slot].linear == 0:
@@ -231,10 +244,11 @@ def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
 
 @kernel
 def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
-    """Correct the rates between two walls, or on a ring, to have the sum `closing`.
+    """Correct the rates between two walls, or on a ring, so that they add up.
 
-    `closing` is the rate at which the walls approach, or 0 on a ring. Without the correction, rounding errors would
-    accumulate and compress or release the balls. The fastest pair takes the correction.
+    Their sum becomes `closing`: the rate in m/s at which the walls approach, or 0 on a ring. Without the correction,
+    rounding errors would accumulate and compress or release the balls. The whole correction is applied to the pair with
+    the largest absolute rate.
     """
     excess, fastest = -closing, pool[pairs[lo].slot]
     for c in range(lo, hi):
@@ -248,10 +262,10 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
 
 @kernel
 def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
-    """Advance the velocities of the bodies of an island by `dt`.
+    """Advance the velocities of the bodies of an island by `dt` in s.
 
-    The change consists of free fall and the impulses of the piece. Bodies without a force keep their clock: in
-    thousands of steps, rounding errors would accumulate.
+    The change consists of free fall and the impulses of the piece, `push` of each pair. Bodies on which no force acts
+    keep their clock. Advancing it would accumulate rounding errors over thousands of pieces.
     """
     block, hi, below, last = pool[pairs[lo].slot], pairs[lo].hi, 0.0, pairs[lo].hi + 1
     if RING and is_closed(pairs, lo, hi):
@@ -266,9 +280,10 @@ def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
 
 
 def make_table(s: Any, laws: Any, kernels: Any) -> None:
-    """Make the requested table of contacts, for which there is room.
+    """Compute the table of contacts that the run has requested.
 
-    The state of the run does not change.
+    One contact is integrated alone per speed of the table. The state of the run does not change. There must be room for
+    the table (`with_room_for_a_table`). `kernels` returns the compiled or interpreted version of a kernel.
     """
     for j in range(POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE):
         kernels(request_contact)(s, j, laws)
@@ -279,7 +294,11 @@ def make_table(s: Any, laws: Any, kernels: Any) -> None:
 
 
 def answer(s: Any, laws: Any, kernels: Any) -> None:
-    """Integrate the requested contact alone."""
+    """Integrate alone the contact that the run has requested (`run.wanted`).
+
+    It is integrated at its own speed, and the result is stored for `one_contact.meet`. `kernels` returns the compiled
+    or interpreted version of a kernel.
+    """
     kernels(request_contact)(s, OWN_SPEED, laws)
     kernels(follow_contact)(s, laws)
     kernels(note)(s, OWN_SPEED)

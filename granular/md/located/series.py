@@ -1,14 +1,16 @@
-"""Power series of a step: overlaps, rates and forces of an island in τ.
+"""Power series of a piece: overlaps, rates and forces of an island in τ.
 
-    dξ/dt = η ,  η̇_c = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
+    dξ/dt = η ,  dη_c/dt = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
 
-Here w are inverse masses, and G is the acceleration by gravity and other external forces. For a driven wall, G is
-itself a series, and pendula add -Ω² ξ. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, and of η σ η̇_n. q
-= 1 is the plain clock. q > 1 makes the onset of a contact regular if F starts like a fractional power of t: a pair that
-just touches has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is again a power series. The rows of such a ξ contain y
-from index `offset` on.
+Here w are inverse masses in 1/kg, and G is the acceleration in m/s² by gravity and other external forces. For a driven
+wall, G is itself a series, and pendula add -Ω² ξ. With σ = q h^q, coefficient n+q of ξ is σ η_n/(n+q). Coefficient n+q
+of η is σ η̇_n/(n+q).
 
-Products are summed in blocks of eight terms. One factor is stored backwards in a `mirror` with zeros behind it, and
+q = 1 is the plain clock. q > 1 makes the onset of a contact regular if F starts like a fractional power of t. A pair
+that just touches has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is again a power series. The coefficients of such a ξ
+are those of y, shifted by `offset` = q.
+
+Products are summed in groups of eight terms. One factor is stored backwards in a `mirror` followed by zeros, and
 unknown terms are zero. Processors predict these few loop lengths well, unlike a loop over n terms.
 """
 
@@ -36,9 +38,11 @@ from granular.md.located.walls import drive
 
 @kernel
 def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any) -> None:
-    """Compute x, e, f of pairs lo … hi-1 from their state, and g of those not open.
+    """Compute the series of overlap, rate and force of the pairs lo … hi-1.
 
-    g is the bracket φ of the force.
+    They are `x`, `e` and `f` of each pair record, on the clock t = (hτ)^q. Pairs that are not open also get `g`, the
+    bracket φ of the force F = ξ^d φ. The series start from the overlap and rate of the pairs now. `field` is the record
+    of driven walls or pendula, or None.
     """
     for c in range(lo, hi):
         prepare(pool[pairs[c].slot], q)
@@ -80,7 +84,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
 
 @kernel
 def prepare(pair: Any, q: int) -> None:
-    """Write the lowest orders, and zeros for terms that are not computed."""
+    """Write the coefficients below order q, and set those that are not computed to 0."""
     pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(1, q):
         pair.x[n], pair.e[n] = 0.0, 0.0
@@ -98,10 +102,10 @@ def prepare(pair: Any, q: int) -> None:
 
 @kernel
 def force_term(pair: Any, n: int, q: int) -> None:
-    """Add order n of the force, and of φ = kξ^s + γη, under a nonlinear law.
+    """Compute order n of the force, and of φ = kξ^s + γη, under a nonlinear law.
 
-    The pair must not be open. x is known to order n+q, e to order n. At the event that found φ = 0, φ is set to exactly
-    0.
+    The pair must not be open. Its overlap is known to order n+q, its rate to order n. After an event that located φ = 0
+    (`pair.exact`), φ_0 is exactly 0.
     """
     if pair.mode == DORMANT:
         return
@@ -136,7 +140,11 @@ def force_term(pair: Any, n: int, q: int) -> None:
 
 @kernel
 def complete(pair: Any, q: int) -> None:
-    """Extend the event function φ = kξ + γη to full order, without neighbours."""
+    """Extend the bracket φ = kξ + γη of a pair to full order.
+
+    The last q orders of φ do not affect the motion of this piece, but events are roots of φ. Only pairs with s = 1 have
+    this form. For linear laws the force is extended as well.
+    """
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
     force = has_force(pair)
@@ -148,16 +156,16 @@ def complete(pair: Any, q: int) -> None:
 
 @kernel
 def has_force(pair: Any) -> float:
-    """Return 1 if the pair exerts a force, else 0."""
+    """Return 1.0 if the force of a pair acts (mode ACTIVE or DORMANT), else 0.0."""
     return 1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0
 
 
 @kernel
 def expand_two(a: Any, b: Any, h: float) -> None:
-    """Compute the rows of two linear pairs on the plain clock, as `expand` does.
+    """Compute the series of two linear pairs on the plain clock, as `expand` does.
 
-    This is the most frequent island. The sums are the same, without alternating between the pairs, which halves the
-    time of the series in an interpreted run.
+    This is the most frequent island. The sums are the same as in `expand`, but in one loop for both pairs. This halves
+    the time of the series in an interpreted run.
     """
     xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
     of_a, of_b = has_force(a), has_force(b)
@@ -182,9 +190,9 @@ def expand_two(a: Any, b: Any, h: float) -> None:
 
 @kernel
 def product_term(a: Any, mirror: Any, n: int) -> float:
-    """Return order n of the product of two series, Σ a_j b_(n-j).
+    """Return coefficient n of the product of two series, Σ a_j b_(n-j).
 
-    The second series is stored backwards: b_i = mirror[ORDER - i].
+    The second series is stored backwards: b_i = mirror[SERIES_ORDER - i].
     """
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     for block in range(n // 8 + 1):
@@ -198,9 +206,10 @@ def product_term(a: Any, mirror: Any, n: int) -> float:
 
 @kernel
 def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
-    """Write order n of r = √ξ and of its mirror.
+    """Compute coefficient n of r = √ξ, and its copy in `mirror`.
 
-    From r² = ξ follows 2 r_0 r_n = ξ_n - Σ r_j r_(n-j).
+    `x` has the coefficients of ξ, the first of which is at index `offset`, and `out` those of r. The recurrence is 2
+    r_0 r_n = ξ_n - Σ r_j r_(n-j), from r² = ξ.
     """
     first = offset // 2
     order = n - first
@@ -215,9 +224,10 @@ def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
 
 @kernel
 def power_term(x: Any, out: Any, alpha: float, n: int, offset: int) -> None:
-    """Write order n of f = ξ^α.
+    """Compute coefficient n of f = ξ^α, with ξ = τ^offset y.
 
-    f' y = α f y' gives n y_0 f_n = Σ (α j - (n-j)) y_j f_(n-j) (Knuth, TAOCP 2, 4.7).
+    `x` has the coefficients of ξ, `out` those of f. For a power of y, f' y = α f y' gives n y_0 f_n = Σ (α j - (n-j))
+    y_j f_(n-j) (Knuth, TAOCP 2, 4.7).
     """
     first = int(alpha * offset + 0.5)
     order = n - first

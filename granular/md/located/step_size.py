@@ -1,14 +1,17 @@
-"""Length of a step, and its clock.
+"""Length of a piece, and its clock.
 
-*Linear islands*: the series of a step converges like the series of exp(λh), λ = ½ (b + √(b² + 4a)). Here a and b are
+*Linear islands*: the series of a piece converges like the series of exp(λh), λ = ½ (b + √(b² + 4a)). Here a and b are
 the largest absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, with Ω² of pendula in a. λh =
-`LINEAR_STEP_REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
+`LINEAR_STEP_REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17, where N = 20 is the order of the series.
 
-*Other islands*: h is only a scale. The coefficients determine how far the series is valid: θ = tol^(1/N) / a with a =
-max_j A_j^(1/j). A_j is the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the island. Each pair has
-its own X and V, so that a slow contact beside a fast one is equally accurate. The maximum is taken over the last six
-orders j, and over more where a contact begins. There the series is lacunary: F = k ξ^p has terms of orders q(p+1),
-2q(p+1), … only, and the last of them must be included. The omitted terms are less than (aτ)^(N+1) / (1 - aτ).
+*Other islands*: h is only a scale. The coefficients determine up to which θ in τ the series is valid: θ = tol^(1/N) / a
+with a = max_j A_j^(1/j). A_j is the largest coefficient |ξ_j|/X and |η_j|/V of any pair of the island, and |φ_j|/(k
+X^s) of clipped pairs. Each pair has its own typical overlap X and speed V, so that a slow contact next to a fast one is
+equally accurate.
+
+The maximum is taken over the last six orders j, and over more orders where a contact begins. There most coefficients
+are zero: F = k ξ^p has terms of orders q(p+1), 2q(p+1), … only, and the last of them must be included. The omitted
+terms are less than (aτ)^(N+1) / (1 - aτ).
 """
 
 from __future__ import annotations
@@ -34,33 +37,34 @@ from granular.md.located.series import has_force
 from granular.md.located.system import is_closed
 
 LINEAR_STEP_REACH = (math.factorial(SERIES_ORDER + 1) * 1e-17) ** (1.0 / (SERIES_ORDER + 1))
+"""Largest λh of a linear piece: the first omitted term is then 1e-17."""
 MAX_STEP_PER_SCALE = 8.0
-"""Largest length of a step relative to its scale."""
+"""Largest length of a piece in τ, that is, relative to its scale h."""
 MAX_SCALE_PER_CONTACT = 1e9
-"""Largest scale of a step relative to the time for which a contact has lasted.
+"""Largest scale h relative to the time for which a contact has lasted.
 
 1e9^20 does not overflow."""
 JUST_TOUCHED_OVERLAP = 1e-15
-"""Relative overlap below which a closing pair has only just touched.
+"""Overlap below which a closing pair has only just touched.
 
-It is relative to the typical overlap, and is caused by the rounding error of a simultaneous event elsewhere in the
-island."""
+It is relative to the typical overlap of the pair. A smaller overlap is the rounding error of a simultaneous event
+elsewhere in the island."""
 SHALLOW_OVERLAP = 0.1
-"""Relative overlap below which a force can grow by many orders of magnitude.
+"""Overlap below which a force can grow by many orders of magnitude in one piece.
 
-It is relative to the typical overlap."""
+It is relative to the typical overlap of the pair."""
 DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL = 1e-17, 0.1
 """Limits of the overlap up to which a pair is dormant.
 
-The pair touches at rest, or on an unsuitable clock. The first limit is relative to the typical overlap, the second to
-the tolerance as well. Below them, its overlap is within the truncation error."""
+The overlap is relative to the typical overlap of the pair. The larger of two limits applies: the first number, and the
+second number times the tolerance. Such an overlap is within the truncation error."""
 
 
 @kernel
 def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> float:
-    """Return λ in 1/s, a bound of all rates of the touching pairs.
+    """Return λ in 1/s, a bound of all rates in a linear island, or -1.
 
-    It is -1 if a nonlinear law is active. `square` is Ω² of pendula, else 0.
+    The result is -1 if a nonlinear law is active. `square` is Ω² in 1/s² for pendula, else 0.
     """
     stiffness, damping = square, 0.0  # largest absolute row sums of M⁻¹K and M⁻¹C so far
     k_below, g_below, closed = 0.0, 0.0, RING and is_closed(pairs, lo, hi)
@@ -88,9 +92,10 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
 
 @kernel
 def run_off_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return a time in s for a step of linear pairs without forces.
+    """Return a duration in s for the piece of a linear island without forces.
 
-    A wall has constant acceleration.
+    The piece covers the end of the first residual phase. The pull is assumed to be constant, as at a driven wall
+    without an edge ahead. The result is 1 s if no pair is residual.
     """
     t = math.inf
     for c in range(lo, hi):
@@ -103,11 +108,14 @@ def run_off_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
 
 @kernel
 def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
-    """Set `speed` V and `length` X of the island, and the same of each pair.
+    """Compute the typical speed V and overlap X of an island and of each of its pairs.
+
+    They are stored as `speed` and `length` of the block, and `own_speed` and `own_length` of each pair, in m/s and m.
 
     V² is the largest η² + 2 w k ξ^(p+1)/(p+1), X the largest ((p+1) V² / (2 k w))^(1/(p+1)), with w the inverse m_eff.
-    A ball at rest on a floor contributes its static overlap. Open pairs are ignored, because a fast ball can fly beside
-    a slow contact.
+    A pair at rest under a pull contributes the energy of its static overlap. Open pairs do not count for the island,
+    because a fast ball can fly next to a slow contact. The speed of a pair also includes the speed that its neighbours
+    can transfer to it.
     """
     speed, length = 0.0, 0.0
     for c in range(lo, hi):
@@ -142,9 +150,10 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
 
 @kernel
 def lend(giver: Any, pair: Any, w: float) -> None:
-    """Raise a pair's speed to the speed that a neighbour can transfer.
+    """Raise the typical speed of a pair to the speed that a neighbour can transfer.
 
-    This is 2 m_eff/m of the neighbour's speed, where m = 1/w is the mass between them.
+    This is 2 m_eff/m of the neighbour's speed, at most that speed itself. m = 1/w is the mass of the body between the
+    two pairs, m_eff belongs to the neighbour `giver`. An open neighbour transfers nothing.
     """
     if giver.mode != OPEN:
         pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * w / giver.inverse) * giver.own_speed)
@@ -152,9 +161,9 @@ def lend(giver: Any, pair: Any, w: float) -> None:
 
 @kernel
 def amplitude(pair: Any, square: float) -> float:
-    """Return the overlap in m at which the pair alone would stop.
+    """Return the overlap in m at which an elastic pair alone would stop.
 
-    `square` is its squared rate in m²/s².
+    `square` is its squared rate in m²/s² at overlap 0.
     """
     return power((pair.p + 1.0) * square / (2.0 * pair.k * pair.inverse), 1.0 / (pair.p + 1.0))
 
@@ -163,7 +172,8 @@ def amplitude(pair: Any, square: float) -> float:
 def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
     """Return q of the clock t = (hτ)^q: 1, or the q of pairs that just touched.
 
-    Pairs for which it is unsuitable become dormant.
+    Pairs that just touched, but whose series this clock cannot represent, become dormant. So do pairs whose overlap is
+    within the truncation error. `tol` is the relative tolerance.
     """
     q, asleep = 1, max(DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL * tol)
     for c in range(lo, hi):
@@ -198,18 +208,19 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
 
 @kernel
 def is_curved(pair: Any) -> bool:
-    """Return whether the pair has a nonlinear power law and exerts a force.
+    """Return whether a force acts between the balls under a nonlinear power law.
 
-    If it just touched, it needs its own clock.
+    If such a pair has just touched, its law determines the clock of the island.
     """
     return bool(pair.mode == ACTIVE and LINEAR < pair.kind < GENERAL)
 
 
 @kernel
 def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return the h with which the coefficients of a nonlinear island are computed.
+    """Return the scale h with which the series of a nonlinear island is computed.
 
-    It is reduced where powers of h relative to the time of a contact would overflow.
+    It is in s^(1/q) for the clock t = (hτ)^q. It is reduced where powers of h relative to the time of a contact would
+    overflow.
     """
     block = pool[pairs[lo].slot]
     # a fifth of the time of a contact
@@ -230,7 +241,11 @@ def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
 
 @kernel
 def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
-    """Return ln a, the growth of the coefficients per order, or -inf without any."""
+    """Return ln a, the growth of the coefficients of an island per order.
+
+    The module docstring defines a. The result is -inf if all examined coefficients are zero. The bracket `g` of a pair
+    that certainly stays clipped is replaced by -1, so that it has no roots.
+    """
     q, first, worst = pool[pairs[lo].slot].clock, SERIES_ORDER - 5, -math.inf
     for c in range(lo, hi):
         if just_touched(pool[pairs[c].slot]):  # the highest order that its rate certainly has
@@ -269,18 +284,19 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
 
 @kernel
 def just_touched(pair: Any) -> bool:
-    """Return whether the series of a pair starts at its touch.
+    """Return whether a force acts and the piece starts exactly at the touch (ξ = 0).
 
-    F = k ξ^p then has terms of few orders only.
+    Under a nonlinear law, F = k ξ^p then has terms of few orders only. The result is false for linear laws.
     """
     return bool(pair.mode == ACTIVE and pair.x[0] == 0.0 and pair.kind != LINEAR)
 
 
 @kernel
 def steepest(row: Any, first: int, last: int, lead: int, size: float) -> float:
-    """Return ln a of orders `first` … `last` of a row, relative to `size`.
+    """Return ln a = max_j ln(|row_(lead+j)|/size)/j, j from `first` to `last`.
 
-    The row starts with order `lead`.
+    `row` has the coefficients of a series, and `size` is the typical value. The result is -inf if all of these
+    coefficients are zero.
     """
     worst = -math.inf
     for j in range(first, last + 1):
@@ -291,9 +307,9 @@ def steepest(row: Any, first: int, last: int, lead: int, size: float) -> float:
 
 @kernel
 def stays_clipped(pair: Any, theta: float) -> bool:
-    """Return whether φ = k ξ^s + γη is negative up to θ.
+    """Return whether φ = k ξ^s + γη of a residual pair is certainly negative up to θ.
 
-    Bounds of ξ and η are used, because φ is singular where ξ is zero.
+    Upper bounds of ξ and η on [0, θ] are used, because φ is singular where ξ is zero.
     """
     xi, eta, t = pair.x[0], pair.e[0], 1.0
     for j in range(1, SERIES_ORDER + 1):
@@ -305,13 +321,19 @@ def stays_clipped(pair: Any, theta: float) -> bool:
 
 @kernel
 def trusted(worst: float, tol: float) -> float:
-    """Return the θ up to which coefficients with ln a = `worst` hold to `tol`."""
+    """Return the τ up to which a series with ln a = `worst` is accurate to `tol`.
+
+    It is at most `MAX_STEP_PER_SCALE`.
+    """
     return math.exp(min(math.log(MAX_STEP_PER_SCALE), math.log(tol) / SERIES_ORDER - worst))
 
 
 @kernel
 def left_out(worst: float, tau: float) -> float:
-    """Return the truncation error of a piece up to τ, relative to its speed."""
+    """Return the truncation error of a piece up to τ, relative to its typical speed.
+
+    `worst` is ln a from `growth`.
+    """
     ratio = tau * math.exp(worst)
     # 0.5: guard against a ratio close to 1, where the geometric series diverges
     return elapsed(ratio, SERIES_ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
