@@ -1,13 +1,13 @@
 """The event loop over blocks of pairs, each with its own clock.
 
 A block is an island or a single pair in free flight. An island consists of consecutive pairs with forces and the flying
-pair on either side: all pairs that these forces can accelerate. Two groups of pushing pairs with a single flying pair
-between them form one island. The boundaries between blocks are therefore the balls between two flying pairs. Such a
-ball is free, and every block can be integrated alone.
+pair on either side: all pairs that these forces can accelerate. Two groups of pairs with forces, separated by a single
+flying pair, form one island. The boundaries between blocks are therefore balls between two flying pairs. No force acts
+on such a ball, so every block can be integrated alone.
 
 The event loop takes the block whose next event is first, advances it, applies the event and forms the blocks around it
-again. `laws` is None if every law is a power form. Otherwise it is the `Collocation` of the laws, and the run is
-interpreted.
+again. `s` is the `System` of all records. `laws` is None if every law is a power form. Otherwise it is the
+`Collocation` of the laws, and the run is interpreted.
 """
 
 from __future__ import annotations
@@ -57,9 +57,10 @@ from granular.md.located.walls import carry_walls, foresee_walls, rate_at
 
 @kernel
 def launch(s: Any, laws: Any) -> bool:
-    """Form the first blocks of a run; return false if the run stops at its start.
+    """Form the first blocks of a run at its start.
 
-    Pairs that overlap, or touch while they close, start in the pool. All blocks are then due to be planned.
+    Pairs that overlap, or touch while they close, are moved to the pool. A piece of every block remains to be planned.
+    Returns false if the run has to stop at its start.
     """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     for c in range(n):
@@ -93,7 +94,10 @@ def launch(s: Any, laws: Any) -> bool:
 
 @kernel
 def set_out(s: Any, laws: Any) -> bool:
-    """`launch` and plan the first blocks; return false if the run stops at its start."""
+    """Form the first blocks of a run, and plan their pieces.
+
+    Returns false if the run has to stop at its start.
+    """
     return launch(s, laws) and plan_all_due(s, laws)
 
 
@@ -101,7 +105,7 @@ def set_out(s: Any, laws: Any) -> bool:
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Advance the run up to the time `limit` by at most `chunk` events and pieces.
 
-    Returns the reason of its end, one of the codes `REACHED` … `WANTS_LOOK`.
+    `limit` is in s on the clock of the run. Returns why the function returned: one of the codes REACHED … WANTS_LOOK.
     """
     run = s.run[0]
     for _ in range(chunk):
@@ -132,7 +136,11 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
 
 @kernel
 def reason_to_return(s: Any, limit: float) -> int:
-    """Return the reason to stop before the next event, or DONE to continue."""
+    """Return why `advance` has to return before the next event, or DONE to continue.
+
+    Possible reasons are REACHED, STOPPED, QUIET, REST and WORK_LIMIT. MORE means that the log buffer is full, CRAMPED
+    that the pool is full.
+    """
     run, queue = s.run[0], s.queue
     if RING and run.steps >= run.look:
         reimpose(s)
@@ -161,8 +169,8 @@ def reason_to_return(s: Any, limit: float) -> int:
 def take_next(s: Any, limit: float, laws: Any) -> int:
     """Apply the next event of the run.
 
-    A contact of a pair in free flight is applied as one event if possible. Otherwise the next event is the end of a
-    piece. Returns DONE, EXTEND or GOES_ON to continue, or the reason of a return.
+    A contact of a pair in free flight is solved as one event if possible. Otherwise the next event is the end of a
+    piece. Returns DONE, EXTEND or GOES_ON to continue, or the reason for which `advance` has to return.
     """
     lo = s.queue[1].key
     pair = s.pairs[lo]
@@ -184,7 +192,7 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     """Advance the island that starts with pair `lo` to the end of its piece.
 
     The event at the end is applied. Returns EXTEND if the blocks have to be formed again, GOES_ON if the island only
-    needs its next piece, or the reason of a return.
+    needs its next piece, or the reason for which `advance` has to return. `limit` is the end of the run in s.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     block, passed = pool[pairs[lo].slot], SAME
@@ -209,9 +217,9 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
 
 @kernel
 def all_recede(s: Any) -> bool:
-    """Return whether every pair is open and none approaches.
+    """Return whether no pair overlaps or approaches, so that the balls are separated.
 
-    The rates are those after the last contact that was solved as one event.
+    The rates are those at `last_end`. Pairs in islands count as not separated.
     """
     t = last_end(s)
     for c in range(count_of(s.pairs)):
@@ -223,9 +231,9 @@ def all_recede(s: Any) -> bool:
 
 @kernel
 def last_end(s: Any) -> float:
-    """Return the end of the last contact that was solved as one event.
+    """Return the time in s at which the last contact solved as one event ends.
 
-    The result is not before the time of the current event.
+    It is at least the time of the current event, and is rounded up so that no contact lasts beyond it.
     """
     t: float = s.run[0].t
     for c in range(count_of(s.pairs)):
@@ -238,7 +246,10 @@ def last_end(s: Any) -> float:
 
 @kernel
 def all_apart(s: Any, t: float) -> bool:
-    """Return whether no pair touches at the end `t` of the run and the log is empty."""
+    """Return whether no pair touches at the end of a run and the log buffer is empty.
+
+    `t` is the end in s.
+    """
     for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if in_contact(pair, t, 0.0) or (pair.slot >= 0 and s.pool[pair.slot].mode != OPEN):
@@ -250,7 +261,8 @@ def all_apart(s: Any, t: float) -> bool:
 def expose_all(s: Any, t: float, laws: Any) -> bool:
     """Integrate by pieces every contact solved as one event that lasts beyond `t`.
 
-    `t` is the end of the run. Returns false if the pool is full. The function is then called again with a larger pool.
+    `t` in s is the end of the run. The pairs become islands, so that contacts unfinished at the end have their state
+    there. Returns false if the pool is full. The caller then enlarges the pool and calls again.
     """
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
@@ -269,7 +281,11 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
 
 @kernel
 def gather(s: Any, t: float, laws: Any) -> None:
-    """Advance every island to the end `t` of the run, and compute its series there."""
+    """Advance every island to the end of the run, and compute its series there.
+
+    `t` is the end in s. The states of all pairs at `t` follow from these series. Resting and creeping islands are left
+    to `gather_slowly`.
+    """
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
     for c in range(count_of(pairs)):
@@ -283,7 +299,7 @@ def gather(s: Any, t: float, laws: Any) -> None:
 
 @kernel
 def gather_slowly(s: Any) -> None:
-    """Compute the series of all resting or creeping blocks at the end of the run."""
+    """Compute the series of all resting and creeping islands at the end of the run."""
     pairs, pool = s.pairs, s.pool
     for c in range(len(pairs)):
         pair = pairs[c]

@@ -1,12 +1,12 @@
-"""How a pair changes its mode: the life of one contact, from its onset to its end.
+"""Events of one contact, from its onset to its end, and the mode of its pair.
 
 This module treats contacts that are integrated by pieces. Most isolated contacts are a single event instead
 (`one_contact`).
 
-*Onset.* Two balls fly until the gap closes: the pair is OPEN, and its next event is BEGIN. If the rate at the touch is
-only noise, the balls graze each other and nothing begins. Otherwise the pair becomes ACTIVE, or RESIDUAL if its law
-gives no force yet. A pair that touches at rest and is pressed becomes DORMANT: its contact has begun, but its force is
-below rounding error. It becomes ACTIVE when the force can be resolved (BEGIN).
+*Onset.* Two balls fly until the gap closes: the pair is OPEN, and its next event is BEGIN. If the closing rate at the
+touch is only noise, the balls graze each other and no contact begins. Otherwise the pair becomes ACTIVE, or RESIDUAL if
+its law gives no force yet. A pair that touches at rest and is pressed together becomes DORMANT: its contact has begun,
+but its force is below rounding error. It becomes ACTIVE when the force can be resolved (BEGIN).
 
 *End.* A contact ends in one of five ways:
 
@@ -50,20 +50,21 @@ from granular.md.located.records import (
 from granular.md.located.system import beside, count_of, is_closed, nth
 
 ZERO_FORCE_SHARE = 1e-9
-"""Force, relative to the elastic force, up to which a located force counts as 0."""
+"""Fraction of its elastic force up to which the force of a pair counts as 0."""
 NONE, SOME, AWAITED = range(3)
 """Results of `engage`: no new dormant pair, at least one, or the run has to stop."""
 TOUCH_ONLY, CONTACT = 0, 1
-"""Contacts that `count_isolated` counts: 0 for an overlap without force, else 1."""
+"""Numbers of contacts that `count_isolated` adds: 0 for an overlap without force."""
 NOT_ISOLATED = -1
-"""Value of `isolated` of a pair after a disturbed contact, until the pair opens."""
+"""`isolated` of a pair after a disturbed contact, until the balls separate."""
 
 
 @kernel
 def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
-    """Apply the event that ends the piece of `block`; return false to stop before it.
+    """Apply the event that ends the piece of `block`.
 
-    A run stops here at its stop condition or, if it has to, before the first disturbed contact.
+    Returns false if the run has to stop before this event: at its stop condition, or before the first disturbed
+    contact.
     """
     c, what = block.fired, block.event
     pair = pool[pairs[c].slot]
@@ -88,7 +89,8 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
 def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
     """Start the force of pair `c` after a touch or after its residual phase.
 
-    Returns false if the run stops before the contact.
+    `speed` is the typical speed of its island in m/s. If the balls only graze each other, no force starts. Returns
+    false if the run has to stop before this contact.
     """
     pair = pool[pairs[c].slot]
     if HEATED and pair.wall < 0:
@@ -110,7 +112,11 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
 
 @kernel
 def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
-    """Begin the contact of pair `c`; return false if the run stops just before it."""
+    """Begin the contact of pair `c`: it becomes ACTIVE and is counted and logged.
+
+    A pair that was dormant within the same contact only becomes ACTIVE again. Returns false if the run has to stop
+    before this contact.
+    """
     pair = pool[pairs[c].slot]
     if pair.going_on == 1:  # dormant for a while within the same contact
         pair.mode = ACTIVE
@@ -132,9 +138,9 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
 
 @kernel
 def has_jumped(pair: Any) -> bool:
-    """Return whether the force of a clipped pair is positive beyond rounding error.
+    """Return whether the force of a residual pair is positive beyond rounding error.
 
-    This happens if a velocity of the pair has jumped.
+    This happens only if the velocity of a wall or ball of the pair has jumped.
     """
     stiff: float = pair.k * power(pair.xi, pair.s)
     return bool(stiff + pair.gamma * pair.eta > ZERO_FORCE_SHARE * stiff)
@@ -142,9 +148,9 @@ def has_jumped(pair: Any) -> bool:
 
 @kernel
 def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
-    """Mark pair `c` as struck: its ball is about to be thrown back by a thermal wall.
+    """Mark pair `c` at a thermal wall as STRUCK: its ball is about to be thrown back.
 
-    Returns false if the run stops before.
+    A ball that already moves away is ignored. Returns false if the run has to stop before this contact.
     """
     pair = pool[pairs[c].slot]
     pair.xi = 0.0
@@ -161,11 +167,11 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
 
 @kernel
 def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
-    """Count contacts of pair `c` as isolated, unless a neighbouring pair overlaps.
+    """Count contacts of pair `c` as isolated if no neighbouring pair overlaps.
 
-    `c` is a pair whose overlap or force begins, and `more` the number of contacts to count. If a neighbour overlaps,
-    none of the contacts of both overlaps counts as isolated, including contacts that were counted before. Returns false
-    if the run stops before the first two neighbouring pairs overlap.
+    The overlap or force of pair `c` begins now, and `more` is the number of contacts to count (0 or 1). If a neighbour
+    overlaps, none of the contacts during the overlaps of these two pairs counts as isolated. Contacts that were counted
+    before are subtracted. Returns false if the run has to stop because two neighbouring pairs overlap.
     """
     alone = True
     below, above = beside(pairs, c)
@@ -192,7 +198,10 @@ def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
 
 @kernel
 def overlaps(pair: Any, pool: Any, run: Any) -> bool:
-    """Return whether a pair overlaps, or touches at rest, at the current event."""
+    """Return whether a pair overlaps, or touches at rest, at the current event.
+
+    The time of the event is `run.t` + `run.tail`. The pair can be in an island or outside.
+    """
     if pair.slot >= 0:
         return bool(pool[pair.slot].mode != OPEN)
     return bool(pair.mode == RESIDUAL or (pair.lasts > 0.0 and since(pair, run.t, run.tail) < 0.0))
@@ -202,7 +211,7 @@ def overlaps(pair: Any, pool: Any, run: Any) -> bool:
 def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
     """Activate the dormant linear pairs of an island that the series presses together.
 
-    Returns false if the run stops just before one of these contacts.
+    The island consists of the pairs lo … hi-1. Returns false if the run has to stop before one of these contacts.
     """
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
@@ -218,11 +227,12 @@ def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> b
 
 @kernel
 def pushes(pair: Any) -> bool:
-    """Return whether the pair needs a power series for its force or for its return.
+    """Return whether the motion of a pair has to be integrated by a power series.
 
-    Other pairs have a closed form: open pairs, clipped pairs with φ = kξ + γη, and clipped pairs that are certain to
-    separate. For s ≥ 1 and a non-negative pull, φ = k ξ^s + γη is convex in free flight. If it is negative now and at ξ
-    = 0, it is negative in between. At driven walls and for pendula, no clipped pair has a closed form.
+    The alternative is free flight in closed form, until a closed-form event. It applies to open pairs, to clipped pairs
+    with φ = kξ + γη, and to clipped pairs that are certain to separate. For s ≥ 1 and a non-negative pull, φ = k ξ^s +
+    γη is convex in free flight. If it is negative now and at ξ = 0, it is negative in between. At walls that are driven
+    or thermal, and for pendula, every pair that is not open needs a series.
     """
     if HUNG or (DRIVEN and pair.wall > 0) or (HEATED and pair.wall < 0):
         return bool(pair.mode != OPEN)
@@ -235,10 +245,12 @@ def pushes(pair: Any) -> bool:
 
 @kernel
 def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
-    """Make all pairs dormant that touch at rest and are pressed together.
+    """Make all pairs of the current event dormant that touch at rest and are pressed.
 
-    Returns NONE, SOME, or AWAITED if the run has to stop at one of them first. All forces are repulsive, so the
-    contact of such a pair begins immediately, unless gravity separates the balls.
+    A pair is pressed together by gravity or by the force of a neighbouring pair. A pair at a driven wall is included if
+    it has no pull, because the wall can press it later. All forces are repulsive, so the contact of such a pair begins
+    immediately, unless gravity separates the balls. Returns NONE, SOME, or AWAITED if the run has to stop before one of
+    these contacts.
     """
     found, lo, hi = NONE, run.lo, run.hi
     closed = RING and is_closed(pairs, lo, hi)
@@ -269,8 +281,8 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
 def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
     """Make the modes of pairs that touch at rest consistent with the computed series.
 
-    Pairs that the series separates become OPEN, and pairs that it presses together become DORMANT. Returns whether any
-    mode has changed.
+    Pairs lo … hi-1 are examined. Pairs that the series separates become OPEN, and pairs that it presses together become
+    DORMANT. Returns whether any mode has changed.
     """
     changed = False
     for c in range(lo, hi):
@@ -287,10 +299,11 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
 
 @kernel
 def stays_in_contact(pair: Any, speed: float) -> bool:
-    """Return whether a pair that separates stays in contact except for rounding error.
+    """Return whether an active pair separates only because of rounding error.
 
-    This is the case for a ball held by gravity under a nonlinear law if its energy at ξ = 0 is rounding error. It also
-    holds for a pair under a general law that was dormant, if its rate is only noise.
+    This is the case under a nonlinear law if gravity presses the balls together and their energy at ξ = 0 is rounding
+    error. It is also the case under a general law if the pair was dormant before and its rate is only noise. `speed` is
+    the typical speed of its island in m/s.
     """
     if pair.mode != ACTIVE:
         return False
@@ -303,9 +316,10 @@ def stays_in_contact(pair: Any, speed: float) -> bool:
 
 @kernel
 def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
-    """Return whether two balls that gravity separates touch with only rounding energy.
+    """Return whether two balls that gravity separates touch only by rounding error.
 
-    A pair alone in free flight is excluded, because it has no island that could be affected.
+    The energy of their approach is then rounding error. `speed` is the typical speed in m/s of the island of pair `c`.
+    A pair without neighbours in its island is excluded, because it cannot affect other pairs.
     """
     pair, lo = pool[pairs[c].slot], pairs[c].first
     hi = pairs[lo].hi
@@ -316,22 +330,22 @@ def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
 
 @kernel
 def drifts(pair: Any) -> bool:
-    """Return whether the rate of a pair does not exceed its noise."""
+    """Return whether the absolute rate of a pair does not exceed its noise."""
     return bool(abs(pair.eta) <= DRIFT_NOISE_FACTOR * pair.noise)
 
 
 @kernel
 def speed_of_weight(pair: Any) -> float:
-    """Return the speed in m/s that gravity gives a pair over its static overlap."""
+    """Return the speed in m/s that a pair gains over its static overlap by its pull."""
     pull = abs(pair.pull)
     return math.sqrt(2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p))
 
 
 @kernel
 def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
-    """Set the rate of pair `c` of a block to zero by an impulse between its two balls.
+    """Set the rate of pair `c` to zero by an impulse between its two balls.
 
-    The rates of the neighbouring pairs change accordingly.
+    The rates of the neighbouring pairs in the same island change accordingly.
     """
     pair, lo, hi = pool[pairs[c].slot], pairs[c].first, pairs[pairs[c].first].hi
     impulse, closed = pair.eta / pair.inverse, is_closed(pairs, lo, hi)
@@ -348,6 +362,9 @@ def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 
 @kernel
 def is_awaited(run: Any, pairs: Any, c: int) -> bool:
-    """Return whether the run stops just before the next contact of pair `c`."""
+    """Return whether the run has to stop before the next contact of pair `c`.
+
+    This is the stop condition `granular.until.Contact`: the contact number `until_nth` of pair `until_pair`.
+    """
     return bool(c == run.until_pair and pairs[c].contacts + 1 == run.until_nth)
 

@@ -1,4 +1,4 @@
-"""Formation of islands at an event, and the sum of the gaps on a ring.
+"""Formation of islands at an event, and correction of the sum of gaps on a ring.
 
 The sum of the gaps on a ring is constant. Its rounding errors are corrected from time to time (`reimpose`).
 """
@@ -21,16 +21,22 @@ from granular.md.located.system import count_of, is_closed, join, leave, lengthe
 from granular.md.located.walls import carry_walls, flown
 
 MIN_CORRECTION_STEPS = 1 << 16
-"""Minimum number of pieces and contacts between two corrections of the gaps."""
+"""Minimum number of steps between two corrections of the sum of gaps.
+
+A step is a piece, or a contact solved as one event."""
 CORRECTION_STEPS_PER_PAIR = 16
-"""The same number per pair of the ring, so that corrections take negligible time."""
+"""Number of steps per pair of the ring between two corrections of the sum of gaps.
+
+The larger of both numbers applies, so that corrections take negligible time."""
 
 
 @kernel
 def regroup(s: Any, laws: Any) -> int:
-    """Form the blocks of the current event again; they are then due to be planned.
+    """Divide the pairs of the current event into blocks again.
 
-    Returns MORE, or STOPPED. EXTEND means that the block `wanted` must join the event before another call.
+    Their next pieces have to be planned, or their next flights are predicted. Returns MORE if the blocks are formed.
+    EXTEND means that the block of pair `run.wanted` has to be included in the event before another call. STOPPED means
+    that the run has to stop before a contact.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     found = SOME
@@ -74,7 +80,7 @@ def regroup(s: Any, laws: Any) -> int:
 def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) -> None:
     """Release pair `c`, a block of its own, into free flight.
 
-    Its place in the pool becomes free.
+    Its place in the pool becomes free, and its next event is predicted.
     """
     pair, member = pairs[c], pool[pairs[c].slot]
     # an open pair has no overlap: a positive one is rounding error
@@ -87,7 +93,11 @@ def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) ->
 
 @kernel
 def cut(run: Any, pairs: Any, pool: Any) -> None:
-    """Start an island that closes the ring between two flying pairs, if there are any."""
+    """Choose the first pair of an island that consists of all pairs of a ring.
+
+    The island then starts between two neighbouring flying pairs, if there are any. No force acts on the ball between
+    them.
+    """
     for c in range(run.lo, run.hi):
         if not (pushes(pool[pairs[nth(pairs, c - 1)].slot]) or pushes(pool[pairs[c].slot])):
             run.lo = nth(pairs, c)
@@ -97,9 +107,10 @@ def cut(run: Any, pairs: Any, pool: Any) -> None:
 
 @kernel
 def extend_event(s: Any, lo: int, laws: Any) -> bool:
-    """Advance the block that starts with pair `lo`, and include it in the event.
+    """Advance a block to the time of the current event, and include it in the event.
 
-    Returns false if the pool is full.
+    The block starts with pair `lo`. A contact of it that was solved as one event is integrated by pieces. Returns false
+    if the pool is full.
     """
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0 and run.members + SPARE_PLACES >= len(s.pool):
@@ -116,7 +127,7 @@ def extend_event(s: Any, lo: int, laws: Any) -> bool:
 
 @kernel
 def enlist(s: Any, c: int) -> None:
-    """Move pair `c` into the pool, and update driven walls to the current time."""
+    """Move pair `c` into the pool, and update the driven walls to the current time."""
     join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
     if DRIVEN:
         carry_walls(s.field, s)
@@ -124,7 +135,10 @@ def enlist(s: Any, c: int) -> None:
 
 @kernel
 def extend_by(s: Any, lo: int) -> None:
-    """Include the block that starts with pair `lo`, already advanced, in the event."""
+    """Include the block that starts with pair `lo` in the current event.
+
+    The block is already at the time of the event.
+    """
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0:
         enlist(s, lo)
@@ -136,7 +150,10 @@ def extend_by(s: Any, lo: int) -> None:
 
 @kernel
 def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
-    """Advance the block that starts with pair `lo` to the time t + tail."""
+    """Advance the block that starts with pair `lo` to the time t + tail in s.
+
+    A pair whose clock is ahead, because its contact was solved as one event, returns along its asymptote.
+    """
     pair = s.pairs[lo]
     xi = pair.xi
     if pair.slot < 0 and pair.ahead == 1:
@@ -170,9 +187,11 @@ def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) ->
 
 @kernel
 def reimpose(s: Any) -> None:
-    """Correct the widest gap in free flight by the rounding error of the sum of gaps.
+    """Correct the sum of gaps on a ring for its rounding error.
 
-    The asymptotes of contacts solved as one event have the same sum as the gaps themselves.
+    The widest gap in free flight is changed. The function does nothing at the start, where the sum is exact. It also
+    sets the number of steps until the next correction. The asymptotes of contacts solved as one event have the same sum
+    as the gaps themselves.
     """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     at_start = run.look == 0

@@ -1,4 +1,4 @@
-"""Mode of a pair after an event of its force.
+"""Mode of a pair after an event of its contact force.
 
 `contacts` and `jumps` use these functions for contacts in islands, `one_contact.inside` for a contact that is
 integrated alone.
@@ -13,15 +13,15 @@ from granular.md.located.pieces import power
 from granular.md.located.records import ACTIVE, DORMANT, END, OPEN, RELOAD, RESIDUAL, TURN
 
 UNCHANGED, FORCE_ENDS, FORCE_BEGINS = range(3)
-"""Results of `clip`: the force continues as it was, it ends, or it can begin."""
+"""Results of `clip`: mode and force still agree, the force ends, or it can begin."""
 
 
 @kernel
 def change_mode(pair: Any, event: int) -> None:
-    """Give a pair the mode that follows END, PART, TURN or RELOAD.
+    """Set the mode of a pair after one of the events END, PART, TURN or RELOAD.
 
     After END the pair is RESIDUAL, after PART it is OPEN. TURN switches a law with memory to unloading, RELOAD back to
-    loading.
+    loading. PART sets the overlap to exactly 0, except for a dormant pair, and RELOAD sets it to its previous maximum.
     """
     if event == END:
         pair.mode, pair.exact = RESIDUAL, 1
@@ -37,9 +37,11 @@ def change_mode(pair: Any, event: int) -> None:
 
 @kernel
 def clip(pair: Any, laws: Any) -> int:
-    """Make a pair RESIDUAL whose force ends because its rate has jumped.
+    """Check the force of a pair after a jump of the rate of its overlap.
 
-    Returns FORCE_ENDS in this case, FORCE_BEGINS if the force of a residual pair is no longer clipped, else UNCHANGED.
+    If an active pair no longer has a positive force, it becomes RESIDUAL, and the result is FORCE_ENDS. If a residual
+    pair now has a positive force, the result is FORCE_BEGINS, and the caller changes the mode. Otherwise the result is
+    UNCHANGED. `laws` is the `Collocation` of general laws, or None.
     """
     pair.exact = 0
     if pair.mode == ACTIVE and is_clipped(pair, laws):
@@ -50,7 +52,11 @@ def clip(pair: Any, laws: Any) -> int:
 
 @kernel
 def is_clipped(pair: Any, laws: Any) -> bool:
-    """Return whether overlapping balls separate so fast that their force is clipped."""
+    """Return whether the force of an overlapping pair is clipped to 0.
+
+    This is the case if the balls separate so fast that the law gives no positive force. The result is false at overlap
+    0.
+    """
     if pair.xi == 0.0:
         return False
     if laws is not None:
