@@ -59,8 +59,8 @@ from granular.md.located.walls import carry_walls, foresee_walls, rate_at
 def launch(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run at its start.
 
-    Pairs that overlap, or touch while they close, are moved to the pool. A piece of every block remains to be planned.
-    Returns false if the run has to stop at its start.
+    Pairs that overlap, or touch while they close, are moved to the pool. The pieces of islands remain to be planned
+    (`plan_all_due`). Returns false if the run has to stop at its start.
     """
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     for c in range(n):
@@ -192,7 +192,8 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     """Advance the island that starts with pair `lo` to the end of its piece.
 
     The event at the end is applied. Returns EXTEND if the blocks have to be formed again, GOES_ON if the island only
-    needs its next piece, or the reason for which `advance` has to return. `limit` is the end of the run in s.
+    needs its next piece, or the reason for which `advance` has to return. `limit` is the time in s up to which the run
+    is advanced.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     block, passed = pool[pairs[lo].slot], SAME

@@ -1,8 +1,9 @@
-"""All records of a run as one `System`: creation, conversion, growth and places.
+"""All records of a run as one `System`: creation, conversion and growth.
 
 On a ring of n balls, pair n-1 joins ball n-1 and ball 0. An island lo … hi-1 can extend beyond pair n-1, up to hi = lo
 + n. For this purpose there are n more records of pairs. Record c of them holds only the place in the pool of pair c -
-n. An island of all pairs is closed: its first and its last pair share a ball. On a line, none of this is compiled.
+n. An island of all pairs is closed: its first and its last pair have a ball in common. For scenes on a line, none of
+this is compiled.
 """
 
 from __future__ import annotations
@@ -47,29 +48,35 @@ from granular.run.contact_log import CONTACT_ROW
 from granular.scene.state import Scene
 
 Fields = namedtuple("Fields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
-"""Fields of a `System`."""
+"""Fields of a `System`, in this order."""
 
 
 class System(ByReference, Fields):
     """All records of a run.
 
-    `run` has one record, `queue` is the tournament tree of blocks, `log` the log buffer and `scratch` temporary storage
-    of the root finder. `field` describes free flight: driven `Walls`, `Hung` pendula, or None. `ledger` is the energy
-    balance, or None.
+    `run` has one record with counters and limits, `pairs` one per pair, `bodies` one per body and `kinds` one per force
+    law. `pool` has the records of pairs in islands. `queue` is the tournament tree of blocks, ordered by the times of
+    their next events. `log` is the buffer of the contact log. `maps` and `tables` are tables of isolated contacts,
+    `answer` is the last contact integrated alone for `one_contact.meet`. `scratch` is temporary storage of the root
+    finder. `field` describes free flight: driven `Walls`, `Hung` pendula, or None. `ledger` is the energy balance, or
+    None.
     """
 
     _plain = Fields
 
 
 def to_plain(s: System) -> System:
-    """Return the run in the form for interpreted code."""
+    """Convert the records of a run to plain objects and lists for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
     rest = list(s.answer), workspace(SERIES_ORDER), plain_walls(s.field), ledger
     return System._make([*map(plain, s[:9]), *rest])
 
 
 def to_compiled(s: System) -> System:
-    """Return the run in the form for compiled code, with bitwise identical numbers."""
+    """Convert the records of a run to numpy arrays for compiled code.
+
+    The numbers are bitwise identical. Records that are arrays already are returned unchanged.
+    """
     if isinstance(s.run, np.ndarray):
         return s
     records = map(
@@ -92,9 +99,9 @@ def to_compiled(s: System) -> System:
 
 
 def readable(s: System) -> System:
-    """Return records of compiled code in a form that interpreted code can use, slowly.
+    """Return views of numpy records that interpreted code can use, slowly.
 
-    The records are shared, not copied.
+    The memory is shared, not copied.
     """
     return System._make([*(records.view(np.recarray) for records in s[:9]), *s[9:]])
 
@@ -103,12 +110,28 @@ def new_system(
     columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, *, walls: Any = None, lift: Any = None,
     ledger: Any = None, **limits: Any,
 ) -> System:
-    """Return the records of one scene, or of many scenes, at time 0.
+    """Create the records of one scene, or of many scenes, at time 0.
 
-    Arrays of many scenes have one more axis, in front. `columns` are inverse masses, velocities, gaps and gravity.
-    `kinds` are the laws as records `LAW_KIND_RECORD`, and `kind_of` is the index of the law per pair. `room` is the
-    number of places in the pool, which many scenes share. `walls` are the driven walls, and `lift` the accelerations
-    by external forces (one scene only). `limits` are fields of `SOFT_RUN_RECORD`.
+    Arrays of many scenes have one more axis, in front.
+
+    Parameters
+    ----------
+    columns : (inverse_mass, velocity, gap, gravity)
+        Inverse masses in 1/kg, velocities in m/s, gaps in m, and gravity in m/s².
+    kinds, kind_of : array, array of int
+        Laws as records `LAW_KIND_RECORD`, and the index of the law of each pair.
+    room : int
+        Number of places in the pool, which many scenes share.
+    until : stop condition, optional
+        Stop condition of the run.
+    walls : Walls, optional
+        Driven walls (one scene only).
+    lift : (n,) array, optional
+        Upward accelerations of the bodies in m/s² by external forces (one scene only).
+    ledger : array, optional
+        Energy balance, for driven or thermal walls.
+    **limits
+        Fields of `SOFT_RUN_RECORD` and their values.
     """
     inverse_mass, velocity, gap, gravity = columns
     if walls is not None:
@@ -156,22 +179,23 @@ def new_system(
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
-    """Return a pool with `room` free places."""
+    """Create a pool with `room` free places."""
     pool = np.zeros(room, MEMBER_RECORD)
     pool["spare"] = np.arange(room)
     return pool
 
 
 def with_more_room(s: System) -> System:
-    """Return the run with a pool of twice the size, all places of which were taken."""
+    """Return the run with a pool of twice the size. All places must be taken."""
     more = empty_pool(2 * len(s.pool))[len(s.pool) :]
     return s._replace(pool=s.pool + plain(more) if isinstance(s.pool, list) else np.concatenate([s.pool, more]))
 
 
 def with_room_for_a_table(s: System, i: int = 0) -> System:
-    """Return the run with twice the number of tables if all are taken.
+    """Return the run with room for one more table of contacts.
 
-    For many runs, `i` is the index of the run that needs a table.
+    The number of tables doubles if all of them are in use. For many scenes, `i` is the index of the scene that needs a
+    table.
     """
     of_many = isinstance(s.run[0], list) or np.ndim(s.run) > 1
     if int((s.run[i][0] if of_many else s.run[0])["tables"]) < len(s.tables):
@@ -183,17 +207,17 @@ def with_room_for_a_table(s: System, i: int = 0) -> System:
 def with_longer_log(s: System) -> System:
     """Return the run with a log buffer of twice the size.
 
-    It is needed if most of its rows belong to contacts that are not over yet.
+    This is necessary if most of its rows belong to contacts that have not ended.
     """
     more = np.zeros(len(s.log), CONTACT_ROW)
     return s._replace(log=s.log + plain(more) if isinstance(s.log, list) else np.append(s.log, more))
 
 
 def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float = 0.0, **limits: Any) -> System:
-    """Return the records of a scene at the start of its run, at `start` in s.
+    """Create the records of a scene for a run that starts at time `start` in s.
 
-    If the laws are cached, so are the records. A scene that differs from the previous one only in gaps and velocities
-    uses copies of the cached records.
+    Records are cached if the laws are cached. A scene that differs from the previous one only in gaps and velocities
+    uses copies of the cached records. `limits` are fields of `SOFT_RUN_RECORD`.
     """
     # a touching pair and its two neighbours, and some later
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + EXTRA_PLACES
@@ -216,7 +240,10 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
 def _made(
     scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float, room: int, limits: dict[str, Any]
 ) -> System:
-    """Make the records of `system_of`."""
+    """Create the records of `system_of` without using its cache.
+
+    `room` is the number of places in the pool. Raises `OverflowError` if the inverse of a mass is too large.
+    """
     # the sum of two inverse masses has to be finite
     if not 2.0 * float(scene.inverse_mass.max()) < math.inf:
         raise OverflowError("the inverse of a mass")
@@ -241,7 +268,7 @@ def _made(
 
 
 def _heat(s: System, scene: Scene) -> None:
-    """Store the thermal walls of a scene in its records."""
+    """Write the thermal walls of a scene into its records."""
     for side, thermal in enumerate(scene.heat):
         if thermal is not None:
             s.pairs["wall"][-side], s.pairs["map"][-side] = -1 - side, -1
@@ -250,9 +277,10 @@ def _heat(s: System, scene: Scene) -> None:
 
 
 def _hung(s: System, scene: Scene) -> System:
-    """Return the records of a scene whose balls are pendula.
+    """Return the records of a scene with the quantities of pendula.
 
-    The pull is the acceleration at gap 0, -Ω² d, where d is the gap at rest. There are no tables of contacts.
+    The pull of a pair is its closing acceleration at gap 0, -Ω² d, where d is its gap at rest. There are no tables of
+    contacts.
     """
     square = scene.pendulum * scene.pendulum
     assert scene.rest_gap is not None
@@ -262,7 +290,10 @@ def _hung(s: System, scene: Scene) -> System:
 
 
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
-    """Let equal pairs without a map share their tables, if not too many pairs differ."""
+    """Assign common tables of contacts to equal pairs without a contact map.
+
+    Nothing is assigned if more than `MAX_TABLED_PAIRS` of these pairs differ.
+    """
     known = s.kinds["map"][laws.kind]
     lacking = np.flatnonzero(((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT))) & (s.pairs["wall"] == 0))
     if len(lacking):
@@ -273,7 +304,10 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
 
 @kernel
 def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
-    """Move pair `c` from free flight into the pool."""
+    """Move pair `c` from free flight into the pool.
+
+    Its record in the pool receives its state, its law and its clock.
+    """
     pair, law = pairs[c], kinds[pairs[c].kind_of]
     pair.slot = pool[run.members].spare
     run.members += 1
@@ -298,7 +332,7 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
 
 @kernel
 def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
-    """Return the place of pair `c` to the pool."""
+    """Free the place of pair `c` in the pool."""
     run.members -= 1
     pool[run.members].spare, pairs[c].slot = pairs[c].slot, -1
     if RING:
@@ -307,13 +341,13 @@ def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
 
 @kernel
 def count_of(pairs: Any) -> int:
-    """Return the number of pairs."""
+    """Return the number of pairs. On a ring it is half the length of `pairs`."""
     return len(pairs) // 2 if RING else len(pairs)
 
 
 @kernel
 def nth(pairs: Any, c: int) -> int:
-    """Return the number of a pair or body, on a ring modulo the number of pairs."""
+    """Return the number of pair or body `c`, on a ring modulo the number of pairs."""
     return c % (len(pairs) // 2) if RING else c
 
 
@@ -327,7 +361,8 @@ def is_closed(pairs: Any, lo: int, hi: int) -> bool:
 def beside(pairs: Any, c: int) -> tuple[int, int]:
     """Return the numbers of the pairs below and above pair `c`.
 
-    At the ends of a line they are -1 and the number of pairs. On a ring of two balls, the other pair is the one above.
+    At the ends of a line they are -1 and the number of pairs. A ring of two balls has only one other pair: it is
+    returned as the pair above, and -1 as the pair below.
     """
     if RING:
         n = len(pairs) // 2
@@ -337,9 +372,9 @@ def beside(pairs: Any, c: int) -> tuple[int, int]:
 
 @kernel
 def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
-    """Return the pairs below and above the current island on a ring.
+    """Return the pairs below and above the island of the current event on a ring.
 
-    A closed island has no neighbours: the result is -1 and the length of `pairs`, as for a whole line.
+    If the island consists of all pairs, the result is -1 and the length of `pairs`, as for an island that fills a line.
     """
     if is_closed(pairs, run.lo, run.hi):
         return -1, len(pairs)
@@ -348,9 +383,9 @@ def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
 
 @kernel
 def lengthen(run: Any, pairs: Any, lo: int) -> None:
-    """Extend the current island on a ring by the block that starts with pair `lo`.
+    """Extend the island of the current event on a ring by a block next to it.
 
-    The block is directly above or below the island.
+    The block starts with pair `lo`, directly above or below the island.
     """
     size = pairs[lo].hi - lo
     if lo == nth(pairs, run.hi):

@@ -1,4 +1,4 @@
-"""Driven walls in a run: free flight beside a wall, and their series in pieces.
+"""Driven walls in a run: free flight next to a wall, and their series in pieces.
 
 A pair at a driven wall closes at the acceleration pull + m'', where m is the displacement of the wall towards the
 balls. In free flight the pair follows the exact path of the wall, and its next touch is certified
@@ -6,8 +6,8 @@ balls. In free flight the pair follows the exact path of the wall, and its next 
 piece ends at the latest at the end of a panel of the path, the event EDGE, where the velocity of the wall may jump.
 Paths are evaluated at start + t + tail with the run's own clock t + tail, so that a late start costs no digits.
 
-`pair.wall` is the number of the wall, from 1 on, or 0 for other pairs. Scenes without driven walls use kernels with
-`DRIVEN` false, in which nothing of this module is compiled.
+`pair.wall` is the number of the wall, from 1 onwards, or 0 for other pairs. Scenes without driven walls use kernels
+with `DRIVEN` false, in which nothing of this module is compiled.
 """
 
 from __future__ import annotations
@@ -36,21 +36,22 @@ Walls = namedtuple("Walls", "start wall panels path push")
 """Driven walls of a run.
 
 `start` is the time in s at which the run's own clock is 0. `wall` and `panels` are records `WALL_DTYPE` and
-`PANEL_DTYPE`. `path` and `push` are temporary storage per wall: the power series of side·m in m in the time, and the
-series of its acceleration in τ.
-"""
+`PANEL_DTYPE`. `path` and `push` are temporary storage per wall. `path` has the power series of the displacement side·m
+in m, in powers of the time in s. `push` has the series of the acceleration in powers of τ."""
 Hung = namedtuple("Hung", "omega square")
-"""Ω in 1/s of pendula, and Ω²: the parameters of free flight, in place of `Walls`."""
-MAX_TERM_SUM = 4.0
-"""Maximum sum of the terms of a wall's acceleration, in units of its bound.
+"""Parameters of pendula in free flight: Ω in 1/s, and Ω² in 1/s².
 
-Pieces are so short that the sum stays below it."""
+They are the `field` of a run with pendula, in place of `Walls`."""
+MAX_TERM_SUM = 4.0
+"""Maximum sum of the terms of a wall's acceleration series, in units of its bound.
+
+The duration of a piece is limited so that the sum stays below this value."""
 
 
 def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
-    """Return the driven walls of a scene for a run that starts at `start` in s.
+    """Return the driven walls of a scene for a run that starts at time `start` in s.
 
-    `terms` is the number of terms of the series. Returns None if no wall ever moves.
+    `terms` is the number of coefficients of the acceleration series in a piece. Returns None if no wall ever moves.
     """
     driven = driven_walls(scene, start, still=False)
     if not driven:
@@ -61,13 +62,19 @@ def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
 
 
 def numbers_at_ends(walls: Walls) -> tuple[int, int]:
-    """Return the numbers of the driven walls at both ends of a scene, from 1 on, or 0."""
+    """Return the numbers of the driven walls at the lower and upper end of a scene.
+
+    Numbers start with 1. The number is 0 at an end without a driven wall.
+    """
     sides = [float(wall["side"]) for wall in walls.wall]
     return (1 if sides[0] > 0.0 else 0), (len(sides) if sides[-1] < 0.0 else 0)
 
 
 def with_walls(walls: Walls, velocity: Array) -> Array:
-    """Return the velocities (n,) in m/s of the bodies, with driven walls at the start."""
+    """Return the velocities of the bodies in m/s, with driven walls at the start time.
+
+    `velocity` has shape (n,) and is not modified.
+    """
     velocity = np.array(velocity)
     wall, panels = plain(walls.wall), plain(walls.panels)
     for one in wall:
@@ -76,14 +83,20 @@ def with_walls(walls: Walls, velocity: Array) -> Array:
 
 
 def plain_walls(walls: Any) -> Any:
-    """Return driven walls in the form for interpreted code."""
+    """Convert driven walls to plain objects and lists for interpreted code.
+
+    Pendula and None are returned unchanged.
+    """
     if not isinstance(walls, Walls) or isinstance(walls.wall, list):
         return walls
     return Walls(walls.start, plain(walls.wall), plain(walls.panels), walls.path.tolist(), walls.push.tolist())
 
 
 def compiled_walls(walls: Any) -> Any:
-    """Return driven walls in the form for compiled code."""
+    """Convert driven walls to numpy arrays for compiled code.
+
+    Pendula and None are returned unchanged.
+    """
     if not isinstance(walls, Walls):
         return walls
     scratch = np.array(walls.path), np.array(walls.push)
@@ -92,16 +105,20 @@ def compiled_walls(walls: Any) -> Any:
 
 @kernel
 def absolute(walls: Any, t: float, tail: float) -> tuple[float, float]:
-    """Return the caller's time, in two floats, at t + tail of the run's own clock."""
+    """Return the time of the caller in s at the time t + tail of the run's own clock.
+
+    The result is the sum of two floats.
+    """
     high, low = total(walls.start, t)
     return high, low + tail
 
 
 @kernel
 def flown(field: Any, pair: Any, dt: float) -> tuple[float, float]:
-    """Return the overlap and rate of a free pair a time `dt` after its clock.
+    """Return the overlap (m) and rate (m/s) of a pair in free flight after `dt` (s).
 
-    Before its clock, at negative `dt`, the result belongs to its asymptote.
+    `dt` starts at the clock of the pair. If it is negative, the result belongs to its asymptote: its free motion
+    extended into the contact before it. `field` is the record of driven walls or pendula, or None.
     """
     if DRIVEN and pair.wall > 0:
         return flight_at_wall(field, pair, 0.0, -pair.xi, -pair.eta, dt)
@@ -113,13 +130,13 @@ def flown(field: Any, pair: Any, dt: float) -> tuple[float, float]:
 
 @kernel
 def rest_gap(field: Any, pair: Any) -> float:
-    """Return the gap in m between two pendula at rest."""
+    """Return the gap in m between two pendula in their rest positions."""
     return float(-pair.pull / field.square)
 
 
 @kernel
 def rate_at(field: Any, pair: Any, t: float) -> float:
-    """Return the rate of the overlap of a free pair at the time t."""
+    """Return the rate of the overlap in m/s of a pair in free flight at time `t` in s."""
     if HUNG or (DRIVEN and pair.wall > 0):
         return float(flown(field, pair, (t - pair.t) - pair.tail)[1])
     return float(pair.eta + pair.pull * (t - pair.t))
@@ -129,7 +146,8 @@ def rate_at(field: Any, pair: Any, t: float) -> float:
 def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> tuple[float, float]:
     """Return the overlap and rate of a pair at a driven wall after a flight of `dt`.
 
-    The flight starts a time `ahead` after the clock of the pair, with the given gap and its rate.
+    The flight starts a time `ahead` (s) after the clock of the pair, with the given gap in m and its rate in m/s. A
+    positive rate opens the gap. Of the results, a positive overlap rate closes it.
     """
     t, tail = absolute(walls, pair.t, pair.tail + ahead)
     gap, rate = after(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, rate, pair.pull, dt)
@@ -138,7 +156,10 @@ def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float,
 
 @kernel
 def touching_rate(field: Any, pair: Any, wait: float) -> float:
-    """Return the rate of an open pair that touches a time `wait` after its clock."""
+    """Return the rate of the overlap in m/s at which an open pair touches.
+
+    The touch is a time `wait` in s after the clock of the pair.
+    """
     if DRIVEN and pair.wall > 0:
         return flown(field, pair, wait)[1]
     if HUNG:
@@ -149,7 +170,7 @@ def touching_rate(field: Any, pair: Any, wait: float) -> float:
 
 @kernel
 def next_touch(field: Any, pair: Any) -> float:
-    """Return the time from the clock of an open pair to its next touch, or inf.
+    """Return the time in s from the clock of an open pair to its next touch, or inf.
 
     The pair is at a driven wall or consists of pendula.
     """
@@ -162,9 +183,10 @@ def next_touch(field: Any, pair: Any) -> float:
 
 @kernel
 def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
-    """Return the largest acceleration at which the gap of a flying pair opens.
+    """Return the largest acceleration in m/s² at which the gap of a flying pair opens.
 
-    The maximum is over the interval `span` that starts a time `ahead` after its clock. It is 0 if the gap is concave.
+    The maximum is over the interval `span` (s) that starts a time `ahead` (s) after its clock. It is 0 if gravity and
+    the wall only close the gap.
     """
     if DRIVEN and pair.wall > 0:
         t, tail = absolute(field, pair.t, pair.tail + ahead)
@@ -175,7 +197,10 @@ def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
 
 @kernel
 def carry_walls(walls: Any, s: Any) -> None:
-    """Update the velocities of driven walls, and the pulls at them, for the event."""
+    """Set the velocities of driven walls, and the pulls at them, at the current event.
+
+    Only pairs in islands have a pull that includes the acceleration of the wall.
+    """
     run = s.run[0]
     for i in range(len(walls.wall)):
         c, b = (0, 0) if walls.wall[i].side > 0.0 else (len(s.pairs) - 1, len(s.bodies) - 1)
@@ -187,9 +212,10 @@ def carry_walls(walls: Any, s: Any) -> None:
 
 @kernel
 def gap_later(field: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> float:
-    """Return the gap after a flight of `dt` from the given gap and its rate.
+    """Return the gap in m after a flight of `dt` from the given gap and its rate.
 
-    The flight starts a time `ahead` after the clock of the pair.
+    The flight starts a time `ahead` (s) after the clock of the pair. `gap` is in m, and `rate` in m/s is positive if
+    the gap opens.
     """
     if DRIVEN and pair.wall > 0:
         return -flight_at_wall(field, pair, ahead, gap, rate, dt)[0]
@@ -200,9 +226,9 @@ def gap_later(field: Any, pair: Any, ahead: float, gap: float, rate: float, dt: 
 
 @kernel
 def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> float:
-    """Return the rate of the overlap after a flight of `dt` that ends at `gap`.
+    """Return the rate of the overlap in m/s after a flight of `dt` that ends at `gap`.
 
-    `eta` is the rate at the clock of the pair.
+    `eta` is the rate of the overlap at the clock of the pair, where the flight starts.
     """
     if HUNG and dt > 0.0:
         cosine, sine = math.cos(field.omega * dt), math.sin(field.omega * dt)
@@ -215,9 +241,9 @@ def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> floa
 
 @kernel
 def speed_at(walls: Any, pair: Any, body: Any, block: Any) -> float:
-    """Return the velocity of the wall `body` at the clock of a block.
+    """Return the velocity in m/s of a wall at the clock of a block, upwards positive.
 
-    `pair` is the pair at the wall.
+    `pair` is the pair at the wall, and `body` the record of the wall.
     """
     if DRIVEN and pair.wall > 0:
         return velocity_of_wall(walls, pair.wall - 1, block.t, block.tail)[0]
@@ -226,7 +252,10 @@ def speed_at(walls: Any, pair: Any, body: Any, block: Any) -> float:
 
 @kernel
 def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, float]:
-    """Return the velocity of driven wall `i` and its acceleration towards the balls."""
+    """Return the velocity of driven wall `i` and its acceleration towards the balls.
+
+    The velocity in m/s is upwards positive. The acceleration is in m/s². Both are those at the time t + tail.
+    """
     high, low = absolute(walls, t, tail)
     _, v, a = wall_at(walls.wall[i], walls.panels, high, low)
     return v, walls.wall[i].side * a
@@ -234,11 +263,12 @@ def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, 
 
 @kernel
 def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
-    """Expand the paths of driven walls of an island about the clock of its block.
+    """Prepare the series of driven walls for the next piece of an island.
 
-    `lo` is the first pair of the island. Returns the longest permitted duration of the next piece, inf without driven
-    walls. Sets `holds` of the block, the time to the next edge of a panel, and `pull` and `sway` of the pairs at driven
-    walls, the closing acceleration at the start of the piece and a bound of its magnitude.
+    The paths are expanded about the clock of the block that starts with pair `lo`. Returns the longest permitted
+    duration of the piece in s, or inf without driven walls. Sets `holds` of the block, the time in s to the next edge
+    of a panel. At driven walls it also sets `pull` and `sway` of the pairs: the closing acceleration in m/s² at the
+    start of the piece, and a bound of its magnitude.
     """
     reach = math.inf
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
@@ -271,10 +301,11 @@ def expand_path(walls: Any, i: int, block: Any) -> float:
 
 @kernel
 def tame(path: Any, reach: float, bound: float) -> float:
-    """Return a time up to `reach` in which a wall's acceleration series is small.
+    """Return a time up to `reach` in which the acceleration series of a wall is small.
 
-    The sum of the absolute values of its terms is then at most `MAX_TERM_SUM` times `bound`. If `reach` is inf, no
-    single term exceeds `bound` instead.
+    Times are in s. `path` has the coefficients of the displacement in m in powers of the time. The sum of the absolute
+    values of the terms of the acceleration is at most `MAX_TERM_SUM` times `bound` (m/s²). If `reach` is inf, no single
+    term exceeds `bound` instead.
     """
     if not reach < math.inf:
         # a path without edges: every term on its own stays below the bound
@@ -296,9 +327,9 @@ def tame(path: Any, reach: float, bound: float) -> float:
 
 @kernel
 def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
-    """Write the accelerations of driven walls as power series in τ, t = (hτ)^q.
+    """Compute the accelerations of driven walls as power series in τ, with t = (hτ)^q.
 
-    The constant terms are left out: they are part of the pull.
+    They are stored in `walls.push` in m/s². The constant terms are left out because they are part of the pull.
     """
     for c in range(lo, hi):
         if pairs[c].wall > 0:
@@ -319,7 +350,8 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
 def beside_edge(walls: Any, pair: Any, block: Any) -> float:
     """Return the signed time in s from the clock of a block to the edge of a panel.
 
-    Returns 0 if the edge is farther away than rounding, if the path is periodic, or if `pair` is not at a driven wall.
+    The result is 0 if the edge is farther away than rounding, if the path is periodic, or if `pair` is not at a driven
+    wall.
     """
     if pair.wall <= 0:
         return 0.0
@@ -329,10 +361,10 @@ def beside_edge(walls: Any, pair: Any, block: Any) -> float:
 
 @kernel
 def jump_at(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]:
-    """Return the jump of the rate of a pair at an edge of its wall's path.
+    """Return the jump in m/s of the rate of a pair at an edge of its wall's path.
 
-    The second number is the same jump between the two panels as stored, with their rounding errors. Both are 0
-    elsewhere.
+    The second number is the same jump between the two panels as stored, with their rounding errors. Both are 0 if t +
+    tail is not at an edge.
     """
     wall = walls.wall[pair.wall - 1]
     high, low = absolute(walls, t, tail)
