@@ -1,4 +1,8 @@
-"""Checkpoints: the records of a run, as they were before its last sample was made."""
+"""Checkpoints: the state of a run from which it can be continued.
+
+A checkpoint contains the records before the end of the run was evaluated. This evaluation changes the records, and a
+continued run must not depend on it.
+"""
 
 from __future__ import annotations
 
@@ -30,17 +34,23 @@ CHECKPOINT_RECORDS = {
     "log": CONTACT_ROW,
     "ledger": ENERGY_ACCOUNT_RECORD,
 }
-"""Records in a checkpoint.
+"""Records in a checkpoint, and their types.
 
-Of tables and log only the used part is stored. The energy balance exists if walls are driven or thermal."""
+Of tables and log only the used part is stored. The energy balance exists only if walls are driven or thermal."""
 MAX_FULL_COPY_PAIRS = 256
-"""Number of pairs up to which all records are copied: a selection takes longer."""
+"""Number of pairs up to which all records are copied.
+
+For so few pairs, selecting the records that change takes longer than copying all of them."""
 
 
 class Checkpoint(Mapping[str, Any]):
-    """State of a run as arrays by name, created at the first access."""
+    """State of a run as arrays by name.
+
+    The arrays are created at the first access.
+    """
 
     def __init__(self, s: System, words: dict[str, Any]) -> None:
+        """Store the records `s` and additional entries `words`."""
         self._s: Any = s._replace(queue=None, scratch=None)
         self._arrays: dict[str, Any] = words
 
@@ -57,6 +67,7 @@ class Checkpoint(Mapping[str, Any]):
         return dict, (self._made(),)
 
     def _made(self) -> dict[str, Any]:
+        """Return the arrays, and create them if necessary."""
         if (s := self._s) is not None:  # another thread can create the same arrays
             used = {"tables": int(column(s.run, "tables")[0]), "log": int(column(s.run, "rows")[0])}
             kept = {name: getattr(s, name) for name in CHECKPOINT_RECORDS}
@@ -67,15 +78,15 @@ class Checkpoint(Mapping[str, Any]):
 
 
 class Untouched:
-    """Records of a run before its end is evaluated.
+    """Copy of the records of a run before its end is evaluated.
 
-    For a large run, only the records that this changes are copied, and later restored.
+    For a large run, only the records that the evaluation changes are copied. `put_back` restores them.
     """
 
     def __init__(self, s: System, t: float) -> None:
-        """Copy the records that the end of a run at time `t` changes.
+        """Copy the records that the evaluation of a run's end changes.
 
-        For a small run, or on a ring, all records are copied.
+        `t` is the end in s on the clock of the run. For a small run, or on a ring, all records are copied.
         """
         slot, self.kept = column(s.pairs, "slot"), list[tuple[Any, Any, Any]]()
         rows = int(s.run[0]["rows"])
@@ -103,14 +114,17 @@ class Untouched:
 
 
 def _kept(records: Any) -> Any:
-    """Return a copy of records that is never modified."""
+    """Return a copy of records. For non-empty arrays it is read-only."""
     if isinstance(records, np.ndarray) and records.size:
         return np.frombuffer(records.tobytes(), records.dtype)
     return copied(records)
 
 
 def _concerned(s: System, t: float) -> tuple[Any, Any]:
-    """Return the pairs, and their bodies, that the end of a run at time `t` changes."""
+    """Return the numbers of the pairs and bodies that the end of a run changes.
+
+    `t` is the end in s. The pairs are in islands, in contacts that last beyond `t`, or next to such a contact.
+    """
     clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
     inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # with a margin for rounding
     joined = np.flatnonzero(slot >= 0)
@@ -122,7 +136,7 @@ def _concerned(s: System, t: float) -> tuple[Any, Any]:
 
 
 def _taken(records: Any, index: Any) -> Any:
-    """Return a copy of the records at `index`."""
+    """Return a copy of the records at `index`, a slice or an array of numbers."""
     if isinstance(records, np.ndarray):
         return raw(records)[index].copy()
     return copied(records[index] if isinstance(index, slice) else [records[i] for i in index.tolist()])

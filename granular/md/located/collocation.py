@@ -1,8 +1,9 @@
-"""Collocation at Gauss points, and events of laws that are not powers.
+"""Collocation at Gauss points, and events of general laws.
 
-The force vanishes or returns where the law itself changes sign. An interpolant indicates where to search. Near ξ = 0,
-where every force is small, its sign is unreliable. The law is therefore evaluated, and the root is found by bisection.
-A pair whose force stays positive up to ξ = 0 separates there and nowhere else.
+General laws are force laws that power series cannot represent. Their force vanishes or returns where the law itself
+changes sign. The interpolant of the force (`g` of a pair) indicates where to search. Near ξ = 0, where every force is
+small, its sign is unreliable. The law is therefore evaluated, and the root is found by bisection. A pair whose force
+stays positive up to ξ = 0 separates there and nowhere else.
 """
 
 from __future__ import annotations
@@ -21,38 +22,41 @@ from granular.md.located.records import ACTIVE, BEGIN, END, PART, RELOAD, SERIES
 from granular.md.located.step_size import amplitude
 
 GAUSS_POINTS = 16
+"""Number of Gauss points per step."""
 _LEGENDRE_NODES, GAUSS_WEIGHTS = legendre.leggauss(GAUSS_POINTS)
 _LEGENDRE_BASIS = [Legendre.basis(k, domain=[0.0, 1.0]).convert(kind=Polynomial).coef for k in range(GAUSS_POINTS)]
 GAUSS_NODES = 0.5 * (_LEGENDRE_NODES + 1.0)
 TO_LEGENDRE = (
     legendre.legvander(_LEGENDRE_NODES, GAUSS_POINTS - 1).T * GAUSS_WEIGHTS * (np.arange(GAUSS_POINTS)[:, None] + 0.5)
 )
+"""Matrix from values at the nodes to Legendre coefficients."""
 TO_POWERS = np.array([np.pad(np.round(row), (0, GAUSS_POINTS - len(row))) for row in _LEGENDRE_BASIS])
-"""Coefficients in τ of the Legendre polynomials in 2τ - 1, one per row."""
+"""Coefficients in τ of the Legendre polynomials in 2τ - 1, one polynomial per row."""
 CHECK_POINTS = np.concatenate([[0.0], 0.5 * (GAUSS_NODES[1:] + GAUSS_NODES[:-1]), [1.0]])
-"""Points at which the interpolant is checked: both ends, and between the nodes."""
+"""τ at which the interpolant is checked: both ends, and between the nodes."""
 TO_CHECK_POINTS = legendre.legvander(2.0 * CHECK_POINTS - 1.0, GAUSS_POINTS - 1) @ TO_LEGENDRE
-"""Matrix from values at the nodes to values at the points of `CHECK_POINTS`."""
+"""Matrix from values at the nodes to values at `CHECK_POINTS`."""
 CHECK_POINT_SHARES = np.array(
     [1.0 - GAUSS_NODES[-1], *[1.0 / GAUSS_POINTS] * (GAUSS_POINTS - 1), 1.0 - GAUSS_NODES[-1]]
 )
-"""Share of the step that each of these points represents."""
+"""Fraction of the step that each point of `CHECK_POINTS` represents."""
 Sign = Callable[..., bool]
-"""Whether the law gives a positive force at τ.
+"""Type of functions that return whether the law gives a positive force at τ.
 
-With a second argument True: beyond rounding errors."""
+If a second argument is True, the force must be positive beyond rounding errors."""
 SEPARATION_TRIALS = 26
-"""Points at which a law is evaluated before its pair separates.
+"""Number of points at which a law is evaluated before its pair separates.
 
-The distance to the separation decreases by 4 per point: 4⁻²⁶ = 2⁻⁵²."""
+The distance to the separation decreases by a factor of 4 per point: 4⁻²⁶ = 2⁻⁵²."""
 RETURN_TRIALS = 16
-"""Points at which a law is evaluated before its force returns."""
+"""Number of points at which a law is evaluated before its force returns."""
 
 
 def _integrals(places: Array) -> Array:
-    """Return the matrix from values at the nodes to integrals from 0 to `places`.
+    """Return the matrix from values at the nodes to integrals over a part of the step.
 
-    The places are in [-1, 1].
+    The integrals extend from the start of the step to `places`, which are in [-1, 1] from its start to its end. The
+    length of the step is 1.
     """
     powers = [(legendre.legint([0.0] * k + [0.5], lbnd=-1), k + 1) for k in range(GAUSS_POINTS)]
     primitive = [row @ legendre.legvander(places, degree).T for row, degree in powers]
@@ -61,7 +65,7 @@ def _integrals(places: Array) -> Array:
 
 
 INTEGRATE_TO_NODES, INTEGRATE_TO_CHECK_POINTS = _integrals(_LEGENDRE_NODES), _integrals(2.0 * CHECK_POINTS - 1.0)
-"""Matrices from values at the nodes to integrals from 0.
+"""Matrices from values at the nodes to integrals from the start of a step.
 
 The integrals end at each node, and at each point of `CHECK_POINTS`."""
 
@@ -71,8 +75,8 @@ def next_event_of_law(
 ) -> tuple[float, int]:
     """Return the τ of the first event of an overlapping pair, and the event.
 
-    The search covers [0, span], and τ is inf without an event. `idles` returns whether the force is 0 at τ and in a
-    neighbourhood. `doubt` in N is the uncertainty of g.
+    The search covers [0, span], and τ is inf without an event. `pushes` returns whether the force is positive at τ,
+    `idles` whether it is 0 at τ and in a neighbourhood. `doubt` in N is the uncertainty of the interpolated force.
     """
     parts = first_up_crossing(pair.x, span, scratch, -1.0)
     until = min(parts, span)
@@ -93,10 +97,10 @@ def next_event_of_law(
 
 
 def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scratch: Any) -> float:
-    """Return the first τ up to `span` at which the force vanishes, or inf.
+    """Return the first τ up to `span` at which the force of a pair vanishes, or inf.
 
-    Just before the pair separates (`parts`), its force is smaller than any uncertainty. There the law is evaluated at
-    ever smaller distances.
+    If the pair separates at `span` (`parts`), its force just before is smaller than any uncertainty. There the law is
+    evaluated at ever smaller distances.
     """
     before, found = 0.0, shifted(pair.g, doubt, span, scratch, -1.0)
     if not parts and (found == math.inf or pushes(found)):
@@ -113,19 +117,20 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scrat
 
 
 def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, scratch: Any) -> float:
-    """Return the τ from which the force is 0 around a minimum of the overlap.
+    """Return the τ at which the force vanishes around a minimum of the overlap.
 
-    Only τ up to `span` are examined. The law is evaluated at the first minimum, and the onset is found by bisection.
-    The result is inf if there is no such interval, or if the overlap does not decrease at τ = 0.
+    The law has zero force on an interval around this minimum, although the pair overlaps. Only τ up to `span` are
+    examined. The law is evaluated at the first minimum, and the start of the interval is found by bisection. The result
+    is inf if there is no such interval, or if the overlap does not decrease at τ = 0.
     """
     least = first_up_crossing(pair.e, span, scratch) if pair.e[0] < 0.0 else math.inf
     return bisected(pushes, *last_push(pushes, least)) if least < math.inf and idles(least) else math.inf
 
 
 def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
-    """Return an interval up to `tau` in which the force vanishes.
+    """Return an interval (low, high) up to `tau` within which the force vanishes.
 
-    It is (0, 0) if the force was never positive.
+    The force is positive at `low`, but not at `high`. The result is (0, 0) if no positive force is found.
     """
     low, high = 0.0, tau
     for _ in range(SEPARATION_TRIALS):
@@ -138,10 +143,11 @@ def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
 
 
 def regains(pair: Any, pushes: Sign, doubt: float, span: float, scratch: Any) -> float:
-    """Return the first τ up to `span` at which a clipped force returns, or inf.
+    """Return the first τ up to `span` at which the force of a residual pair returns.
 
-    The force has to be positive beyond rounding. The law is evaluated at points up to the one where the interpolant
-    becomes positive. After a kink this point can be too early, so later points follow.
+    The result is inf if it does not return. The force has to be positive beyond rounding. The law is evaluated at
+    points up to the τ where the interpolant becomes positive. After a kink of the law this τ can be too early, so later
+    points are evaluated as well.
     """
     found = shifted(pair.g, -doubt, span, scratch, 1.0)
     if found == math.inf and not pushes(span, True):
@@ -165,14 +171,16 @@ def bisected(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _own_speeds(pairs: list[Any]) -> Array:
+    """Return the typical speeds of pairs in m/s, 1 for pairs without a typical speed."""
     return np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
 
 
 def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[Array, float]:
-    """Return the mean error of each force, and the largest relative error.
+    """Return the mean error of each pair's force, and the largest relative error.
 
-    Relative errors are divided by the largest force of the contact. `off` contains the errors of the interpolants
-    between the nodes. Values up to `noise` are rounding errors.
+    The mean over the step is in N. The second result is relative to the largest force of the contact, and is computed
+    for active pairs. `force` has the forces at the nodes, shape (pairs, nodes). `off` has the errors of the
+    interpolants at `CHECK_POINTS`. Values up to `noise` in N are rounding errors and count as 0.
     """
     last_terms = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
     last_terms, off = np.where(last_terms > noise, last_terms, 0.0), np.where(off > noise[:, None], off, 0.0)
@@ -183,9 +191,9 @@ def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[A
 
 
 def _beside(force: Array, closed: bool) -> Array:
-    """Return forces (pairs, nodes) with a row before the first and after the last.
+    """Return forces (pairs, nodes) with one more row before and after all pairs.
 
-    These rows are 0, or on a ring the forces of the neighbours.
+    These rows are 0, or on a whole ring (`closed`) the forces of the last and the first pair.
     """
     return np.concatenate([force[-1:], force, force[:1]]) if closed else np.pad(force, ((1, 1), (0, 0)))
 
@@ -193,7 +201,8 @@ def _beside(force: Array, closed: bool) -> Array:
 def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> None:
     """Write the coefficients of rates and overlaps from the coefficients of forces.
 
-    Paths of driven walls and Ω² of pendula (`square`) are included.
+    The accelerations of driven walls (`shaken`: number of the pair in the island, and path) and Ω² of pendula
+    (`square`) are included.
     """
     q, rows = pairs[0].clock, _beside(np.array([p.f for p in pairs]), closed).tolist()
     sigma = q * pairs[0].h ** q
@@ -213,9 +222,9 @@ def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> No
 
 
 def shown(shaken: Any, holds: float, q: int) -> float:
-    """Return a time up to `holds` in which a series represents the wall paths.
+    """Return a time up to `holds` (s) in which a series represents the wall paths.
 
-    The series has order 20 on the clock of q.
+    The series has order 20 in τ, with t = (hτ)^q. `shaken` lists the pairs at driven walls and their paths.
     """
     for _, path in shaken:
         terms = [abs((j + 1) * (j + 2) * path[j + 2]) for j in range(len(path) - 2)]
@@ -229,9 +238,10 @@ def shown(shaken: Any, holds: float, q: int) -> float:
 
 
 def _shaking(shaken: Any, count: int, times: Array) -> Array:
-    """Return accelerations (pairs, nodes) in m/s² of driven walls towards the balls.
+    """Return the accelerations in m/s² of driven walls towards the balls.
 
-    Their values at the start are excluded.
+    The shape is (`count` pairs, times). `times` are in s from the start of the step. The values at the start are
+    excluded, because they are part of the pulls.
     """
     out = np.zeros((count, len(times)))
     for i, path in shaken:

@@ -1,7 +1,7 @@
 """End of a located run: static overlaps, statistics, message and last contacts.
 
-A run that ends at rest is continued until its overlaps are static. They are compared at times of 7 binary digits,
-independent of the time of the proof, so that a resumed run ends bitwise identically.
+A run that ends at rest is continued until its overlaps are static. They are compared with the static values at times of
+7 binary digits. These times do not depend on the time of the proof, so that a resumed run ends bitwise identically.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ STATIC_OVERLAP_TOLERANCE = 1e-9
 MAX_STATIC_TESTS = 4096
 """Maximum number of comparisons, 64 per doubling of the time.
 
-A slower decay is not resolved by floats."""
+If the overlaps are not static then, they decay more slowly than floats can resolve."""
 
 
 def settle(run: Any) -> None:
@@ -53,9 +53,9 @@ def settle(run: Any) -> None:
 
 
 def _look(time: float, shortest: float) -> float:
-    """Return the first time of a comparison from `time` on.
+    """Return the first time in s of a comparison at or after `time`.
 
-    It is 0, or a number of 7 binary digits that is at least about `shortest`.
+    The times of comparisons are 0 and the numbers of 7 binary digits that are at least about `shortest`.
     """
     if time == 0.0:
         return 0.0
@@ -64,7 +64,7 @@ def _look(time: float, shortest: float) -> float:
 
 
 def stats_of(run: Any, r: Any) -> dict[str, Any]:
-    """Return the statistics of a run; `r` is its record of counters."""
+    """Return the statistics of a run. `r` is its record of counters."""
     return {
         "engine": "compiled" if run.engine == "compiled" else "plain",
         "steps": int(r.steps), "events": int(r.events), "contacts": int(r.contacts),
@@ -76,7 +76,10 @@ def stats_of(run: Any, r: Any) -> dict[str, Any]:
 
 
 def message_of(run: Any, status: Status, r: Any, t: float) -> str:
-    """Return the sentence of a status with its numbers."""
+    """Return the sentence of a status with numbers and the usual remedy.
+
+    `r` is the record of counters, and `t` the time in s at which the run ended.
+    """
     sentence = f"{status.value} (t = {t:.6g} s, {r.contacts} contacts, {r.steps} steps)"
     until = run.request.until
     if status is Status.max_events and not run.pace.stalled:
@@ -102,9 +105,11 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
 
 
 def slowest_decay(pairs: list[Any], closed: bool) -> float:
-    """Return the decay time in s of the slowest motion about the state of a pile.
+    """Return the decay time in s of the slowest small motion of a pile.
 
-    The result is inf without decay. Between two walls (`closed`) the sum of overlaps is constant: no motion changes it.
+    The pile consists of touching `pairs`, and the motion is about their current overlaps. The result is inf if this
+    motion does not decay. Between two walls (`closed`) the sum of overlaps is constant, so motions that change it are
+    excluded.
     """
     a, n = matrices(pairs), len(pairs)
     if closed:
@@ -118,7 +123,7 @@ def slowest_decay(pairs: list[Any], closed: bool) -> float:
 def matrices(pairs: list[Any]) -> Array:
     """Return the matrix A of ẏ = A y for small motions y = (ξ, η) of touching pairs.
 
-    The motions are about the current overlaps.
+    For n pairs it has shape (2n, 2n). The motions are about the current overlaps.
     """
     k = np.array([p.k if p.p == 1.0 else p.k * p.p * p.xi ** (p.p - 1.0) for p in pairs])
     gamma = np.array([p.gamma if p.d == 0.0 else p.gamma * p.xi**p.d for p in pairs])
@@ -128,16 +133,16 @@ def matrices(pairs: list[Any]) -> Array:
 
 
 def members(run: Any) -> list[Any]:
-    """Return the pairs in islands as plain objects, from the bottom up."""
+    """Return the records of the pairs in islands as plain objects, from the bottom up."""
     slot = column(run.s.pairs, "slot")[: run.scene.n_pairs]
     slots = slot[slot >= 0].tolist()
     return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
 
 
 def rest_of_log(run: Any, end: float) -> Rows | None:
-    """Return the contacts that are not yet in the log, or None.
+    """Return the contacts at the end of a run that are not yet in the log, or None.
 
-    Contacts that continue at the end have no end time.
+    `end` is the end in s on the clock of the run. Contacts that have not ended have nan as their end time.
     """
     left = [*run.rows(), *(run.dated(rows) for rows in _still_open(run))]
     if not left:
@@ -149,7 +154,7 @@ def rest_of_log(run: Any, end: float) -> Rows | None:
 
 
 def _still_open(run: Any) -> list[Rows]:
-    """Return the contacts that continue at the end, in a list of at most one array."""
+    """Return the contacts that have not ended, in a list of at most one array."""
     going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
     if not going:
         return []

@@ -1,10 +1,11 @@
 """Jumps of a velocity: at an edge of a driven wall's path, and at a thermal wall.
 
 A thermal wall throws a ball back at a random speed. At the touch (gap 0, closing) the rates of its pair and of the
-neighbouring pair jump. Usually this is one event without duration, with the same flank test as other contacts
-(`one_contact.meet`). If the test fails, the pair becomes STRUCK and its neighbour joins the island. The ball is thrown
-back before the blocks are formed again, and all pieces are computed again. With the ball's speeds v towards the wall
-and v2 away from it, both relative to the wall, the wall transfers
+neighbouring pair jump. Usually this is one event without duration, if the same test as for other contacts shows that no
+neighbour disturbs it (`one_contact.meet`). If the test fails, the pair becomes STRUCK and its neighbour joins the
+island. The ball is thrown back before the blocks are formed again, and all pieces are computed again.
+
+With the ball's speeds v towards the wall and v2 away from it, both relative to the wall, the wall transfers to the ball
 
     heat = ½ m (v2² - v²) ,   momentum m (v + v2) ,   and work w m (v + v2) if it moves at speed w along the momentum.
 """
@@ -25,16 +26,18 @@ from granular.md.located.walls import jump_at
 from granular.scene.walls.thermal import drawn
 
 FLOOR_HEAT_INDEX = 2
-"""Index of the heat of the floor in the energy balance; the ceiling follows."""
+"""Index of the heat from the floor in the energy balance.
+
+The heat from the ceiling has the next index."""
 SAME, CHANGED, ENDS = range(3)
-"""Results of `pass_edge`: blocks stay, blocks have to be formed again, run stops."""
+"""Results of `pass_edge`: keep the blocks, form them again, or stop the run."""
 
 
 @kernel
 def speed_away(ledger: Any, wall: int) -> float:
     """Return the speed in m/s with which the next ball leaves a thermal wall.
 
-    `wall` is -1 for the floor and -2 for the ceiling.
+    It is a random number and relative to the wall. `wall` is -1 for the floor and -2 for the ceiling.
     """
     book, side = ledger[0], -1 - wall
     return drawn(book.temperature[side], book.seed[side], side, book.contacts[side], book.mass[side])
@@ -44,7 +47,8 @@ def speed_away(ledger: Any, wall: int) -> float:
 def count_hit(s: Any, c: int, v: float, v2: float) -> None:
     """Add a reflection at the thermal wall of pair `c` to the energy balance.
 
-    The counter of reflections increases, so that the next speed is a different random number.
+    `v` and `v2` are the speeds in m/s towards the wall and away from it, relative to the wall. The counter of
+    reflections increases, so that the next speed is a different random number.
     """
     book, side = s.ledger[0], -1 - s.pairs[c].wall
     book.contacts[side] += 1
@@ -57,9 +61,10 @@ def count_hit(s: Any, c: int, v: float, v2: float) -> None:
 
 @kernel
 def thrown(s: Any, c: int) -> float:
-    """Throw back the ball of the STRUCK pair `c`.
+    """Throw back the ball of the STRUCK pair `c`, and log this contact.
 
-    Returns the increase of the rate with which the ball closes on its other neighbour.
+    Returns the velocity change v + v2 in m/s: the increase of the rate with which the ball closes on its other
+    neighbour.
     """
     run, member, side = s.run[0], s.pool[s.pairs[c].slot], -1 - s.pairs[c].wall
     ball, wall = s.bodies[c + 1 - side], s.bodies[c + side]
@@ -81,10 +86,10 @@ def thrown(s: Any, c: int) -> float:
 
 @kernel
 def pass_edge(walls: Any, s: Any, laws: Any) -> int:
-    """Pass the end of a panel of a wall's path, where its velocity may jump.
+    """Update the current island at the end of a panel of a wall path.
 
-    Applies to the island of the current event. Returns SAME, CHANGED if its blocks have to be formed again, or ENDS at
-    the stop condition.
+    The velocity of the wall may jump there. Returns SAME, CHANGED if the blocks have to be formed again, or ENDS if the
+    run has to stop before a contact.
     """
     run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
     for c in range(run.lo, run.hi):
@@ -103,7 +108,7 @@ def apply_velocity_jump(s: Any, c: int, jump: float, laws: Any) -> bool:
     """Start or end the force of pair `c` after a velocity jump.
 
     The velocity of its wall has jumped, or a thermal wall has thrown back one of its balls. `jump` is the change of the
-    rate in m/s. Returns false if the run stops.
+    rate in m/s. The rate already includes it. Returns false if the run has to stop before a contact.
     """
     run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
     force = clip(member, laws)
@@ -128,8 +133,8 @@ def apply_velocity_jump(s: Any, c: int, jump: float, laws: Any) -> bool:
 def throw_back(s: Any, laws: Any) -> int:
     """Throw back the balls of STRUCK pairs at both ends of the current island.
 
-    The neighbouring pairs are in the island too. Returns SOME if a ball was thrown back (its other pair can then push),
-    NONE, or AWAITED if the run stops before that pair pushes.
+    The neighbouring pairs are in the island too. Returns SOME if a ball was thrown back, because a force can then act
+    in the neighbouring pair. Otherwise returns NONE, or AWAITED if the run has to stop before a contact of that pair.
     """
     run, pairs, pool, found = s.run[0], s.pairs, s.pool, NONE
     for side in range(2):

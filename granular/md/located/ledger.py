@@ -1,14 +1,15 @@
-"""Energy balance: work of the walls and dissipation in contacts, by pieces.
+"""Energy balance of a run: work of the walls and dissipation in contacts.
 
 For a piece with force F, overlap ξ and rate η, elastic force F_el(ξ) = dU/dξ and velocity u of a wall towards the
 balls,
 
     work = ∫ F u dt ,   dissipated = ∫ (F - F_el) η dt = ∫ γ ξ^d η² dt .
 
-Where the force is clipped, U(ξ) is dissipated, because U counts wherever ξ > 0. Both integrands are products of
-polynomials, integrated by Gauss's rule to rounding error. A contact solved as one event dissipates ½ m (v² - v2²), and
-a wall of constant velocity does the work J u, where J is the impulse. Each sum is kept in two floats. If no wall moves
-or is thermal, `WORKED` is false and nothing of this module is compiled.
+Where the force is clipped, the elastic energy U(ξ) is dissipated, because it is included in the balance wherever ξ > 0.
+Both integrands are products of polynomials, integrated by Gauss's rule to rounding error. A contact solved as one event
+dissipates ½ m (v² - v2²), where v and v2 are the speeds before and after it. A wall of constant velocity u then does
+the work J u, where J is the impulse. Each sum is stored as two floats. If no wall moves or is thermal, `WORKED` is
+false and nothing of this module is compiled.
 """
 
 from __future__ import annotations
@@ -23,22 +24,24 @@ from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
 from granular.md.located.walls import expand_path
 
 ENERGY_NODE_COUNT = 8
-"""Nodes of Gauss's rule in a piece.
+"""Number of nodes of Gauss's rule in a piece.
 
-For terms from order 16 on, the rule has a relative error of 1e-9. The step size makes terms of order 20 as small as
-rounding errors, so that this error is smaller still."""
+For terms from order 16 onwards, the rule has a relative error of 1e-9. The step size makes terms of order 20 as small
+as rounding errors, so that this error is smaller still."""
 ENERGY_NODES, ENERGY_WEIGHTS = (
     tuple((0.5 * (row + shift)).tolist())
     for row, shift in zip(legendre.leggauss(ENERGY_NODE_COUNT), (1.0, 0.0), strict=True)
 )
 """Nodes and weights of Gauss's rule on [0, 1]."""
 FLOOR, CEILING, LOST = 0, 1, 4
-"""Indices of the work of both walls and of the dissipation; heat is between them."""
+"""Indices of the work of floor and ceiling and of the dissipation in the balance.
+
+Indices 2 and 3 are the heat from thermal walls (`jumps`)."""
 
 
 @kernel
 def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
-    """Add the work and dissipation of pair `c` in [0, τ] of its piece to `sums`.
+    """Add work and dissipation of pair `c` in its piece up to τ to `sums`, in J.
 
     `block` is the record of its island.
     """
@@ -53,7 +56,7 @@ def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
 
 @kernel
 def tally_island(s: Any, laws: Any, lo: int, tau: float, sums: Any) -> None:
-    """Add the work and dissipation of an island in [0, τ] of its piece to `sums`.
+    """Add work and dissipation of an island in its piece up to τ to `sums`, in J.
 
     `lo` is the first pair of the island.
     """
@@ -63,7 +66,10 @@ def tally_island(s: Any, laws: Any, lo: int, tau: float, sums: Any) -> None:
 
 @kernel
 def book_piece(s: Any, laws: Any, lo: int, tau: float) -> None:
-    """Add the work and dissipation of an island in [0, τ] of its piece to the balance."""
+    """Add work and dissipation of an island in its piece up to τ to the balance.
+
+    `lo` is the first pair of the island.
+    """
     begin(s.ledger[0].piece)
     tally_island(s, laws, lo, tau, s.ledger[0].piece)
     book(s.ledger[0], s.ledger[0].piece)
@@ -78,16 +84,16 @@ def begin(sums: Any) -> None:
 
 @kernel
 def book(ledger: Any, sums: Any) -> None:
-    """Add `sums` to the energy balance."""
+    """Add `sums` in J to the energy balance."""
     for i in range(len(sums)):
         add(ledger, i, sums[i])
 
 
 @kernel
 def book_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
-    """Add the contact of pair `c`, solved as one event, times `sign` to the balance.
+    """Add work and dissipation of a contact solved as one event to the balance.
 
-    `sign` is 1, or -1 to subtract the contact again.
+    `c` is its pair. `sign` is 1, or -1 to subtract the contact again.
     """
     for i in (FLOOR, CEILING, LOST):
         add(ledger[0], i, sign * at_once(ledger, s, c, i))
@@ -97,7 +103,8 @@ def book_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
 def keep_part_until_now(ledger: Any, s: Any, c: int, sums: Any) -> None:
     """Replace in `sums` the whole contact of pair `c` by its part up to now.
 
-    The contact was solved as one event. Its part up to now has just been integrated by pieces.
+    The contact was solved as one event, so that the balance contains it as a whole. Its part up to now was then
+    integrated by pieces and is in `solo`.
     """
     for i in (FLOOR, CEILING, LOST):
         sums[i] += ledger[0].solo[i] - at_once(ledger, s, c, i)
@@ -105,10 +112,10 @@ def keep_part_until_now(ledger: Any, s: Any, c: int, sums: Any) -> None:
 
 @kernel
 def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
-    """Return entry `i` of the balance for a contact of pair `c` solved as one event.
+    """Return entry `i` of the balance in J for a contact solved as one event.
 
-    The entry follows from the speed, the duration and the asymptote of the contact. For a driven wall it has been
-    stored.
+    The entry is computed from the speed, the duration and the asymptote of pair `c`. At a driven wall it is read from
+    the record that `keep_solo` wrote.
     """
     pair, lower, upper = s.pairs[c], s.bodies[c], s.bodies[c + 1]
     at_floor = lower.inverse_mass == 0.0
@@ -128,9 +135,9 @@ def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
 
 @kernel
 def keep_solo(ledger: Any, s: Any, c: int) -> None:
-    """Store the balance of the contact of pair `c` at a driven wall.
+    """Store work and dissipation of the contact of pair `c` at a driven wall.
 
-    The contact has just been integrated alone.
+    The contact has just been integrated alone. At other walls nothing is stored.
     """
     if s.pairs[c].wall > 0:
         side, book = (0 if s.bodies[c].inverse_mass == 0.0 else 1), ledger[0]
@@ -139,16 +146,16 @@ def keep_solo(ledger: Any, s: Any, c: int) -> None:
 
 @kernel
 def read(ledger: Any, sums: Any) -> None:
-    """Write the sums of the energy balance to `sums`."""
+    """Copy the energy balance in J to `sums`."""
     for i in range(len(ledger[0].total)):
         sums[i] = ledger[0].total[i] + ledger[0].low[i]
 
 
 @kernel
 def run_off(law: Any, laws: Any, pair: Any, first: float, last: float) -> float:
-    """Return the elastic energy in J that a clipped pair loses between two overlaps.
+    """Return the elastic energy in J that a residual pair loses between two overlaps.
 
-    It is 0 for pairs in other modes.
+    It is dissipated. `first` and `last` are the overlaps in m. The result is 0 for pairs in other modes.
     """
     if pair.mode != RESIDUAL:
         return 0.0
@@ -159,20 +166,23 @@ def run_off(law: Any, laws: Any, pair: Any, first: float, last: float) -> float:
 
 @kernel
 def add(ledger: Any, i: int, x: float) -> None:
-    """Add `x` to entry `i` of the energy balance, in two floats."""
+    """Add `x` in J to entry `i` of the energy balance, with the rounding error kept."""
     ledger.total[i], rest = two_sum(ledger.total[i], x)
     ledger.low[i] += rest
 
 
 @kernel
 def stored(law: Any, xi: float) -> float:
-    """Return the elastic energy k ξ^(p+1)/(p+1) of a power law in J."""
+    """Return the elastic energy k ξ^(p+1)/(p+1) of a power law in J, 0 for ξ ≤ 0."""
     return float(law.k * xi * power(xi, law.p) / (law.p + 1.0)) if xi > 0.0 else 0.0
 
 
 @kernel
 def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
-    """Return the energy in J that a contact dissipates in [0, τ] of its piece."""
+    """Return the energy in J that a pair dissipates in its piece up to τ.
+
+    `block` is the record of its island.
+    """
     if laws is not None:
         return laws.dissipated(member, block, tau)  # type: ignore[no-any-return]
     if member.mode == RESIDUAL:
@@ -194,15 +204,18 @@ def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
 
 @kernel
 def pace(block: Any, tau: float) -> float:
-    """Return dt/dx at x = 1 of the time t = (hτx)^q, with x from 0 to 1."""
+    """Return dt/dx in s at x = 1 of the time t = (hτx)^q, with x from 0 to 1.
+
+    At other x, dt/dx is larger by the factor x^(q-1).
+    """
     return block.clock * elapsed(block.h * tau, block.clock, 1.0)  # type: ignore[no-any-return]
 
 
 @kernel
 def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float:
-    """Return the work in J of a wall in [0, τ] of the piece of the pair at the wall.
+    """Return the work in J of a wall on the pair at the wall in its piece up to τ.
 
-    `speed` is the constant velocity of a wall that is not driven, towards the balls, in m/s.
+    `speed` is the velocity in m/s, towards the balls, of a wall that is not driven.
     """
     if member.mode != ACTIVE:
         return 0.0
@@ -213,7 +226,7 @@ def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float
 
 @kernel
 def work_of_driven(walls: Any, member: Any, block: Any, tau: float) -> float:
-    """Return the work in J of a driven wall in [0, τ] of the piece of its pair."""
+    """Return the work in J of a driven wall on its pair in a piece up to τ."""
     expand_path(walls, member.wall - 1, block)
     wall, path = walls.wall[member.wall - 1], walls.path[member.wall - 1]
     total, scale = 0.0, pace(block, tau)

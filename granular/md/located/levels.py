@@ -1,6 +1,7 @@
 """Observables of soft spheres between two events, for stop conditions on levels.
 
-Such a run integrates all contacts by pieces, unless disturbed contacts are ignored.
+Stop conditions on levels are `granular.until.speed`, `position` and `force`. A run with such a condition integrates all
+contacts by pieces, unless disturbed contacts are ignored.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from granular.run.until import Level
 
 
 def calm(run: Any) -> tuple[float, float]:
-    """Return the time in s that a run has reached, and the time of its next event."""
+    """Return the time in s that a run has reached, and the time of its next event.
+
+    In between, all motion is smooth.
+    """
     now = max(run.now, run.request.start - run.start)
     clock = column(run.s.pairs, "t")  # ahead if a contact was solved as one event
     soonest = min(float(column(run.s.queue[1:2], "due")[0]), clock[clock > now].min(initial=math.inf))
@@ -24,5 +28,8 @@ def calm(run: Any) -> tuple[float, float]:
 
 
 def watched(run: Any, level: Level) -> Callable[[float], float]:
-    """Return the observable as a function of the time in s, up to the next event."""
+    """Return the observable of a level as a function of the time in s.
+
+    The function is valid up to the next event, and does not advance the run.
+    """
     return partial(shown, run, level)

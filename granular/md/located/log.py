@@ -1,4 +1,4 @@
-"""The contact log: data of a contact from its onset to its end."""
+"""The contact log: data of each contact from its onset to its end."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from granular.md.located.system import is_closed, nth
 
 @kernel
 def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
-    """Record the time and velocities at the onset of the contact of pair `c`.
+    """Record time and velocities at the onset of the contact of pair `c`.
 
-    A dormant pair possibly never develops a force. The largest overlap is set to the present one.
+    The largest overlap starts with the present overlap. The contact of a dormant pair also begins here, although it may
+    never develop a force.
     """
     pair = pool[pairs[c].slot]
     pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
@@ -26,7 +27,8 @@ def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -> None:
     """Add the part [0, τ] of the current piece to the contacts of an island.
 
-    `lo` is the first pair of the island.
+    Duration, impulse and peaks of each contact are updated, and the impulse exchanged while a neighbouring pair is
+    active. `lo` is the first pair of the island. `push` of each pair becomes its impulse in N s during this part.
     """
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q = block.h, block.clock
@@ -53,7 +55,7 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
 
 @kernel
 def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
-    """Write the row of the contact of pair `c`, which ends at the current event."""
+    """Write the log row of the contact of pair `c`, which ends at the current event."""
     pair = pool[pairs[c].slot]
     pair.going_on = 0
     if run.log_level == NO_LOG:
@@ -69,7 +71,7 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
 
 @kernel
 def velocity_now(body: Any, run: Any) -> float:
-    """Return the velocity of a body at the time of the current event."""
+    """Return the velocity of a body in m/s at the time of the current event."""
     if HUNG:
         return swung(body, run.omega, since(body, run.t, run.tail))[0]
     return float(body.v - body.fall * since(body, run.t, run.tail))
@@ -77,9 +79,9 @@ def velocity_now(body: Any, run: Any) -> float:
 
 @kernel
 def keep_unsettled(s: Any, t: float) -> None:
-    """Keep only the rows of contacts that end after the time `t`.
+    """Remove all rows from the log buffer except contacts that end after time `t`.
 
-    Other rows are settled or void, and are removed.
+    `t` is in s. The caller has already collected the other rows. Rows that were withdrawn are removed as well.
     """
     run, kept = s.run[0], 0
     for i in range(run.rows):
@@ -96,7 +98,7 @@ def keep_unsettled(s: Any, t: float) -> None:
 
 @kernel
 def copy_row(row: Any, to: Any) -> None:
-    """Copy a row of the log."""
+    """Copy the row `row` of the log to the row `to`."""
     to.pair, to.t_begin, to.t_end, to.duration = row.pair, row.t_begin, row.t_end, row.duration
     to.lower_in, to.upper_in, to.lower_out, to.upper_out = row.lower_in, row.upper_in, row.lower_out, row.upper_out
     to.xi_max, to.force_max, to.impulse = row.xi_max, row.force_max, row.impulse

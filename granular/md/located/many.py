@@ -46,9 +46,11 @@ STATUS_CODES = {why: list(Status).index(pause.value) for why, pause in PAUSE_REA
     REACHED: 0,
     MORE: -1,
 }
-"""Places in `Status` of the reasons for which `advance` returns."""
+"""Index in `Status` for each return code of `blocks.advance` that ends a scene.
+
+It is -1 for a scene that has not ended."""
 SCENES_PER_BATCH = 10_000
-"""Number of scenes with records in memory at a time."""
+"""Maximum number of scenes whose records are in memory at the same time."""
 RESULT_RECORD = np.dtype([("why", int), ("time", float)])
 LAST_CONTACT_RECORD = np.dtype(
     [
@@ -57,7 +59,7 @@ LAST_CONTACT_RECORD = np.dtype(
     ],
     align=True,
 )
-"""Results of a run, and of each of its pairs, see `Many`."""
+"""Results of a scene (`RESULT_RECORD`), and of each of its pairs, see `Many`."""
 
 
 class Scenes(NamedTuple):
@@ -98,10 +100,10 @@ class Many(NamedTuple):
     counts : (S, n-1) int array
         Number of contacts of each pair that began.
     ongoing : (S, n-1) bool array
-        Whether a contact of the pair was not finished at the end.
+        Whether a contact of the pair had not ended when the run ended.
     t_end, v_lower, v_upper : (S, n-1) arrays
-        End in s of the last finished contact of each pair, and velocities of its bodies in m/s then. They are nan
-        without such a contact.
+        End in s of the last finished contact of each pair, and the velocities of its lower and upper body in m/s then.
+        They are nan without a finished contact.
     longest : (S, n-1) array
         Duration in s of the longest finished contact of each pair, nan without one.
     rate : (S, n-1) array
@@ -124,14 +126,16 @@ def solve_many(
     max_events: int = 1_000_000, max_steps: int = 20_000_000,
     engine: str = "compiled",
 ) -> Many:
-    """Run many scenes, each bitwise identical to `granular.md.simulate`.
+    """Simulate many scenes, each bitwise identical to `granular.md.simulate`.
 
     Parameters
     ----------
     scenes : Scenes
         Initial states and laws.
-    until, t_end : stop condition, float or (S,) array
-        Stop condition, and end time in s.
+    until : stop condition, optional
+        Stop condition of all scenes.
+    t_end : float or (S,) array
+        End time in s. Defaults to inf.
     tol, max_events, max_steps : float, int, int
         As in `granular.md.simulate`.
     engine : {"compiled", "plain"}
@@ -159,7 +163,7 @@ def solve_many(
 
 
 def _solved(s: System, end: Array, engine: str) -> Many:
-    """Solve the scenes of a set of records."""
+    """Solve the scenes with the records `s`, until the times `end` in s."""
     result, last = np.zeros(len(end), RESULT_RECORD), np.zeros(s.pairs.shape, LAST_CONTACT_RECORD)
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
@@ -183,9 +187,9 @@ def _solved(s: System, end: Array, engine: str) -> Many:
 
 
 def _kinds(law: Array, m_eff: Array) -> Any:
-    """Return laws (…, 4) of pairs as records of `LAW_KIND_RECORD`.
+    """Return the laws of pairs as records of `LAW_KIND_RECORD`.
 
-    The pairs have the given effective masses.
+    `law` has shape (…, 4) with (k, p, γ, d) in its last axis. `m_eff` are the effective masses of the pairs in kg.
     """
     kinds = np.zeros(np.broadcast_shapes(law.shape[:-1], m_eff.shape), LAW_KIND_RECORD)
     for i, name in enumerate(("k", "p", "gamma", "d")):
@@ -204,9 +208,10 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 
 @kernel
 def scene_of(many: Any, i: int, room: Any) -> Any:
-    """Return the records of scene i, stored in a `room`.
+    """Return the records of scene `i` as one `System` for kernels.
 
-    Only run, pairs, kinds and bodies belong to the scene. All other records are shared by all scenes.
+    Only run, pairs, kinds and bodies belong to the scene. All other records are shared by all scenes. `room` is storage
+    for the table of their addresses. Interpreted code does not use it.
     """
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
     rest = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None
@@ -215,10 +220,12 @@ def scene_of(many: Any, i: int, room: Any) -> Any:
 
 @kernel
 def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: Any, seen: Any, first: int) -> int:
-    """Solve scenes from `first` to the end, one after the other.
+    """Solve the scenes from number `first` onwards, one after the other.
 
-    Return the index of the first scene that requires a table or a look. The function is then called again from there
-    on.
+    Returns the number of the first scene that requires a table of contacts or a test for rest or creep, or the number
+    of scenes. The caller provides the requirement and calls the function again with this number. `t_end` has the end
+    times in s, and `chunk` is the maximum number of pieces per call of `advance`. `seen` is temporary storage of shape
+    (3, pairs).
     """
     for i in range(first, len(t_end)):
         s = scene_of(many, i, room)
@@ -238,9 +245,10 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
 
 @kernel
 def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -> None:
-    """Solve one scene until a table or a look is required.
+    """Solve one scene until it ends, or until it requires a table or a test.
 
-    A scene with a law that no power series represents is skipped.
+    A scene with a law that no power series represents is skipped. The parameters are those of `solve_rows`, for one
+    scene.
     """
     run, n = s.run[0], len(s.pairs)
     if result.why == MORE:
@@ -273,7 +281,10 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
 
 @kernel
 def collect_results(s: Any, last: Any, t: float) -> None:
-    """Collect the results of contacts that ended by time `t` from the log."""
+    """Add the contacts that ended by time `t` (s) to the results of their pairs.
+
+    The contacts are in the log buffer, and their rows are removed.
+    """
     for i in range(s.run[0].rows):
         row = s.log[i]
         if row.pair >= 0 and row.t_end <= t:

@@ -1,10 +1,10 @@
-"""Polynomial steps of laws that are not powers, computed by collocation.
+"""Polynomial steps under general laws, computed by collocation.
 
-The forces are evaluated at 16 Gauss points of the step and interpolated. The polynomials of rate and overlap follow by
-exact integration, and the forces are evaluated again until they no longer change (Picard iteration). The interpolant's
-last Legendre coefficients show whether the step resolves the force. The law itself is evaluated at both ends and
-between the nodes as well: a kink between an end and the outermost node affects no node. A step that does not resolve
-the force is halved. Interpreted only.
+General laws are force laws that power series cannot represent. The forces are evaluated at 16 Gauss points of the step
+and interpolated. The polynomials of rate and overlap follow by exact integration, and the forces are evaluated again
+until they no longer change (Picard iteration). The last Legendre coefficients of the interpolant show whether the step
+resolves the force. The law itself is evaluated at both ends and between the nodes as well: a kink between an end and
+the outermost node affects no node. A step that does not resolve the force is halved. This module is always interpreted.
 """
 
 from __future__ import annotations
@@ -46,37 +46,40 @@ from granular.md.located.step_size import amplitude
 
 MAX_PICARD_ITERATIONS = 40
 SMALLEST_COLLOCATION_TOL = 2e-15
-"""Smallest tolerance: interpolated forces contain their rounding errors."""
+"""Smallest tolerance: interpolated forces contain rounding errors of this size."""
 SHORTEST_CONVERGED_STEP, SHORTEST_TRIAL_STEP = 1e-14, 1e-60
-"""Largest reductions of a step by halving.
+"""Smallest factors by which a trial step is reduced by halving.
 
-The first applies to a step that converges, where the force jumps, the second to any step."""
+The first applies once a step converges, because a step that is still not accurate then crosses a jump of the force. The
+second applies to any step."""
 JUMP_SHARE = 1e-9
-"""Share of a contact's time below which a step can cross a jump.
+"""Fraction of a contact's time below which a step is tested for a force jump.
 
-It is also the share of its force above which a change is a jump."""
+It is also the fraction of the largest force above which a change is a jump."""
 TOUCH_OVERLAP = 1e-150
-"""Overlap in m of a touch.
+"""Overlap in m at which the law is evaluated for a touch.
 
 A law need not be defined at 0, and can have a force there."""
 ROUNDING_CLIPPED_FORCE = 1024.0 * FLOAT_SPACING
-"""Share of the largest force of a contact up to which a clipped force is rounding."""
+"""Fraction of a contact's largest force up to which a clipped force is rounding."""
 NEARBY_OVERLAP = 1.0 - 1e-9
-"""Share of an overlap at which a force is evaluated a second time.
+"""Fraction of an overlap at which a force is evaluated a second time.
 
-If both forces are 0, the force is 0 on an interval, as below a plastic overlap."""
+If both forces are 0, the force is 0 on an interval, for example below a plastic overlap."""
 MAX_FORCE_ERROR = 3e-14
-"""Largest error of forces relative to the largest force.
+"""Largest error of forces, relative to the largest force.
 
-A kink in a short step hardly affects rates, but peak forces are evaluated there."""
+The error of the rates does not bound it: a kink in a short step hardly affects rates, but it affects peak forces."""
 UNCERTAIN_FORCE_SHARE = 1e-13
-"""Share of its largest value in the piece up to which a force has no certain sign.
+"""Fraction of its largest value up to which an interpolated force has no sure sign.
 
-The force is the interpolated one."""
+The largest value is taken over the piece."""
 AtRest = Callable[[Any, float], float]
-"""Force in N of a pair at an overlap in m."""
+"""Type of functions that return the force in N of a pair at rest.
+
+The arguments are the pair and its overlap in m."""
 TANGENT_STEP = 1e-6
-"""Relative change of an overlap over which its stiffness is computed."""
+"""Relative change of an overlap over which the stiffness is computed."""
 ROUNDING_ACCELERATION = 1e-11
 """Relative size up to which accelerations and rates of a pair are rounding errors.
 
@@ -84,7 +87,17 @@ A sum of accelerations is compared with its largest term, a rate with the speed 
 
 
 class Collocation:
-    """Forces of a scene as its laws return them, and the steps computed from them."""
+    """Force laws of a scene, and the pieces of islands computed from them.
+
+    Kernels receive it as `laws` if a law of the scene is a general law.
+
+    Parameters
+    ----------
+    laws : SceneLaws
+        Force laws of all pairs.
+    ring : bool
+        Whether the scene is a ring.
+    """
 
     def __init__(self, laws: SceneLaws, ring: bool) -> None:
         self.laws, self.ring = list(laws), ring
@@ -94,7 +107,10 @@ class Collocation:
         self.trials = 0  # trial steps of all pieces
 
     def force(self, p: Any, xi: float, eta: float = 0.0) -> float:
-        """Return the unclipped force in N of a pair on its current branch."""
+        """Return the force in N of a pair on its current branch. It can be negative.
+
+        `xi` is the overlap in m, `eta` its rate in m/s. The result is inf if the law overflows.
+        """
         try:
             return on_branch(self.laws[p.number], xi, eta, p.xi_peak, p.loading)
         except OverflowError:  # the trial step is too long
@@ -104,10 +120,11 @@ class Collocation:
     def fill(
         self, records: list[Any], pool: list[Any], lo: int, tol: float, field: Any = None, holds: float = math.inf
     ) -> float:
-        """Compute the piece of an island on τ in [0, 1], and set its h and clock.
+        """Compute the piece of the island that starts with pair `lo`, and its h and clock.
 
-        Return its truncation error. The piece is at most `holds` long, the time in s for which the series of the wall
-        paths are valid.
+        The piece covers τ in [0, 1]. The result is its truncation error, relative to the speed of the island. `records`
+        are the pair records. The piece lasts at most `holds` in s, the time for which the series of the wall paths in
+        `field` are valid. Raises `ValueError` if a force is not finite, or if nothing stops an overlap.
         """
         self.square = getattr(field, "square", 0.0)
         island = enumerate(records[lo : records[lo].hi])
@@ -152,9 +169,9 @@ class Collocation:
         return next_event_of_law(p, pushes, partial(self._idles, p), p.doubt, span, scratch)
 
     def dissipated(self, p: Any, block: Any, tau: float) -> float:
-        """Return the energy in J that a contact dissipates in [0, τ] of its piece.
+        """Return the energy in J that a contact dissipates in its piece up to τ.
 
-        The result is nan for laws with memory.
+        `block` is the record of its island. The result is nan for laws with memory.
         """
         law = self.laws[p.number]
         if p.mode == RESIDUAL:
@@ -169,9 +186,9 @@ class Collocation:
         return float(total * math.pow(block.h * tau, float(q)))
 
     def lost(self, p: Any, first: float, last: float) -> float:
-        """Return the elastic energy in J that a pair loses between two overlaps.
+        """Return the elastic energy in J that a residual pair loses between two overlaps.
 
-        The pair moves without a force.
+        `first` and `last` are the overlaps in m. No force acts between the balls.
         """
         law = self.laws[p.number if hasattr(p, "number") else p.first]
         return float(law.energy(first) - law.energy(last))
@@ -181,17 +198,18 @@ class Collocation:
         return not self.force(p, p.xi, p.eta) > 0.0
 
     def pushes_at_touch(self, p: Any) -> bool:
-        """Return whether a pair that just closed at a rate > 0 is repelled immediately."""
+        """Return whether a pair that touches at a closing rate is repelled immediately."""
         depth = amplitude(p, p.eta * p.eta)
         force = self.force(p, 1e-9 * depth, p.eta)
         # close to the touch a force can underflow to 0
         return force > 0.0 or (force == 0.0 and self.force(p, 1e-3 * depth, p.eta) > 0.0)
 
     def _pushes(self, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
-        """Return whether the law of a pair gives a repulsive force at τ.
+        """Return whether the law gives a pair a repulsive force at τ of its piece.
 
-        With `surely`, the force must exceed rounding errors at the end of a contact. Up to the overlap `shallow` the
-        force of a contact can be 0 by underflow. If the force is 0 on an interval, every positive force is certain.
+        With `surely`, the force must exceed the rounding errors at the end of a contact, unless the force is 0 on an
+        interval. For an active pair, a force of 0 also counts as repulsive at overlaps below `shallow` in m, where
+        forces can underflow.
         """
         xi = value(p.x, tau)
         force = self.force(p, xi, value(p.e, tau))
@@ -205,9 +223,9 @@ class Collocation:
         return all(self.force(p, xi * part, eta) == 0.0 for part in (NEARBY_OVERLAP, 1.0, 2.0 - NEARBY_OVERLAP))
 
     def _check(self, pairs: list[Any], times: list[float]) -> None:
-        """Raise if nothing stops an overlap, or if a force is not finite.
+        """Raise `ValueError` if nothing stops an overlap, or if a force is not finite.
 
-        Overlaps are extrapolated by free flight to the given times in the step.
+        Overlaps and rates are extrapolated by free flight to the `times` in s after the start of the piece.
         """
         for p, t in product(pairs, times):
             xi, eta = p.xi + (p.eta + 0.5 * p.pull * t) * t, p.eta + p.pull * t
@@ -224,11 +242,12 @@ class Collocation:
                     raise no_number(self.laws[p.number], xi, eta, force)
 
     def _iterate(self, pairs: list[Any]) -> tuple[Array, Array, float]:
-        """Return the forces (pairs, nodes) at the nodes, and their errors.
+        """Iterate the forces at the Gauss points of a trial step.
 
-        The first error is the error of the rate of each pair in m/s. The second is the largest error of the force of
-        an active pair. It is relative to the larger of two forces: the scale of a contact at the pair's own speed, and
-        the largest force at the nodes. All errors are inf if the iteration does not converge.
+        Returns the forces in N, shape (pairs, nodes), and two errors. The first is the error of the rate of each pair
+        in m/s. The second is the largest error of the force of an active pair. It is relative to the larger of two
+        forces: the scale of a contact at the pair's own speed, and the largest force at the nodes. All errors are inf
+        if the iteration does not converge.
         """
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
@@ -266,10 +285,10 @@ class Collocation:
         return force, np.full(len(pairs), math.inf), math.inf
 
     def _grain(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
-        """Return the change of each force under one rounding of its overlaps.
+        """Return the change in N of each pair's force under one rounding of its overlap.
 
-        It is the largest change at the nodes. Changes comparable to the rounding error of the force itself are
-        returned as 0.
+        It is the largest change at the nodes. Changes comparable to the rounding error of the force itself are returned
+        as 0.
         """
         here = self._forces(pairs, xi, eta)
         moved = abs(self._forces(pairs, xi * (1.0 + FLOAT_SPACING), eta) - here).max(axis=1)
@@ -278,9 +297,10 @@ class Collocation:
         return steep
 
     def _forces(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
-        """Return the forces at the nodes of all pairs that overlap.
+        """Return the forces in N of all pairs that overlap, shape (pairs, nodes).
 
-        Forces of residual pairs are included, although they do not act.
+        `xi` and `eta` are overlaps and rates at the nodes. Forces of residual pairs are included, although they do not
+        act.
         """
         force = np.zeros_like(xi)
         for i, p in enumerate(pairs):
@@ -289,9 +309,9 @@ class Collocation:
         return force
 
     def _along(self, p: Any, xi: list[float], eta: list[float]) -> list[float]:
-        """Return the forces of a pair at some overlaps and rates.
+        """Return the forces in N of a pair at a list of overlaps and their rates.
 
-        The law is called directly if no overlap is a mirror image.
+        The law is called directly if it has no memory and no overlap is negative.
         """
         law, at = self.laws[p.number], list(zip(xi, eta, strict=True))
         if not law.memory and min(xi) >= 0.0:
@@ -301,10 +321,11 @@ class Collocation:
         return [self.force(p, x, e) for x, e in at]
 
     def _write(self, pairs: list[Any], force: Array, reach: float) -> None:
-        """Write the coefficients of forces, rates and overlaps.
+        """Write the coefficients of forces, rates and overlaps of a step.
 
-        Forces come from their interpolants, with clipped forces in g only. Rates and overlaps follow by integration. A
-        force that jumps within a short step becomes a straight line, which cannot overshoot.
+        The forces at the nodes are interpolated. The interpolant of a clipped force is written to `g` only. Rates and
+        overlaps follow by integration. `reach` is the length of the step in s. In a very short step, a force that jumps
+        is replaced by a straight line, which cannot overshoot.
         """
         last_terms, peaks = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1), abs(force).max(axis=1)
         doubts = np.maximum(UNCERTAIN_FORCE_SHARE * peaks, 8.0 * last_terms)
@@ -320,7 +341,10 @@ class Collocation:
             _integrate(pairs, self.shaken, self.square, self.closed)
 
     def _jumps(self, p: Any) -> bool:
-        """Replace a force that jumps in a short step by a line, and return if it jumps."""
+        """Return whether the force of a pair jumps within a very short step.
+
+        In this case, its coefficients are replaced by a straight line.
+        """
         first, last = self.force(p, p.xi, p.eta), self.force(p, value(p.x, 1.0), value(p.e, 1.0))
         jumps = bool(max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last)) > JUMP_SHARE * p.largest)
         if jumps:
@@ -330,14 +354,17 @@ class Collocation:
 
 
 def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> float:
-    """Return the force in N of a law on its current branch.
+    """Return the force in N of a law on its current branch. It can be negative.
 
-    Beyond ξ = 0 or the largest overlap so far, the branch is continued as a mirror image. Images are used for
-    interpolation only. They preserve value and slope, so that the law's own branches end at events.
+    `xi` is the overlap in m, `eta` its rate in m/s, and `top` the largest overlap so far. `loading` is 1 on the loading
+    branch. Outside the overlaps to which the branch applies (below 0, or on the other side of `top`), it is continued
+    as a mirror image. These values are used for interpolation only. They preserve value and slope, so that the law's
+    own branches end at events.
     """
     unloading = law.memory and not loading
 
     def branch(xi: float, eta: float) -> float:
+        """Return the force of the law on its branch at an overlap within the branch."""
         return law.force(xi, eta, top if unloading else max(top, xi))
 
     if law.memory and loading and top > 0.0 and xi < top:  # continue the loading branch above the old maximum downwards
@@ -352,10 +379,11 @@ def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> 
 
 
 def write_resting_piece(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
-    """Write the piece of an island whose contacts rest, and return whether they do.
+    """Write the piece of an island if all of its contacts are at rest.
 
-    Open pairs can move freely. Nothing is written if the result is False, as it is without an active pair, or if a ball
-    arrives now. `closed` is True for a whole ring.
+    Returns whether they are. Open pairs can move freely. The result is false, and nothing is written, if no pair is
+    active, if a pair is residual or dormant, or if a ball arrives now. `at_rest` returns the force of a pair at an
+    overlap, and `closed` is true for a whole ring.
     """
     block = pairs[0]
     if any(
@@ -380,9 +408,10 @@ def write_resting_piece(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool
 
 
 def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[float]:
-    """Return the closing accelerations in m/s² of all pairs.
+    """Return the closing accelerations in m/s² of all pairs of an island.
 
-    For open pairs, a value that is only rounding error is returned as 0.
+    `force` are the contact forces in N. For open pairs, a sum that is only rounding error is returned as 0. `closed` is
+    true for a whole ring.
     """
     first, last = (force[-1], force[0]) if closed else (0.0, 0.0)
     out = []
@@ -397,7 +426,8 @@ def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[fl
 def balances(pair: Any, push: float, force: float, more: float) -> bool:
     """Return whether a pair is at rest at the equilibrium of its force.
 
-    `more` is its force at a slightly larger overlap.
+    `push` is the acceleration of its overlap in m/s², `force` its force in N, and `more` its force at an overlap that
+    is larger by the fraction `TANGENT_STEP`.
     """
     stiffness = (more - force) / (TANGENT_STEP * pair.xi)
     square = stiffness * pair.inverse

@@ -1,8 +1,8 @@
-"""Portions in which a run is advanced, and detection of runs that stall.
+"""Portions in which a run is advanced, and detection of runs without progress.
 
 `run` is a `located.run.Run`. Under general laws the steps are found by trial, and no step is longer than the sharpest
-change of the law allows. A normal contact takes some tens of trials. A contact that is damped a thousand times too
-strongly creeps and takes millions, as does a contact that rests where its force jumps. The results so far are correct,
+change of the law allows. A normal contact needs a few tens of trials. A contact that is damped a thousand times too
+strongly creeps and needs millions, as does a contact that rests where its force jumps. The results so far are correct,
 but the end of the run is out of reach.
 """
 
@@ -36,13 +36,15 @@ from granular.run.drive import Pause, portion
 MAX_PIECES_GENERAL, MAX_PIECES_INTERPRETED, MAX_PIECES_COMPILED = 8, 100, 20_000
 """Maximum number of pieces per portion: general laws, interpreted, compiled."""
 FIRST_PORTION_PIECES = 4000
-"""Pieces of one pair in the first portion, divided by the number of pairs."""
-TRIALS_PER_TEST = 4000
-"""Trial steps per island between two tests whether a run stalls."""
-MIN_PROGRESS_SHARE = 0.01
-"""Minimum progress between two tests, as a part of the time left.
+"""Number of pieces in the first portion, for a scene of one pair.
 
-The period of a contact is sufficient progress, too."""
+It is divided by the number of pairs."""
+TRIALS_PER_TEST = 4000
+"""Number of trial steps per island between two tests of the progress of a run."""
+MIN_PROGRESS_SHARE = 0.01
+"""Minimum progress between two tests, as a fraction of the time left.
+
+A progress by the period of a contact is sufficient, too."""
 PAUSE_REASONS = {
     STOPPED: Pause.until,
     QUIET: Pause.quiet,
@@ -50,20 +52,20 @@ PAUSE_REASONS = {
     REST: Pause.resting,
     BINDING: Pause.quiet,
 }
-"""Reason of a pause for each result of `blocks.advance`."""
+"""Reason of a pause for the return codes of `blocks.advance` that end a run."""
 TEST_LOAD_SECONDS, TEST_COMPILE_SECONDS = 0.1, 5.0
-"""Time in s to load, or to compile, the kernels that test for rest or creep."""
+"""Times in s to load and to compile the kernels that test for rest or creep."""
 
 
 class Pace:
-    """Portions in which a run of `located.run` is advanced, and their cost.
+    """Portions in which a `located.run.Run` is advanced, and tests of its progress.
 
     Attributes
     ----------
     stalled : bool
-        Whether the run does not make progress.
+        Whether the last test found that the run makes no progress.
     step : float
-        Mean advance in s per trial step.
+        Mean advance in s per trial step between the last two tests.
     """
 
     def __init__(self, run: Any) -> None:
@@ -73,10 +75,11 @@ class Pace:
         self.seen = -math.inf  # time in s at the last test
 
     def advanced(self, limit: float, last: bool) -> int:
-        """Advance by a chunk of pieces, with tests of blocks that may rest or creep.
+        """Advance the run by a portion of pieces, up to the time `limit` at most.
 
-        Returns the result of `blocks.advance`. If the work limit is reached and another event is due within the run,
-        the run ends before the sample at `limit`, unless that sample is the `last` one.
+        `limit` is in s on the clock of the run. Blocks that may rest or creep are tested. Returns the return code of
+        `blocks.advance`. If the work limit is reached and another event is due within the run, the run ends before the
+        sample at `limit`. The `last` sample is an exception.
         """
         run = self.run
         most = (
@@ -107,7 +110,7 @@ class Pace:
         return why
 
     def look_at_all(self) -> None:
-        """Plan the blocks that wait for a test for creep."""
+        """Test all blocks that have to be tested for creep, and plan their next pieces."""
         run = self.run
         while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(turn_to_asking)(run.s):
             looked_at(run.s, 0.0, run.kernels, self.rare_kernel)
@@ -121,10 +124,10 @@ class Pace:
         return run.kernels(kernel) if run.is_plain else seldom(run.fit(kernel), compiled)
 
     def stalls(self) -> bool:
-        """Return whether a run under general laws does not make progress.
+        """Return whether a run under general laws makes no progress.
 
-        If the time has not advanced, the current state is evaluated: it raises if numbers are out of range, in which
-        case the run would never advance.
+        If the time has not advanced since the last call, the current state is evaluated. This raises an exception if
+        numbers are out of range, in which case the run would never advance.
         """
         run = self.run
         if run.now == self.seen:
@@ -144,7 +147,8 @@ class Pace:
 def swings_of(s: Any) -> tuple[float, int]:
     """Return the shortest period in s of an overlapping pair, and a number of islands.
 
-    The period is the one of the pair alone, or 0 if no pair overlaps. Only islands with such pairs count.
+    The period is the typical overlap of the pair divided by its typical speed, or 0 if no pair overlaps. Only islands
+    with overlapping pairs are counted.
     """
     touching = [(pair.first, s.pool[pair.slot]) for pair in s.pairs if pair.slot >= 0]
     touching = [(first, p) for first, p in touching if p.mode != OPEN and p.own_speed > 0.0]
@@ -152,10 +156,11 @@ def swings_of(s: Any) -> tuple[float, int]:
 
 
 def looked_at(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:
-    """Test the current block for rest and creep.
+    """Test the current block, which starts with pair `run.lo`, for rest and creep.
 
-    `kernels` and `rare_kernel` return the versions of kernels that are called often and rarely. Returns why a run up to
-    the time `limit` ends, or WANTS_LOOK to continue.
+    `kernels` and `rare_kernel` return the version of a kernel that is called often or rarely. `limit` is the time in s
+    up to which the run is advanced. Returns REST or BINDING if the run ends, STOPPED if it stops before a contact, or
+    WANTS_LOOK to continue.
     """
     found = rare_kernel(verdict_until)(s, limit)
     if found != NOT_YET:
@@ -164,7 +169,7 @@ def looked_at(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:
 
 
 def seldom(kernel: Any, kernels: Any) -> Any:
-    """Return the version of a kernel of a compiled run that is called rarely.
+    """Return the version of a kernel that is called rarely in a compiled run.
 
     It is interpreted until this process has spent as much time on it as compilation takes. Then `kernels` compiles it.
     """

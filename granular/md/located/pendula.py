@@ -1,12 +1,14 @@
 """Pendula: velocities of swinging balls, and their change by contact forces.
 
-A ball at the displacement y from its rest position obeys ÿ = -Ω² y + F/m, where F is the sum of the contact forces. Its
-`fall` is Ω² y, the downward acceleration at its clock. A force from s to s + ds changes, at the end of a time T,
+A ball at the displacement y (m, upwards) from its rest position obeys ÿ = -Ω² y + F/m, where F is the sum of the
+contact forces. The field `fall` of its record is Ω² y, the downward acceleration at its clock. The force F during the
+interval ds at time s changes the state at the later time T:
 
     ẏ by F/m cos(Ω(T - s)) ds ,   Ω² y by F/m Ω sin(Ω(T - s)) ds .
 
-Both are integrals over a polynomial piece, by Gauss's rule. They are the same for both balls of a pair, so that the
-mass centre swings as one pendulum to rounding error. The recurrences of `series` already include the swing of pairs.
+Both changes are integrals over a polynomial piece, by Gauss's rule. The integrals are the same for both balls of a
+pair, so that the mass centre swings as one pendulum to rounding error. The series of `series` already include the term
+-Ω² ξ.
 """
 
 from __future__ import annotations
@@ -23,9 +25,9 @@ from granular.md.located.records import ACTIVE
 
 @kernel
 def shift(run: Any, body: Any, pair: Any, way: float) -> None:
-    """Set the `fall` of a body at the clock of `pair`, displaced upwards by `way`.
+    """Set the acceleration `fall` of a body to its value at the clock of `pair`.
 
-    `way` is in m. Velocity and clock of the body are not changed. The caller sets them with `free`.
+    The body is also displaced upwards by `way` in m. The caller sets its velocity and its clock.
     """
     fall = swung(body, run.omega, since(body, pair.t, pair.tail))[1]
     body.fall = fall + run.omega * run.omega * way
@@ -33,10 +35,11 @@ def shift(run: Any, body: Any, pair: Any, way: float) -> None:
 
 @kernel
 def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
-    """Return the impulse ∫ F dt up to t1 of a dashpot contact between pendula.
+    """Return the impulse ∫ F dt in N s up to t1 of a dashpot contact between pendula.
 
-    The contact of pair `c` starts at speed `v` and is solved as one event. The result is the integral of η̇ = -Ω² (ξ +
-    d) - (kξ + γη)/m, with kξ = -γη at its end.
+    The contact of pair `c` starts at the closing speed `v` in m/s and is solved as one event. Its force ends after t1
+    in s, at the separation speed `v1`. The result follows from the integral of η̇ = -Ω² (ξ + d) - (kξ + γη)/m_eff, with
+    kξ = -γη at its end and the gap d at rest.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     inverse, left = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, law.gamma * (law.gamma * v1 / law.k)
@@ -46,9 +49,9 @@ def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
 
 @kernel
 def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt: float) -> None:
-    """Advance the bodies of an island to τ, a time `dt` into its piece.
+    """Advance the pendula of an island to τ, a time `dt` (s) into its piece.
 
-    Bodies without a force keep their clock.
+    Velocity, `fall` and clock are updated. Bodies on which no force acts keep their clock.
     """
     block, hi, below, fall_below = pool[pairs[lo].slot], pairs[lo].hi, 0.0, 0.0
     for c in range(lo, hi + 1):
@@ -66,9 +69,10 @@ def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt:
 
 @kernel
 def kicks(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple[float, float]:
-    """Return ∫ F cos(Ω(dt - s)) ds and ∫ F Ω sin(Ω(dt - s)) ds up to τ.
+    """Return the integrals of a contact force that change the state of a pendulum.
 
-    `member` is the pair, and τ is the time `dt` into its piece.
+    They are ∫ F cos(Ω(dt - s)) ds in N s and ∫ F Ω sin(Ω(dt - s)) ds in N. `member` is the pair, and τ is the time `dt`
+    into its piece.
     """
     kick, fall, scale = 0.0, 0.0, pace(block, tau)
     for i in range(ENERGY_NODE_COUNT):

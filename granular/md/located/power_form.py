@@ -1,13 +1,14 @@
-"""Coefficients of laws as kernels read them, and maps of their isolated contacts.
+"""Coefficients of laws as kernels read them, and contact maps of power laws.
 
-Isolated contacts of elastic powers, and of powers damped with the exponent d = (p-1)/2, are similar at all speeds. With
-s = ξ^((p+1)/2) and the time dτ = ξ^((p-1)/2) dt, the contact m ξ̈ = -k ξ^p - γ ξ^((p-1)/2) ξ̇ becomes a dashpot,
+A contact map gives the results of an isolated contact in closed form. Isolated contacts of elastic powers, and of
+powers damped with the exponent d = (p-1)/2, are similar at all speeds. With s = ξ^((p+1)/2) and the time dτ =
+ξ^((p-1)/2) dt, the contact m ξ̈ = -k ξ^p - γ ξ^((p-1)/2) ξ̇ becomes a dashpot,
 
     s″ + 2 ζ ω s′ + ω² s = 0 ,  ω² = (p+1) k / (2m) ,  ζ = γ / √(2 (p+1) k m) .
 
-Its restitution is the restitution of this dashpot (Tsuji, Tanaka & Ishida 1992 found ε = ε(α) in this way), and t = ∫
-s^(-β) dτ with β = (p-1)/(p+1). In units of the length X = (m v²/k)^(1/(p+1)) and the time X/v, all contacts of one p
-and one ζ are identical.
+Here m is the effective mass. The restitution equals the restitution of this dashpot (Tsuji, Tanaka & Ishida 1992 found
+ε = ε(α) in this way), and t = ∫ s^(-β) dτ with β = (p-1)/(p+1). In units of the length X = (m v²/k)^(1/(p+1)) and the
+time X/v, all contacts with the same p and ζ are identical.
 """
 
 from __future__ import annotations
@@ -44,17 +45,21 @@ if TYPE_CHECKING:
 QUADRATURE_POINTS = 40
 """Number of quadrature points, sufficient for an error of rounding size."""
 MAX_DAMPED_EXPONENT = 3.0
-"""Largest exponent of a damped law with a shape.
+"""Largest exponent of a damped law for which a `Shape` is computed.
 
 The integrals of larger exponents lose digits."""
 STRONG_DAMPING_RATIO = 0.3
 """Damping ratio from which the integral is computed up to its end.
 
-Below, it is computed as a half period minus the missing part."""
+Below this ratio, it is computed as a half period minus the missing part."""
 
 
 def mapped(kinds: Any, m_eff: Array) -> None:
-    """Set the maps of isolated contacts of power laws, and their shapes."""
+    """Set the contact maps of power laws, and the shapes of their contacts.
+
+    `kinds` are records `LAW_KIND_RECORD` with their coefficients, and `m_eff` effective masses in kg, of the same
+    shape.
+    """
     k, p, gamma, d = (kinds[name] for name in ("k", "p", "gamma", "d"))
     linear = p == 1.0
     kinds["map"] = np.where(linear, DASHPOT, np.where((p == 1.5) & (gamma > 0.0) & (d == 0.5), VISCOELASTIC, NO_MAP))
@@ -97,9 +102,9 @@ def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
 
 
 def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
-    """Set the maps of all kinds of laws that have one.
+    """Set the contact maps of all kinds of laws in a scene.
 
-    A damped map requires the same damping ratio in all pairs of a kind.
+    A damped self-similar map requires the same damping ratio, hence the same effective mass, in all pairs of a kind.
     """
     mapped(kinds, np.array([law.pair.m_eff for law in laws.each]))
     kinds["map"][kinds["kind"] == GENERAL] = NO_MAP
@@ -112,7 +117,10 @@ def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
 
 
 def described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
-    """Return the kind of a law and its coefficients: a row of `LAW_KIND_RECORD`."""
+    """Return the kind of a law and its coefficients: the start of a `LAW_KIND_RECORD`.
+
+    `speed` in m/s and `gravity` in m/s² are typical of the scene. They are used for general laws only.
+    """
     form = power_form(law)
     if form is None:
         k, p, q = _rough_form(law, speed, gravity)
@@ -123,18 +131,18 @@ def described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
 
 
 def power_form(law: PairLaw) -> Form | None:
-    """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇, or None.
+    """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇, or None for a general law.
 
-    It is None if a power series cannot represent the law.
+    The exponents must be such that a power series can represent the law.
     """
     return law.form if law.form is not None and kind_and_q(*law.form)[0] != GENERAL else None
 
 
 def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, float, int]:
-    """Return k and p of a power law comparable to `law`, and q.
+    """Return k and p of a power law comparable to `law`, and q of its starting clock.
 
-    q is 1 if its force starts smoothly in time, else 2. The result only sets scales, such as the first step. The two
-    laws agree at the overlap of an impact at `speed`, or of a weight at rest.
+    q is 1 if the force starts smoothly in time, else 2. The result only sets scales, such as the first step. The two
+    laws agree at the overlap of an impact at `speed` (m/s), or of a weight at rest under `gravity` (m/s²).
     """
     pair = law.pair
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
@@ -152,7 +160,7 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
 
 
 def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
-    """Return (k, p, q) of the power law that is tangent to a law at an overlap in m.
+    """Return (k, p, q) of the power law that is tangent to a law at overlap `xi` in m.
 
     See `_rough_form`.
     """
@@ -162,7 +170,7 @@ def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
 
 
 def _slope(law: PairLaw, xi: float) -> float:
-    """Return d ln F / d ln ξ at rest at overlap `xi`, within [1, 3].
+    """Return the exponent d ln F / d ln ξ at rest at overlap `xi` in m, within [1, 3].
 
     It is 1.5 where it is not defined.
     """
@@ -174,7 +182,7 @@ def _slope(law: PairLaw, xi: float) -> float:
 
 
 def _bounded(law: PairLaw, xi: float) -> float:
-    """Return the force at rest at overlap `xi`, or 0 on overflow."""
+    """Return the force in N at rest at overlap `xi` in m, or 0 on overflow."""
     try:
         return law.force(xi, 0.0, xi)
     except OverflowError:
@@ -182,7 +190,10 @@ def _bounded(law: PairLaw, xi: float) -> float:
 
 
 def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
-    """Return the kind of F = k ξ^p + γ ξ^d ξ̇, and the q of its starting clock."""
+    """Return the kind of F = k ξ^p + γ ξ^d ξ̇, and the q of its starting clock.
+
+    The force is a power series in ξ^(1/q), and its series starts on the clock t = (hτ)^q.
+    """
     if p == 1.0 and (gamma == 0.0 or d == 0.0):
         return LINEAR, 1
     q = _denominator(p) if gamma == 0.0 else math.lcm(_denominator(p), _denominator(d))
@@ -192,7 +203,7 @@ def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
 
 
 def factor(p: float, gamma: float, d: float) -> float:
-    """Return the d of F = ξ^d (k ξ^(p-d) + γ ξ̇).
+    """Return the exponent d of F = ξ^d (k ξ^(p-d) + γ ξ̇).
 
     Without damping it is arbitrary: ½ for Hertz's law, else 0.
     """
@@ -208,9 +219,16 @@ def _denominator(exponent: float) -> int:
 
 
 class Shape(NamedTuple):
-    """Isolated contacts in units of X and X/v.
+    """Isolated contacts of a power law, in units of X and X/v of the module docstring.
 
-    End of the force, end of the overlap, ε, largest overlap, and largest force in k X^p.
+    Attributes
+    ----------
+    force_ends, parts : array
+        Times from the touch at which the force and the overlap vanish.
+    restitution : array
+        Coefficient of restitution.
+    deepest, strongest : array
+        Largest overlap, and largest force in units of k X^p.
     """
 
     force_ends: Array
@@ -221,7 +239,7 @@ class Shape(NamedTuple):
 
 
 def elastic_shape(p: float) -> Shape:
-    """Return the elastic contact of exponent `p`."""
+    """Return the shape of elastic contacts with exponent `p`."""
     part = 1.0 / (p + 1.0)
     deepest = math.pow(0.5 * (p + 1.0), part)
     arc = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + part) / math.gamma(0.5 + part) * deepest
@@ -229,7 +247,7 @@ def elastic_shape(p: float) -> Shape:
 
 
 def damped_shape(p: float, zeta: Array) -> Shape:
-    """Return contacts of exponent `p` and damping ratios `zeta` > 0.
+    """Return the shapes of contacts with exponent `p` and damping ratios `zeta` > 0.
 
     Values are nan for ζ ≥ 1, where s has no half period, and for p > `MAX_DAMPED_EXPONENT`.
     """
@@ -259,7 +277,7 @@ def damped_shape(p: float, zeta: Array) -> Shape:
 
 
 def _integral(s: Callable[[Any], Any], high: Array, beta: float) -> Array:
-    """Return ∫ s^(-β) dφ from 0, where s is zero, to `high`."""
+    """Return ∫ s^(-β) dφ from φ = 0, where s is zero, to `high`."""
     x, weight = _points(beta)
     half = 0.5 * high
     total: Array = half * np.sum(weight * (s(half * (1.0 + x)) / (1.0 + x)) ** -beta, axis=1, keepdims=True)
@@ -270,7 +288,7 @@ def _integral(s: Callable[[Any], Any], high: Array, beta: float) -> Array:
 def _points(beta: float) -> tuple[Array, Array]:
     """Return points and weights on [-1, 1] for the weight function (1+x)^-β.
 
-    The method is by Golub & Welsch (1969).
+    The method is described by Golub & Welsch (1969).
     """
     k = np.arange(1.0, QUADRATURE_POINTS)
     middle = beta * beta / ((2.0 * k - beta) * (2.0 * k - beta + 2.0))
@@ -283,9 +301,9 @@ def _points(beta: float) -> tuple[Array, Array]:
 
 
 def _largest(force: Callable[[Any], Any], high: Array) -> Array:
-    """Return the largest value of a force that rises and falls before `high`.
+    """Return the largest value of a force that rises and then falls before `high`.
 
-    Golden-section search in the phase is used.
+    The method is a golden-section search in the phase.
     """
     low = np.zeros_like(high)
     # 0.618^50 = 4e-11: the error of a maximum is of second order

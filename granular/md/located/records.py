@@ -3,7 +3,7 @@
 Compiled code reads one numpy record per pair, ``pairs[c].xi``. Interpreted code reads plain objects with the same
 fields, so that one source serves both. A pair in free flight needs only a few fields, and most pairs of a gas are in
 free flight. The further fields of a pair in an island, above all its power series, are a record in the `pool`,
-``pool[pairs[c].slot]``. The pair takes the record when it joins the island and returns it when it leaves.
+``pool[pairs[c].slot]``. The pair occupies this record while it is in an island.
 """
 
 from __future__ import annotations
@@ -15,40 +15,44 @@ import numpy as np
 SERIES_ORDER = 20
 """Order of the power series of a step."""
 ROW_LENGTH = SERIES_ORDER + 1
-"""Length of a row: the coefficients of a series."""
+"""Number of coefficients of a power series."""
 PADDED_LENGTH = SERIES_ORDER + 8 - SERIES_ORDER % 8
-"""Length of a factor of a product, a multiple of eight."""
+"""Number of coefficients of a factor of a product, a multiple of eight."""
 MIRROR_LENGTH = SERIES_ORDER + PADDED_LENGTH
-"""Length of a factor in reverse order, with zeros behind it."""
+"""Length of a factor stored in reverse order, with zeros after it."""
 OPEN, ACTIVE, RESIDUAL, DORMANT, STRUCK = range(5)
 """Modes of a pair.
 
 Open: ξ ≤ 0. Active: F > 0. Residual: ξ > 0 with F clipped at 0. Dormant: touching at rest, with a force that is still
 below rounding error. Struck: at a thermal wall that is about to throw the ball back."""
 LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
-"""Kinds of law: kξ + γη, kξ^p, ξ^d (kξ^s + γη), or any other function."""
+"""Kinds of force laws: kξ + γη, kξ^p, ξ^d (kξ^s + γη), or any other function."""
 NO_MAP, DASHPOT, SELF_SIMILAR, VISCOELASTIC = range(4)
-"""Maps of isolated contacts, known at the onset (see `one_contact.maps`)."""
+"""Contact maps: closed forms of the results of isolated contacts.
+
+The kinds are: none, dashpot, self-similar contacts of a power law, viscoelastic spheres (see `one_contact.maps`)."""
 MOVES, LIES, CREEPS, ASKS, LOOKED = range(5)
 """How a block is integrated.
 
-By its equation of motion, at rest, or creeping (see `overdamped`). ASKS: not yet, because it is to be tested for creep
-first. LOOKED: by its equation of motion, after that test."""
+MOVES: by its equation of motion. LIES: it is at rest. CREEPS: by its slow motion (see `rest.overdamped`). ASKS: not
+yet, because it has to be tested for creep first. LOOKED: by its equation of motion, after that test."""
 REST_PIECE_SCALE = 2.0**300
-"""Scale in s of the piece of a pile at rest: longer than any run."""
+"""Duration in s of the piece of a pile at rest: longer than any run."""
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
-"""Events of a pair (see `pieces`)."""
+"""Events of a pair, see the table in `pieces`.
+
+EDGE is the end of a panel of the path of a driven wall."""
 REACHED, MORE, STOPPED, QUIET, WORK_LIMIT, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK = range(11)
 """Reasons why `blocks.advance` returns.
 
 In this order: time limit, chunk done or log full, stop condition, no event can follow, work limit, every ball rests
-permanently, every ball is bound in contact permanently, no room in the pool. The last three request a table of
-contacts, a contact integrated alone, or a test of a block that may rest or creep."""
+permanently, every ball is bound in contact permanently, pool full. The last three request work outside the event loop:
+a table of contacts, a contact integrated alone, or a test of a block that may rest or creep."""
 EXTEND, DONE, BY_PIECES, GOES_ON = 11, 12, 13, 14
-"""Further results inside `blocks.advance`.
+"""Further return codes inside `blocks.advance`.
 
-EXTEND: form the blocks again, with one more block than so far. DONE: the event has been applied. BY_PIECES: integrate
-the contact by pieces. GOES_ON: plan the next piece of the island."""
+EXTEND: form the blocks again, and include one more block if necessary. DONE: the event has been applied. BY_PIECES:
+integrate the contact by pieces. GOES_ON: plan the next piece of the island."""
 MAX_CLOCK_EXPONENT = 4
 """Largest q of the clock t = (hτ)^q."""
 MAX_START_EXPONENT = 16.0
@@ -56,9 +60,9 @@ MAX_START_EXPONENT = 16.0
 
 Here q belongs to the clock t = (hτ)^q and p to the law k ξ^p."""
 SPARE_PLACES = 1
-"""Places in the pool that stay free, to integrate a contact alone."""
+"""Number of places in the pool that stay free, to integrate a contact alone."""
 EXTRA_PLACES = 32
-"""Places in the pool of a run in addition to those taken at the start."""
+"""Number of places in the pool in addition to the estimated need at the start."""
 LAW_KIND_RECORD = np.dtype(
     [
         ("kind", int), ("q", int), ("memory", int),  # kind; the force is analytic in ξ^(1/q); 1 for a law with memory
@@ -68,10 +72,9 @@ LAW_KIND_RECORD = np.dtype(
     ],
     align=True,
 )
-"""A force law, shared by all pairs of one kind.
+"""A force law, for all pairs of one kind.
 
-The last five fields are the `Shape` of its contacts, if the law has one (see `power_form`).
-"""
+The last five fields are the `Shape` of its isolated contacts, if the law has one (see `power_form`)."""
 SOFT_PAIR_RECORD = np.dtype(
     [
         ("xi", float), ("eta", float),  # overlap (negative: gap) in m and its rate in m/s at the time t + tail
@@ -92,10 +95,10 @@ SOFT_PAIR_RECORD = np.dtype(
     ],
     align=True,
 )
-"""State of a pair.
+"""State of a pair in free flight, its block and its counters.
 
-For a pair in an island, state and mode are those of its last flight. `due` is inf if the pair does not start a block.
-"""
+For a pair in an island, state and mode are those of its last flight. `due` is inf if the pair is not the first of its
+block."""
 _LAW = [
     ("lower", float),
     ("upper", float),
@@ -104,10 +107,9 @@ _LAW = [
     ("wall", int),
     *LAW_KIND_RECORD.descr[:8],
 ]
-"""Inverse masses in 1/kg and their sum, pull, wall and law.
+"""Inverse masses in 1/kg and their sum, pull, wall and law of a pair.
 
-The pull includes the acceleration of a driven wall at the current time.
-"""
+The pull includes the acceleration of a driven wall at the current time."""
 _STATE = [
     ("xi", float), ("eta", float), ("mode", int), ("noise", float),
     ("exact", int),  # 1: an event has located φ = 0, which is then exactly 0 in the next series
@@ -142,18 +144,17 @@ _SERIES = [
 """Coefficients in τ of the piece of a pair.
 
 x, e, f and g are overlap, rate, force and bracket φ. r = ξ^d and z = ξ^s are powers of the overlap. gm, rm and zm are
-φ, r and z in reverse order.
-"""
+φ, r and z in reverse order."""
 MEMBER_RECORD = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island.
 
-The fields `spare` of all records list the places of the pool. The first `members` of them are taken.
-"""
+The fields `spare` of all these records together list the places of the pool. The first `run.members` places of this
+list are occupied."""
 SOFT_BODY_RECORD = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
 """State of a body: inverse mass, downward acceleration, velocity and its time.
 
-The velocity is the one at t + tail. For a pendulum, so is the acceleration. `wall` is the number of the driven wall
-that the body is, from 1 on, or 0."""
+The velocity `v` in m/s is the velocity at the time t + tail in s. For a pendulum, the acceleration `fall` in m/s² also
+belongs to this time. `wall` is the number of the driven wall, from 1 onwards, or 0 if the body is not a driven wall."""
 SOFT_RUN_RECORD = np.dtype(
     [
         ("tol", float), ("members", int),  # tolerance; places taken in the pool
@@ -184,17 +185,20 @@ ENERGY_ACCOUNT_RECORD = np.dtype(
 )
 """Energy balance in J, and thermal walls.
 
-`total` and `low` are the sums in two floats. `piece` has the sums of one piece, `solo` of a contact integrated alone.
-`work` and `lost` belong to the last contacts at driven walls that were solved as one event (see `ledger`). For thermal
-floor and ceiling: temperature in J, mass of the ball at the wall in kg, seed and number of reflections (see `jumps`).
-"""
+The five entries are the work of floor and ceiling, the heat of floor and ceiling, and the dissipated energy. `total`
+and `low` are the sums in two floats. `piece` has the sums of one piece, `solo` of a contact integrated alone. `work`
+and `lost` belong to the last contacts at driven walls that were solved as one event (see `ledger`). For thermal floor
+and ceiling: temperature in J, mass of the ball at the wall in kg, seed and number of reflections (see `jumps`)."""
 MIN_SPEED_EXPONENT, SPEED_OCTAVES, POINTS_PER_OCTAVE, CHECKS_PER_OCTAVE, CONTACT_QUANTITIES = -40, 64, 20, 4, 6
 """Layout of the tables of contacts.
 
-In this order: binary exponent of the lowest speed in m/s, octaves of speed, Chebyshev points per octave, points for
-checks, quantities per contact."""
+In this order: binary exponent of the lowest speed in m/s, octaves of speed, Chebyshev points per octave, additional
+points per octave for checks, quantities per contact."""
 OCTAVE_MAP_RECORD = np.dtype([("table", np.int32, (SPEED_OCTAVES,)), ("met", np.int32, (SPEED_OCTAVES,))], align=True)
-"""Per octave of speeds: 1 + index of its table (-1: none), and contacts so far."""
+"""Tables of one kind of pair: the table of each octave of speeds.
+
+`table` is 1 + the index of the table of the octave, 0 before it is computed, or -1 if there is none. `met` counts the
+contacts in the octave."""
 CONTACT_TABLE_RECORD = np.dtype(
     [
         ("error", float), ("c", float, (CONTACT_QUANTITIES * POINTS_PER_OCTAVE,)),
@@ -204,31 +208,36 @@ CONTACT_TABLE_RECORD = np.dtype(
 )
 """Table of the contacts in one octave of speeds.
 
-Chebyshev coefficients of the quantities of a contact, and the contacts from which they follow."""
+`c` has Chebyshev coefficients of the quantities of a contact. `seen` has the `noted` contacts from which they are
+computed, and `error` is the error of these contacts."""
 NO_LOG, ROWS, PEAKS = range(3)
-"""`log_level`: no log, rows without or with the largest overlap and force."""
+"""Values of `log_level`: no contact log, rows without peaks, or rows with peaks.
+
+Peaks are the largest overlap and the largest force of a contact."""
 AT_LEAST_ONE = -1
-"""Initial `pieces` of a contact that takes one piece even if no time is left.
+"""Initial `pieces` of a contact that is integrated for at least one piece.
 
-Such a contact is evaluated at its onset."""
+The piece is needed to evaluate the contact at its onset, where no time is left."""
 UNTIL_ANY_EVENT = -2
-"""`until_pair` of a run that integrates all contacts by pieces.
+"""`until_pair` of a run that pauses after every event, to evaluate an observable.
 
-Such a run pauses after every event to be observed. Runs without stop condition have -1."""
+Such a run integrates all contacts by pieces. The value is -1 in runs without a stop condition."""
 RESOLVE, STOP, IGNORE = range(3)
-"""Treatment of contacts that disturb each other."""
+"""Treatment of contacts that disturb each other: the values of `disturbing`.
+
+RESOLVE integrates them together, STOP ends the run before them, IGNORE treats each as isolated."""
 MAX_TABLED_PAIRS = 64
 """Maximum number of different pairs whose contacts can have tables."""
 INITIAL_TABLES = 1
-"""Initial number of tables for which there is room."""
+"""Number of tables for which memory is allocated at the start."""
 DUE_TO_PLAN = -math.inf
-"""`due` of a block that was formed again: its piece is computed before any event."""
+"""`due` of a block that was formed again: its piece is planned before any event."""
 
 MAX_WORK_LIMIT = np.iinfo(np.int64).max
-"""Largest limit of contacts or steps."""
+"""Largest possible limit of the number of contacts or steps."""
 MIN_LOG_ROWS, MIN_LOG_ROWS_OF_MANY, MAX_INITIAL_LOG_ROWS = 16, 256, 4096
-"""Initial rows of the log buffer: minimum, minimum for many scenes, maximum.
+"""Initial number of rows of the log buffer.
 
-The number is twice the number of pairs within these limits. The minimum for many scenes is larger because their buffers
-do not grow."""
+It is twice the number of pairs, with a minimum, another minimum for many scenes, and a maximum. The minimum for many
+scenes is larger because their buffers do not grow."""
 

@@ -1,6 +1,6 @@
-"""A run from a checkpoint, which may come from a file.
+"""Continuation of a run from a checkpoint, which can come from a file.
 
-The records are validated against the scene first, because kernels check nothing. Names of fields from earlier versions
+The records are validated against the scene first, because kernels do not check them. Field names of earlier versions
 are translated.
 """
 
@@ -39,22 +39,24 @@ LAW_FIELDS = ("memory", "k", "gamma", "p", "d", "s", "q", "kind")
 FINITE_FIELDS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "last_step"),
            "bodies": ("v", "t", "tail", "fall"), "pool": ("xi", "eta", "t", "tail", "h", "tau", "x", "e", "last_step"),
            "tables": ("c", "error"), "ledger": ("total", "low")}
-"""Fields of floats that must be finite, in the pool for places that are taken."""
+"""Fields whose numbers must be finite.
+
+In the pool, this applies to occupied places."""
 OLD_FIELD_NAMES = {
     "run": {"alone": "solo", "begun": "contacts", "stride": "last_step", "log": "log_level"},
     "pairs": {"alone": "isolated", "count": "contacts", "what": "event", "stride": "last_step"},
     "pool": {"top": "xi_peak", "what": "event", "stride": "last_step", "begun": "going_on"},
     "ledger": {"alone": "solo", "hits": "contacts"},
 }
-"""Names of fields in files of earlier versions, and their names today."""
+"""Field names in files of earlier versions, and their current names."""
 ADDED_FIELDS = {"pool": {"doubts": np.int64}}
-"""Fields that earlier versions did not have. They are 0 where they are missing."""
+"""Fields that earlier versions did not have. Missing fields are set to 0."""
 
 
 def check(s: Any, state: Mapping[str, Any]) -> None:
-    """Raise `ValueError` unless a checkpoint fits the records of a run at its start.
+    """Raise `ValueError` if a checkpoint does not fit the scene.
 
-    `s` are these records. All indices in the checkpoint must exist.
+    `s` are the records of the scene at its start, `state` is the checkpoint. All indices in the checkpoint must exist.
     """
     saved_array(state, "origin", "f", ())
     for name in {"creeping", "riding"} & state.keys():  # fields of earlier versions
@@ -76,7 +78,7 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
 
 
 def _like(records: Any, dtype: np.dtype[Any]) -> bool:
-    """Return whether records have the fields of `dtype`, each with its kind and shape."""
+    """Return whether records have all fields of `dtype`, each with its kind and shape."""
     fields: Any = records.dtype.fields
     return records.ndim == 1 and fields is not None and all(
         name in fields and (fields[name][0].base.kind, fields[name][0].shape) == (here.base.kind, here.shape)
@@ -85,9 +87,9 @@ def _like(records: Any, dtype: np.dtype[Any]) -> bool:
 
 
 def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
-    """Return whether all constant fields are as at the start.
+    """Return whether all constant fields of a checkpoint agree with the scene.
 
-    Pairs in islands must have the laws of their pairs of the scene.
+    `s` are the records of the scene at its start. Pairs in islands must have the law of their pair in the scene.
     """
     for name, fields in SCENE_FIELDS.items():
         for field in fields if getattr(s, name) is not None else ():
@@ -106,7 +108,10 @@ def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
 
 
 def _within(state: Mapping[str, Any]) -> bool:
-    """Return whether all indices, numbers of pairs and codes are within their ranges."""
+    """Return whether all indices, numbers of pairs and codes are within their ranges.
+
+    Indices that refer to each other must also be consistent.
+    """
     run, pairs, pool, bodies = (state[name] for name in ("run", "pairs", "pool", "bodies"))
     n, rows, places = len(bodies) - 1, len(state["log"]), len(pool)
     place = np.arange(len(pairs)) % n
@@ -142,9 +147,9 @@ def _within(state: Mapping[str, Any]) -> bool:
 
 
 def _numbers(state: Mapping[str, Any]) -> bool:
-    """Return whether all numbers of the motion are finite.
+    """Return whether all numbers of the motion in a checkpoint are finite.
 
-    The dissipated energy, the last of five sums, is excluded: it is unknown for laws with memory.
+    The dissipated energy, the last of five sums, is excluded, because it is unknown for laws with memory.
     """
     taken = state["pairs"]["slot"][state["pairs"]["slot"] >= 0]
     records = {name: state[name] for name in FINITE_FIELDS if name in state} | {"pool": state["pool"][taken]}
@@ -153,7 +158,10 @@ def _numbers(state: Mapping[str, Any]) -> bool:
 
 
 def named_today(name: str, records: Any) -> Any:
-    """Return records of a checkpoint with the current names of their fields."""
+    """Return records of a checkpoint with the current names of their fields.
+
+    `name` is a key of `CHECKPOINT_RECORDS`. Fields that an earlier version did not have are added.
+    """
     if records.ndim != 1 or records.dtype.names is None or records.dtype == CHECKPOINT_RECORDS[name]:
         return records
     now = {OLD_FIELD_NAMES.get(name, {}).get(field, field): field for field in records.dtype.names}
@@ -171,7 +179,7 @@ def named_today(name: str, records: Any) -> Any:
 def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
     """Return a copy of records with the fields of `dtype`.
 
-    Fields that an earlier version did not have are 0. Fields that are not in `dtype` are dropped.
+    Fields that the records do not have are 0. Fields that are not in `dtype` are omitted.
     """
     if records.dtype == dtype:
         return copied(records)
@@ -182,10 +190,10 @@ def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
 
 
 def restored(s: System, state: Mapping[str, Any]) -> System:
-    """Return the records of a checkpoint with the limits of `s`.
+    """Return the records of a checkpoint with the limits and stop conditions of `s`.
 
-    `s` are the records of the scene at its start. Raises `ValueError` if the checkpoint does not fit the scene and its
-    laws.
+    `s` are the records of the scene at its start. The limits on contacts and steps are counted from the checkpoint
+    onwards. Raises `ValueError` if the checkpoint does not fit the scene and its laws.
     """
     state = {
         name: named_today(name, np.asarray(value)) if name in CHECKPOINT_RECORDS else value

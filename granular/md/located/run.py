@@ -1,4 +1,4 @@
-"""`Run`: the simulation of one scene by the located integrator."""
+"""Simulation of one scene by the located integrator."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ from granular.scene import Scene
 from granular.scene.places import Closing
 
 LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS, LAUNCH_SECONDS_PER_PAIR = 0.6, 13.0, 2e-5
-"""Times in s to load the machine code, to compile it, and to launch a pair.
+"""Times in s to load the machine code, to compile it, and to start one pair.
 
-A pair is launched interpreted."""
+A pair is started interpreted: its first block is formed and planned."""
 DISTURBED_OPTIONS = ("resolve", "stop", "ignore")
 """Options for disturbed contacts, in the order of RESOLVE, STOP, IGNORE."""
 
@@ -62,7 +62,8 @@ DISTURBED_OPTIONS = ("resolve", "stop", "ignore")
 class Run:
     """Simulation of one scene by the located integrator.
 
-    Its own clock starts at 0, so that a late start costs no digits.
+    It implements the protocol `granular.run.drive.Run`. Its own clock starts at 0, so that a late start costs no
+    digits.
 
     Parameters
     ----------
@@ -78,7 +79,14 @@ class Run:
     disturbed : str
         One of `DISTURBED_OPTIONS`. Defaults to "resolve".
     state : mapping, optional
-        Checkpoint to continue.
+        Checkpoint from which the run continues.
+
+    Raises
+    ------
+    ValueError
+        If `disturbed` is "ignore" for pendula, or if the checkpoint does not fit the scene.
+    TypeError
+        If `engine` is "compiled" and a law is not a power form.
     """
 
     in_order, rule = False, None
@@ -123,21 +131,27 @@ class Run:
             self.go_on(state)
 
     def launch(self) -> bool:
-        """Form and plan the first islands; return false if the run stops at its start."""
+        """Form and plan the first blocks of a run.
+
+        Returns false if the run has to stop at its start.
+        """
         return bool(self.kernels(blocks.set_out)(self.s, self.collocation))
 
     def go_on(self, state: Mapping[str, Any]) -> None:
-        """Continue from the records of a checkpoint."""
+        """Continue from the records of the checkpoint `state`."""
         self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
         if any(state.get(name, False) for name in ("creeping", "riding")):  # of an earlier version, which saved the
             self.follow_anew(self.request.start)  # start of the creep, and had other pieces for piles on driven walls
 
     def fit(self, kernel: Any) -> Any:
-        """Return the kernel adapted to the flags of the scene."""
+        """Return the version of a kernel for the flags of the scene, such as `DRIVEN`."""
         return fitted(kernel, **self.special) if self.special else kernel
 
     def kernels(self, kernel: Any) -> Any:
-        """Return the kernel for the current records: adapted, and compiled or plain."""
+        """Return the version of a kernel that fits the scene and the form of the records.
+
+        It is compiled if the records are numpy arrays, else interpreted.
+        """
         fit = fitted(kernel, **self.special) if self.special else kernel
         return fit if isinstance(self.s.run, list) else compiled(fit)
 
@@ -157,11 +171,17 @@ class Run:
         return bool(self.counters["disturbing"] == STOP and self.counters["first"] >= 0)
 
     def pays(self, ahead: float = 0.0) -> bool:
-        """Return whether to continue compiled, with `ahead` seconds of known work left."""
+        """Return whether compilation pays off for an interpreted run with engine "auto".
+
+        `ahead` is a lower bound of the remaining interpreted time in s.
+        """
         return self.engine == "auto" and self.collocation is None and self.toll.due(ahead)
 
     def compile(self) -> None:
-        """Continue compiled from the current state; results are bitwise identical."""
+        """Continue with compiled code from the current state.
+
+        Results are bitwise identical. Raises `TypeError` if a law is not a power form.
+        """
         compiled(self.fit(blocks.advance))  # raises before any record is changed
         if self.collocation is not None:
             odd = next(law.law for law in self.laws.each if power_form(law) is None)
@@ -172,9 +192,10 @@ class Run:
         self.s, self.engine = to_compiled(self.s), "compiled"
 
     def to(self, time: float, last: bool) -> Pause:
-        """Advance to `time`, or by a chunk of pieces towards it.
+        """Advance to `time` in s, or by a portion of the way.
 
-        `last` is true if no later sample follows. Returns the reason of the pause.
+        `last` is true if no sample follows after `time`. Returns the reason of the pause: `Pause.reached` at `time`,
+        `Pause.full` after a portion, or the reason why the run ends.
         """
         limit = time - self.start
         if not self.launched:
@@ -212,9 +233,9 @@ class Run:
         return self.start + float(self.counters["t"]), int(self.counters["contacts"])
 
     def rows(self) -> list[Rows]:
-        """Remove contacts that are over, and can no longer change, from the log buffer.
+        """Remove finished contacts from the log buffer, and return them.
 
-        Returns their rows in a list of at most one array.
+        A contact is removed if it has ended and can no longer change. The result is a list of at most one array.
         """
         counters = self.counters
         taken = int(counters["rows"])
@@ -237,20 +258,23 @@ class Run:
         return [self.dated(rows)]
 
     def dated(self, rows: Rows) -> Rows:
-        """Add the start of the run to the times of `rows`."""
+        """Convert the times of log rows from the clock of the run to the scene's time.
+
+        `rows` is modified.
+        """
         if self.start != 0.0:
             rows["t_begin"] += self.start
             rows["t_end"] += self.start
         return rows.view(CONTACT)
 
     def row(self, time: float) -> Row:
-        """Return the state of the scene at `time`."""
+        """Return the state of the scene at `time` in s. It is not after the next event."""
         return self.row_after(time - self.start, time)
 
     def row_after(self, elapsed: float, time: float) -> Row:
-        """Return the state of the scene at `elapsed` s after the start.
+        """Return the state of the scene at `elapsed` in s on the clock of the run.
 
-        The state is labelled with `time`.
+        The state is labelled with `time` in s. Raises `OverflowError` if it is not finite.
         """
         n = self.scene.n_pairs
         made: Any = np.zeros((3, n))
@@ -270,9 +294,10 @@ class Run:
         return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Return how the run ended, after advancing every pair to the end.
+        """Advance every pair to the end of the run, and return how the run ended.
 
-        `seen` is the time of the last sample, or -inf if a final sample is needed in any case.
+        `pause` is the reason of the end. `seen` is the time in s of the last sample, or -inf if a final sample is
+        needed in any case.
         """
         if pause is Pause.resting:
             settle(self)
@@ -296,7 +321,7 @@ class Run:
         return End(row, pause.value, message, stats, state, running)
 
     def gather(self, end: float) -> Untouched:
-        """Advance every pair to the end of the run.
+        """Advance every pair to the time `end` in s on the clock of the run.
 
         Returns the records as they were before.
         """
@@ -313,7 +338,10 @@ class Run:
         return untouched
 
     def follow_anew(self, time: float) -> None:
-        """Plan the blocks at driven walls again, and continue the run to `time`."""
+        """Plan the pieces of blocks at driven walls again, and continue the run to `time`.
+
+        Only checkpoints of earlier versions need this.
+        """
         for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
             if self.s.pairs[c]["slot"] >= 0:
                 self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), DUE_TO_PLAN)
