@@ -66,8 +66,8 @@ def launch(s: Any, laws: Any) -> bool:
     for c in range(n):
         pair = pairs[c]
         # a ball at rest on a thermal wall is pressed to it by gravity and is thrown back
-        rests = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
-        if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or rests)):
+        is_pressed_to_wall = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
+        if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or is_pressed_to_wall)):
             enlist(s, c)
             if HEATED and pair.wall < 0:
                 if not strike(run, pairs, pool, c):
@@ -83,11 +83,11 @@ def launch(s: Any, laws: Any) -> bool:
             if pairs[c].slot < 0:
                 enlist(s, c)
             run.lo, run.hi, run.last_step = c, pairs[c].hi, pool[pairs[c].slot].last_step
-            why = regroup(s, laws)
-            while why == EXTEND:
+            code = regroup(s, laws)
+            while code == EXTEND:
                 extend_by(s, run.wanted)
-                why = regroup(s, laws)
-            if why == STOPPED:
+                code = regroup(s, laws)
+            if code == STOPPED:
                 return False
     return True
 
@@ -109,28 +109,28 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """
     run = s.run[0]
     for _ in range(chunk):
-        why = EXTEND
+        code = EXTEND
         # an event that waited for room in the pool, or for the stop condition, is completed first
         if run.waits == 0:
-            why = reason_to_return(s, limit)
-            if why == DONE:
-                why = take_next(s, limit, laws)
-            if why == DONE:
+            code = reason_to_return(s, limit)
+            if code == DONE:
+                code = apply_next_event(s, limit, laws)
+            if code == DONE:
                 continue
-            if why != EXTEND and why != GOES_ON:
-                return why
+            if code != EXTEND and code != GOES_ON:
+                return code
         run.waits = 0
-        if why == EXTEND:
-            why = regroup(s, laws)
-        while why == EXTEND:
+        if code == EXTEND:
+            code = regroup(s, laws)
+        while code == EXTEND:
             if not extend_event(s, run.wanted, laws):
                 run.waits = 1
                 return CRAMPED
-            why = regroup(s, laws)
+            code = regroup(s, laws)
         if not plan_all_due(s, laws):
             return STOPPED
-        if why != MORE and why != GOES_ON:
-            return why
+        if code != MORE and code != GOES_ON:
+            return code
     return MORE
 
 
@@ -144,15 +144,15 @@ def reason_to_return(s: Any, limit: float) -> int:
     run, queue = s.run[0], s.queue
     if RING and run.steps >= run.look:
         reimpose(s)
-    if run.separated == 1 and run.contacts > 0 and all_recede(s) and last_end(s) <= limit:
-        run.t, run.tail = last_end(s), 0.0
+    if run.separated == 1 and run.contacts > 0 and all_recede(s) and last_contact_end(s) <= limit:
+        run.t, run.tail = last_contact_end(s), 0.0
         return STOPPED
     if queue[1].due == math.inf and run.members > 0:  # no island moves any more
         run.rests = 1
     if queue[1].due > limit:
         return REACHED
     if queue[1].due == math.inf:
-        run.t = last_end(s)
+        run.t = last_contact_end(s)
         return REST if run.rests == 1 else QUIET
     if run.contacts >= run.max_events or run.steps >= run.max_steps:
         return WORK_LIMIT
@@ -166,7 +166,7 @@ def reason_to_return(s: Any, limit: float) -> int:
 
 
 @kernel
-def take_next(s: Any, limit: float, laws: Any) -> int:
+def apply_next_event(s: Any, limit: float, laws: Any) -> int:
     """Apply the next event of the run.
 
     A contact of a pair in free flight is solved as one event if possible. Otherwise the next event is the end of a
@@ -175,9 +175,9 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
     lo = s.queue[1].key
     pair = s.pairs[lo]
     if pair.slot < 0:
-        why = solve_as_one_event(s, lo)
-        if why != BY_PIECES:
-            return why
+        code = solve_as_one_event(s, lo)
+        if code != BY_PIECES:
+            return code
         xi = pair.xi
         arrive(pair, s.field)
         if WORKED:
@@ -196,18 +196,18 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     is advanced.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
-    block, passed = pool[pairs[lo].slot], SAME
+    block, edge_result = pool[pairs[lo].slot], SAME
     advance_island(s, lo, block.tau, piece_time(block), laws)
     run.t, run.tail, run.last_step, run.lo, run.hi = block.t, block.tail, block.last_step, lo, pairs[lo].hi
     if DRIVEN:
         carry_walls(s.field, s)
         if block.event == EDGE:
-            passed = pass_edge(s.field, s, laws)
-            if passed == ENDS:
+            edge_result = pass_edge(s.field, s, laws)
+            if edge_result == ENDS:
                 return STOPPED
     if block.fired >= 0:
         return EXTEND if act(run, pairs, pool, bodies, s.log, block, laws) else STOPPED
-    if passed == CHANGED:
+    if edge_result == CHANGED:
         return EXTEND
     if not (HUNG or RING) and laws is None and may_rest(run, pairs, pool, bodies, lo, limit):
         return WANTS_LOOK
@@ -220,9 +220,9 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
 def all_recede(s: Any) -> bool:
     """Return whether no pair overlaps or approaches, so that the balls are separated.
 
-    The rates are those at `last_end`. Pairs in islands count as not separated.
+    The rates are those at `last_contact_end`. Pairs in islands count as not separated.
     """
-    t = last_end(s)
+    t = last_contact_end(s)
     for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.field, pair, t) > 0.0:
@@ -231,7 +231,7 @@ def all_recede(s: Any) -> bool:
 
 
 @kernel
-def last_end(s: Any) -> float:
+def last_contact_end(s: Any) -> float:
     """Return the time in s at which the last contact solved as one event ends.
 
     It is at least the time of the current event, and is rounded up so that no contact lasts beyond it.

@@ -49,10 +49,10 @@ class Checkpoint(Mapping[str, Any]):
     The arrays are created at the first access.
     """
 
-    def __init__(self, s: System, words: dict[str, Any]) -> None:
-        """Store the records `s` and additional entries `words`."""
+    def __init__(self, s: System, entries: dict[str, Any]) -> None:
+        """Store the records `s` and additional entries `entries`."""
         self._s: Any = s._replace(queue=None, scratch=None)
-        self._arrays: dict[str, Any] = words
+        self._arrays: dict[str, Any] = entries
 
     def __getitem__(self, name: str) -> Any:
         return self._made()[name]
@@ -70,10 +70,10 @@ class Checkpoint(Mapping[str, Any]):
         """Return the arrays, and create them if necessary."""
         if (s := self._s) is not None:  # another thread can create the same arrays
             used = {"tables": int(column(s.run, "tables")[0]), "log": int(column(s.run, "rows")[0])}
-            kept = {name: getattr(s, name) for name in CHECKPOINT_RECORDS}
-            made = {name: packed(records[: used.get(name, len(records))], CHECKPOINT_RECORDS[name])
-                    for name, records in kept.items() if records is not None}
-            self._arrays, self._s = self._arrays | made, None
+            records_by_name = {name: getattr(s, name) for name in CHECKPOINT_RECORDS}
+            arrays = {name: packed(records[: used.get(name, len(records))], CHECKPOINT_RECORDS[name])
+                    for name, records in records_by_name.items() if records is not None}
+            self._arrays, self._s = self._arrays | arrays, None
         return self._arrays
 
 
@@ -91,15 +91,15 @@ class Untouched:
         slot, self.kept = column(s.pairs, "slot"), list[tuple[Any, Any, Any]]()
         rows = int(s.run[0]["rows"])
         if not MAX_FULL_COPY_PAIRS < len(s.pairs) < len(s.bodies):
-            run, pairs, bodies, pool, log = map(_kept, (s.run, s.pairs, s.bodies, s.pool, s.log[:rows]))
-            ledger = None if s.ledger is None else _kept(s.ledger)
+            run, pairs, bodies, pool, log = map(_full_copy, (s.run, s.pairs, s.bodies, s.pool, s.log[:rows]))
+            ledger = None if s.ledger is None else _full_copy(s.ledger)
             self.before = s._replace(run=run, pairs=pairs, bodies=bodies, pool=pool, log=log, ledger=ledger)
             return
-        near, bodies = _concerned(s, t)
+        near, bodies = _affected_by_end(s, t)
         changed = [(s.run, slice(None)), (s.pairs, near), (s.bodies, bodies), (s.pool, slot[slot >= 0]),
                    (s.log, slice(rows)), *([] if s.ledger is None else [(s.ledger, slice(None))])]
         self.before = s._replace(queue=copied(s.queue[:1]))
-        self.kept = [(records, index, _taken(records, index)) for records, index in changed]
+        self.kept = [(records, index, _copied_at(records, index)) for records, index in changed]
 
     def put_back(self) -> System:
         """Restore the records and return them."""
@@ -113,29 +113,29 @@ class Untouched:
         return self.before
 
 
-def _kept(records: Any) -> Any:
+def _full_copy(records: Any) -> Any:
     """Return a copy of records. For non-empty arrays it is read-only."""
     if isinstance(records, np.ndarray) and records.size:
         return np.frombuffer(records.tobytes(), records.dtype)
     return copied(records)
 
 
-def _concerned(s: System, t: float) -> tuple[Any, Any]:
+def _affected_by_end(s: System, t: float) -> tuple[Any, Any]:
     """Return the numbers of the pairs and bodies that the end of a run changes.
 
     `t` is the end in s. The pairs are in islands, in contacts that last beyond `t`, or next to such a contact.
     """
     clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
-    inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # with a margin for rounding
-    joined = np.flatnonzero(slot >= 0)
+    in_contact = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # with a margin for rounding
+    in_island = np.flatnonzero(slot >= 0)
     pairs, bodies = np.zeros(len(slot) + 2, bool), np.zeros(len(slot) + 1, bool)  # one more pair on either side
-    pairs[joined + 1] = pairs[inside] = pairs[inside + 1] = pairs[inside + 2] = True
+    pairs[in_island + 1] = pairs[in_contact] = pairs[in_contact + 1] = pairs[in_contact + 2] = True
     near = np.flatnonzero(pairs[1:-1])
     bodies[near] = bodies[near + 1] = True
     return near, np.flatnonzero(bodies)
 
 
-def _taken(records: Any, index: Any) -> Any:
+def _copied_at(records: Any, index: Any) -> Any:
     """Return a copy of the records at `index`, a slice or an array of numbers."""
     if isinstance(records, np.ndarray):
         return raw(records)[index].copy()

@@ -40,7 +40,7 @@ CHECK_POINT_SHARES = np.array(
     [1.0 - GAUSS_NODES[-1], *[1.0 / GAUSS_POINTS] * (GAUSS_POINTS - 1), 1.0 - GAUSS_NODES[-1]]
 )
 """Fraction of the step that each point of `CHECK_POINTS` represents."""
-Sign = Callable[..., bool]
+ForceSign = Callable[..., bool]
 """Type of functions that return whether the law gives a positive force at τ.
 
 If a second argument is True, the force must be positive beyond rounding errors."""
@@ -71,99 +71,106 @@ The integrals end at each node, and at each point of `CHECK_POINTS`."""
 
 
 def next_event_of_law(
-    pair: Any, pushes: Sign, idles: Sign, doubt: float, span: float, scratch: Any
+    pair: Any, is_repulsive: ForceSign, is_force_zero: ForceSign, doubt: float, span: float, scratch: Any
 ) -> tuple[float, int]:
     """Return the τ of the first event of an overlapping pair, and the event.
 
-    The search covers [0, span], and τ is inf without an event. `pushes` returns whether the force is positive at τ,
-    `idles` whether it is 0 at τ and in a neighbourhood. `doubt` in N is the uncertainty of the interpolated force.
+    The search covers [0, span], and τ is inf without an event. `is_repulsive` returns whether the force is positive at
+    τ, `is_force_zero` whether it is 0 at τ and in a neighbourhood. `doubt` in N is the uncertainty of the interpolated
+    force.
     """
-    parts = first_up_crossing(pair.x, span, scratch, -1.0)
-    until = min(parts, span)
+    separates_at = first_up_crossing(pair.x, span, scratch, -1.0)
+    search_end = min(separates_at, span)
     if pair.mode != ACTIVE:
-        again = regains(pair, pushes, doubt, until, scratch)
-        return (again, BEGIN) if again < math.inf else (parts, PART)
-    end = loses(pair, pushes, doubt, until, parts < math.inf, scratch)
+        returns_at = return_of_force(pair, is_repulsive, doubt, search_end, scratch)
+        return (returns_at, BEGIN) if returns_at < math.inf else (separates_at, PART)
+    end = end_of_force(pair, is_repulsive, doubt, search_end, separates_at < math.inf, scratch)
     if end == math.inf:
-        end = pauses(pair, pushes, idles, until, scratch)
-    branch, until = math.inf, min(end, until)
+        end = start_of_zero_force(pair, is_repulsive, is_force_zero, search_end, scratch)
+    branch_end, search_end = math.inf, min(end, search_end)
     if pair.memory and pair.loading:
-        branch = first_up_crossing(pair.e, until, scratch, -1.0)
+        branch_end = first_up_crossing(pair.e, search_end, scratch, -1.0)
     elif pair.memory:
-        branch = shifted(pair.x, -pair.xi_peak, until, scratch, 1.0)
-    if branch < math.inf:
-        return branch, TURN if pair.loading else RELOAD
-    return (end, END) if end < math.inf else (parts, PART)
+        branch_end = shifted(pair.x, -pair.xi_peak, search_end, scratch, 1.0)
+    if branch_end < math.inf:
+        return branch_end, TURN if pair.loading else RELOAD
+    return (end, END) if end < math.inf else (separates_at, PART)
 
 
-def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scratch: Any) -> float:
+def end_of_force(pair: Any, is_repulsive: ForceSign, doubt: float, span: float, separates: bool, scratch: Any) -> float:
     """Return the first τ up to `span` at which the force of a pair vanishes, or inf.
 
-    If the pair separates at `span` (`parts`), its force just before is smaller than any uncertainty. There the law is
-    evaluated at ever smaller distances.
+    If the pair separates at `span` (`separates`), its force just before is smaller than any uncertainty. There the law
+    is evaluated at ever smaller distances.
     """
-    before, found = 0.0, shifted(pair.g, doubt, span, scratch, -1.0)
-    if not parts and (found == math.inf or pushes(found)):
-        found = span  # a force that is 0 on a whole interval never crosses zero
-    if found < math.inf and not pushes(found):
-        return bisected(pushes, *last_push(pushes, found))
-    for j in range(1, SEPARATION_TRIALS if parts else 0):
+    positive_at, crossing = 0.0, shifted(pair.g, doubt, span, scratch, -1.0)
+    if not separates and (crossing == math.inf or is_repulsive(crossing)):
+        crossing = span  # a force that is 0 on a whole interval never crosses zero
+    if crossing < math.inf and not is_repulsive(crossing):
+        return bisection_point(is_repulsive, *last_force_interval(is_repulsive, crossing))
+    for j in range(1, SEPARATION_TRIALS if separates else 0):
         tau = span * (1.0 - 0.25**j)
         if value(pair.x, tau) > 0.0:
-            if not pushes(tau):
-                return bisected(pushes, before, tau)
-            before = tau
+            if not is_repulsive(tau):
+                return bisection_point(is_repulsive, positive_at, tau)
+            positive_at = tau
     return math.inf
 
 
-def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, scratch: Any) -> float:
+def start_of_zero_force(
+    pair: Any, is_repulsive: ForceSign, is_force_zero: ForceSign, span: float, scratch: Any
+) -> float:
     """Return the τ at which the force vanishes around a minimum of the overlap.
 
     The law has zero force on an interval around this minimum, although the pair overlaps. Only τ up to `span` are
     examined. The law is evaluated at the first minimum, and the start of the interval is found by bisection. The result
     is inf if there is no such interval, or if the overlap does not decrease at τ = 0.
     """
-    least = first_up_crossing(pair.e, span, scratch) if pair.e[0] < 0.0 else math.inf
-    return bisected(pushes, *last_push(pushes, least)) if least < math.inf and idles(least) else math.inf
+    minimum = first_up_crossing(pair.e, span, scratch) if pair.e[0] < 0.0 else math.inf
+    return (
+        bisection_point(is_repulsive, *last_force_interval(is_repulsive, minimum))
+        if minimum < math.inf and is_force_zero(minimum)
+        else math.inf
+    )
 
 
-def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
+def last_force_interval(is_repulsive: ForceSign, tau: float) -> tuple[float, float]:
     """Return an interval (low, high) up to `tau` within which the force vanishes.
 
     The force is positive at `low`, but not at `high`. The result is (0, 0) if no positive force is found.
     """
     low, high = 0.0, tau
     for _ in range(SEPARATION_TRIALS):
-        if pushes(low):
+        if is_repulsive(low):
             return low, high
         high *= 0.25  # the force is 0 at the first instant of a contact: search towards it
-        if pushes(high):
+        if is_repulsive(high):
             return high, 4.0 * high
     return 0.0, 0.0
 
 
-def regains(pair: Any, pushes: Sign, doubt: float, span: float, scratch: Any) -> float:
+def return_of_force(pair: Any, is_repulsive: ForceSign, doubt: float, span: float, scratch: Any) -> float:
     """Return the first τ up to `span` at which the force of a residual pair returns.
 
     The result is inf if it does not return. The force has to be positive beyond rounding. The law is evaluated at
     points up to the τ where the interpolant becomes positive. After a kink of the law this τ can be too early, so later
     points are evaluated as well.
     """
-    found = shifted(pair.g, -doubt, span, scratch, 1.0)
-    if found == math.inf and not pushes(span, True):
+    crossing = shifted(pair.g, -doubt, span, scratch, 1.0)
+    if crossing == math.inf and not is_repulsive(span, True):
         return math.inf
-    found, clipped = min(found, span), math.inf
-    for first, last in ((0.0, found), (found, span)):
+    crossing, zero_at = min(crossing, span), math.inf
+    for first, last in ((0.0, crossing), (crossing, span)):
         for j in range(RETURN_TRIALS + 1):
             tau = last if j == RETURN_TRIALS else first + (last - first) * j / RETURN_TRIALS
-            if pushes(tau, True):
-                return 0.0 if clipped == math.inf else bisected(lambda at: not pushes(at), clipped, tau)
-            if not pushes(tau):
-                clipped = tau
+            if is_repulsive(tau, True):
+                return 0.0 if zero_at == math.inf else bisection_point(lambda at: not is_repulsive(at), zero_at, tau)
+            if not is_repulsive(tau):
+                zero_at = tau
     return math.inf
 
 
-def bisected(holds: Callable[[float], bool], low: float, high: float) -> float:
+def bisection_point(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Return the point between `low` and `high` at which `holds` becomes False."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if holds(middle) else (low, middle)
@@ -175,19 +182,21 @@ def _own_speeds(pairs: list[Any]) -> Array:
     return np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
 
 
-def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[Array, float]:
+def _errors(pairs: list[Any], force: Array, deviations: Array, noise: Array) -> tuple[Array, float]:
     """Return the mean error of each pair's force, and the largest relative error.
 
     The mean over the step is in N. The second result is relative to the largest force of the contact, and is computed
-    for active pairs. `force` has the forces at the nodes, shape (pairs, nodes). `off` has the errors of the
+    for active pairs. `force` has the forces at the nodes, shape (pairs, nodes). `deviations` has the errors of the
     interpolants at `CHECK_POINTS`. Values up to `noise` in N are rounding errors and count as 0.
     """
     last_terms = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
-    last_terms, off = np.where(last_terms > noise, last_terms, 0.0), np.where(off > noise[:, None], off, 0.0)
-    stops = [v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
-    strength = np.maximum(np.array(stops), abs(force).max(axis=1))
-    rough = np.maximum(last_terms, off.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
-    return np.maximum(last_terms / GAUSS_POINTS, (off * CHECK_POINT_SHARES).max(axis=1)), float(rough.max())
+    last_terms, deviations = (
+        np.where(last_terms > noise, last_terms, 0.0), np.where(deviations > noise[:, None], deviations, 0.0)
+    )
+    scales = [v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
+    strength = np.maximum(np.array(scales), abs(force).max(axis=1))
+    relative = np.maximum(last_terms, deviations.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
+    return np.maximum(last_terms / GAUSS_POINTS, (deviations * CHECK_POINT_SHARES).max(axis=1)), float(relative.max())
 
 
 def _beside(force: Array, closed: bool) -> Array:
@@ -198,10 +207,10 @@ def _beside(force: Array, closed: bool) -> Array:
     return np.concatenate([force[-1:], force, force[:1]]) if closed else np.pad(force, ((1, 1), (0, 0)))
 
 
-def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> None:
+def _integrate(pairs: list[Any], wall_paths: Any, square: float, closed: bool) -> None:
     """Write the coefficients of rates and overlaps from the coefficients of forces.
 
-    The accelerations of driven walls (`shaken`: number of the pair in the island, and path) and Ω² of pendula
+    The accelerations of driven walls (`wall_paths`: number of the pair in the island, and path) and Ω² of pendula
     (`square`) are included.
     """
     q, rows = pairs[0].clock, _beside(np.array([p.f for p in pairs]), closed).tolist()
@@ -211,7 +220,7 @@ def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> No
         for n in range(GAUSS_POINTS):
             push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)
             p.e[n + q] = sigma * push / (n + q)
-        for path in (path for i, path in shaken if pairs[i] is p):
+        for path in (path for i, path in wall_paths if pairs[i] is p):
             for j in range(1, min(len(path) - 2, (SERIES_ORDER - q) // q + 1)):
                 push = (j + 1) * (j + 2) * path[j + 2] * math.pow(pairs[0].h, q * j)
                 p.e[(j + 1) * q] += sigma * push / ((j + 1) * q)
@@ -221,12 +230,12 @@ def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> No
             p.x[n + q] = sigma * p.e[n] / (n + q)
 
 
-def shown(shaken: Any, holds: float, q: int) -> float:
+def shown(wall_paths: Any, holds: float, q: int) -> float:
     """Return a time up to `holds` (s) in which a series represents the wall paths.
 
-    The series has order 20 in τ, with t = (hτ)^q. `shaken` lists the pairs at driven walls and their paths.
+    The series has order 20 in τ, with t = (hτ)^q. `wall_paths` lists the pairs at driven walls and their paths.
     """
-    for _, path in shaken:
+    for _, path in wall_paths:
         terms = [abs((j + 1) * (j + 2) * path[j + 2]) for j in range(len(path) - 2)]
         while q > 1 and 0.0 < holds < math.inf:
             sizes = [term * holds**j for j, term in enumerate(terms)]
@@ -237,14 +246,14 @@ def shown(shaken: Any, holds: float, q: int) -> float:
     return holds
 
 
-def _shaking(shaken: Any, count: int, times: Array) -> Array:
+def _shaking(wall_paths: Any, count: int, times: Array) -> Array:
     """Return the accelerations in m/s² of driven walls towards the balls.
 
     The shape is (`count` pairs, times). `times` are in s from the start of the step. The values at the start are
     excluded, because they are part of the pulls.
     """
     out = np.zeros((count, len(times)))
-    for i, path in shaken:
+    for i, path in wall_paths:
         out[i] = np.polynomial.polynomial.polyval(times, [0.0, *((j + 1) * (j + 2) * path[j + 2]
                                                                  for j in range(1, len(path) - 2))])
     return out

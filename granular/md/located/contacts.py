@@ -66,21 +66,21 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     Returns false if the run has to stop before this event: at its stop condition, or before the first disturbed
     contact.
     """
-    c, what = block.fired, block.event
+    c, event = block.fired, block.event
     pair = pool[pairs[c].slot]
-    if what == BEGIN:
+    if event == BEGIN:
         return begin(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
-    if what in (TURN, RELOAD):
-        change_mode(pair, what)
-    elif (what == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays_in_contact(pair, block.speed):
+    if event in (TURN, RELOAD):
+        change_mode(pair, event)
+    elif (event == PART or pair.xi <= ROUNDING_OVERLAP_SHARE * pair.own_length) and stays_in_contact(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
-        halt(pairs, pool, bodies, c)
+        cancel_rate(pairs, pool, bodies, c)
     else:
         if pair.going_on == 1:
             end_contact(run, pairs, pool, bodies, log, c)
-        change_mode(pair, what)
-        if what != END:
+        change_mode(pair, event)
+        if event != END:
             pairs[c].isolated = 0
     return True
 
@@ -97,11 +97,11 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
         return strike(run, pairs, pool, c)
     if pair.mode == OPEN:
         pair.xi = 0.0
-        if drifts(pair) or pair.eta < 0.0:  # grazing, or touching at rest
+        if is_rate_noise(pair) or pair.eta < 0.0:  # grazing, or touching at rest
             pair.eta = min(0.0, pair.eta)
             return True
-        if turns(pairs, pool, c, speed):
-            halt(pairs, pool, bodies, c)
+        if touches_by_rounding(pairs, pool, c, speed):
+            cancel_rate(pairs, pool, bodies, c)
             return True
         if laws is not None:
             pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
@@ -142,8 +142,8 @@ def has_jumped(pair: Any) -> bool:
 
     This happens only if the velocity of a wall or ball of the pair has jumped.
     """
-    stiff: float = pair.k * power(pair.xi, pair.s)
-    return bool(stiff + pair.gamma * pair.eta > ZERO_FORCE_SHARE * stiff)
+    elastic: float = pair.k * power(pair.xi, pair.s)
+    return bool(elastic + pair.gamma * pair.eta > ZERO_FORCE_SHARE * elastic)
 
 
 @kernel
@@ -166,18 +166,18 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
 
 
 @kernel
-def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
+def count_isolated(run: Any, pairs: Any, pool: Any, c: int, count: int) -> bool:
     """Count contacts of pair `c` as isolated if no neighbouring pair overlaps.
 
-    The overlap or force of pair `c` begins now, and `more` is the number of contacts to count (0 or 1). If a neighbour
+    The overlap or force of pair `c` begins now, and `count` is the number of contacts to count (0 or 1). If a neighbour
     overlaps, none of the contacts during the overlaps of these two pairs counts as isolated. Contacts that were counted
     before are subtracted. Returns false if the run has to stop because two neighbouring pairs overlap.
     """
-    alone = True
+    is_alone = True
     below, above = beside(pairs, c)
     for f in (below, above):
-        if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
-            alone = False
+        if 0 <= f < count_of(pairs) and is_overlapping(pairs[f], pool, run):
+            is_alone = False
             # earlier contacts of the neighbour are disturbed now; `NOT_ISOLATED` is negative and subtracts nothing
 
             run.isolated -= max(0, pairs[f].isolated)
@@ -185,19 +185,19 @@ def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
             if run.first < 0:
                 run.first = f if f == below else c  # the lower of the two pairs
                 run.disturbed = run.t
-    if not alone and run.disturbing == STOP:
+    if not is_alone and run.disturbing == STOP:
         return False
-    if not alone:
+    if not is_alone:
         run.isolated -= max(0, pairs[c].isolated)
         pairs[c].isolated = NOT_ISOLATED
     elif pairs[c].isolated != NOT_ISOLATED:
-        pairs[c].isolated += more
-        run.isolated += more
+        pairs[c].isolated += count
+        run.isolated += count
     return True
 
 
 @kernel
-def overlaps(pair: Any, pool: Any, run: Any) -> bool:
+def is_overlapping(pair: Any, pool: Any, run: Any) -> bool:
     """Return whether a pair overlaps, or touches at rest, at the current event.
 
     The time of the event is `run.t` + `run.tail`. The pair can be in an island or outside.
@@ -238,9 +238,9 @@ def pushes(pair: Any) -> bool:
         return bool(pair.mode != OPEN)
     if pair.mode != RESIDUAL or pair.s == 1.0:
         return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
-    parts = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
+    may_separate = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
     # η² > 2·pull·ξ: fast enough to reach ξ = 0 against the pull
-    return bool(not (parts and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi))
+    return bool(not (may_separate and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi))
 
 
 @kernel
@@ -252,7 +252,7 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     immediately, unless gravity separates the balls. Returns NONE, SOME, or AWAITED if the run has to stop before one of
     these contacts.
     """
-    found, lo, hi = NONE, run.lo, run.hi
+    result, lo, hi = NONE, run.lo, run.hi
     closed = RING and is_closed(pairs, lo, hi)
     # upwards and downwards, because a pair that becomes dormant can press the next one in either direction
     for sweep in range(2):
@@ -273,8 +273,8 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
                 if is_awaited(run, pairs, c) and pair.pull >= 0.0:
                     return AWAITED
                 begin_contact(run, pairs, pool, bodies, c)
-                pair.mode, found = DORMANT, SOME
-    return found
+                pair.mode, result = DORMANT, SOME
+    return result
 
 
 @kernel
@@ -290,8 +290,8 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
         if HEATED and pair.wall < 0:
             continue
         if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
-            way = direction(pair.x)
-            if way != 0.0 and (way > 0.0) == (pair.mode == OPEN):
+            sign = direction(pair.x)
+            if sign != 0.0 and (sign > 0.0) == (pair.mode == OPEN):
                 pair.mode = DORMANT if pair.mode == OPEN else OPEN
                 changed = True
     return changed
@@ -307,15 +307,15 @@ def stays_in_contact(pair: Any, speed: float) -> bool:
     """
     if pair.mode != ACTIVE:
         return False
-    if pair.kind == GENERAL and pair.wake > 0.0 and drifts(pair):
+    if pair.kind == GENERAL and pair.wake > 0.0 and is_rate_noise(pair):
         return True
-    held = pair.kind != LINEAR and pair.pull > 0.0
+    pressed = pair.kind != LINEAR and pair.pull > 0.0
     # the square of the rate has an error of about noise times speed
-    return bool(held and pair.eta * pair.eta <= DRIFT_NOISE_FACTOR * pair.noise * max(speed, speed_of_weight(pair)))
+    return bool(pressed and pair.eta * pair.eta <= DRIFT_NOISE_FACTOR * pair.noise * max(speed, speed_of_weight(pair)))
 
 
 @kernel
-def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
+def touches_by_rounding(pairs: Any, pool: Any, c: int, speed: float) -> bool:
     """Return whether two balls that gravity separates touch only by rounding error.
 
     The energy of their approach is then rounding error. `speed` is the typical speed in m/s of the island of pair `c`.
@@ -329,7 +329,7 @@ def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
 
 
 @kernel
-def drifts(pair: Any) -> bool:
+def is_rate_noise(pair: Any) -> bool:
     """Return whether the absolute rate of a pair does not exceed its noise."""
     return bool(abs(pair.eta) <= DRIFT_NOISE_FACTOR * pair.noise)
 
@@ -342,7 +342,7 @@ def speed_of_weight(pair: Any) -> float:
 
 
 @kernel
-def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
+def cancel_rate(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Set the rate of pair `c` to zero by an impulse between its two balls.
 
     The rates of the neighbouring pairs in the same island change accordingly.

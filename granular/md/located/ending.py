@@ -35,24 +35,24 @@ def settle(run: Any) -> None:
     `run` is a `located.run.Run`.
     """
     # under general laws, rest is proved when all forces balance: the overlaps are static already
-    loaded = [p for p in members(run) if p.mode == ACTIVE and p.load > 0.0 and p.kind != GENERAL]
-    pair, rest = [p.number for p in loaded], np.array([overlap_under(p, p.load) for p in loaded])
+    loaded = [p for p in island_members(run) if p.mode == ACTIVE and p.load > 0.0 and p.kind != GENERAL]
+    pair, static = [p.number for p in loaded], np.array([overlap_under(p, p.load) for p in loaded])
     # the period of a contact is the shortest meaningful time in a run that rests from its start
-    shortest = max((math.sqrt(xi / (p.load * p.inverse)) for p, xi in zip(loaded, rest.tolist(), strict=True)),
+    shortest = max((math.sqrt(xi / (p.load * p.inverse)) for p, xi in zip(loaded, static.tolist(), strict=True)),
                    default=0.0)
     time = max(run.now, float(run.counters["t"]), run.request.start - run.start)
     for _ in range(MAX_STATIC_TESTS if loaded else 0):
-        time = _look(time, shortest)
+        time = _next_test_time(time, shortest)
         while (pause := run.to(run.start + time, False)) is Pause.full:
             pass
         if pause is not Pause.reached:
             return
-        if (abs(run.row_after(time, run.start + time).gap[pair] + rest) <= STATIC_OVERLAP_TOLERANCE * rest).all():
+        if (abs(run.row_after(time, run.start + time).gap[pair] + static) <= STATIC_OVERLAP_TOLERANCE * static).all():
             return
         time = math.nextafter(time, math.inf)
 
 
-def _look(time: float, shortest: float) -> float:
+def _next_test_time(time: float, shortest: float) -> float:
     """Return the first time in s of a comparison at or after `time`.
 
     The times of comparisons are 0 and the numbers of 7 binary digits that are at least about `shortest`.
@@ -96,12 +96,12 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
         sentence += "; the balls rest on each other"
     if run.collocation is not None or not r.barrier:
         return f"{sentence}: all forces balance to rounding error"
-    piled = [p for p in members(run) if p.mode == ACTIVE or p.mode == DORMANT]
-    groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
+    touching = [p for p in island_members(run) if p.mode == ACTIVE or p.mode == DORMANT]
+    groups = [[p for _, p in group] for _, group in groupby(enumerate(touching), lambda at: at[1].number - at[0])]
     decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
     energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
-    why = f"the energy about the equilibrium, {energies} the first contact needs to open"
-    return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
+    reason = f"the energy about the equilibrium, {energies} the first contact needs to open"
+    return f"{sentence}: {reason}; the slowest motion decays in {decay:.3g} s"
 
 
 def slowest_decay(pairs: list[Any], closed: bool) -> float:
@@ -111,16 +111,16 @@ def slowest_decay(pairs: list[Any], closed: bool) -> float:
     motion does not decay. Between two walls (`closed`) the sum of overlaps is constant, so motions that change it are
     excluded.
     """
-    a, n = matrices(pairs), len(pairs)
+    a, n = motion_matrix(pairs), len(pairs)
     if closed:
-        free = np.linalg.qr(np.column_stack([np.ones(n), np.eye(n)[:, 1:]]))[0][:, 1:]
-        moving = np.kron(np.eye(2), free)
-        a = moving.T @ a @ moving
+        zero_sum = np.linalg.qr(np.column_stack([np.ones(n), np.eye(n)[:, 1:]]))[0][:, 1:]
+        basis = np.kron(np.eye(2), zero_sum)
+        a = basis.T @ a @ basis
     slowest = -float(np.linalg.eigvals(a).real.max())
     return 1.0 / slowest if slowest > 0.0 else float("inf")
 
 
-def matrices(pairs: list[Any]) -> Array:
+def motion_matrix(pairs: list[Any]) -> Array:
     """Return the matrix A of ẏ = A y for small motions y = (ξ, η) of touching pairs.
 
     For n pairs it has shape (2n, 2n). The motions are about the current overlaps.
@@ -132,7 +132,7 @@ def matrices(pairs: list[Any]) -> Array:
     return np.block([[np.zeros_like(w), np.eye(len(pairs))], [w * k, w * gamma]])
 
 
-def members(run: Any) -> list[Any]:
+def island_members(run: Any) -> list[Any]:
     """Return the records of the pairs in islands as plain objects, from the bottom up."""
     slot = column(run.s.pairs, "slot")[: run.scene.n_pairs]
     slots = slot[slot >= 0].tolist()
@@ -144,23 +144,23 @@ def rest_of_log(run: Any, end: float) -> Rows | None:
 
     `end` is the end in s on the clock of the run. Contacts that have not ended have nan as their end time.
     """
-    left = [*run.rows(), *(run.dated(rows) for rows in _still_open(run))]
-    if not left:
+    blocks = [*run.rows(), *(run.dated(rows) for rows in _unfinished_contacts(run))]
+    if not blocks:
         return None
-    rows = np.concatenate(left)
+    rows = np.concatenate(blocks)
     late = rows["t_end"] > run.start + end  # later only by rounding
     rows["t_end"][late], rows["v_out"][late] = math.nan, math.nan
     return rows
 
 
-def _still_open(run: Any) -> list[Rows]:
+def _unfinished_contacts(run: Any) -> list[Rows]:
     """Return the contacts that have not ended, in a list of at most one array."""
-    going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
-    if not going:
+    unfinished = [p for p in island_members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
+    if not unfinished:
         return []
-    rows = np.zeros(len(going), CONTACT_ROW)
+    rows = np.zeros(len(unfinished), CONTACT_ROW)
     rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
-    rows["pair"] = [p.number for p in going]
+    rows["pair"] = [p.number for p in unfinished]
     for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
-        rows[name] = [getattr(p, name) for p in going]
+        rows[name] = [getattr(p, name) for p in unfinished]
     return [rows]

@@ -39,9 +39,9 @@ def regroup(s: Any, laws: Any) -> int:
     that the run has to stop before a contact.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
-    found = SOME
+    result = SOME
     # a pair that becomes dormant pushes, so the extent of the event has to be determined again
-    while found == SOME:
+    while result == SOME:
         below, above = run.lo - 1, run.hi
         if RING:
             below, above = neighbours(run, pairs)
@@ -54,21 +54,21 @@ def regroup(s: Any, laws: Any) -> int:
         ):
             run.wanted = above
             return EXTEND
-        found = engage(run, pairs, pool, bodies)
-        if HEATED and found == NONE:
-            found = throw_back(s, laws)
-    if found == AWAITED:
+        result = engage(run, pairs, pool, bodies)
+        if HEATED and result == NONE:
+            result = throw_back(s, laws)
+    if result == AWAITED:
         run.waits = 1
         return STOPPED
     if RING and is_closed(pairs, run.lo, run.hi):
-        cut(run, pairs, pool)
+        cut_ring(run, pairs, pool)
     a = run.lo
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
             form_block(run, pairs, pool, s.queue, a, c)
-            lone, a = c == a + 1, nth(pairs, a)
-            if lone and not pushes(pool[pairs[a].slot]):
-                take_off(run, pairs, pool, s.kinds, a, s.field)
+            is_single, a = c == a + 1, nth(pairs, a)
+            if is_single and not pushes(pool[pairs[a].slot]):
+                release_pair(run, pairs, pool, s.kinds, a, s.field)
             else:
                 pairs[a].due = DUE_TO_PLAN
             play(s.queue, a, pairs[a].due)
@@ -77,7 +77,7 @@ def regroup(s: Any, laws: Any) -> int:
 
 
 @kernel
-def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) -> None:
+def release_pair(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) -> None:
     """Release pair `c`, a block of its own, into free flight.
 
     Its place in the pool becomes free, and its next event is predicted.
@@ -92,7 +92,7 @@ def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) ->
 
 
 @kernel
-def cut(run: Any, pairs: Any, pool: Any) -> None:
+def cut_ring(run: Any, pairs: Any, pool: Any) -> None:
     """Choose the first pair of an island that consists of all pairs of a ring.
 
     The island then starts between two neighbouring flying pairs, if there are any. No force acts on the ball between
@@ -199,18 +199,18 @@ def reimpose(s: Any) -> None:
     # the gaps are exact at the start
     if at_start:
         return
-    widest, most, total, low = -1, 0.0, 0.0, 0.0
+    widest, widest_gap, total, low = -1, 0.0, 0.0, 0.0
     for c in range(n):
         pair = pairs[c]
         if pair.slot >= 0:
             gap = -value(pool[pair.slot].x, tau_at(pool[pairs[pair.first].slot], run.t, run.tail))
         else:
             gap = -flown(s.field, pair, since(pair, run.t, run.tail))[0]
-            if pair.mode == OPEN and pair.lasts == 0.0 and gap > most:
-                most, widest = gap, c
-        new = total + gap  # in two floats (Neumaier 1974)
-        low += (total - new) + gap if abs(total) >= abs(gap) else (gap - new) + total
-        total = new
+            if pair.mode == OPEN and pair.lasts == 0.0 and gap > widest_gap:
+                widest_gap, widest = gap, c
+        next_total = total + gap  # in two floats (Neumaier 1974)
+        low += (total - next_total) + gap if abs(total) >= abs(gap) else (gap - next_total) + total
+        total = next_total
     if widest >= 0:
         pair = pairs[widest]
         pair.xi += (total - run.length) + low

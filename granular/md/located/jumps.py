@@ -60,7 +60,7 @@ def count_hit(s: Any, c: int, v: float, v2: float) -> None:
 
 
 @kernel
-def thrown(s: Any, c: int) -> float:
+def throw_ball_back(s: Any, c: int) -> float:
     """Throw back the ball of the STRUCK pair `c`, and log this contact.
 
     Returns the velocity change v + v2 in m/s: the increase of the rate with which the ball closes on its other
@@ -80,8 +80,8 @@ def thrown(s: Any, c: int) -> float:
         row.lower_out, row.upper_out = (ball.v, wall.v) if side else (wall.v, ball.v)
         row.xi_max, row.force_max, row.impulse = 0.0, math.nan, s.ledger[0].mass[side] * (v + v2)
     count_hit(s, c, v, v2)
-    kick: float = v + v2
-    return kick
+    velocity_change: float = v + v2
+    return velocity_change
 
 
 @kernel
@@ -91,16 +91,16 @@ def pass_edge(walls: Any, s: Any, laws: Any) -> int:
     The velocity of the wall may jump there. Returns SAME, CHANGED if the blocks have to be formed again, or ENDS if the
     run has to stop before a contact.
     """
-    run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
+    run, pairs, pool, needs_next_piece = s.run[0], s.pairs, s.pool, False
     for c in range(run.lo, run.hi):
         member = pool[pairs[c].slot]
-        jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
-        member.eta += slip
+        jump, stored_jump = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
+        member.eta += stored_jump
         member.e[0] = member.eta
         if jump != 0.0 and not apply_velocity_jump(s, c, jump, laws):
             return ENDS
-        pushing = pushing or (jump == 0.0 and pushes(member))
-    return SAME if pushing else CHANGED
+        needs_next_piece = needs_next_piece or (jump == 0.0 and pushes(member))
+    return SAME if needs_next_piece else CHANGED
 
 
 @kernel
@@ -136,16 +136,16 @@ def throw_back(s: Any, laws: Any) -> int:
     The neighbouring pairs are in the island too. Returns SOME if a ball was thrown back, because a force can then act
     in the neighbouring pair. Otherwise returns NONE, or AWAITED if the run has to stop before a contact of that pair.
     """
-    run, pairs, pool, found = s.run[0], s.pairs, s.pool, NONE
+    run, pairs, pool, result = s.run[0], s.pairs, s.pool, NONE
     for side in range(2):
         c = 0 if side == 0 else len(pairs) - 1
         f = c + 1 - 2 * side
         if run.lo <= c < run.hi and pool[pairs[c].slot].mode == STRUCK:
-            kick, found = thrown(s, c), SOME
+            velocity_change, result = throw_ball_back(s, c), SOME
             if 0 <= f < len(pairs):
-                pool[pairs[f].slot].eta += kick
+                pool[pairs[f].slot].eta += velocity_change
                 # the new rate has the rounding error of the jump
-                pool[pairs[f].slot].noise += FLOAT_SPACING * kick
-                if not apply_velocity_jump(s, f, kick, laws):
+                pool[pairs[f].slot].noise += FLOAT_SPACING * velocity_change
+                if not apply_velocity_jump(s, f, velocity_change, laws):
                     return AWAITED
-    return found
+    return result

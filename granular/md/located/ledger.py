@@ -47,11 +47,11 @@ def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
     """
     member, last = s.pool[s.pairs[c].slot], len(s.pairs)
     if member.mode == ACTIVE or member.mode == RESIDUAL:
-        sums[LOST] += dissipated(member, block, tau, laws)
+        sums[LOST] += dissipated_energy(member, block, tau, laws)
         if c == 0 and s.bodies[0].inverse_mass == 0.0:
-            sums[FLOOR] += work(s.field, member, block, s.bodies[0].v, tau)
+            sums[FLOOR] += wall_work(s.field, member, block, s.bodies[0].v, tau)
         if c + 1 == last and s.bodies[last].inverse_mass == 0.0:
-            sums[CEILING] += work(s.field, member, block, -s.bodies[last].v, tau)
+            sums[CEILING] += wall_work(s.field, member, block, -s.bodies[last].v, tau)
 
 
 @kernel
@@ -96,7 +96,7 @@ def book_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
     `c` is its pair. `sign` is 1, or -1 to subtract the contact again.
     """
     for i in (FLOOR, CEILING, LOST):
-        add(ledger[0], i, sign * at_once(ledger, s, c, i))
+        add(ledger[0], i, sign * isolated_contact_energy(ledger, s, c, i))
 
 
 @kernel
@@ -107,11 +107,11 @@ def keep_part_until_now(ledger: Any, s: Any, c: int, sums: Any) -> None:
     integrated by pieces and is in `solo`.
     """
     for i in (FLOOR, CEILING, LOST):
-        sums[i] += ledger[0].solo[i] - at_once(ledger, s, c, i)
+        sums[i] += ledger[0].solo[i] - isolated_contact_energy(ledger, s, c, i)
 
 
 @kernel
-def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
+def isolated_contact_energy(ledger: Any, s: Any, c: int, i: int) -> float:
     """Return entry `i` of the balance in J for a contact solved as one event.
 
     The entry is computed from the speed, the duration and the asymptote of pair `c`. At a driven wall it is read from
@@ -120,8 +120,8 @@ def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
     pair, lower, upper = s.pairs[c], s.bodies[c], s.bodies[c + 1]
     at_floor = lower.inverse_mass == 0.0
     if pair.wall > 0:
-        kept = ledger[0].lost if i == LOST else ledger[0].work
-        return float(kept[0 if at_floor else 1] if i == LOST or at_floor == (i == FLOOR) else 0.0)
+        kept_sums = ledger[0].lost if i == LOST else ledger[0].work
+        return float(kept_sums[0 if at_floor else 1] if i == LOST or at_floor == (i == FLOOR) else 0.0)
     inverse, v, v2 = lower.inverse_mass + upper.inverse_mass, pair.speed, -pair.eta
     if i == LOST:
         # a product, because the difference of the squares would lose digits
@@ -161,7 +161,7 @@ def run_off(law: Any, laws: Any, pair: Any, first: float, last: float) -> float:
         return 0.0
     if laws is not None:
         return laws.lost(pair, first, last)  # type: ignore[no-any-return]
-    return stored(law, first) - stored(law, last)
+    return elastic_energy(law, first) - elastic_energy(law, last)
 
 
 @kernel
@@ -172,13 +172,13 @@ def add(ledger: Any, i: int, x: float) -> None:
 
 
 @kernel
-def stored(law: Any, xi: float) -> float:
+def elastic_energy(law: Any, xi: float) -> float:
     """Return the elastic energy k ξ^(p+1)/(p+1) of a power law in J, 0 for ξ ≤ 0."""
     return float(law.k * xi * power(xi, law.p) / (law.p + 1.0)) if xi > 0.0 else 0.0
 
 
 @kernel
-def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
+def dissipated_energy(member: Any, block: Any, tau: float, laws: Any) -> float:
     """Return the energy in J that a pair dissipates in its piece up to τ.
 
     `block` is the record of its island.
@@ -186,7 +186,7 @@ def dissipated(member: Any, block: Any, tau: float, laws: Any) -> float:
     if laws is not None:
         return laws.dissipated(member, block, tau)  # type: ignore[no-any-return]
     if member.mode == RESIDUAL:
-        return stored(member, member.x[0]) - stored(member, value(member.x, tau))
+        return elastic_energy(member, member.x[0]) - elastic_energy(member, value(member.x, tau))
     if member.kind == ELASTIC or member.gamma == 0.0:
         return 0.0
     total, scale = 0.0, pace(block, tau)
@@ -212,7 +212,7 @@ def pace(block: Any, tau: float) -> float:
 
 
 @kernel
-def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float:
+def wall_work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float:
     """Return the work in J of a wall on the pair at the wall in its piece up to τ.
 
     `speed` is the velocity in m/s, towards the balls, of a wall that is not driven.
@@ -220,12 +220,12 @@ def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float
     if member.mode != ACTIVE:
         return 0.0
     if DRIVEN and member.wall > 0:
-        return work_of_driven(walls, member, block, tau)
+        return driven_wall_work(walls, member, block, tau)
     return float(elapsed(block.h, block.clock, 1.0) * integral(member.f, block.clock, tau) * speed)
 
 
 @kernel
-def work_of_driven(walls: Any, member: Any, block: Any, tau: float) -> float:
+def driven_wall_work(walls: Any, member: Any, block: Any, tau: float) -> float:
     """Return the work in J of a driven wall on its pair in a piece up to τ."""
     expand_path(walls, member.wall - 1, block)
     wall, path = walls.wall[member.wall - 1], walls.path[member.wall - 1]

@@ -23,8 +23,8 @@ def calm(run: Any) -> tuple[float, float]:
     """
     now = max(run.now, run.request.start - run.start)
     clock = column(run.s.pairs, "t")  # ahead if a contact was solved as one event
-    soonest = min(float(column(run.s.queue[1:2], "due")[0]), clock[clock > now].min(initial=math.inf))
-    return run.start + now, run.start + soonest
+    next_event = min(float(column(run.s.queue[1:2], "due")[0]), clock[clock > now].min(initial=math.inf))
+    return run.start + now, run.start + next_event
 
 
 def watched(run: Any, level: Level) -> Callable[[float], float]:

@@ -83,17 +83,17 @@ def keep_unsettled(s: Any, t: float) -> None:
 
     `t` is in s. The caller has already collected the other rows. Rows that were withdrawn are removed as well.
     """
-    run, kept = s.run[0], 0
+    run, row_count = s.run[0], 0
     for i in range(run.rows):
         row = s.log[i]
         if row.pair >= 0 and row.t_end > t:
-            if i > kept:
-                copy_row(row, s.log[kept])
-            s.pairs[row.pair].row = kept
-            kept += 1
+            if i > row_count:
+                copy_row(row, s.log[row_count])
+            s.pairs[row.pair].row = row_count
+            row_count += 1
         elif row.pair >= 0 and s.pairs[row.pair].row == i:
             s.pairs[row.pair].row = -1
-    run.rows = kept
+    run.rows = row_count
 
 
 @kernel

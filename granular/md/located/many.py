@@ -149,7 +149,7 @@ def solve_many(
     mass, gap, velocity, law, gravity = (np.asarray(column, np.float64) for column in scenes)
     m_eff = 1.0 / (1.0 / mass[..., :-1] + 1.0 / mass[..., 1:])
     end = np.asarray(t_end, np.float64)[..., None]
-    columns = [1.0 / mass, velocity, gap, gravity[..., None], _kinds(law, m_eff), end]
+    columns = [1.0 / mass, velocity, gap, gravity[..., None], _kind_records(law, m_eff), end]
     (count,) = np.broadcast_shapes(*(column.shape[:-1] for column in columns), (1,))
     columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
     limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log_level": ROWS}
@@ -158,35 +158,37 @@ def solve_many(
         *part, kinds, end = (column[first : first + SCENES_PER_BATCH].copy() for column in columns)
         n = kinds.shape[-1]
         s = new_system(part, kinds, np.arange(n), n, until, **limits)
-        parts.append(_solved(s, end[:, 0].copy(), engine))
+        parts.append(_solve_batch(s, end[:, 0].copy(), engine))
     return Many(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _solved(s: System, end: Array, engine: str) -> Many:
+def _solve_batch(s: System, end: Array, engine: str) -> Many:
     """Solve the scenes with the records `s`, until the times `end` in s."""
     result, last = np.zeros(len(end), RESULT_RECORD), np.zeros(s.pairs.shape, LAST_CONTACT_RECORD)
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
     seen, many, i, room = np.zeros((3, last.shape[-1])), s, 0, np.zeros(REFERENCE_WORDS, np.int64)
-    given: Any = end, MAX_PIECES_COMPILED, result, last, seen
+    arguments: Any = end, MAX_PIECES_COMPILED, result, last, seen
     kernels: Any = compiled  # with the types of a single run, so fewer kernels are compiled
     if engine == "plain":
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
-        given, kernels = (end.tolist(), MAX_PIECES_COMPILED, *rows, seen.tolist()), interpreted
-    while (i := kernels(solve_rows)(many, room, *given, i)) < len(result):
+        arguments, kernels = (end.tolist(), MAX_PIECES_COMPILED, *rows, seen.tolist()), interpreted
+    while (i := kernels(solve_rows)(many, room, *arguments, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
-            rare: Any = kernels if kernels is interpreted else partial(seldom, kernels=kernels)
-            result["why"][i] = looked_at(System._make(scene_of(many, i, None)), float(end[i]), kernels, rare)
+            rare_kernel: Any = kernels if kernels is interpreted else partial(seldom, kernels=kernels)
+            result["why"][i] = looked_at(
+                System._make(scene_records(many, i, None)), float(end[i]), kernels, rare_kernel
+            )
             continue
         many = with_room_for_a_table(many, i)
-        make_table(System._make(scene_of(many, i, None)), None, kernels)
+        make_table(System._make(scene_records(many, i, None)), None, kernels)
     status = np.array([STATUS_CODES.get(code, -1) for code in range(WANTS_LOOK + 1)])[result["why"]]
     status[(result["why"] == QUIET) & (end < math.inf)] = STATUS_CODES[REACHED]
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
 
 
-def _kinds(law: Array, m_eff: Array) -> Any:
+def _kind_records(law: Array, m_eff: Array) -> Any:
     """Return the laws of pairs as records of `LAW_KIND_RECORD`.
 
     `law` has shape (…, 4) with (k, p, γ, d) in its last axis. `m_eff` are the effective masses of the pairs in kg.
@@ -200,22 +202,22 @@ def _kinds(law: Array, m_eff: Array) -> Any:
     kinds["d"] = np.where(elastic, np.where(kinds["p"] == 1.5, 0.5, 0.0), kinds["d"])
     kinds["s"] = kinds["p"] - kinds["d"]
     for p, d, gamma in itertools.product(np.unique(kinds["p"]), np.unique(kinds["d"]), (0.0, 1.0)):
-        these = (kinds["p"] == p) & (kinds["d"] == d) & (elastic == (gamma == 0.0))
-        kinds["kind"][these], kinds["q"][these] = kind_and_q(1.0, p, gamma, d)
+        selected = (kinds["p"] == p) & (kinds["d"] == d) & (elastic == (gamma == 0.0))
+        kinds["kind"][selected], kinds["q"][selected] = kind_and_q(1.0, p, gamma, d)
     kinds["kind"][(kinds["kind"] != LINEAR) & ~(kinds["k"] > 0.0)] = GENERAL
     return kinds
 
 
 @kernel
-def scene_of(many: Any, i: int, room: Any) -> Any:
+def scene_records(many: Any, i: int, room: Any) -> Any:
     """Return the records of scene `i` as one `System` for kernels.
 
     Only run, pairs, kinds and bodies belong to the scene. All other records are shared by all scenes. `room` is storage
     for the table of their addresses. Interpreted code does not use it.
     """
-    own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-    rest = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None
-    return by_reference(Fields(*own, *rest), room)
+    own_records = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
+    shared_records = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None
+    return by_reference(Fields(*own_records, *shared_records), room)
 
 
 @kernel
@@ -228,7 +230,7 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
     (3, pairs).
     """
     for i in range(first, len(t_end)):
-        s = scene_of(many, i, room)
+        s = scene_records(many, i, room)
         if result[i].why == MORE:
             for c in range(len(many.pool)):
                 many.pool[c].spare = c
@@ -258,14 +260,14 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
         if not set_out(s, None):
             result.why = STOPPED
         collect_results(s, last, 0.0)
-    why = result.why if result.why in (STOPPED, REST, BINDING) else MORE
-    while why == MORE:
-        why = advance(s, t_end, chunk, None)
+    code = result.why if result.why in (STOPPED, REST, BINDING) else MORE
+    while code == MORE:
+        code = advance(s, t_end, chunk, None)
         collect_results(s, last, run.t)
-    result.why, result.time = why, run.t
-    if why in (WANTS_TABLE, WANTS_LOOK):
+    result.why, result.time = code, run.t
+    if code in (WANTS_TABLE, WANTS_LOOK):
         return
-    if why == REACHED or (why == QUIET and t_end < math.inf):
+    if code == REACHED or (code == QUIET and t_end < math.inf):
         result.time = t_end
     expose_all(s, result.time, None)
     gather(s, result.time, None)

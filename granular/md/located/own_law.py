@@ -71,10 +71,10 @@ MAX_FORCE_ERROR = 3e-14
 
 The error of the rates does not bound it: a kink in a short step hardly affects rates, but it affects peak forces."""
 UNCERTAIN_FORCE_SHARE = 1e-13
-"""Fraction of its largest value up to which an interpolated force has no sure sign.
+"""Fraction of its maximum up to which an interpolated force has no certain sign.
 
-The largest value is taken over the piece."""
-AtRest = Callable[[Any, float], float]
+The maximum is taken over the piece."""
+RestForce = Callable[[Any, float], float]
 """Type of functions that return the force in N of a pair at rest.
 
 The arguments are the pair and its overlap in m."""
@@ -112,7 +112,7 @@ class Collocation:
         `xi` is the overlap in m, `eta` its rate in m/s. The result is inf if the law overflows.
         """
         try:
-            return on_branch(self.laws[p.number], xi, eta, p.xi_peak, p.loading)
+            return branch_force(self.laws[p.number], xi, eta, p.xi_peak, p.loading)
         except OverflowError:  # the trial step is too long
             return math.inf
 
@@ -137,36 +137,36 @@ class Collocation:
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.last_step > 0.0 and block.clock == 1:
             reach = block.last_step
-        allowed, shortest = max(tol, SMALLEST_COLLOCATION_TOL), SHORTEST_TRIAL_STEP * reach
-        self._check(pairs, [0.0])
+        allowed_error, shortest = max(tol, SMALLEST_COLLOCATION_TOL), SHORTEST_TRIAL_STEP * reach
+        self._check_forces(pairs, [0.0])
         if not (self.shaken or self.square) and write_resting_piece(pairs, self.force, self.closed):
             return 0.0
         reach = min(reach, shown(self.shaken, holds, block.clock))
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             self.trials += 1
-            force, misses, rough = self._iterate(pairs)
-            miss = float((misses / _own_speeds(pairs)).max())
-            if (miss <= allowed and rough <= MAX_FORCE_ERROR) or not reach > shortest:
+            force, rate_errors, force_error = self._iterate_forces(pairs)
+            largest_error = float((rate_errors / _own_speeds(pairs)).max())
+            if (largest_error <= allowed_error and force_error <= MAX_FORCE_ERROR) or not reach > shortest:
                 break
-            if miss < math.inf:  # a step of this length converges, so only a jump requires a far shorter one
+            if largest_error < math.inf:  # a step of this length converges, so only a jump requires a far shorter one
                 shortest = max(shortest, SHORTEST_CONVERGED_STEP * reach)
             elif reach * block.speed < JUMP_SHARE * block.length:
-                self._check(pairs, ((block.h * GAUSS_NODES) ** block.clock).tolist())
+                self._check_forces(pairs, ((block.h * GAUSS_NODES) ** block.clock).tolist())
             reach *= 0.5
-        growth = (allowed / miss) ** (1.0 / GAUSS_POINTS) if miss > 0.0 else 2.0
+        growth = (allowed_error / largest_error) ** (1.0 / GAUSS_POINTS) if largest_error > 0.0 else 2.0
         # 0.9: safety factor against an immediate rejection
         block.last_step = reach * min(2.0, 0.9 * growth)
-        self._write(pairs, force, reach)
-        return float(misses.max()) / block.speed if block.speed > 0.0 else 0.0
+        self._write_series(pairs, force, reach)
+        return float(rate_errors.max()) / block.speed if block.speed > 0.0 else 0.0
 
     def next_event(self, p: Any, span: float, scratch: Any) -> tuple[float, int]:
         """Return the τ of the first event of an overlapping pair, and the event.
 
         The search covers [0, span], and τ is inf without an event.
         """
-        pushes = partial(self._pushes, p, 1e-3 * (p.deepest or p.own_length))
-        return next_event_of_law(p, pushes, partial(self._idles, p), p.doubt, span, scratch)
+        is_repulsive = partial(self._is_repulsive, p, 1e-3 * (p.deepest or p.own_length))
+        return next_event_of_law(p, is_repulsive, partial(self._is_force_zero, p), p.doubt, span, scratch)
 
     def dissipated(self, p: Any, block: Any, tau: float) -> float:
         """Return the energy in J that a contact dissipates in its piece up to τ.
@@ -204,25 +204,25 @@ class Collocation:
         # close to the touch a force can underflow to 0
         return force > 0.0 or (force == 0.0 and self.force(p, 1e-3 * depth, p.eta) > 0.0)
 
-    def _pushes(self, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
+    def _is_repulsive(self, p: Any, shallow: float, tau: float, beyond_rounding: bool = False) -> bool:
         """Return whether the law gives a pair a repulsive force at τ of its piece.
 
-        With `surely`, the force must exceed the rounding errors at the end of a contact, unless the force is 0 on an
-        interval. For an active pair, a force of 0 also counts as repulsive at overlaps below `shallow` in m, where
-        forces can underflow.
+        With `beyond_rounding`, the force must exceed the rounding errors at the end of a contact, unless the force is 0
+        on an interval. For an active pair, a force of 0 also counts as repulsive at overlaps below `shallow` in m,
+        where forces can underflow.
         """
         xi = value(p.x, tau)
         force = self.force(p, xi, value(p.e, tau))
-        surely = surely and self.force(p, NEARBY_OVERLAP * p.x[0], p.e[0]) != 0.0
-        floor = ROUNDING_CLIPPED_FORCE * p.largest if surely else 0.0
+        beyond_rounding = beyond_rounding and self.force(p, NEARBY_OVERLAP * p.x[0], p.e[0]) != 0.0
+        floor = ROUNDING_CLIPPED_FORCE * p.largest if beyond_rounding else 0.0
         return force > floor or (p.mode == ACTIVE and force == 0.0 and xi < shallow)
 
-    def _idles(self, p: Any, tau: float) -> bool:
+    def _is_force_zero(self, p: Any, tau: float) -> bool:
         """Return whether the force of a pair is 0 at τ and at slightly different overlaps."""
         xi, eta = value(p.x, tau), value(p.e, tau)
         return all(self.force(p, xi * part, eta) == 0.0 for part in (NEARBY_OVERLAP, 1.0, 2.0 - NEARBY_OVERLAP))
 
-    def _check(self, pairs: list[Any], times: list[float]) -> None:
+    def _check_forces(self, pairs: list[Any], times: list[float]) -> None:
         """Raise `ValueError` if nothing stops an overlap, or if a force is not finite.
 
         Overlaps and rates are extrapolated by free flight to the `times` in s after the start of the piece.
@@ -241,7 +241,7 @@ class Collocation:
                 if not math.isfinite(force):
                     raise no_number(self.laws[p.number], xi, eta, force)
 
-    def _iterate(self, pairs: list[Any]) -> tuple[Array, Array, float]:
+    def _iterate_forces(self, pairs: list[Any]) -> tuple[Array, Array, float]:
         """Iterate the forces at the Gauss points of a trial step.
 
         Returns the forces in N, shape (pairs, nodes), and two errors. The first is the error of the rate of each pair
@@ -257,44 +257,48 @@ class Collocation:
         eta = eta0 + pull * (h * GAUSS_NODES) ** q
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * GAUSS_NODES) ** q
         pull = pull + _shaking(self.shaken, len(pairs), (h * GAUSS_NODES) ** q)
-        force, worst = np.zeros_like(eta), math.inf
-        acts = np.array([p.mode == ACTIVE for p in pairs])
-        grain = self._grain(pairs, xi, eta)
+        force, last_change = np.zeros_like(eta), math.inf
+        is_active = np.array([p.mode == ACTIVE for p in pairs])
+        roundings = self._force_roundings(pairs, xi, eta)
         for _ in range(MAX_PICARD_ITERATIONS):
-            new = self._forces(pairs, xi, eta)
-            change, force = float(abs(new - force).max()), new
+            new_force = self._forces(pairs, xi, eta)
+            change, force = float(abs(new_force - force).max()), new_force
             # the Picard iteration diverges: the step is too long
-            if not change < 1e300 or change > 1e3 * worst:
+            if not change < 1e300 or change > 1e3 * last_change:
                 break
-            acting = _beside(np.where(acts[:, None], force, 0.0), self.closed)
-            push = pull + lower * acting[:-2] - own * acting[1:-1] + upper * acting[2:] - self.square * xi
+            outer = _beside(np.where(is_active[:, None], force, 0.0), self.closed)
+            push = pull + lower * outer[:-2] - own * outer[1:-1] + upper * outer[2:] - self.square * xi
             eta = eta0 + (push * pace) @ INTEGRATE_TO_NODES.T
             xi = xi0 + (eta * pace) @ INTEGRATE_TO_NODES.T
             largest = float(abs(force).max())
-            settled = change <= max(4e-16 * largest, float(grain.max()))
+            is_converged = change <= max(4e-16 * largest, float(roundings.max()))
             # converged, or changes no longer decrease because of rounding
-            if settled or (change < 1e-13 * largest and change >= worst):
-                looks = (
+            if is_converged or (change < 1e-13 * largest and change >= last_change):
+                check_states = (
                     xi0 + (eta * pace) @ INTEGRATE_TO_CHECK_POINTS.T,
                     eta0 + (push * pace) @ INTEGRATE_TO_CHECK_POINTS.T,
                 )
-                noise = np.maximum(4.0 * grain, np.where(acts, 0.0, UNCERTAIN_FORCE_SHARE * abs(force).max(axis=1)))
-                miss, rough = _errors(pairs, force, abs(force @ TO_CHECK_POINTS.T - self._forces(pairs, *looks)), noise)
-                return force, miss * own[:, 0] * h**q, rough
-            worst = change
+                noise = np.maximum(
+                    4.0 * roundings, np.where(is_active, 0.0, UNCERTAIN_FORCE_SHARE * abs(force).max(axis=1))
+                )
+                force_errors, relative_error = _errors(
+                    pairs, force, abs(force @ TO_CHECK_POINTS.T - self._forces(pairs, *check_states)), noise
+                )
+                return force, force_errors * own[:, 0] * h**q, relative_error
+            last_change = change
         return force, np.full(len(pairs), math.inf), math.inf
 
-    def _grain(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
+    def _force_roundings(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
         """Return the change in N of each pair's force under one rounding of its overlap.
 
         It is the largest change at the nodes. Changes comparable to the rounding error of the force itself are returned
         as 0.
         """
-        here = self._forces(pairs, xi, eta)
-        moved = abs(self._forces(pairs, xi * (1.0 + FLOAT_SPACING), eta) - here).max(axis=1)
+        force = self._forces(pairs, xi, eta)
+        changes = abs(self._forces(pairs, xi * (1.0 + FLOAT_SPACING), eta) - force).max(axis=1)
         # 16 roundings: only a law that amplifies rounding errors of ξ needs this allowance
-        steep: Array = np.where(moved > 16.0 * FLOAT_SPACING * abs(here).max(axis=1), moved, 0.0)
-        return steep
+        amplified: Array = np.where(changes > 16.0 * FLOAT_SPACING * abs(force).max(axis=1), changes, 0.0)
+        return amplified
 
     def _forces(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
         """Return the forces in N of all pairs that overlap, shape (pairs, nodes).
@@ -305,10 +309,10 @@ class Collocation:
         force = np.zeros_like(xi)
         for i, p in enumerate(pairs):
             if p.mode != OPEN and p.mode != DORMANT:
-                force[i] = self._along(p, xi[i].tolist(), eta[i].tolist())
+                force[i] = self._pair_forces(p, xi[i].tolist(), eta[i].tolist())
         return force
 
-    def _along(self, p: Any, xi: list[float], eta: list[float]) -> list[float]:
+    def _pair_forces(self, p: Any, xi: list[float], eta: list[float]) -> list[float]:
         """Return the forces in N of a pair at a list of overlaps and their rates.
 
         The law is called directly if it has no memory and no overlap is negative.
@@ -320,7 +324,7 @@ class Collocation:
                 return [float(force(x, e, pair)) for x, e in at]
         return [self.force(p, x, e) for x, e in at]
 
-    def _write(self, pairs: list[Any], force: Array, reach: float) -> None:
+    def _write_series(self, pairs: list[Any], force: Array, reach: float) -> None:
         """Write the coefficients of forces, rates and overlaps of a step.
 
         The forces at the nodes are interpolated. The interpolant of a clipped force is written to `g` only. Rates and
@@ -336,49 +340,54 @@ class Collocation:
             p.doubt = max(doubt, ROUNDING_CLIPPED_FORCE * p.largest) if p.mode == RESIDUAL else doubt
             p.f, p.g = row if p.mode == ACTIVE else [0.0] * (SERIES_ORDER + 1), row.copy()
         _integrate(pairs, self.shaken, self.square, self.closed)
-        jumps = [self._jumps(p) for p in pairs if p.mode == ACTIVE and reach * p.own_speed < JUMP_SHARE * p.own_length]
-        if any(jumps):
+        has_jump = [
+            self._replace_jump(p)
+            for p in pairs
+            if p.mode == ACTIVE and reach * p.own_speed < JUMP_SHARE * p.own_length
+        ]
+        if any(has_jump):
             _integrate(pairs, self.shaken, self.square, self.closed)
 
-    def _jumps(self, p: Any) -> bool:
+    def _replace_jump(self, p: Any) -> bool:
         """Return whether the force of a pair jumps within a very short step.
 
         In this case, its coefficients are replaced by a straight line.
         """
         first, last = self.force(p, p.xi, p.eta), self.force(p, value(p.x, 1.0), value(p.e, 1.0))
-        jumps = bool(max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last)) > JUMP_SHARE * p.largest)
-        if jumps:
+        has_jump = bool(max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last)) > JUMP_SHARE * p.largest)
+        if has_jump:
             p.f = [first, last - first] + [0.0] * (SERIES_ORDER - 1)
             p.g = p.f.copy()
-        return jumps
+        return has_jump
 
 
-def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> float:
+def branch_force(law: PairLaw, xi: float, eta: float, largest: float, loading: int) -> float:
     """Return the force in N of a law on its current branch. It can be negative.
 
-    `xi` is the overlap in m, `eta` its rate in m/s, and `top` the largest overlap so far. `loading` is 1 on the loading
-    branch. Outside the overlaps to which the branch applies (below 0, or on the other side of `top`), it is continued
-    as a mirror image. These values are used for interpolation only. They preserve value and slope, so that the law's
-    own branches end at events.
+    `xi` is the overlap in m, `eta` its rate in m/s, and `largest` the largest overlap so far. `loading` is 1 on the
+    loading branch. Outside the overlaps to which the branch applies (below 0, or on the other side of `largest`), it is
+    continued as a mirror image. These values are used for interpolation only. They preserve value and slope, so that
+    the law's own branches end at events.
     """
     unloading = law.memory and not loading
 
     def branch(xi: float, eta: float) -> float:
         """Return the force of the law on its branch at an overlap within the branch."""
-        return law.force(xi, eta, top if unloading else max(top, xi))
+        return law.force(xi, eta, largest if unloading else max(largest, xi))
 
-    if law.memory and loading and top > 0.0 and xi < top:  # continue the loading branch above the old maximum downwards
-        mirror, image = top, 2.0 * top - xi
+    # continue the loading branch above the old maximum downwards
+    if law.memory and loading and largest > 0.0 and xi < largest:
+        mirror, image = largest, 2.0 * largest - xi
     elif xi < 0.0:
-        mirror, image = TOUCH_OVERLAP, min(-xi, top) if unloading else -xi
-    elif unloading and xi > top:
-        mirror, image = top, max(0.0, 2.0 * top - xi)
+        mirror, image = TOUCH_OVERLAP, min(-xi, largest) if unloading else -xi
+    elif unloading and xi > largest:
+        mirror, image = largest, max(0.0, 2.0 * largest - xi)
     else:
         return branch(xi, eta)
     return branch(mirror, eta) + branch(mirror, -eta) - branch(image, -eta)
 
 
-def write_resting_piece(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
+def write_resting_piece(pairs: list[Any], at_rest: RestForce, closed: bool) -> bool:
     """Write the piece of an island if all of its contacts are at rest.
 
     Returns whether they are. Open pairs can move freely. The result is false, and nothing is written, if no pair is
@@ -392,9 +401,11 @@ def write_resting_piece(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool
     ):
         return False
     force = [at_rest(p, p.xi) if p.mode == ACTIVE else 0.0 for p in pairs]
-    push = accelerations(pairs, force, closed)
-    deeper = {i: at_rest(p, p.xi * (1.0 + TANGENT_STEP)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
-    if not deeper or not all(balances(pairs[i], push[i], force[i], more) for i, more in deeper.items()):
+    push = closing_accelerations(pairs, force, closed)
+    larger_forces = {i: at_rest(p, p.xi * (1.0 + TANGENT_STEP)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
+    if not larger_forces or not all(
+        is_balanced(pairs[i], push[i], force[i], larger_force) for i, larger_force in larger_forces.items()
+    ):
         return False
     arrivals = [time_to_contact(max(0.0, -p.xi), -p.eta, a) for p, a in zip(pairs, push, strict=True) if p.mode == OPEN]
     if 0.0 in arrivals:  # the run has stopped at the arrival of a ball
@@ -407,7 +418,7 @@ def write_resting_piece(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool
     return True
 
 
-def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[float]:
+def closing_accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[float]:
     """Return the closing accelerations in m/s² of all pairs of an island.
 
     `force` are the contact forces in N. For open pairs, a sum that is only rounding error is returned as 0. `closed` is
@@ -416,20 +427,20 @@ def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[fl
     first, last = (force[-1], force[0]) if closed else (0.0, 0.0)
     out = []
     for p, below, own, above in zip(pairs, [first, *force[:-1]], force, [*force[1:], last], strict=True):
-        parts = (p.pull, p.lower * below, -p.inverse * own, p.upper * above)
-        total = math.fsum(parts)
-        rounding = p.mode == OPEN and abs(total) <= ROUNDING_ACCELERATION * max(map(abs, parts))
+        terms = (p.pull, p.lower * below, -p.inverse * own, p.upper * above)
+        total = math.fsum(terms)
+        rounding = p.mode == OPEN and abs(total) <= ROUNDING_ACCELERATION * max(map(abs, terms))
         out.append(0.0 if rounding else total)
     return out
 
 
-def balances(pair: Any, push: float, force: float, more: float) -> bool:
+def is_balanced(pair: Any, push: float, force: float, larger_force: float) -> bool:
     """Return whether a pair is at rest at the equilibrium of its force.
 
-    `push` is the acceleration of its overlap in m/s², `force` its force in N, and `more` its force at an overlap that
-    is larger by the fraction `TANGENT_STEP`.
+    `push` is the acceleration of its overlap in m/s², `force` its force in N, and `larger_force` its force at an
+    overlap that is larger by the fraction `TANGENT_STEP`.
     """
-    stiffness = (more - force) / (TANGENT_STEP * pair.xi)
+    stiffness = (larger_force - force) / (TANGENT_STEP * pair.xi)
     square = stiffness * pair.inverse
     if not (force > 0.0 and stiffness > 0.0):
         return False

@@ -82,32 +82,32 @@ class Pace:
         sample at `limit`. The `last` sample is an exception.
         """
         run = self.run
-        most = (
+        largest_chunk = (
             MAX_PIECES_COMPILED
             if run.engine == "compiled"
             else MAX_PIECES_INTERPRETED
             if run.collocation is None
             else MAX_PIECES_GENERAL
         )
-        self.chunk = min(1 if run.request.singly else most, self.chunk)
+        self.chunk = min(1 if run.request.singly else largest_chunk, self.chunk)
         # every test for rest or creep returns here: the limit keeps a portion short
         for _ in range(MAX_PIECES_INTERPRETED):
-            why = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
-            if why == WANTS_LOOK:
-                why = looked_at(run.s, limit, run.kernels, self.rare_kernel)
-            if why != WANTS_LOOK:
+            code = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
+            if code == WANTS_LOOK:
+                code = looked_at(run.s, limit, run.kernels, self.rare_kernel)
+            if code != WANTS_LOOK:
                 break
-        if why in (MORE, WANTS_LOOK):
-            begun, self.begun = self.begun, process_time()
-            if begun > 0.0:
-                self.chunk = portion(self.chunk, self.begun - begun)
+        if code in (MORE, WANTS_LOOK):
+            previous, self.begun = self.begun, process_time()
+            if previous > 0.0:
+                self.chunk = portion(self.chunk, self.begun - previous)
             return MORE
-        if why == REACHED and not last:
-            c, due, left = run.counters, run.s.queue[1]["due"], run.request.end - run.start
-            spent = due <= left and (c["contacts"] >= c["max_events"] or c["steps"] >= c["max_steps"])
-            if spent and not (c["separated"] and c["contacts"] > 0 and self.rare_kernel(blocks.all_recede)(run.s)):
+        if code == REACHED and not last:
+            c, due, time_left = run.counters, run.s.queue[1]["due"], run.request.end - run.start
+            is_spent = due <= time_left and (c["contacts"] >= c["max_events"] or c["steps"] >= c["max_steps"])
+            if is_spent and not (c["separated"] and c["contacts"] > 0 and self.rare_kernel(blocks.all_recede)(run.s)):
                 return WORK_LIMIT
-        return why
+        return code
 
     def look_at_all(self) -> None:
         """Test all blocks that have to be tested for creep, and plan their next pieces."""
@@ -135,16 +135,16 @@ class Pace:
         self.seen = run.now
         if run.collocation is None or run.collocation.trials < self.trials + TRIALS_PER_TEST:
             return False
-        swings, islands = swings_of(run.s)
-        advance, tried = run.now - self.time, run.collocation.trials - self.trials
-        self.trials, self.time, self.step = run.collocation.trials, run.now, advance / tried
-        left = run.request.end - run.start - run.now
+        period, islands = period_and_island_count(run.s)
+        advance, trials = run.now - self.time, run.collocation.trials - self.trials
+        self.trials, self.time, self.step = run.collocation.trials, run.now, advance / trials
+        time_left = run.request.end - run.start - run.now
         # progress per `TRIALS_PER_TEST` steps of every island
-        self.stalled = advance * TRIALS_PER_TEST * islands < tried * min(swings, MIN_PROGRESS_SHARE * left)
+        self.stalled = advance * TRIALS_PER_TEST * islands < trials * min(period, MIN_PROGRESS_SHARE * time_left)
         return self.stalled
 
 
-def swings_of(s: Any) -> tuple[float, int]:
+def period_and_island_count(s: Any) -> tuple[float, int]:
     """Return the shortest period in s of an overlapping pair, and a number of islands.
 
     The period is the typical overlap of the pair divided by its typical speed, or 0 if no pair overlaps. Only islands
@@ -162,9 +162,9 @@ def looked_at(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:
     up to which the run is advanced. Returns REST or BINDING if the run ends, STOPPED if it stops before a contact, or
     WANTS_LOOK to continue.
     """
-    found = rare_kernel(verdict_until)(s, limit)
-    if found != NOT_YET:
-        return REST if found == RESTS else BINDING
+    result = rare_kernel(verdict_until)(s, limit)
+    if result != NOT_YET:
+        return REST if result == RESTS else BINDING
     return WANTS_LOOK if kernels(plan_all_due)(s, None) else STOPPED
 
 
@@ -177,9 +177,9 @@ def seldom(kernel: Any, kernels: Any) -> Any:
     if toll.due():
         return kernels(kernel)
 
-    def look(s: Any, *more: Any) -> Any:
-        found = kernel(readable(s), *more)
+    def interpreted_kernel(s: Any, *more: Any) -> Any:
+        result = kernel(readable(s), *more)
         toll.lap()
-        return found
+        return result
 
-    return look
+    return interpreted_kernel

@@ -24,13 +24,13 @@ from granular.md.located.records import ACTIVE
 
 
 @kernel
-def shift(run: Any, body: Any, pair: Any, way: float) -> None:
+def shift(run: Any, body: Any, pair: Any, displacement: float) -> None:
     """Set the acceleration `fall` of a body to its value at the clock of `pair`.
 
-    The body is also displaced upwards by `way` in m. The caller sets its velocity and its clock.
+    The body is also displaced upwards by `displacement` in m. The caller sets its velocity and its clock.
     """
     fall = swung(body, run.omega, since(body, pair.t, pair.tail))[1]
-    body.fall = fall + run.omega * run.omega * way
+    body.fall = fall + run.omega * run.omega * displacement
 
 
 @kernel
@@ -42,9 +42,9 @@ def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
     kξ = -γη at its end and the gap d at rest.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
-    inverse, left = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, law.gamma * (law.gamma * v1 / law.k)
-    area = (v + v1 + pair.pull * t1 - left * inverse) / (law.k * inverse + s.field.square)
-    return float(law.k * area + left)
+    inverse, damping = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, law.gamma * (law.gamma * v1 / law.k)
+    area = (v + v1 + pair.pull * t1 - damping * inverse) / (law.k * inverse + s.field.square)
+    return float(law.k * area + damping)
 
 
 @kernel
@@ -57,7 +57,7 @@ def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt:
     for c in range(lo, hi + 1):
         body, above, fall_above = bodies[c], 0.0, 0.0
         if c < hi and pool[pairs[c].slot].mode == ACTIVE:
-            above, fall_above = kicks(pool[pairs[c].slot], block, run.omega, tau, dt)
+            above, fall_above = force_integrals(pool[pairs[c].slot], block, run.omega, tau, dt)
         if below != 0.0 or above != 0.0:
             v, fall = swung(body, run.omega, since(body, block.t, block.tail) + dt)
             body.v = v + body.inverse_mass * (below - above)
@@ -68,13 +68,13 @@ def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt:
 
 
 @kernel
-def kicks(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple[float, float]:
+def force_integrals(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple[float, float]:
     """Return the integrals of a contact force that change the state of a pendulum.
 
     They are ∫ F cos(Ω(dt - s)) ds in N s and ∫ F Ω sin(Ω(dt - s)) ds in N. `member` is the pair, and τ is the time `dt`
     into its piece.
     """
-    kick, fall, scale = 0.0, 0.0, pace(block, tau)
+    impulse, sine_integral, scale = 0.0, 0.0, pace(block, tau)
     for i in range(ENERGY_NODE_COUNT):
         # elapsed(x, q, 1)/x is x^(q-1): the factor from dt/dx at the node
         push = (
@@ -84,7 +84,7 @@ def kicks(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple
             / ENERGY_NODES[i]
         )
         turn = omega * (dt - elapsed(block.h * tau * ENERGY_NODES[i], block.clock, 1.0))
-        kick += push * math.cos(turn)
-        fall += push * math.sin(turn)
-    return scale * kick, scale * omega * fall
+        impulse += push * math.cos(turn)
+        sine_integral += push * math.sin(turn)
+    return scale * impulse, scale * omega * sine_integral
 

@@ -225,9 +225,9 @@ def peaks(pair: Any, tau: float, scratch: Any) -> None:
     if pair.kind == ELASTIC:
         pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
         return
-    way = heading(pair.f, tau)
-    force = float(pair.f[0]) if way < 0.0 else max(float(pair.f[0]), value(pair.f, tau))
-    if way == 0.0:
+    force_sign = heading(pair.f, tau)
+    force = float(pair.f[0]) if force_sign < 0.0 else max(float(pair.f[0]), value(pair.f, tau))
+    if force_sign == 0.0:
         pair.g[SERIES_ORDER] = 0.0
         for j in range(SERIES_ORDER):
             pair.g[j] = (j + 1) * pair.f[j + 1]
@@ -244,12 +244,12 @@ def heading(row: Any, tau: float) -> float:
 
     The result follows from a bound of the slope, and 0 means that the bound does not decide.
     """
-    way, against = 1.0 if row[1] > 0.0 else -1.0, 0.0
+    sign, opposed = 1.0 if row[1] > 0.0 else -1.0, 0.0
     for j in range(SERIES_ORDER, 1, -1):
         # only terms that oppose the first slope can turn the row round
-        slope = way * row[j]
-        against = (against + j * slope if slope < 0.0 else against) * tau
-    return way if OPPOSED_SLOPE_SHARE * (way * row[1]) + against > 0.0 else 0.0
+        slope = sign * row[j]
+        opposed = (opposed + j * slope if slope < 0.0 else opposed) * tau
+    return sign if OPPOSED_SLOPE_SHARE * (sign * row[1]) + opposed > 0.0 else 0.0
 
 
 @kernel
@@ -259,22 +259,22 @@ def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
     `row` has its coefficients. `rate` has the coefficients of a polynomial with the sign of its slope, and is
     overwritten. `scratch` is the storage of the root finder.
     """
-    at, best, way, steady = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
+    at, largest, sign, rate_sign = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
     # a row of order ORDER has fewer than ORDER extrema
     for _ in range(SERIES_ORDER):
-        step = first_up_crossing(rate, tau - at, scratch, way)
+        step = first_up_crossing(rate, tau - at, scratch, sign)
         if not at + step < tau:
             break
         at += step
-        if way < 0.0:
-            best = max(best, value(row, at))
-        if steady == way:  # the slope changes its sign once
+        if sign < 0.0:
+            largest = max(largest, value(row, at))
+        if rate_sign == sign:  # the slope changes its sign once
             break
         for first in range(SERIES_ORDER - 1, -1, -1):  # expand about the extremum: Horner's scheme, column by column
             for j in range(first, SERIES_ORDER):
                 rate[j] += rate[j + 1] * step
-        rate[0], way = 0.0, -way
-    return best
+        rate[0], sign = 0.0, -sign
+    return largest
 
 
 @kernel
@@ -308,14 +308,14 @@ def predict(pair: Any, law: Any, field: Any) -> None:
         return
     if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT_NOISE_FACTOR * pair.noise:
         pair.eta = 0.0
-    wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
+    wait, event = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
     if pair.mode == RESIDUAL:
         # the overlap vanishes like a gap with opposite signs
-        wait, what = time_to_contact(pair.xi, pair.eta, -pair.pull), PART
-        again = force_returns(pair, law) if law.s == 1.0 else math.inf
-        if again < wait:
-            wait, what = again, BEGIN
-    pair.wait, pair.event = wait, what
+        wait, event = time_to_contact(pair.xi, pair.eta, -pair.pull), PART
+        return_time = force_returns(pair, law) if law.s == 1.0 else math.inf
+        if return_time < wait:
+            wait, event = return_time, BEGIN
+    pair.wait, pair.event = wait, event
     pair.due = pair.t + (wait + pair.tail)
 
 
@@ -375,15 +375,15 @@ def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, l
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         # only an event before the earliest one so far matters: the interval shrinks from pair to pair
-        tau, what = next_event(pair, block.tau, scratch, laws)
+        tau, event = next_event(pair, block.tau, scratch, laws)
         if tau <= block.tau:
-            block.tau, block.fired, block.event = tau, nth(pairs, c), what
+            block.tau, block.fired, block.event = tau, nth(pairs, c), event
             if tau == 0.0:  # no event can be earlier
                 return
         if laws is None:
-            tau, what = rebound(pair, block.tau, scratch)
+            tau, event = rebound(pair, block.tau, scratch)
             if tau < block.tau:
-                block.tau, block.fired, block.event = tau, nth(pairs, c) if what == PART else -1, what
+                block.tau, block.fired, block.event = tau, nth(pairs, c) if event == PART else -1, event
 
 
 @kernel
@@ -400,10 +400,10 @@ def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
     if pair.mode != ACTIVE or pair.kind == LINEAR or not (pair.e[0] < 0.0 < value(pair.e, span)):
         return math.inf, NOTHING
     tau = first_up_crossing(pair.e, span, scratch)
-    least = value(pair.x, min(tau, span))
-    if least <= ROUNDING_OVERLAP_SHARE * pair.own_length:
+    least_overlap = value(pair.x, min(tau, span))
+    if least_overlap <= ROUNDING_OVERLAP_SHARE * pair.own_length:
         return tau, PART
-    return (tau, NOTHING) if least < NEAR_SEPARATION_SHARE * pair.x[0] else (math.inf, NOTHING)
+    return (tau, NOTHING) if least_overlap < NEAR_SEPARATION_SHARE * pair.x[0] else (math.inf, NOTHING)
 
 
 @kernel
@@ -412,37 +412,37 @@ def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, 
 
     Without an event, τ is inf. `laws` is the `Collocation` of general laws, or None.
     """
-    row, doubt, wake = pair.g, 0.0, 0.0
+    row, separation_gap, wake = pair.g, 0.0, 0.0
     if pair.mode == OPEN:
         return first_up_crossing(pair.x, span, scratch), BEGIN
     if pair.mode == DORMANT:  # linear pairs wake in `confirm`, not at an event
         if pair.kind == LINEAR:
             return math.inf, NOTHING
-        row, doubt, wake = pair.x, SEPARATION_WAKE_FACTOR * pair.wake, pair.wake
+        row, separation_gap, wake = pair.x, SEPARATION_WAKE_FACTOR * pair.wake, pair.wake
     elif laws is not None:
         return laws.next_event(pair, span, scratch)  # type: ignore[no-any-return]
     elif pair.mode == ACTIVE:
         # a linear pair that has not left the overlap at which it woke separates like a dormant pair
-        asleep = SEPARATION_WAKE_FACTOR * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
+        wake_gap = SEPARATION_WAKE_FACTOR * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
-            return shifted(pair.x, asleep, span, scratch, -1.0), PART
+            return shifted(pair.x, wake_gap, span, scratch, -1.0), PART
         if pair.kind == LINEAR:
-            return shifted(pair.f, pair.k * asleep, span, scratch, -1.0), END
+            return shifted(pair.f, pair.k * wake_gap, span, scratch, -1.0), END
         return shifted(pair.g, 0.0, span, scratch, -1.0), END
-    parts = shifted(pair.x, doubt, span, scratch, -1.0)
-    again = shifted(row, -wake, min(parts, span), scratch, 1.0)
-    return (again, BEGIN) if again < math.inf else (parts, PART)
+    separates_at = shifted(pair.x, separation_gap, span, scratch, -1.0)
+    begins_at = shifted(row, -wake, min(separates_at, span), scratch, 1.0)
+    return (begins_at, BEGIN) if begins_at < math.inf else (separates_at, PART)
 
 
 @kernel
-def shifted(row: Any, by: float, span: float, scratch: Any, way: float) -> float:
-    """Return the first τ in [0, span] at which a polynomial plus `by` crosses zero.
+def shifted(row: Any, shift: float, span: float, scratch: Any, sign: float) -> float:
+    """Return the first τ in [0, span] at which a polynomial plus `shift` crosses zero.
 
-    The crossing is upwards if `way` is 1 and downwards if `way` is -1. The result is inf without a crossing.
+    The crossing is upwards if `sign` is 1 and downwards if `sign` is -1. The result is inf without a crossing.
     """
     first = row[0]
-    row[0] = first + by
-    tau: float = first_up_crossing(row, span, scratch, way)
+    row[0] = first + shift
+    tau: float = first_up_crossing(row, span, scratch, sign)
     row[0] = first
     return tau
 

@@ -53,12 +53,12 @@ def plan_all_due(s: Any, laws: Any) -> bool:
 
     Returns false if the run has to stop before a contact that begins at the current event.
     """
-    stays = True
+    continues = True
     while s.queue[1].due == DUE_TO_PLAN:
         lo = s.queue[1].key
-        stays = plan(s, lo, laws) and stays
+        continues = plan(s, lo, laws) and continues
         play(s.queue, lo, s.pairs[lo].due)
-    return stays
+    return continues
 
 
 @kernel
@@ -84,36 +84,36 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
     """
     run, pairs, pool, bodies, field = s.run[0], s.pairs, s.pool, s.bodies, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
-    worst, span = -math.inf, 1.0
+    log_growth, span = -math.inf, 1.0
     if block.manner == LOOKED:  # it was tested and does not creep
         block.manner = MOVES
     else:
         run.steps += 1
         if not (HUNG or RING) and laws is None and run.solo < 0 and (
                 may_creep(pairs, pool, bodies, lo) and not postpones(pairs, pool, lo)):
-            wait(pairs, pool, lo)
+            request_creep_test(pairs, pool, lo)
             return True
     reach = foresee_walls(field, pairs, pool, lo) if DRIVEN else math.inf
     reach = choose_scale(s, lo, reach)
     series_of_piece(s, lo, laws, reach)
     if block.linear == 0 and laws is None:
-        worst = growth(pairs, pool, lo, hi, run.tol)
-        span = trusted(worst, run.tol)
+        log_growth = growth(pairs, pool, lo, hi, run.tol)
+        span = trusted(log_growth, run.tol)
         if block.clock == 1:
             # `last_step` is a step on the plain clock
             block.last_step = block.h * span
-    last = math.inf
+    edge_tau = math.inf
     if DRIVEN and reach < math.inf:
-        last = power(reach, 1.0 / block.clock) / block.h
-        span = min(span, last)
+        edge_tau = power(reach, 1.0 / block.clock) / block.h
+        span = min(span, edge_tau)
     if not confirm(run, pairs, pool, bodies, lo, hi):
         block.fired, block.event, block.tau = -1, NOTHING, 0.0  # planned again if the run is continued
         pairs[lo].due = block.t + block.tail
         return False
     locate(pairs, pool, lo, hi, span, s.scratch, laws)
-    if worst > -math.inf:
-        run.error += left_out(worst, block.tau)
-    if DRIVEN and block.tau == last and block.fired < 0 and block.event == NOTHING and reach == block.holds:
+    if log_growth > -math.inf:
+        run.error += left_out(log_growth, block.tau)
+    if DRIVEN and block.tau == edge_tau and block.fired < 0 and block.event == NOTHING and reach == block.holds:
         block.event = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= REST_PIECE_SCALE:  # the block is at rest
@@ -148,7 +148,7 @@ def choose_scale(s: Any, lo: int, reach: float) -> float:
 
 
 @kernel
-def wait(pairs: Any, pool: Any, lo: int) -> None:
+def request_creep_test(pairs: Any, pool: Any, lo: int) -> None:
     """Make a block due immediately without a piece, so that it is tested for creep."""
     block = pool[pairs[lo].slot]
     block.manner, block.fired, block.event, block.tau = ASKS, -1, NOTHING, 0.0
@@ -200,11 +200,11 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
     if HUNG:
         swing(run, pairs, pool, bodies, lo, tau, dt)
     else:
-        push(pairs, pool, bodies, lo, dt)
+        advance_velocities(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         member.x[0], member.e[0] = member.xi, member.eta
-        member.noise += rounding(run.tol, pairs, pool, c, lo)
+        member.noise += step_error(run.tol, pairs, pool, c, lo)
     tick(block, dt)
     if DRIVEN and block.event == EDGE and tau == block.tau:
         # dt is a single float: the clock is moved exactly to the edge, so that the next panel starts there
@@ -212,18 +212,18 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
         tick(block, beside_edge(s.field, pairs[hi - 1], block))
     if RING:
         if is_closed(pairs, lo, hi):
-            hold_walls(pairs, pool, lo, hi, 0.0)
+            correct_sum_of_rates(pairs, pool, lo, hi, 0.0)
     elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.event != EDGE:
         lower, upper = bodies[lo].v, bodies[hi].v
         if DRIVEN:
             lower = speed_at(s.field, pairs[lo], bodies[lo], block)
             upper = speed_at(s.field, pairs[hi - 1], bodies[hi], block)
-        hold_walls(pairs, pool, lo, hi, lower - upper)
+        correct_sum_of_rates(pairs, pool, lo, hi, lower - upper)
     block.tau = 0.0  # the piece is used up
 
 
 @kernel
-def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
+def step_error(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
     """Return a bound of the error in m/s that one piece adds to the rate of pair `c`.
 
     In a linear island it is the rounding error of the rates, otherwise the truncation error of the piece. `tol` is the
@@ -243,7 +243,7 @@ def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
 
 
 @kernel
-def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
+def correct_sum_of_rates(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
     """Correct the rates between two walls, or on a ring, so that they add up.
 
     Their sum becomes `closing`: the rate in m/s at which the walls approach, or 0 on a ring. Without the correction,
@@ -261,7 +261,7 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
 
 
 @kernel
-def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
+def advance_velocities(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
     """Advance the velocities of the bodies of an island by `dt` in s.
 
     The change consists of free fall and the impulses of the piece, `push` of each pair. Bodies on which no force acts

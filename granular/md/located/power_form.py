@@ -66,13 +66,15 @@ def mapped(kinds: Any, m_eff: Array) -> None:
     if linear.all():
         return
     shapes = np.full((*k.shape, len(Shape._fields)), np.nan)
-    for one in np.unique(p[~linear]):
-        free, alike = (p == one) & (gamma == 0.0), (p == one) & (gamma > 0.0) & (d == 0.5 * (p - 1.0))
-        shapes[free] = np.transpose(elastic_shape(one))
-        if alike.any():
-            zeta = gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])
-            zeta, which = np.unique(zeta, return_inverse=True)  # a parameter map has few different values
-            shapes[alike] = np.transpose(damped_shape(one, zeta))[which]
+    for exponent in np.unique(p[~linear]):
+        is_elastic, is_similar = (
+            (p == exponent) & (gamma == 0.0), (p == exponent) & (gamma > 0.0) & (d == 0.5 * (p - 1.0))
+        )
+        shapes[is_elastic] = np.transpose(elastic_shape(exponent))
+        if is_similar.any():
+            zeta = gamma[is_similar] / np.sqrt(2.0 * (exponent + 1.0) * k[is_similar] * m_eff[is_similar])
+            zeta, index = np.unique(zeta, return_inverse=True)  # a parameter map has few different values
+            shapes[is_similar] = np.transpose(damped_shape(exponent, zeta))[index]
     kinds["map"][shapes[..., 0] > 0.0] = SELF_SIMILAR
     for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
         kinds[name] = values
@@ -89,7 +91,7 @@ def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
     if scene.external_force is not None:
         pull = float(np.abs(scene.pull).max())
     kinds = np.zeros(len(laws.each), LAW_KIND_RECORD)
-    rows = zip(*(described(law, speed, pull) for law in laws.each), strict=True)
+    rows = zip(*(law_coefficients(law, speed, pull) for law in laws.each), strict=True)
     for name, values in zip(LAW_KIND_RECORD.names or (), rows, strict=False):
         kinds[name] = values
     kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
@@ -116,7 +118,7 @@ def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
         kinds["map"][damped & (lightest < heaviest)] = NO_MAP
 
 
-def described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
+def law_coefficients(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
     """Return the kind of a law and its coefficients: the start of a `LAW_KIND_RECORD`.
 
     `speed` in m/s and `gravity` in m/s² are typical of the scene. They are used for general laws only.
@@ -126,7 +128,7 @@ def described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
         k, p, q = _rough_form(law, speed, gravity)
         return GENERAL, q, law.memory, k, 0.0, p, 0.0, 0.0
     k, p, gamma, d = form
-    d = factor(p, gamma, d)
+    d = damping_exponent(p, gamma, d)
     return *kind_and_q(*form), law.memory, k, gamma, p, d, p - d
 
 
@@ -148,40 +150,40 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
     typical = xi
     # go up until the force stops the impact, then down to the first overlap that does not
-    for factor in (4.0, 0.25):
+    for step in (4.0, 0.25):
         while 1e-100 < xi < 1e100 and speed + gravity > 0.0:
-            stops = abs(_bounded(law, xi)) * xi >= pair.m_eff * (speed * speed + gravity * xi)
-            if stops == (factor > 1.0):
+            stops_impact = abs(_bounded_force(law, xi)) * xi >= pair.m_eff * (speed * speed + gravity * xi)
+            if stops_impact == (step > 1.0):
                 break
-            xi *= factor
+            xi *= step
     if not 1e-100 < xi < 1e100:  # the law cannot bear the weight, or stops no impact
-        return _rough_form(law, speed, 0.0) if gravity > 0.0 else _at_overlap(law, typical)
-    return _at_overlap(law, xi)
+        return _rough_form(law, speed, 0.0) if gravity > 0.0 else _form_at_overlap(law, typical)
+    return _form_at_overlap(law, xi)
 
 
-def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
+def _form_at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
     """Return (k, p, q) of the power law that is tangent to a law at overlap `xi` in m.
 
     See `_rough_form`.
     """
-    p, onset = (_slope(law, x) for x in (xi, 1e-6 * xi))
-    k = abs(_bounded(law, xi)) / math.pow(xi, p)
+    p, onset = (_force_exponent(law, x) for x in (xi, 1e-6 * xi))
+    k = abs(_bounded_force(law, xi)) / math.pow(xi, p)
     return (k if 0.0 < k < math.inf else 1.0), p, (1 if abs(onset - round(onset)) < 1e-3 else 2)
 
 
-def _slope(law: PairLaw, xi: float) -> float:
+def _force_exponent(law: PairLaw, xi: float) -> float:
     """Return the exponent d ln F / d ln ξ at rest at overlap `xi` in m, within [1, 3].
 
     It is 1.5 where it is not defined.
     """
-    near, far = abs(_bounded(law, xi)), abs(_bounded(law, 1.01 * xi))
+    near, far = abs(_bounded_force(law, xi)), abs(_bounded_force(law, 1.01 * xi))
     if not 0.0 < near < math.inf or not 0.0 < far < math.inf:
         return 1.5
     # the exponent only sets scales: limit it to those of common laws
     return min(max(1.0, math.log(far / near) / math.log(1.01)), 3.0)
 
 
-def _bounded(law: PairLaw, xi: float) -> float:
+def _bounded_force(law: PairLaw, xi: float) -> float:
     """Return the force in N at rest at overlap `xi` in m, or 0 on overflow."""
     try:
         return law.force(xi, 0.0, xi)
@@ -202,7 +204,7 @@ def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
     return GENERAL, min(q, MAX_CLOCK_EXPONENT)
 
 
-def factor(p: float, gamma: float, d: float) -> float:
+def damping_exponent(p: float, gamma: float, d: float) -> float:
     """Return the exponent d of F = ξ^d (k ξ^(p-d) + γ ξ̇).
 
     Without damping it is arbitrary: ½ for Hertz's law, else 0.
@@ -214,8 +216,8 @@ def factor(p: float, gamma: float, d: float) -> float:
 def _denominator(exponent: float) -> int:
     """Return the smallest q with q·exponent an integer, or `MAX_CLOCK_EXPONENT` + 1."""
     # 1e-12: exponents such as 1/3 are not exact floats
-    found = (q for q in range(1, MAX_CLOCK_EXPONENT + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)
-    return next(found, MAX_CLOCK_EXPONENT + 1)
+    matches = (q for q in range(1, MAX_CLOCK_EXPONENT + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)
+    return next(matches, MAX_CLOCK_EXPONENT + 1)
 
 
 class Shape(NamedTuple):
@@ -259,7 +261,7 @@ def damped_shape(p: float, zeta: Array) -> Shape:
     def s(phase: Any) -> Any:
         return height * np.exp(-fade * phase) * np.sin(phase)
 
-    def late(phase: Any) -> Any:  # phase counted backwards from the half period
+    def s_from_end(phase: Any) -> Any:  # phase counted backwards from the half period
         return height * np.exp(-fade * (math.pi - phase)) * np.sin(phase)
 
     def force(phase: Any) -> Any:
@@ -267,25 +269,29 @@ def damped_shape(p: float, zeta: Array) -> Shape:
         return s(phase) ** beta * (s(phase) + 2.0 * zeta * omega * rate)
 
     half = np.full_like(zeta, 0.5 * math.pi)
-    whole = _integral(s, half, beta) + _integral(late, half, beta) - _integral(late, missing, beta)
-    integral = np.where(zeta < STRONG_DAMPING_RATIO, whole, _integral(s, end, beta))
+    whole = (
+        _phase_integral(s, half, beta)
+        + _phase_integral(s_from_end, half, beta)
+        - _phase_integral(s_from_end, missing, beta)
+    )
+    integral = np.where(zeta < STRONG_DAMPING_RATIO, whole, _phase_integral(s, end, beta))
     duration, restitution = integral / (omega * root), np.exp(-fade * end)
-    left = height * restitution * np.sin(missing)  # s where the force is zero
-    parts = duration + left ** (2.0 / (p + 1.0)) / restitution
+    remaining = height * restitution * np.sin(missing)  # s where the force is zero
+    parts = duration + remaining ** (2.0 / (p + 1.0)) / restitution
     deepest = s(0.5 * end) ** (2.0 / (p + 1.0))
-    return Shape(*(x[:, 0] for x in (duration, parts, restitution, deepest, _largest(force, 0.5 * end))))
+    return Shape(*(x[:, 0] for x in (duration, parts, restitution, deepest, _largest_force(force, 0.5 * end))))
 
 
-def _integral(s: Callable[[Any], Any], high: Array, beta: float) -> Array:
+def _phase_integral(s: Callable[[Any], Any], high: Array, beta: float) -> Array:
     """Return ∫ s^(-β) dφ from φ = 0, where s is zero, to `high`."""
-    x, weight = _points(beta)
+    x, weight = _jacobi_points(beta)
     half = 0.5 * high
     total: Array = half * np.sum(weight * (s(half * (1.0 + x)) / (1.0 + x)) ** -beta, axis=1, keepdims=True)
     return total
 
 
 @cache
-def _points(beta: float) -> tuple[Array, Array]:
+def _jacobi_points(beta: float) -> tuple[Array, Array]:
     """Return points and weights on [-1, 1] for the weight function (1+x)^-β.
 
     The method is described by Golub & Welsch (1969).
@@ -300,7 +306,7 @@ def _points(beta: float) -> tuple[Array, Array]:
     return x, 2.0 ** (1.0 - beta) / (1.0 - beta) * vectors[0] ** 2
 
 
-def _largest(force: Callable[[Any], Any], high: Array) -> Array:
+def _largest_force(force: Callable[[Any], Any], high: Array) -> Array:
     """Return the largest value of a force that rises and then falls before `high`.
 
     The method is a golden-section search in the phase.

@@ -53,7 +53,7 @@ ADDED_FIELDS = {"pool": {"doubts": np.int64}}
 """Fields that earlier versions did not have. Missing fields are set to 0."""
 
 
-def check(s: Any, state: Mapping[str, Any]) -> None:
+def check_state(s: Any, state: Mapping[str, Any]) -> None:
     """Raise `ValueError` if a checkpoint does not fit the scene.
 
     `s` are the records of the scene at its start, `state` is the checkpoint. All indices in the checkpoint must exist.
@@ -66,27 +66,27 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
         if name == "ledger" and s.ledger is None:
             continue
         records = np.asarray(state.get(name))
-        if not _like(records, dtype) or len(records) != sizes.get(name, len(records)):
+        if not _has_fields_of(records, dtype) or len(records) != sizes.get(name, len(records)):
             got = "other records" if name in state else "nothing"
             raise ValueError(f"{name!r} in the state of `trajectory` must be the records of its scene, got {got}. "
                              f"{EDITED_STATE}")
-    if not _of_scene(s, state):
+    if not _matches_scene(s, state):
         raise ValueError("The state of `trajectory` belongs to another scene or other laws. The file was edited after "
                          "it was saved, or loaded with other laws.")
-    if not _within(state) or not _numbers(state):
+    if not _is_within_ranges(state) or not _is_finite(state):
         raise ValueError(f"The state of `trajectory` contradicts itself. {EDITED_STATE}")
 
 
-def _like(records: Any, dtype: np.dtype[Any]) -> bool:
+def _has_fields_of(records: Any, dtype: np.dtype[Any]) -> bool:
     """Return whether records have all fields of `dtype`, each with its kind and shape."""
     fields: Any = records.dtype.fields
     return records.ndim == 1 and fields is not None and all(
-        name in fields and (fields[name][0].base.kind, fields[name][0].shape) == (here.base.kind, here.shape)
-        for name, (here, *_) in (dtype.fields or {}).items()
+        name in fields and (fields[name][0].base.kind, fields[name][0].shape) == (expected.base.kind, expected.shape)
+        for name, (expected, *_) in (dtype.fields or {}).items()
     )
 
 
-def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
+def _matches_scene(s: Any, state: Mapping[str, Any]) -> bool:
     """Return whether all constant fields of a checkpoint agree with the scene.
 
     `s` are the records of the scene at its start. Pairs in islands must have the law of their pair in the scene.
@@ -95,19 +95,19 @@ def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
         for field in fields if getattr(s, name) is not None else ():
             if not np.array_equal(state[name][field], column(getattr(s, name), field)):
                 return False
-    still = (s.bodies["inverse_mass"] == 0.0) & (s.bodies["wall"] == 0.0)
-    if not np.array_equal(state["bodies"]["v"][still], s.bodies["v"][still]):
+    is_undriven_wall = (s.bodies["inverse_mass"] == 0.0) & (s.bodies["wall"] == 0.0)
+    if not np.array_equal(state["bodies"]["v"][is_undriven_wall], s.bodies["v"][is_undriven_wall]):
         return False
     pairs, pool = state["pairs"], state["pool"]
-    inside = np.flatnonzero(pairs["slot"] >= 0)
-    if len(inside) and pairs["slot"].max() >= len(pool):
+    in_island = np.flatnonzero(pairs["slot"] >= 0)
+    if len(in_island) and pairs["slot"].max() >= len(pool):
         return False
-    members, laws = pool[pairs["slot"][inside]], s.kinds[pairs["kind_of"][inside]]
+    members, laws = pool[pairs["slot"][in_island]], s.kinds[pairs["kind_of"][in_island]]
     return all(np.array_equal(members[name], laws[name]) for name in LAW_FIELDS) and bool(
-        np.array_equal(members["wall"], pairs["wall"][inside]))
+        np.array_equal(members["wall"], pairs["wall"][in_island]))
 
 
-def _within(state: Mapping[str, Any]) -> bool:
+def _is_within_ranges(state: Mapping[str, Any]) -> bool:
     """Return whether all indices, numbers of pairs and codes are within their ranges.
 
     Indices that refer to each other must also be consistent.
@@ -116,14 +116,15 @@ def _within(state: Mapping[str, Any]) -> bool:
     n, rows, places = len(bodies) - 1, len(state["log"]), len(pool)
     place = np.arange(len(pairs)) % n
     first = pairs["first"][:n]
-    spare, taken = pool["spare"], pairs["slot"][:n][pairs["slot"][:n] >= 0]
-    one = run[0]
-    free = spare[max(int(one["members"]), 0) :]
-    if not (((first >= 0) & (first < n)).all() and 0 <= one["members"] <= places and np.array_equal(
-            np.sort([*taken, *free]), np.arange(places)) and ((pairs["hi"] > 0) & (pairs["hi"] <= len(pairs))).all()):
+    spare, occupied = pool["spare"], pairs["slot"][:n][pairs["slot"][:n] >= 0]
+    record = run[0]
+    free = spare[max(int(record["members"]), 0) :]
+    if not (((first >= 0) & (first < n)).all() and 0 <= record["members"] <= places and np.array_equal(
+            np.sort([*occupied, *free]), np.arange(places)
+    ) and ((pairs["hi"] > 0) & (pairs["hi"] <= len(pairs))).all()):
         return False
-    size, flies = pairs["hi"][first] - first, np.flatnonzero(pairs["slot"][:n] < 0)
-    members = pool[taken]
+    size, in_flight = pairs["hi"][first] - first, np.flatnonzero(pairs["slot"][:n] < 0)
+    members = pool[occupied]
     limits = [
         (pairs["mode"], 0, STRUCK), (pairs["event"], 0, EDGE), (pairs["exact"], 0, 1), (pairs["row"], -1, np.inf),
         (pairs["slot"], -1, places - 1),
@@ -131,52 +132,54 @@ def _within(state: Mapping[str, Any]) -> bool:
         (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["event"], 0, EDGE),
         (members["fired"], -1, n - 1), (members["head"], -1, n - 1), (members["piled"], 0, n),
         (members["manner"], 0, LOOKED), (members["doubts"], 0, np.inf),
-        (members["clock"], 1, MAX_CLOCK_EXPONENT), (one["first"], -1, n - 1),
-        (one["wanted"], 0, n - 1), (one["solo"], -1, n - 1), (one["lo"], 0, len(pairs)), (one["hi"], 0, len(pairs)),
+        (members["clock"], 1, MAX_CLOCK_EXPONENT), (record["first"], -1, n - 1),
+        (record["wanted"], 0, n - 1), (record["solo"], -1, n - 1), (record["lo"], 0, len(pairs)),
+        (record["hi"], 0, len(pairs)),
         (state["tables"]["noted"], 0, np.inf), (run["events"], 0, np.inf), (run["steps"], 0, np.inf),
     ]
     return bool(
-        all(((least <= values) & (values <= most)).all() for values, least, most in limits)
+        all(((lowest <= values) & (values <= highest)).all() for values, lowest, highest in limits)
         and ((place[:n] - first) % n < size).all()
-        and not (np.isinf(pairs["wait"][flies]) & (pairs["due"][flies] < np.inf)).any()  # a missed touch
+        and not (np.isinf(pairs["wait"][in_flight]) & (pairs["due"][in_flight] < np.inf)).any()  # a missed touch
         and np.array_equal(pairs["slot"][n:], pairs["slot"][: len(pairs) - n])
         and np.array_equal(members["number"], np.flatnonzero(pairs["slot"][:n] >= 0))
-        and one["rows"] == rows and one["tables"] == len(state["tables"])
+        and record["rows"] == rows and record["tables"] == len(state["tables"])
         and not (members["manner"] == ASKS).any()
     )
 
 
-def _numbers(state: Mapping[str, Any]) -> bool:
+def _is_finite(state: Mapping[str, Any]) -> bool:
     """Return whether all numbers of the motion in a checkpoint are finite.
 
     The dissipated energy, the last of five sums, is excluded, because it is unknown for laws with memory.
     """
-    taken = state["pairs"]["slot"][state["pairs"]["slot"] >= 0]
-    records = {name: state[name] for name in FINITE_FIELDS if name in state} | {"pool": state["pool"][taken]}
+    occupied = state["pairs"]["slot"][state["pairs"]["slot"] >= 0]
+    records = {name: state[name] for name in FINITE_FIELDS if name in state} | {"pool": state["pool"][occupied]}
     return all(np.isfinite(rows[field][..., :4] if name == "ledger" else rows[field]).all()
                for name, rows in records.items() for field in FINITE_FIELDS[name])
 
 
-def named_today(name: str, records: Any) -> Any:
+def with_current_names(name: str, records: Any) -> Any:
     """Return records of a checkpoint with the current names of their fields.
 
     `name` is a key of `CHECKPOINT_RECORDS`. Fields that an earlier version did not have are added.
     """
     if records.ndim != 1 or records.dtype.names is None or records.dtype == CHECKPOINT_RECORDS[name]:
         return records
-    now = {OLD_FIELD_NAMES.get(name, {}).get(field, field): field for field in records.dtype.names}
-    fields = [(field, records.dtype[old]) for field, old in now.items()]
-    had_signs = name == "pairs" and "lasts" in now and "ahead" not in now  # negative: only the clock is ahead
-    added = [(field, np.dtype(kind)) for field, kind in ADDED_FIELDS.get(name, {}).items() if field not in now]
+    old_names = {OLD_FIELD_NAMES.get(name, {}).get(field, field): field for field in records.dtype.names}
+    fields = [(field, records.dtype[old]) for field, old in old_names.items()]
+    # negative: only the clock is ahead
+    had_signs = name == "pairs" and "lasts" in old_names and "ahead" not in old_names
+    added = [(field, np.dtype(kind)) for field, kind in ADDED_FIELDS.get(name, {}).items() if field not in old_names]
     out = np.zeros(len(records), [*fields, *added, *([("ahead", np.dtype(np.int8))] if had_signs else [])])
-    for field, old in now.items():
+    for field, old in old_names.items():
         out[field] = records[old]
     if had_signs:
         out["ahead"], out["lasts"] = records["lasts"] != 0.0, np.maximum(records["lasts"], 0.0)
     return out
 
 
-def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
+def with_fields_of(records: Any, dtype: np.dtype[Any]) -> Any:
     """Return a copy of records with the fields of `dtype`.
 
     Fields that the records do not have are 0. Fields that are not in `dtype` are omitted.
@@ -196,25 +199,25 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     onwards. Raises `ValueError` if the checkpoint does not fit the scene and its laws.
     """
     state = {
-        name: named_today(name, np.asarray(value)) if name in CHECKPOINT_RECORDS else value
+        name: with_current_names(name, np.asarray(value)) if name in CHECKPOINT_RECORDS else value
         for name, value in state.items()
     }
-    check(s, state)
+    check_state(s, state)
     names = "run", "pairs", "pool", "bodies"
-    run, pairs, taken, bodies = (named_alike(state[name], CHECKPOINT_RECORDS[name]) for name in names)
+    run, pairs, members, bodies = (with_fields_of(state[name], CHECKPOINT_RECORDS[name]) for name in names)
     pairs["row"][pairs["row"] >= len(state["log"])] = -1  # rows of contacts that are over
     for name in ("until_pair", "until_nth", "separated", "log_level", "disturbing"):
         run[name] = s.run[name]
-    for name, so_far in (("max_events", "contacts"), ("max_steps", "steps")):
-        run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), MAX_WORK_LIMIT)
-    pool, log = empty_pool(len(taken) + SPARE_PLACES), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
-    pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]
+    for name, counter in (("max_events", "contacts"), ("max_steps", "steps")):
+        run[name] = min(int(run[counter][0]) + int(s.run[name][0]), MAX_WORK_LIMIT)
+    pool, log = empty_pool(len(members) + SPARE_PLACES), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
+    pool[: len(members)], log[: len(state["log"])] = members, state["log"]
     tables = np.append(state["tables"], s.tables)
     n = len(bodies) - 1
     queue = tournament(n)
     queue["due"][len(queue) // 2 :][:n] = pairs["due"][:n]
     maps = copied(state["maps"])
-    ledger = s.ledger if s.ledger is None else named_alike(state["ledger"], ENERGY_ACCOUNT_RECORD)
+    ledger = s.ledger if s.ledger is None else with_fields_of(state["ledger"], ENERGY_ACCOUNT_RECORD)
     return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
                       ledger=ledger)
 

@@ -104,8 +104,8 @@ class Run:
         self.bound, self.seen, self.now = False, 0.0, 0.0  # s, times of the last sample and of the run
         limits = {"max_events": request.max_events, "max_steps": request.max_steps,
                   "until_pair": UNTIL_ANY_EVENT if request.singly else -1}
-        ways, level = [DISTURBED_OPTIONS.index(disturbed)], PEAKS if request.rows else NO_LOG
-        s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
+        codes, level = [DISTURBED_OPTIONS.index(disturbed)], PEAKS if request.rows else NO_LOG
+        s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=codes[0], log_level=level, **limits)
         self.collocation = None
         if s.kinds["kind"][0] == GENERAL:  # imported only for general laws
             from granular.md.located.own_law import Collocation
@@ -115,10 +115,10 @@ class Run:
             from granular.md.located.restore import restored
 
             s = restored(s, state)
-            ways.append(int(np.asarray(state["run"])["disturbing"][0]))
+            codes.append(int(np.asarray(state["run"])["disturbing"][0]))
         self.s: Any = s
         self.special = {flag: True for flag in scene._flags if flag != "DRIVEN" or s.field is not None}  # a wall moves
-        self.adds_up = IGNORE not in ways
+        self.adds_up = IGNORE not in codes
         self.pace = Pace(self)
         if engine == "auto":
             self.toll = Toll(self.fit(blocks.advance), LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS)
@@ -184,10 +184,10 @@ class Run:
         """
         compiled(self.fit(blocks.advance))  # raises before any record is changed
         if self.collocation is not None:
-            odd = next(law.law for law in self.laws.each if power_form(law) is None)
+            general_law = next(law.law for law in self.laws.each if power_form(law) is None)
             raise TypeError(
-                f"engine='compiled' requires laws of the form k ξ^p + γ ξ^d ξ̇, got {odd!r}. Use engine='auto' or "
-                "'plain'."
+                f"engine='compiled' requires laws of the form k ξ^p + γ ξ^d ξ̇, got {general_law!r}. Use engine='auto' "
+                "or 'plain'."
             )
         self.s, self.engine = to_compiled(self.s), "compiled"
 
@@ -202,28 +202,28 @@ class Run:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if limit == math.inf and self.counters["rests"] == 1:
             return Pause.resting  # proved before: a resumed run ends at the same state
-        why, counters = self.pace.advanced(limit, last), self.counters
-        reached = why == REACHED or (why == QUIET and limit < math.inf)
+        code, counters = self.pace.advanced(limit, last), self.counters
+        reached = code == REACHED or (code == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
         if self.closing is not None and self.now < math.inf:
             self.closing.refuse(self.start + self.now, self.request.end)
-        if why == WANTS_TABLE:
+        if code == WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
             make_table(self.s, self.collocation, self.kernels)
             return Pause.full
-        if why == WANTS_CONTACT:
+        if code == WANTS_CONTACT:
             answer(self.s, self.collocation, self.kernels)
-        elif why == CRAMPED:
+        elif code == CRAMPED:
             self.s = with_more_room(self.s)
-        if why in (WANTS_CONTACT, CRAMPED):
+        if code in (WANTS_CONTACT, CRAMPED):
             return Pause.full
         if reached:
             return Pause.reached
-        if why == STOPPED and self.is_disturbed:
+        if code == STOPPED and self.is_disturbed:
             return Pause.disturbed
-        if why != MORE:
-            self.bound = why == BINDING
-            return PAUSE_REASONS[why]
+        if code != MORE:
+            self.bound = code == BINDING
+            return PAUSE_REASONS[code]
         if self.pays():
             self.compile()
         return Pause.work if self.pace.stalls() else Pause.full
@@ -238,20 +238,20 @@ class Run:
         A contact is removed if it has ended and can no longer change. The result is a list of at most one array.
         """
         counters = self.counters
-        taken = int(counters["rows"])
-        if taken == 0:
+        row_count = int(counters["rows"])
+        if row_count == 0:
             return []
-        log = self.s.log[:taken]
+        log = self.s.log[:row_count]
         rows = packed(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
-        over = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
-        if over.all():
+        is_finished = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
+        if is_finished.all():
             counters["rows"] = 0
         else:
             self.kernels(keep_unsettled)(self.s, self.now)
-            rows = rows[over]
-        room = len(self.s.log)
+            rows = rows[is_finished]
+        log_length = len(self.s.log)
         # longer if half of the rows belong to contacts that continue, or if a short buffer is full
-        if 2 * counters["rows"] > room or taken + 2 > room < MAX_INITIAL_LOG_ROWS:
+        if 2 * counters["rows"] > log_length or row_count + 2 > log_length < MAX_INITIAL_LOG_ROWS:
             self.s = with_longer_log(self.s)
         if self.request.on_event is not None:
             rows = rows[np.argsort(rows["t_end"], kind="stable")]
@@ -277,21 +277,21 @@ class Run:
         The state is labelled with `time` in s. Raises `OverflowError` if it is not finite.
         """
         n = self.scene.n_pairs
-        made: Any = np.zeros((3, n))
-        rows = made.tolist() if self.is_plain else made
+        state: Any = np.zeros((3, n))
+        rows = state.tolist() if self.is_plain else state
         sums: Any = None if self.s.ledger is None else [0.0] * 5 if self.is_plain else np.zeros(5)
         c = self.kernels(write_and_request_states)(self.s, elapsed, *rows, sums, self.collocation)
         while c < n:
             self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(seen)(self.s, c, *rows, sums)
             c = self.kernels(request_state)(self.s, c + 1, elapsed)
-        made = np.asarray(rows)
-        if not np.isfinite(made[:2]).all():  # interpreted code raises earlier
+        state = np.asarray(rows)
+        if not np.isfinite(state[:2]).all():  # interpreted code raises earlier
             raise OverflowError("an overlap or its rate")
-        np.negative(made[:2], out=made[:2])  # of overlaps
+        np.negative(state[:2], out=state[:2])  # of overlaps
         self.seen = elapsed
         ledger = None if sums is None else np.array(sums)
-        return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
+        return Row(time, elapsed, state[0], rate=state[1], force=state[2], ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Advance every pair to the end of the run, and return how the run ended.
@@ -304,16 +304,16 @@ class Run:
         if self.engine == "auto":
             self.toll.lap()
         end = self.request.end - self.start if pause is Pause.reached else max(float(self.counters["t"]), self.seen)
-        apart = bool(self.kernels(blocks.all_apart)(self.s, end))
-        if not apart:
+        all_apart = bool(self.kernels(blocks.all_apart)(self.s, end))
+        if not all_apart:
             self.pace.look_at_all()
-        row, wanted = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
-        if wanted and pause is Pause.reached:  # bitwise identical to a sample there
+        row, needs_row = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
+        if needs_row and pause is Pause.reached:  # bitwise identical to a sample there
             row = self.row(self.request.end)
-        untouched = None if apart else self.gather(end)
-        if wanted and row is None:
+        untouched = None if all_apart else self.gather(end)
+        if needs_row and row is None:
             row = self.row_after(end, self.start + end)
-        running, r = rest_of_log(self, end) if self.request.log and not apart else None, plain(self.s.run)[0]
+        running, r = rest_of_log(self, end) if self.request.log and not all_apart else None, plain(self.s.run)[0]
         stats, message = stats_of(self, r), message_of(self, pause.value, r, self.start + end)
         before, self.s, self.pace.run = self.s, None, None  # frees memory for the log
         before = untouched.put_back() if untouched else before

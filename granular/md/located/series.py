@@ -45,7 +45,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
     of driven walls or pendula, or None.
     """
     for c in range(lo, hi):
-        prepare(pool[pairs[c].slot], q)
+        prepare_series(pool[pairs[c].slot], q)
     if DRIVEN:
         drive(field, pairs, lo, hi, h, q)
     scale, last = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
@@ -66,9 +66,9 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
             below = pool[pairs[hi - 1].slot].f[n]
         # a second loop: the rate of a pair needs the forces of both neighbours at the same order
         for c in range(lo, hi):
-            after = pool[pairs[c + 1].slot] if c + 1 < last else pair
+            next_pair = pool[pairs[c + 1].slot] if c + 1 < last else pair
             force = pair.f[n]
-            above = after.f[n] if c + 1 < last else 0.0
+            above = next_pair.f[n] if c + 1 < last else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
@@ -77,13 +77,13 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
             if HUNG:
                 push -= field.square * pair.x[n]
             pair.e[n + q] = step * push
-            pair, below = after, force
+            pair, below = next_pair, force
     for c in range(lo, hi):
-        complete(pool[pairs[c].slot], q)
+        complete_bracket(pool[pairs[c].slot], q)
 
 
 @kernel
-def prepare(pair: Any, q: int) -> None:
+def prepare_series(pair: Any, q: int) -> None:
     """Write the coefficients below order q, and set those that are not computed to 0."""
     pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(1, q):
@@ -125,21 +125,21 @@ def force_term(pair: Any, n: int, q: int) -> None:
         root_term(pair.x, pair.r, pair.rm, n, offset)
     else:
         power_term(pair.x, pair.r, pair.d, n, offset)
-    bent = pair.x[n] if pair.s == 1.0 else 0.0
+    power_of_xi = pair.x[n] if pair.s == 1.0 else 0.0
     if pair.s == 1.25 and pair.d == 0.25:  # for Tsuji's law ξ^(5/4) is ξ·ξ^(1/4)
         for j in range(n + 1):
-            bent += pair.x[j] * pair.r[n - j]
+            power_of_xi += pair.x[j] * pair.r[n - j]
     elif pair.s != 1.0:
         power_term(pair.x, pair.z, pair.s, n, offset)
-        bent = pair.z[n]
-    phi = 0.0 if n == 0 and pair.exact else pair.k * bent + pair.gamma * pair.e[n]
+        power_of_xi = pair.z[n]
+    phi = 0.0 if n == 0 and pair.exact else pair.k * power_of_xi + pair.gamma * pair.e[n]
     pair.g[n], pair.gm[SERIES_ORDER - n] = phi, phi
     if pair.mode == ACTIVE:
         pair.f[n] = product_term(pair.r, pair.gm, n)
 
 
 @kernel
-def complete(pair: Any, q: int) -> None:
+def complete_bracket(pair: Any, q: int) -> None:
     """Extend the bracket φ = kξ + γη of a pair to full order.
 
     The last q orders of φ do not affect the motion of this piece, but events are roots of φ. Only pairs with s = 1 have
@@ -170,7 +170,7 @@ def expand_two(a: Any, b: Any, h: float) -> None:
     xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
     of_a, of_b = has_force(a), has_force(b)
     ka, ga, kb, gb = of_a * a.k, of_a * a.gamma, of_b * b.k, of_b * b.gamma
-    own_a, between, across, own_b = a.inverse, a.upper, b.lower, b.inverse
+    own_a, upper_a, lower_b, own_b = a.inverse, a.upper, b.lower, b.inverse
     x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
     push_a, push_b = a.pull, b.pull
     fa, fb = 0.0 if a.exact else ka * xa + ga * ea, 0.0 if b.exact else kb * xb + gb * eb
@@ -178,7 +178,7 @@ def expand_two(a: Any, b: Any, h: float) -> None:
         x1[n], e1[n], f1[n], x2[n], e2[n], f2[n] = xa, ea, fa, xb, eb, fb
         step = h / (n + 1)
         xa, xb = step * ea, step * eb
-        ea, eb = step * (between * fb - own_a * fa + push_a), step * (across * fa - own_b * fb + push_b)
+        ea, eb = step * (upper_a * fb - own_a * fa + push_a), step * (lower_b * fa - own_b * fb + push_b)
         fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
         # constant accelerations enter order 0 only
         push_a, push_b = 0.0, 0.0

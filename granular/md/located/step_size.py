@@ -119,44 +119,44 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
     """
     speed, length = 0.0, 0.0
     for c in range(lo, hi):
-        pair, stored = pool[pairs[c].slot], 0.0
+        pair, elastic = pool[pairs[c].slot], 0.0
         if pair.xi > 0.0:
-            stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
+            elastic = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
             if pair.kind == GENERAL:  # matched at the depth of impacts, not at rest
-                stored = max(stored, 2.0 * pair.pull * pair.xi)
+                elastic = max(elastic, 2.0 * pair.pull * pair.xi)
         elif max(pair.pull, pair.sway) > 0.0 and (
             pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT_NOISE_FACTOR * pair.noise)
         ):
             pull = max(pair.pull, pair.sway)
-            stored = 2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p)
-        pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
+            elastic = 2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p)
+        pair.own_speed = math.sqrt(pair.eta * pair.eta + elastic)
         if pair.mode != OPEN:
             speed = max(speed, pair.own_speed)
     around = 1 if is_closed(pairs, lo, hi) else 0
     for c in range(lo + 1, hi + around):
-        lend(pool[pairs[c - 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].lower)
+        raise_speed(pool[pairs[c - 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].lower)
     for c in range(hi - 2 + around, lo - 1, -1):
-        lend(pool[pairs[c + 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].upper)
+        raise_speed(pool[pairs[c + 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].upper)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.own_speed == 0.0:
             pair.own_speed = speed
-        alone = pair.own_length = amplitude(pair, pair.own_speed * pair.own_speed)
+        pair_length = pair.own_length = amplitude(pair, pair.own_speed * pair.own_speed)
         if pair.mode != OPEN:
-            length = max(length, alone if pair.own_speed == speed else amplitude(pair, speed * speed))
+            length = max(length, pair_length if pair.own_speed == speed else amplitude(pair, speed * speed))
     block = pool[pairs[lo].slot]
     block.speed, block.length = speed, length
 
 
 @kernel
-def lend(giver: Any, pair: Any, w: float) -> None:
+def raise_speed(neighbour: Any, pair: Any, w: float) -> None:
     """Raise the typical speed of a pair to the speed that a neighbour can transfer.
 
     This is 2 m_eff/m of the neighbour's speed, at most that speed itself. m = 1/w is the mass of the body between the
-    two pairs, m_eff belongs to the neighbour `giver`. An open neighbour transfers nothing.
+    two pairs, m_eff belongs to the neighbour `neighbour`. An open neighbour transfers nothing.
     """
-    if giver.mode != OPEN:
-        pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * w / giver.inverse) * giver.own_speed)
+    if neighbour.mode != OPEN:
+        pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * w / neighbour.inverse) * neighbour.own_speed)
 
 
 @kernel
@@ -175,7 +175,7 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
     Pairs that just touched, but whose series this clock cannot represent, become dormant. So do pairs whose overlap is
     within the truncation error. `tol` is the relative tolerance.
     """
-    q, asleep = 1, max(DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL * tol)
+    q, dormant_overlap = 1, max(DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL * tol)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.xi == 0.0 and is_curved(pair) and q % pair.q != 0:
@@ -199,10 +199,10 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
             ):
                 pair.xi = 0.0
             # half of the overlap at which it wakes, so that it does not wake immediately
-            elif pair.xi < 0.5 * asleep * pair.own_length:
+            elif pair.xi < 0.5 * dormant_overlap * pair.own_length:
                 pair.mode = DORMANT
         if pair.mode == DORMANT:
-            pair.wake = asleep * pair.own_length
+            pair.wake = dormant_overlap * pair.own_length
     return q
 
 
@@ -246,7 +246,7 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
     The module docstring defines a. The result is -inf if all examined coefficients are zero. The bracket `g` of a pair
     that certainly stays clipped is replaced by -1, so that it has no roots.
     """
-    q, first, worst = pool[pairs[lo].slot].clock, SERIES_ORDER - 5, -math.inf
+    q, first, log_growth = pool[pairs[lo].slot].clock, SERIES_ORDER - 5, -math.inf
     for c in range(lo, hi):
         if just_touched(pool[pairs[c].slot]):  # the highest order that its rate certainly has
             period = int(q * (pool[pairs[c].slot].p + 1.0) + 0.5)
@@ -257,29 +257,30 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
             pair = pool[pairs[c].slot]
             largest = max(largest, abs(pair.x[j]) / pair.own_length, abs(pair.e[j]) / pair.own_speed)
         if largest > 0.0:
-            worst = max(worst, math.log(largest) / j)
+            log_growth = max(log_growth, math.log(largest) / j)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if just_touched(pair) and pair.x[q] > 0.0 and 2.0 * q * (pair.p + 1.0) > SERIES_ORDER:
             # one order of the force is not enough: ξ = τ^q y, and y^p is a power series up to the zero of y.
             # A ball that touches almost at rest is soon moved by gravity alone.
-            worst = max(worst, steepest(pair.x, 1, SERIES_ORDER - q, q, pair.x[q]))
+            log_growth = max(log_growth, row_growth(pair.x, 1, SERIES_ORDER - q, q, pair.x[q]))
         elif is_curved(pair) and 0.0 < pair.x[0] < SHALLOW_OVERLAP * pair.own_length:
             # Then the omitted products of orders in F = k ξ^p are negligible. A pair that reverses at
             # ξ = 0 and η = 0 continues with ξ ∝ τ² and a force ∝ τ^(2p), which may affect no computed order.
-            worst = max(worst, steepest(pair.x, 1, SERIES_ORDER, 0, pair.own_length))
-        bends = pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0
+            log_growth = max(log_growth, row_growth(pair.x, 1, SERIES_ORDER, 0, pair.own_length))
+        examine_bracket = pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0
         if pair.mode == RESIDUAL and pair.s != 1.0:
-            bends = not stays_clipped(pair, trusted(worst, tol))
-            if not bends:
+            examine_bracket = not stays_clipped(pair, trusted(log_growth, tol))
+            if not examine_bracket:
                 for j in range(SERIES_ORDER + 1):
                     # φ is proved negative on the piece: replace it by a constant without roots
                     pair.g[j] = -1.0 if j == 0 else 0.0
-        if bends:
-            worst = max(
-                worst, steepest(pair.g, SERIES_ORDER - 5, SERIES_ORDER, 0, pair.k * power(pair.own_length, pair.s))
+        if examine_bracket:
+            log_growth = max(
+                log_growth,
+                row_growth(pair.g, SERIES_ORDER - 5, SERIES_ORDER, 0, pair.k * power(pair.own_length, pair.s)),
             )
-    return worst
+    return log_growth
 
 
 @kernel
@@ -292,17 +293,17 @@ def just_touched(pair: Any) -> bool:
 
 
 @kernel
-def steepest(row: Any, first: int, last: int, lead: int, size: float) -> float:
+def row_growth(row: Any, first: int, last: int, offset: int, size: float) -> float:
     """Return ln a = max_j ln(|row_(lead+j)|/size)/j, j from `first` to `last`.
 
     `row` has the coefficients of a series, and `size` is the typical value. The result is -inf if all of these
     coefficients are zero.
     """
-    worst = -math.inf
+    log_growth = -math.inf
     for j in range(first, last + 1):
-        if row[lead + j] != 0.0:
-            worst = max(worst, math.log(abs(row[lead + j]) / size) / j)
-    return worst
+        if row[offset + j] != 0.0:
+            log_growth = max(log_growth, math.log(abs(row[offset + j]) / size) / j)
+    return log_growth
 
 
 @kernel
@@ -320,21 +321,21 @@ def stays_clipped(pair: Any, theta: float) -> bool:
 
 
 @kernel
-def trusted(worst: float, tol: float) -> float:
-    """Return the τ up to which a series with ln a = `worst` is accurate to `tol`.
+def trusted(log_growth: float, tol: float) -> float:
+    """Return the τ up to which a series with ln a = `log_growth` is accurate to `tol`.
 
     It is at most `MAX_STEP_PER_SCALE`.
     """
-    return math.exp(min(math.log(MAX_STEP_PER_SCALE), math.log(tol) / SERIES_ORDER - worst))
+    return math.exp(min(math.log(MAX_STEP_PER_SCALE), math.log(tol) / SERIES_ORDER - log_growth))
 
 
 @kernel
-def left_out(worst: float, tau: float) -> float:
+def left_out(log_growth: float, tau: float) -> float:
     """Return the truncation error of a piece up to τ, relative to its typical speed.
 
-    `worst` is ln a from `growth`.
+    `log_growth` is ln a from `growth`.
     """
-    ratio = tau * math.exp(worst)
+    ratio = tau * math.exp(log_growth)
     # 0.5: guard against a ratio close to 1, where the geometric series diverges
     return elapsed(ratio, SERIES_ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
 

@@ -68,8 +68,8 @@ class System(ByReference, Fields):
 def to_plain(s: System) -> System:
     """Convert the records of a run to plain objects and lists for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
-    rest = list(s.answer), workspace(SERIES_ORDER), plain_walls(s.field), ledger
-    return System._make([*map(plain, s[:9]), *rest])
+    others = list(s.answer), workspace(SERIES_ORDER), plain_walls(s.field), ledger
+    return System._make([*map(plain, s[:9]), *others])
 
 
 def to_compiled(s: System) -> System:
@@ -164,18 +164,19 @@ def new_system(
         min(max(MIN_LOG_ROWS if gap.ndim == 1 else MIN_LOG_ROWS_OF_MANY, 2 * n), MAX_INITIAL_LOG_ROWS), CONTACT_ROW
     )
     scratch = np.zeros((MAX_SUBDIVISIONS + 1, SERIES_ORDER + 2))
-    has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
+    maps = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
     pairs["map"] = -1
-    if n <= MAX_TABLED_PAIRS and (has != DASHPOT).any():  # every pair can have its own tables; else see `_share_tables`
-        lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
-        pairs["map"] = np.where(lacks & (pairs["wall"] == 0), np.arange(n), -1)
-    known = (
+    # every pair can have its own tables; else see `_share_tables`
+    if n <= MAX_TABLED_PAIRS and (maps != DASHPOT).any():
+        without_map = (maps == NO_MAP) | ((pairs["pull"] != 0.0) & (maps != DASHPOT))
+        pairs["map"] = np.where(without_map & (pairs["wall"] == 0), np.arange(n), -1)
+    contact_tables = (
         np.zeros(min(n, MAX_TABLED_PAIRS), OCTAVE_MAP_RECORD),
         np.zeros(INITIAL_TABLES, CONTACT_TABLE_RECORD),
         np.zeros(6),
     )
     pool = empty_pool(min(room, n) + SPARE_PLACES)
-    return System(run, pairs, pool, kinds, bodies, tournament(n), log, *known, scratch, walls, ledger)
+    return System(run, pairs, pool, kinds, bodies, tournament(n), log, *contact_tables, scratch, walls, ledger)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
@@ -187,8 +188,8 @@ def empty_pool(room: int) -> np.ndarray[Any, Any]:
 
 def with_more_room(s: System) -> System:
     """Return the run with a pool of twice the size. All places must be taken."""
-    more = empty_pool(2 * len(s.pool))[len(s.pool) :]
-    return s._replace(pool=s.pool + plain(more) if isinstance(s.pool, list) else np.concatenate([s.pool, more]))
+    places = empty_pool(2 * len(s.pool))[len(s.pool) :]
+    return s._replace(pool=s.pool + plain(places) if isinstance(s.pool, list) else np.concatenate([s.pool, places]))
 
 
 def with_room_for_a_table(s: System, i: int = 0) -> System:
@@ -200,8 +201,8 @@ def with_room_for_a_table(s: System, i: int = 0) -> System:
     of_many = isinstance(s.run[0], list) or np.ndim(s.run) > 1
     if int((s.run[i][0] if of_many else s.run[0])["tables"]) < len(s.tables):
         return s
-    fresh = np.zeros(len(s.tables), CONTACT_TABLE_RECORD)
-    return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
+    tables = np.zeros(len(s.tables), CONTACT_TABLE_RECORD)
+    return s._replace(tables=s.tables + plain(tables) if isinstance(s.tables, list) else np.append(s.tables, tables))
 
 
 def with_longer_log(s: System) -> System:
@@ -209,8 +210,8 @@ def with_longer_log(s: System) -> System:
 
     This is necessary if most of its rows belong to contacts that have not ended.
     """
-    more = np.zeros(len(s.log), CONTACT_ROW)
-    return s._replace(log=s.log + plain(more) if isinstance(s.log, list) else np.append(s.log, more))
+    rows = np.zeros(len(s.log), CONTACT_ROW)
+    return s._replace(log=s.log + plain(rows) if isinstance(s.log, list) else np.append(s.log, rows))
 
 
 def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float = 0.0, **limits: Any) -> System:
@@ -222,22 +223,24 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     # a touching pair and its two neighbours, and some later
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + EXTRA_PLACES
     if "records" not in laws.notes or scene._flags:
-        return _made(scene, laws, until, start, room, limits)
+        return _new_records(scene, laws, until, start, room, limits)
     shape = scene.mass.tobytes(), scene.gravity, until, room, *limits.values()
-    known = laws.notes["records"]
-    if known is None or known[0] != shape:
-        made = _made(scene, laws, until, start, room, limits)
+    cached = laws.notes["records"]
+    if cached is None or cached[0] != shape:
+        fresh = _new_records(scene, laws, until, start, room, limits)
         if "kinds" not in laws.notes:  # the kinds depend on the speeds
-            return made
-        known = laws.notes["records"] = shape, made, [records.tobytes() for records in made[:-2]]
-    held = [np.frombuffer(bytearray(bits), records.dtype) for bits, records in zip(known[2], known[1], strict=False)]
-    s = System._make([*held[:-1], held[-1].reshape(known[1].scratch.shape), None, None])
+            return fresh
+        cached = laws.notes["records"] = shape, fresh, [records.tobytes() for records in fresh[:-2]]
+    copies = [
+        np.frombuffer(bytearray(data), records.dtype) for data, records in zip(cached[2], cached[1], strict=False)
+    ]
+    s = System._make([*copies[:-1], copies[-1].reshape(cached[1].scratch.shape), None, None])
     s.bodies["v"], s.pairs["xi"] = scene.velocity, -scene.gap
     s.pairs["eta"] = -(scene.velocity[1:] - scene.velocity[:-1])
     return s
 
 
-def _made(
+def _new_records(
     scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float, room: int, limits: dict[str, Any]
 ) -> System:
     """Create the records of `system_of` without using its cache.
@@ -258,16 +261,16 @@ def _made(
     ledger = np.zeros(1, ENERGY_ACCOUNT_RECORD) if scene.driven or scene.heated else None
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
     if scene.heated:
-        _heat(s, scene)
+        _set_thermal_walls(s, scene)
     if scene.n_pairs > MAX_TABLED_PAIRS:
         _share_tables(s, laws, scene)
     if scene.ring:
         s.run["length"] = math.fsum(scene.gap)
         return s._replace(pairs=np.append(s.pairs, s.pairs))
-    return _hung(s, scene) if scene.pendulum > 0.0 else s
+    return _with_pendula(s, scene) if scene.pendulum > 0.0 else s
 
 
-def _heat(s: System, scene: Scene) -> None:
+def _set_thermal_walls(s: System, scene: Scene) -> None:
     """Write the thermal walls of a scene into its records."""
     for side, thermal in enumerate(scene.heat):
         if thermal is not None:
@@ -276,7 +279,7 @@ def _heat(s: System, scene: Scene) -> None:
             s.ledger["mass"][0, side] = scene.mass[-2 if side else 1]
 
 
-def _hung(s: System, scene: Scene) -> System:
+def _with_pendula(s: System, scene: Scene) -> System:
     """Return the records of a scene with the quantities of pendula.
 
     The pull of a pair is its closing acceleration at gap 0, -Ω² d, where d is its gap at rest. There are no tables of
@@ -294,8 +297,8 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
 
     Nothing is assigned if more than `MAX_TABLED_PAIRS` of these pairs differ.
     """
-    known = s.kinds["map"][laws.kind]
-    lacking = np.flatnonzero(((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT))) & (s.pairs["wall"] == 0))
+    maps = s.kinds["map"][laws.kind]
+    lacking = np.flatnonzero(((maps == NO_MAP) | ((scene.pull != 0.0) & (maps != DASHPOT))) & (s.pairs["wall"] == 0))
     if len(lacking):
         number, first = number_distinct_rows(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
         if len(first) <= MAX_TABLED_PAIRS:

@@ -77,8 +77,8 @@ def with_walls(walls: Walls, velocity: Array) -> Array:
     """
     velocity = np.array(velocity)
     wall, panels = plain(walls.wall), plain(walls.panels)
-    for one in wall:
-        velocity[0 if one.side > 0.0 else -1] = path.wall_at(one, panels, walls.start, 0.0)[1]
+    for record in wall:
+        velocity[0 if record.side > 0.0 else -1] = path.wall_at(record, panels, walls.start, 0.0)[1]
     return velocity
 
 
@@ -104,7 +104,7 @@ def compiled_walls(walls: Any) -> Any:
 
 
 @kernel
-def absolute(walls: Any, t: float, tail: float) -> tuple[float, float]:
+def caller_time(walls: Any, t: float, tail: float) -> tuple[float, float]:
     """Return the time of the caller in s at the time t + tail of the run's own clock.
 
     The result is the sum of two floats.
@@ -149,7 +149,7 @@ def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float,
     The flight starts a time `ahead` (s) after the clock of the pair, with the given gap in m and its rate in m/s. A
     positive rate opens the gap. Of the results, a positive overlap rate closes it.
     """
-    t, tail = absolute(walls, pair.t, pair.tail + ahead)
+    t, tail = caller_time(walls, pair.t, pair.tail + ahead)
     gap, rate = after(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, rate, pair.pull, dt)
     return -gap, -rate
 
@@ -176,7 +176,7 @@ def next_touch(field: Any, pair: Any) -> float:
     """
     if HUNG:
         return hung(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
-    t, tail = absolute(field, pair.t, pair.tail)
+    t, tail = caller_time(field, pair.t, pair.tail)
     gap = max(0.0, -pair.xi)
     return first_hit(field.wall[pair.wall - 1], field.panels, t, tail, gap, -pair.eta, pair.pull, math.inf)
 
@@ -189,9 +189,9 @@ def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
     the wall only close the gap.
     """
     if DRIVEN and pair.wall > 0:
-        t, tail = absolute(field, pair.t, pair.tail + ahead)
-        least, _ = pressing_bounds(field.wall[pair.wall - 1], field.panels, t, tail, pair.pull, span)
-        return max(0.0, -least)
+        t, tail = caller_time(field, pair.t, pair.tail + ahead)
+        lowest, _ = pressing_bounds(field.wall[pair.wall - 1], field.panels, t, tail, pair.pull, span)
+        return max(0.0, -lowest)
     return float(max(0.0, -pair.pull))
 
 
@@ -232,8 +232,8 @@ def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> floa
     """
     if HUNG and dt > 0.0:
         cosine, sine = math.cos(field.omega * dt), math.sin(field.omega * dt)
-        off = (gap - rest_gap(field, pair) + eta / field.omega * sine) / cosine  # from the gap at rest, initially
-        return float(eta * cosine + field.omega * off * sine)
+        offset = (gap - rest_gap(field, pair) + eta / field.omega * sine) / cosine  # from the gap at rest, initially
+        return float(eta * cosine + field.omega * offset * sine)
     if DRIVEN and pair.wall > 0 and dt > 0.0:
         return flight_at_wall(field, pair, 0.0, 0.0, -eta, dt)[1]
     return float(pair.pull * dt + eta)
@@ -256,7 +256,7 @@ def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, 
 
     The velocity in m/s is upwards positive. The acceleration is in m/s². Both are those at the time t + tail.
     """
-    high, low = absolute(walls, t, tail)
+    high, low = caller_time(walls, t, tail)
     _, v, a = wall_at(walls.wall[i], walls.panels, high, low)
     return v, walls.wall[i].side * a
 
@@ -281,7 +281,7 @@ def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
             # the constant term of the wall's acceleration is part of the pull
             member.pull, member.sway = pairs[c].pull + 2.0 * path[2], bound
             block.holds = min(block.holds, holds)
-            reach = min(reach, tame(path, holds, bound))
+            reach = min(reach, series_time_limit(path, holds, bound))
     return reach
 
 
@@ -293,14 +293,14 @@ def expand_path(walls: Any, i: int, block: Any) -> float:
     """
     wall = walls.wall[i]
     if not (wall.about == block.t and wall.about_tail == block.tail):
-        t, tail = absolute(walls, block.t, block.tail)
+        t, tail = caller_time(walls, block.t, block.tail)
         wall.holds = expansion(wall, walls.panels, t, tail, walls.path[i])
         wall.about, wall.about_tail = block.t, block.tail
     return wall.holds  # type: ignore[no-any-return]
 
 
 @kernel
-def tame(path: Any, reach: float, bound: float) -> float:
+def series_time_limit(path: Any, reach: float, bound: float) -> float:
     """Return a time up to `reach` in which the acceleration series of a wall is small.
 
     Times are in s. `path` has the coefficients of the displacement in m in powers of the time. The sum of the absolute
@@ -333,14 +333,14 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
     """
     for c in range(lo, hi):
         if pairs[c].wall > 0:
-            path, push, scale, per = walls.path[pairs[c].wall - 1], walls.push[pairs[c].wall - 1], 1.0, h
+            path, push, scale, h_to_q = walls.path[pairs[c].wall - 1], walls.push[pairs[c].wall - 1], 1.0, h
             for _ in range(1, q):
-                per *= h
+                h_to_q *= h
             for n in range(SERIES_ORDER + 1):
                 push[n] = 0.0
             j = 1
             while j * q <= SERIES_ORDER and j + 2 < len(path):
-                scale *= per
+                scale *= h_to_q
                 # t^j is h^(jq) τ^(jq)
                 push[j * q] = (j + 1) * (j + 2) * path[j + 2] * scale
                 j += 1
@@ -355,7 +355,7 @@ def beside_edge(walls: Any, pair: Any, block: Any) -> float:
     """
     if pair.wall <= 0:
         return 0.0
-    t, tail = absolute(walls, block.t, block.tail)
+    t, tail = caller_time(walls, block.t, block.tail)
     return float(to_edge(walls.wall[pair.wall - 1], walls.panels, t, tail))
 
 
@@ -367,6 +367,6 @@ def jump_at(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]
     tail is not at an edge.
     """
     wall = walls.wall[pair.wall - 1]
-    high, low = absolute(walls, t, tail)
+    high, low = caller_time(walls, t, tail)
     return edge_jump(wall, walls.panels, high, low)
 
