@@ -381,13 +381,13 @@ def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, l
             if tau == 0.0:  # no event can be earlier
                 return
         if laws is None:
-            tau, event = rebound(pair, block.tau, scratch)
+            tau, event = turning_point(pair, block.tau, scratch)
             if tau < block.tau:
                 block.tau, block.fired, block.event = tau, nth(pairs, c) if event == PART else -1, event
 
 
 @kernel
-def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
+def turning_point(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
     """Return the τ at which an active pair turns round before it separates, if any.
 
     Only τ in [0, span] are examined. The second result is the event: PART if the overlap at this τ is a rounding error,

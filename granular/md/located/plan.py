@@ -1,7 +1,7 @@
 """The motion of an island from piece to piece.
 
-`plan` computes the next piece of an island and its end. `advance_island` advances the island to that end. `laws` is
-None if every law is a power form. Otherwise it is the `Collocation` of the laws, and the run is interpreted.
+`plan_piece` computes the next piece of an island and its end. `advance_island` advances the island to that end. `laws`
+is None if every law is a power form. Otherwise it is the `Collocation` of the laws, and the run is interpreted.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def plan_all_due(s: Any, laws: Any) -> bool:
     continues = True
     while s.queue[1].due == DUE_TO_PLAN:
         lo = s.queue[1].key
-        continues = plan(s, lo, laws) and continues
+        continues = plan_piece(s, lo, laws) and continues
         play(s.queue, lo, s.pairs[lo].due)
     return continues
 
@@ -69,14 +69,14 @@ def follow_contact(s: Any, laws: Any) -> None:
     """
     run = s.run[0]
     while has_piece(s, laws):
-        plan(s, run.solo, laws)
+        plan_piece(s, run.solo, laws)
         if not goes_on(s, laws):
             break
     run.solo = -1
 
 
 @kernel
-def plan(s: Any, lo: int, laws: Any) -> bool:
+def plan_piece(s: Any, lo: int, laws: Any) -> bool:
     """Compute the next piece of the island that starts with pair `lo`, and its end.
 
     `due` of the pair becomes the absolute time in s of that end. A block that has to be tested for creep first gets no

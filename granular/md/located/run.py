@@ -122,13 +122,13 @@ class Run:
         self.pace = Pace(self)
         if engine == "auto":
             self.toll = Toll(self.fit(blocks.advance), LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS)
-        if engine == "compiled" or self.pays(LAUNCH_SECONDS_PER_PAIR * scene.n_pairs):
+        if engine == "compiled" or self.compilation_pays(LAUNCH_SECONDS_PER_PAIR * scene.n_pairs):
             self.compile()
         else:
             self.s = to_plain(s)
         self.launched = state is not None or self.launch()
         if state is not None:
-            self.go_on(state)
+            self.continue_from_checkpoint(state)
 
     def launch(self) -> bool:
         """Form and plan the first blocks of a run.
@@ -137,11 +137,12 @@ class Run:
         """
         return bool(self.kernels(blocks.set_out)(self.s, self.collocation))
 
-    def go_on(self, state: Mapping[str, Any]) -> None:
+    def continue_from_checkpoint(self, state: Mapping[str, Any]) -> None:
         """Continue from the records of the checkpoint `state`."""
         self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
-        if any(state.get(name, False) for name in ("creeping", "riding")):  # of an earlier version, which saved the
-            self.follow_anew(self.request.start)  # start of the creep, and had other pieces for piles on driven walls
+        # an earlier version saved the start of the creep, and had other pieces for piles on driven walls
+        if any(state.get(name, False) for name in ("creeping", "riding")):
+            self.replan_driven_blocks(self.request.start)
 
     def fit(self, kernel: Any) -> Any:
         """Return the version of a kernel for the flags of the scene, such as `DRIVEN`."""
@@ -170,7 +171,7 @@ class Run:
         """Whether the run has stopped before its first disturbed contact."""
         return bool(self.counters["disturbing"] == STOP and self.counters["first"] >= 0)
 
-    def pays(self, ahead: float = 0.0) -> bool:
+    def compilation_pays(self, ahead: float = 0.0) -> bool:
         """Return whether compilation pays off for an interpreted run with engine "auto".
 
         `ahead` is a lower bound of the remaining interpreted time in s.
@@ -224,7 +225,7 @@ class Run:
         if code != MORE:
             self.bound = code == BINDING
             return PAUSE_REASONS[code]
-        if self.pays():
+        if self.compilation_pays():
             self.compile()
         return Pause.work if self.pace.stalls() else Pause.full
 
@@ -337,7 +338,7 @@ class Run:
         self.now = math.inf  # rows of contacts that continue are void: all others are over
         return untouched
 
-    def follow_anew(self, time: float) -> None:
+    def replan_driven_blocks(self, time: float) -> None:
         """Plan the pieces of blocks at driven walls again, and continue the run to `time`.
 
         Only checkpoints of earlier versions need this.
