@@ -156,7 +156,7 @@ def test_fixed_steps_stop_at_the_step_or_within_a_flight(method):
 def test_what_cannot_be_watched_is_refused():
     scene, law = gr.scenes.three_balls(), gr.LinearDashpot(k=1e6)
     row = gr.md.simulate(gr.scenes.newtons_cradle(n=4), gr.Hertz(1e9), until=until.contact(2))
-    assert "to stop when a push arrives use granular.until.force(2, above=...)" in row.message
+    assert "to stop at a given force use granular.until.force(2, above=...)" in row.message
     with pytest.raises(ValueError, match="`until` must not be a force for hard spheres, whose collisions are "
                                          r"instantaneous, got Force\(pair=0, above=1\.0\)\. Use until\.speed or "
                                          r"until\.contact, or soft spheres \(granular\.md\)\."):

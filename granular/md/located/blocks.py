@@ -284,8 +284,8 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
 def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every island to the end of the run, and compute its series there.
 
-    `t` is the end in s. The states of all pairs at `t` follow from these series. Resting and creeping islands are left
-    to `gather_slowly`.
+    `t` is the end in s. The states of all pairs in islands at `t` follow from these series. Resting and creeping
+    islands are left to `gather_slowly`.
     """
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0

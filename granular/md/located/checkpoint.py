@@ -67,7 +67,7 @@ class Checkpoint(Mapping[str, Any]):
         return dict, (self._made(),)
 
     def _made(self) -> dict[str, Any]:
-        """Return the arrays, and create them if necessary."""
+        """Return the arrays by name. The first call creates them."""
         if (s := self._s) is not None:  # another thread can create the same arrays
             used = {"tables": int(column(s.run, "tables")[0]), "log": int(column(s.run, "rows")[0])}
             records_by_name = {name: getattr(s, name) for name in CHECKPOINT_RECORDS}

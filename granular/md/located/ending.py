@@ -85,7 +85,7 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
     if status is Status.max_events and not run.pace.stalled:
         sentence += "; " + raised("max_steps" if r.steps >= r.max_steps else "max_events", run.request.end)
     if status is Status.until and t == run.start and isinstance(until, Contact):
-        sentence += (": touching balls are in contact from the start; to stop when a push arrives use "
+        sentence += (": touching balls are in contact from the start; to stop at a given force use "
                      f"granular.until.force({until.pair}, above=...)")
     if run.pace.stalled:
         sentence += (f": contacts creep or chatter, with {run.pace.step:.2g} s per trial step on average; use weaker "

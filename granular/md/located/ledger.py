@@ -41,7 +41,7 @@ Indices 2 and 3 are the heat from thermal walls (`jumps`)."""
 
 @kernel
 def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
-    """Add work and dissipation of pair `c` in its piece up to τ to `sums`, in J.
+    """Add work and dissipation of pair `c` in J to `sums`, from the piece start to τ.
 
     `block` is the record of its island.
     """
@@ -56,7 +56,7 @@ def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
 
 @kernel
 def tally_island(s: Any, laws: Any, lo: int, tau: float, sums: Any) -> None:
-    """Add work and dissipation of an island in its piece up to τ to `sums`, in J.
+    """Add work and dissipation of an island in J to `sums`, from the piece start to τ.
 
     `lo` is the first pair of the island.
     """
@@ -66,7 +66,7 @@ def tally_island(s: Any, laws: Any, lo: int, tau: float, sums: Any) -> None:
 
 @kernel
 def book_piece(s: Any, laws: Any, lo: int, tau: float) -> None:
-    """Add work and dissipation of an island in its piece up to τ to the balance.
+    """Add work and dissipation of an island to the balance, from the piece start to τ.
 
     `lo` is the first pair of the island.
     """
@@ -77,7 +77,7 @@ def book_piece(s: Any, laws: Any, lo: int, tau: float) -> None:
 
 @kernel
 def begin(sums: Any) -> None:
-    """Set all sums to zero."""
+    """Set all entries of `sums` to zero."""
     for i in range(len(sums)):
         sums[i] = 0.0
 
@@ -179,7 +179,7 @@ def elastic_energy(law: Any, xi: float) -> float:
 
 @kernel
 def dissipated_energy(member: Any, block: Any, tau: float, laws: Any) -> float:
-    """Return the energy in J that a pair dissipates in its piece up to τ.
+    """Return the energy in J that a pair dissipates from the start of its piece to τ.
 
     `block` is the record of its island.
     """
@@ -213,7 +213,7 @@ def pace(block: Any, tau: float) -> float:
 
 @kernel
 def wall_work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float:
-    """Return the work in J of a wall on the pair at the wall in its piece up to τ.
+    """Return the work in J of a wall on its pair from the start of the piece to τ.
 
     `speed` is the velocity in m/s, towards the balls, of a wall that is not driven.
     """
@@ -226,7 +226,7 @@ def wall_work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> 
 
 @kernel
 def driven_wall_work(walls: Any, member: Any, block: Any, tau: float) -> float:
-    """Return the work in J of a driven wall on its pair in a piece up to τ."""
+    """Return the work in J of a driven wall on its pair from the piece start to τ."""
     expand_path(walls, member.wall - 1, block)
     wall, path = walls.wall[member.wall - 1], walls.path[member.wall - 1]
     total, scale = 0.0, pace(block, tau)

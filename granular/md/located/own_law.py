@@ -169,7 +169,7 @@ class Collocation:
         return next_event_of_law(p, is_repulsive, partial(self._is_force_zero, p), p.doubt, span, scratch)
 
     def dissipated(self, p: Any, block: Any, tau: float) -> float:
-        """Return the energy in J that a contact dissipates in its piece up to τ.
+        """Return the energy in J that a pair dissipates from the start of its piece to τ.
 
         `block` is the record of its island. The result is nan for laws with memory.
         """

@@ -39,9 +39,9 @@ yet, because it has to be tested for creep first. LOOKED: by its equation of mot
 REST_PIECE_SCALE = 2.0**300
 """Duration in s of the piece of a pile at rest: longer than any run."""
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
-"""Events of a pair, see the table in `pieces`.
+"""Events that can end the piece or flight of a pair, see the table in `pieces`.
 
-EDGE is the end of a panel of the path of a driven wall."""
+NOTHING is the end of a piece without an event. EDGE is the end of a panel of the path of a driven wall."""
 REACHED, MORE, STOPPED, QUIET, WORK_LIMIT, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK = range(11)
 """Reasons why `blocks.advance` returns.
 
@@ -78,20 +78,20 @@ The last five fields are the `Shape` of its isolated contacts, if the law has on
 SOFT_PAIR_RECORD = np.dtype(
     [
         ("xi", float), ("eta", float),  # overlap (negative: gap) in m and its rate in m/s at the time t + tail
-        ("pull", float),  # closing acceleration by gravity, m/s²
+        ("pull", float),  # closing acceleration by gravity and external forces, m/s²
         ("t", float), ("tail", float),  # clock, s
-        ("wait", float), ("due", float),  # time from the clock to the next event of the flight; end of the piece, s
+        ("wait", float), ("due", float),  # s, from the clock to the next event of a flight; s, time of the next event
         ("noise", float),  # bound of the rounding errors accumulated in the rate, m/s
-        ("wake", float),  # overlap at which it became active when last dormant, m
-        ("last_step", float),  # last step of its block on the plain clock, s
+        ("wake", float),  # overlap in m at which the pair became active after it was dormant
+        ("last_step", float),  # proposed step of its block with q = 1, s
         ("lasts", float), ("speed", float),  # duration and speed of a contact solved as one event (`one_contact.meet`)
         ("first", np.int32), ("hi", np.int32),  # first pair of its block; end of the block that starts with this pair
         ("slot", np.int32), ("kind_of", np.int32),  # index in the pool, -1 in free flight; index of its law
         ("row", np.int32),  # row in the log buffer of its last contact solved as one event, or -1
-        ("contacts", np.int32), ("isolated", np.int16),  # contacts; isolated ones since it was open, or `DISTURBED`
+        ("contacts", np.int32), ("isolated", np.int16),  # contacts; isolated contacts since OPEN, or `NOT_ISOLATED`
         ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("event", np.int8),  # map: index of its tables, or -1
-        ("ahead", np.int8),  # 1: its clock can be ahead, at the end of its own or a neighbour's contact
-        ("wall", np.int8),  # number of its driven wall, from 1 on; -1, -2: thermal floor, ceiling; 0: neither
+        ("ahead", np.int8),  # 1: its clock can be ahead, at the end of its contact or a neighbour's
+        ("wall", np.int8),  # number of its driven wall, from 1 onwards; -1, -2: thermal floor, ceiling; 0: neither
     ],
     align=True,
 )
@@ -113,28 +113,28 @@ The pull includes the acceleration of a driven wall at the current time."""
 _STATE = [
     ("xi", float), ("eta", float), ("mode", int), ("noise", float),
     ("exact", int),  # 1: an event has located φ = 0, which is then exactly 0 in the next series
-    ("own_speed", float), ("own_length", float),  # typical rate and overlap of its motion, m/s and m
+    ("own_speed", float), ("own_length", float),  # typical rate and overlap, m/s and m (`step_size.measure`)
     ("sway", float),  # bound of its closing acceleration at a driven wall, m/s²; else 0
     ("wake", float),  # overlap at which a dormant pair becomes active, m
     ("xi_peak", float), ("loading", int),  # largest overlap so far and 1 while loading, for laws with memory
     ("number", int),  # number of the pair
     ("doubt", float), ("largest", float), ("deepest", float),  # general laws: error and maxima of force and overlap
-    ("load", float), ("head", int),  # its force at rest in its group, N; first pair of the group
+    ("load", float), ("head", int),  # force in N of the pair in its group at rest; first pair of the group
     ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # group: pairs, energies (`equilibrium`)
 ]
 _BLOCK = [  # of the island that starts with this pair
     ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; 1 if all laws are linear; clock
-    ("h", float), ("tau", float),  # scale of the piece, 0 without a piece; end of the piece in τ, 0 when it is used up
-    ("manner", int),  # how its groups are integrated
+    ("h", float), ("tau", float),  # scale of the piece, 0 without a piece; τ of its end, 0 if the piece is used up
+    ("manner", int),  # MOVES, LIES, CREEPS, ASKS or LOOKED
     ("doubts", int),  # steps since it was formed at which a test of its linear pairs for creep was considered
     ("fired", int), ("event", int),  # pair and event that end the piece; -1 for no pair
     ("holds", float),  # time to the next edge of the path of a driven wall, s
-    ("speed", float), ("length", float), ("last_step", float),  # scales of the motion; last step on the plain clock
+    ("speed", float), ("length", float), ("last_step", float),  # typical rate and overlap; proposed step, q = 1
 ]
 _CONTACT = [  # the current contact
     ("going_on", int), ("t_begin", float), ("duration", float), ("lower_in", float), ("upper_in", float),
     ("xi_max", float), ("force_max", float), ("impulse", float),
-    ("push", float),  # impulse of the last piece, N s
+    ("push", float),  # impulse of the current piece so far, N s
 ]
 _SERIES = [
     *((name, float, (PADDED_LENGTH,)) for name in ("r", "z")),
@@ -159,20 +159,20 @@ SOFT_RUN_RECORD = np.dtype(
     [
         ("tol", float), ("members", int),  # tolerance; places taken in the pool
         ("t", float), ("tail", float), ("lo", int), ("hi", int),  # current event: time and pairs lo … hi-1
-        ("last_step", float), ("waits", int),  # last step of its block; 1 while it waits for more room
+        ("last_step", float), ("waits", int),  # s, proposed step of its block; 1 if the event is not complete
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),  # stop condition
         ("log_level", int), ("rows", int), ("contacts", int),  # rows in the log buffer
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
-        ("wanted", int), ("answered", int),  # pair whose contact is to be integrated alone; 1 if that is done
-        ("solo", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # by `request_integration`
+        ("wanted", int), ("answered", int),  # pair whose contact has to be integrated alone; 1 after that
+        ("solo", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # see `request_integration`
         ("over", float), ("parting", float),
-        ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be restored
+        ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # restored after it
         ("speed", float),  # speed of the contact that is integrated alone, m/s
         ("omega", float),  # Ω of pendula, 1/s
         ("length", float), ("look", int),  # sum of the gaps on a ring, m; step at which it is corrected next
-        ("energy", float), ("barrier", float),  # of the group at rest that is nearest to opening, J
+        ("energy", float), ("barrier", float),  # J, of the resting group nearest to an opening contact
         ("rests", int), ("doubted", int),  # 1 if rest is proved; pair at which the last proof failed
     ],
     align=True,

@@ -179,7 +179,7 @@ class Run:
         return self.engine == "auto" and self.collocation is None and self.toll.due(ahead)
 
     def compile(self) -> None:
-        """Continue with compiled code from the current state.
+        """Continue with compiled instead of interpreted code from the current state.
 
         Results are bitwise identical. Raises `TypeError` if a law is not a power form.
         """

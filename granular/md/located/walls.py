@@ -105,9 +105,9 @@ def compiled_walls(walls: Any) -> Any:
 
 @kernel
 def caller_time(walls: Any, t: float, tail: float) -> tuple[float, float]:
-    """Return the time of the caller in s at the time t + tail of the run's own clock.
+    """Return the time of the scene in s at the time t + tail of the run's own clock.
 
-    The result is the sum of two floats.
+    It is `walls.start` + t + tail, as the sum of two floats.
     """
     high, low = total(walls.start, t)
     return high, low + tail
