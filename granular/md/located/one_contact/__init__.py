@@ -1,5 +1,5 @@
 """Isolated contacts: a contact without disturbance is solved as one event.
 
-Main line: `meet`.
-A first reader may skip: `inside`, `maps`, `tables`.
+Start with: `meet`.
+Support modules: `inside`, `maps`, `tables`.
 """

@@ -1,8 +1,13 @@
-"""Integrate one contact alone, piece by piece, from its onset.
+"""Integrate a single contact by pieces, from its onset up to a given time.
 
-This gives the state within a contact that was solved as one event. Such a contact can also become a member of an event
-that may disturb it. `restore_record` requests the integration, `plan.follow_contact` performs it piece by piece, and
-then `expose` or `seen` use the result.
+A contact that was solved as one event has no state between its onset and its end. If such a state is needed, the
+contact is integrated again from its onset, while its neighbours stay in free flight. There are three uses:
+
+* a sample during the contact (`request_state`, `seen`)
+* an event of a neighbouring pair that may disturb the contact (`restore_record`, `expose`)
+* the contact map of a law without a closed form (`tables`)
+
+In each case `request_integration` starts the integration, and `plan.follow_contact` performs it.
 """
 
 from __future__ import annotations
@@ -42,19 +47,19 @@ from granular.md.located.system import count_of, join, leave, nth
 from granular.md.located.walls import beside_edge, flown, jump_at
 
 MAX_CONTACT_PIECES = 2000
-"""Number of pieces after which a contact is assumed not to end."""
+"""Number of pieces after which a contact is assumed never to end."""
 
 
 @kernel
 def occupy_record(s: Any, c: int, v: float) -> Any:
-    """Take a record of the pool for pair `c`, which just touched at speed `v`.
+    """Take a record of the pool for pair `c`, which touches now at approach speed `v`.
 
-    The pair becomes an island of its own.
+    The pair becomes an island of its own. Returns the record, with the state at the onset.
     """
     pair = s.pairs[c]
-    alone = pair.isolated
+    isolated = pair.isolated
     join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
-    member, pair.isolated = s.pool[pair.slot], alone
+    member, pair.isolated = s.pool[pair.slot], isolated
     member.xi, member.eta, member.mode, member.exact, member.going_on = 0.0, v, ACTIVE, 0, 1
     member.t, member.tail = pair.t, pair.tail
     member.duration, member.impulse, member.force_max, member.xi_max = 0.0, 0.0, 0.0, 0.0
@@ -63,12 +68,17 @@ def occupy_record(s: Any, c: int, v: float) -> Any:
 
 @kernel
 def request_integration(s: Any, c: int, left: float) -> None:
-    """Request that a contact that just began is integrated for a time `left`.
+    """Start the integration of the contact of pair `c` alone, from its onset.
 
-    The integration ends earlier if the balls separate. `plan.follow_contact` performs it, and stores in the record of
-    the run: the time at which the force vanished (nan: it did not), the separation rate then, the elapsed time, and τ
-    on the last piece. After the separation the pair is OPEN. It is not OPEN if the contact does not end, or if its
-    force returns, which is another contact.
+    The contact is integrated for a time `left`. The integration ends earlier if the balls separate.
+    `plan.follow_contact` computes the pieces. The results are fields of the record of the run:
+
+    * `over` and `parting`: duration of the force, and separation speed at its end. They are nan if it has not ended.
+    * `passed`: integrated time
+    * `at`: τ on the last piece
+
+    After the separation the pair is OPEN. It is not OPEN if the contact does not end, or if the force returns after it
+    has vanished, which begins a new contact.
     """
     run = s.run[0]
     run.solo, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
@@ -79,9 +89,10 @@ def request_integration(s: Any, c: int, left: float) -> None:
 
 @kernel
 def has_piece(s: Any, laws: Any) -> bool:
-    """Start the next piece of the contact integrated alone, or return false.
+    """Start the next piece of the contact that is integrated alone, if one is needed.
 
-    A residual contact without a returning force is advanced by free flight instead.
+    Returns False if the integration is complete. A residual pair whose force does not return is advanced by free flight
+    instead of a piece. False is returned after it as well.
     """
     run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
     if (
@@ -110,9 +121,9 @@ def has_piece(s: Any, laws: Any) -> bool:
 
 @kernel
 def goes_on(s: Any, laws: Any) -> bool:
-    """Advance the contact that is integrated alone over its piece.
+    """Advance the contact that is integrated alone to the end of its piece.
 
-    Return False if this was the last piece.
+    The event at this end is applied. Returns False if this was the last piece.
     """
     run, c = s.run[0], s.run[0].solo
     member = s.pool[s.pairs[c].slot]
@@ -137,7 +148,7 @@ def goes_on(s: Any, laws: Any) -> bool:
         jump, slip = jump_at(s.field, member, member.t, member.tail)
         member.eta += slip
         if jump != 0.0:
-            update_after_jump(run, member, laws)
+            update_mode_after_jump(run, member, laws)
     if member.fired == c:
         if member.event == BEGIN:
             return False
@@ -148,8 +159,11 @@ def goes_on(s: Any, laws: Any) -> bool:
 
 
 @kernel
-def update_after_jump(run: Any, member: Any, laws: Any) -> None:
-    """Update the mode of a contact alone after a jump of its wall's velocity."""
+def update_mode_after_jump(run: Any, member: Any, laws: Any) -> None:
+    """Update the mode of a pair that is integrated alone after a jump of its wall.
+
+    The velocity of the wall has jumped. The force can end, or begin again.
+    """
     force = clip(member, laws)
     if force == FORCE_ENDS:
         run.over, run.parting = run.passed, -member.eta
@@ -159,10 +173,10 @@ def update_after_jump(run: Any, member: Any, laws: Any) -> None:
 
 @kernel
 def restore_record(s: Any, c: int, t: float, tail: float) -> None:
-    """Move pair `c` into the pool, and restart its contact from its onset.
+    """Move pair `c` into the pool, and start to integrate its contact from the onset.
 
-    The contact is then integrated up to the time t + tail. The pair becomes an island of its own. If its force has
-    vanished, the contact is residual.
+    The contact was solved as one event. It is to be integrated up to the time t + tail. The pair becomes an island of
+    its own.
     """
     pair = s.pairs[c]
     left = pair.lasts + since(pair, t, tail)
@@ -174,9 +188,11 @@ def restore_record(s: Any, c: int, t: float, tail: float) -> None:
 
 @kernel
 def expose(s: Any, c: int) -> None:
-    """Make pair `c` a member of the current event, because it may be disturbed.
+    """Let a contact that was solved as one event take part in the current event.
 
-    Its contact has been integrated by `restore_record`.
+    The event may disturb the contact of pair `c`. `restore_record` and `plan.follow_contact` have integrated it up to
+    now. Balls, flanks, contact log and energy balance contained the result of the whole contact. They are set to the
+    present state.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
@@ -191,13 +207,16 @@ def expose(s: Any, c: int) -> None:
         return
     xi -= member.xi  # lead of the asymptote over the contact
     eta -= member.eta
-    withdraw_row(s, c, member)
-    move_beside(s, c, xi, eta)
+    withdraw_log_row(s, c, member)
+    correct_balls_and_flanks(s, c, xi, eta)
 
 
 @kernel
-def withdraw_row(s: Any, c: int, member: Any) -> None:
-    """Restore the onset of pair `c` from its row of the log, and delete that row."""
+def withdraw_log_row(s: Any, c: int, member: Any) -> None:
+    """Restore the onset of the contact of pair `c` from its log row, and delete it.
+
+    A row that is already written to the log is kept. The contact then ends exactly now, and is not logged again.
+    """
     run, pair = s.run[0], s.pairs[c]
     if run.log_level != NO_LOG and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
         row = s.log[pair.row]
@@ -207,10 +226,11 @@ def withdraw_row(s: Any, c: int, member: Any) -> None:
 
 
 @kernel
-def move_beside(s: Any, c: int, xi: float, eta: float) -> None:
-    """Correct the balls of pair `c` and its neighbouring pairs to the current event.
+def correct_balls_and_flanks(s: Any, c: int, xi: float, eta: float) -> None:
+    """Set the balls and the flanks of pair `c` to their state at the current event.
 
-    Their records contain the free motion after the contact, which leads by `xi` and `eta`.
+    Their records contained the free motion after the contact. It differs from the present state of the pair by the
+    overlap `xi` and the rate `eta`. These differences are asymptote minus contact.
     """
     run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
     low, high = member.lower / member.inverse, member.upper / member.inverse
@@ -224,12 +244,15 @@ def move_beside(s: Any, c: int, xi: float, eta: float) -> None:
             body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
         body.t, body.tail = run.t, run.tail
         if 0 <= f < count_of(s.pairs):
-            straighten(s, f, share * xi, share * eta)
+            correct_flank(s, f, share * xi, share * eta)
 
 
 @kernel
-def straighten(s: Any, f: int, xi: float, eta: float) -> None:
-    """Correct a flank from its asymptote to its state at the current event."""
+def correct_flank(s: Any, f: int, xi: float, eta: float) -> None:
+    """Set flank `f` to its state at the current event.
+
+    `xi` and `eta` are the corrections of its overlap and rate, in m and m/s, to be added to its asymptote.
+    """
     run, flank = s.run[0], s.pairs[f]
     if flank.slot >= 0:
         s.pool[flank.slot].xi += xi
@@ -244,8 +267,9 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
 def write_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
     """Write overlap, rate and force of every pair at time `t`.
 
-    The time is within the current pieces. Contacts solved as one event are represented by their asymptotes. With a
-    ledger, `sums` receives its content at this time.
+    The time must be within the current pieces. Of contacts solved as one event, the free motion after the contact is
+    written, see `seen`. `xi`, `eta` and `force` are arrays with one entry per pair. With an energy balance, its sums at
+    this time are written to `sums`.
     """
     if WORKED:
         read(s.ledger, sums)
@@ -269,10 +293,10 @@ def write_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, law
 
 @kernel
 def request_state(s: Any, c: int, t: float) -> int:
-    """Request the state of the next pair whose contact is solved as one event.
+    """Start to integrate the next contact that was solved as one event, up to `t`.
 
-    The search begins at pair `c`. The contact is integrated to the time `t`. Return the number of the pair for `seen`,
-    or the number of pairs if there is no such pair.
+    The search begins at pair `c`. Returns the number of the pair, to be passed to `seen`, or the number of pairs if no
+    such contact is left.
     """
     run, n = s.run[0], count_of(s.pairs)
     while c < n and not in_contact(s.pairs[c], t, 0.0):
@@ -286,9 +310,9 @@ def request_state(s: Any, c: int, t: float) -> int:
 
 @kernel
 def write_and_request_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> int:
-    """Call `write_states`, and then `request_state` from pair 0 on.
+    """Call `write_states`, and then `request_state` from pair 0 upwards.
 
-    A single call is used because entering machine code costs more than the evaluation.
+    This is one function because entering machine code costs more than the evaluation.
     """
     write_states(s, t, xi, eta, force, sums, laws)
     return request_state(s, 0, t)
@@ -296,9 +320,10 @@ def write_and_request_states(s: Any, t: float, xi: Any, eta: Any, force: Any, su
 
 @kernel
 def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
-    """Write the state of pair `c`, which was integrated alone, and of its flanks.
+    """Write overlap, rate and force of pair `c`, whose contact was integrated alone.
 
-    All traces of the integration are removed.
+    The arrays contain the free motion after the contact, see `write_states`. The entries of the flanks are corrected
+    too, and so are the energy sums. The run is then restored to its state before the integration.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     deeper, faster = xi[c] - member.xi, eta[c] - member.eta

@@ -1,21 +1,24 @@
-"""Isolated contacts in closed form: delay, speeds and peaks.
+"""Isolated contacts in closed form: duration, final speeds, largest overlap, force.
 
-Two bodies of effective mass m meet at time 0 with speed v > 0. Apart from their force they only feel gravity, which can
-pull them together with acceleration G (a ball and a wall): ξ̈ = G - F(ξ, ξ̇)/m, ξ(0) = 0, ξ̇(0) = v. The force falls to
-zero at t1, when the bodies move apart with speed v1. The remaining overlap then decreases in free flight, until ξ is
-zero at t2 ≥ t1, with speed v2. For every law, the pair has moved by v t2 + G t2²/2 less at t2 than without the force.
-Its impulse was m (v + G t2 + v2).
+Two bodies of effective mass m touch at time 0 with the approach speed v > 0. Apart from the contact force only a
+constant acceleration G acts, which can press them together. For example, it is gravity for a ball and a wall:
 
-| law, by its kind and pull           | map |
-|-------------------------------------|-----|
-| dashpot F = kξ + γη, G = 0          | ω t1 = 2 f(ζ), v1 = v2 = ε v, t2 = t1 + γ/k |
-| dashpot, G ≠ 0, ζ < 1               | Newton's method from there, except if gravity nearly balances (v ω < 10 G) |
+    ξ̈ = G - F(ξ, ξ̇)/m,   ξ(0) = 0,   ξ̇(0) = v.
+
+The force falls to zero at t1, when the bodies separate with speed v1. The remaining overlap decreases in free flight,
+and is zero at t2 ≥ t1, with the separation speed v2. The *map* of the contact is (t1, t2, v1, v2). For every law, the
+contact force changes the relative position at t2 by v t2 + G t2²/2, and its impulse is m (v + G t2 + v2).
+
+| law and constant acceleration         | map |
+|---------------------------------------|-----|
+| dashpot F = kξ + γη, G = 0            | ω t1 = 2 f(ζ), v1 = v2 = ε v, t2 = t1 + γ/k |
+| dashpot, G ≠ 0, ζ < 1                 | the same, corrected by Newton's method; no map if v ω < 10 G |
 | powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`power_form`) |
 | viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2, t2 = t1 + γ/k |
 
-Other laws and states do not have a map: t1 is nan. A dashpot between pendula that hang apart by d, ξ̈ = -Ω² (ξ + d) -
-F/m, also has a map (`of_pendula`). It is an oscillation of squared frequency k/m + Ω², whose force alone ends at kξ +
-γη = 0.
+Here η = ξ̇ and ω² = k/m. Other laws and states do not have a map in closed form: t1 is nan. A dashpot between pendula
+whose surfaces are a distance d apart at rest, ξ̈ = -Ω² (ξ + d) - F/m, also has a map (`of_pendula`). Its overlap
+oscillates with the squared frequency k/m + Ω², and its force ends where kξ + γη = 0.
 """
 
 from __future__ import annotations
@@ -24,40 +27,43 @@ import math
 from typing import Any
 
 from granular._engine.kernels import kernel
-from granular.laws.viscoelastic_restitution import duration, peaks as tops, restitution
+from granular.laws.viscoelastic_restitution import duration, peaks as viscoelastic_peaks, restitution
 from granular.md.located.records import DASHPOT, SELF_SIMILAR, VISCOELASTIC
 
 MIN_SPEED_PER_PULL = 10.0
-"""Smallest v ω, relative to G, at which a dashpot under a pull G has a map.
+"""Smallest v ω, relative to G, at which a dashpot with acceleration G has a map.
 
-Below it, balls come to rest."""
+At lower speeds balls come to rest.
+"""
 NEWTON_TOL = 1e-9
-"""Newton's method ends when the next step, in units of 1/ω, is below this."""
+"""Newton's method ends when the next step, in units of 1/ω, is below this number."""
 NEARLY_CRITICAL = 1.0 - 2.0**-30
-"""Damping ratio from which a dashpot under a pull has no map.
+"""Damping ratio from which a dashpot with an acceleration G ≠ 0 has no map.
 
-Its oscillation, sin(Ωt)/Ω, becomes 0/0 at 1."""
+Its oscillation, sin(Ωt)/Ω, becomes 0/0 at a damping ratio of 1.
+"""
 NO_CLOSED_FORM = (math.nan, math.nan, math.nan, math.nan)
+"""Map (t1, t2, v1, v2) of a contact without a closed form."""
 
 
 @kernel
 def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return (t1, t2, v1, v2) of a contact at speed `v`, nan without a map.
+    """Return (t1, t2, v1, v2) of a contact with approach speed `v`, nan without a map.
 
-    `inverse` is 1/m.
+    The module docstring defines these quantities. `inverse` is 1/m in 1/kg, and `pull` is G in m/s².
     """
     if law.map == DASHPOT:
         if pull == 0.0:
-            t1, eps = of_dashpot(law, inverse)
+            t1, eps = dashpot_contact(law, inverse)
             return t1, t1 + law.gamma / law.k, eps * v, eps * v
-        return under_pull(law, inverse, pull, v)
+        return dashpot_contact_under_pull(law, inverse, pull, v)
     if pull != 0.0:
         return NO_CLOSED_FORM
     if law.map == SELF_SIMILAR:
-        unit, v1 = reach(law, inverse, v) / v, law.restitution * v
+        unit, v1 = overlap_scale(law, inverse, v) / v, law.restitution * v
         return law.force_ends * unit, law.parts * unit, v1, v1
     if law.map == VISCOELASTIC:
-        length = reach(law, inverse, v)
+        length = overlap_scale(law, inverse, v)
         b = law.gamma / law.k * (v / length)
         t1, v1 = length / v * duration(b), restitution(b) * v
         return t1, t1 + law.gamma / law.k, v1, v1
@@ -66,9 +72,9 @@ def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, f
 
 @kernel
 def half_duration(zeta: float) -> float:
-    """Return f(ζ), half the duration of a dashpot's contact in units of 1/ω.
+    """Return f(ζ), half the duration of the contact of a dashpot in units of 1/ω.
 
-    Here ω² = k/m.
+    Here ω² = k/m, and the force is clipped at zero.
     """
     root = math.sqrt(abs(1.0 - zeta)) * math.sqrt(1.0 + zeta)
     # both formulas below become 0/0 at critical damping
@@ -78,8 +84,11 @@ def half_duration(zeta: float) -> float:
 
 
 @kernel
-def of_dashpot(law: Any, inverse: float) -> tuple[float, float]:
-    """Return duration and restitution of a dashpot without pull."""
+def dashpot_contact(law: Any, inverse: float) -> tuple[float, float]:
+    """Return duration t1 in s and restitution of a dashpot without acceleration G.
+
+    `inverse` is 1/m in 1/kg.
+    """
     omega = math.sqrt(law.k * inverse)
     zeta = 0.5 * law.gamma * omega / law.k
     half = half_duration(zeta)
@@ -87,17 +96,20 @@ def of_dashpot(law: Any, inverse: float) -> tuple[float, float]:
 
 
 @kernel
-def reach(law: Any, inverse: float, v: float) -> float:
-    """Return the length X = (m v²/k)^(1/(p+1)), the scale of a contact."""
+def overlap_scale(law: Any, inverse: float, v: float) -> float:
+    """Return the length scale X = (m v²/k)^(1/(p+1)) of a contact in m.
+
+    It is about the largest overlap of an impact at speed `v`. `inverse` is 1/m in 1/kg.
+    """
     return math.pow(v * v / (law.k * inverse), 1.0 / (law.p + 1.0))
 
 
 @kernel
-def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return the contact of a dashpot under gravity.
+def dashpot_contact_under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
+    """Return (t1, t2, v1, v2) of a dashpot with acceleration G, such as gravity.
 
-    The acceleration a = ξ̈ oscillates as exp(-λt) (cos, sin)(Ωt) about 0, and φ = kξ + γη = 0 where it has increased to
-    G.
+    `pull` is G. The acceleration a = ξ̈ oscillates as exp(-λt) (cos, sin)(Ωt) about 0. The force φ = kξ + γη vanishes
+    where a has increased to G.
     """
     omega = math.sqrt(law.k * inverse)
     relax = law.gamma / law.k  # s
@@ -110,7 +122,7 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
     t, dt, xi, eta, push = state_before_end(omega, zeta, relax, pull, v)
     if dt == math.inf:
         return NO_CLOSED_FORM
-    # the last Newton step is taken by Taylor's formula, which is exact to rounding for |dt| ω < CLOSE
+    # the last Newton step is taken by Taylor's formula, which is exact to rounding for |dt| ω < `NEWTON_TOL`
     jerk = -omega * omega * (eta + relax * push)
     xi += dt * (eta + 0.5 * dt * push)
     eta += dt * (push + 0.5 * dt * jerk)
@@ -127,10 +139,15 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
 def state_before_end(
     omega: float, zeta: float, relax: float, pull: float, v: float,
 ) -> tuple[float, float, float, float, float]:
-    """Return a time close to the end of a dashpot's force, and the state then.
+    """Return a time next to the end of a dashpot's force, and the state at that time.
 
-    The force ξ + relax·ξ̇ falls to 0. The other values are the difference to its end (inf if it does not end), and
-    overlap, rate and acceleration.
+    The force is proportional to ξ + relax·ξ̇, with relax = γ/k in s. It falls to 0 at its end.
+
+    Returns
+    -------
+    t, dt, xi, eta, push : float
+        Time in s, further time to the end of the force, and overlap, rate and acceleration at `t`. |dt| is less than
+        `NEWTON_TOL` in units of 1/ω. It is inf if the force does not end.
     """
     t, dt, xi, eta, push = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
     # Newton's method ends earlier by `NEWTON_TOL`, and 20 is a guard
@@ -148,9 +165,9 @@ def state_before_end(
 
 @kernel
 def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return the contact of a dashpot between pendula.
+    """Return (t1, t2, v1, v2) of a contact of a dashpot between two pendula.
 
-    Ω² is `square`, and the pull is -Ω² d.
+    `square` is Ω² in 1/s², and `pull` is -Ω² d, where d is the gap at rest. `inverse` is 1/m.
     """
     stiff = law.k * inverse + square
     omega, relax = math.sqrt(stiff), law.gamma / law.k
@@ -172,9 +189,9 @@ def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -
 
 @kernel
 def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[float, float, float]:
-    """Return overlap, rate and acceleration of a dashpot at time t.
+    """Return overlap, rate and acceleration of a dashpot at time t after its touch.
 
-    The contact began at time 0 with speed v, and the force is not clipped.
+    The contact began with approach speed v. The force is not clipped at zero.
     """
     root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
     lean, angle = zeta * omega, root * omega * t
@@ -189,13 +206,16 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 
 @kernel
 def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
-    """Return the largest overlap and force of a contact solved by `encounter`."""
+    """Return the largest overlap and the largest force of a contact of `encounter`.
+
+    They are in m and N. `t1` and `v1` are the results of `encounter`.
+    """
     if law.map == SELF_SIMILAR:
-        length = reach(law, inverse, v)
+        length = overlap_scale(law, inverse, v)
         return law.deepest * length, law.strongest * v * v / (inverse * length)
     if law.map == VISCOELASTIC:
-        length = reach(law, inverse, v)
-        xi, force = tops(law.gamma / law.k * (v / length))
+        length = overlap_scale(law, inverse, v)
+        xi, force = viscoelastic_peaks(law.gamma / law.k * (v / length))
         return xi * length, force * law.k * length * math.sqrt(length)
     omega = math.sqrt(law.k * inverse)
     zeta = 0.5 * law.gamma * omega / law.k
@@ -206,17 +226,21 @@ def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float)
 
 @kernel
 def peaks_of_pendula(law: Any, inverse: float, square: float, pull: float, v: float, t1: float) -> tuple[float, float]:
-    """Return the largest overlap and force of a dashpot between pendula."""
+    """Return the largest overlap in m and force in N of a dashpot between pendula.
+
+    `square` and `pull` are as in `of_pendula`, and `t1` is its result.
+    """
     omega = math.sqrt(law.k * inverse + square)
     return peaks_under_pull(law, omega, 0.5 * law.gamma * inverse / omega, pull, v, t1)
 
 
 @kernel
 def peaks_of_dashpot(law: Any, omega: float, zeta: float, v: float, half: float, v1: float) -> tuple[float, float]:
-    """Return the largest overlap and force of a dashpot without pull.
+    """Return the largest overlap and the largest force of a dashpot for G = 0.
 
-    ξ peaks half way, at ωt = f, where it has decayed by √ε. F peaks at ωt = 3f - π/√(1-ζ²), or at the touch for ζ ≥ ½.
-    So F = k (v/ω) exp(ζ (π/√(1-ζ²) - 3f)).
+    They are in m and N. `half` is f = ω t1/2. The overlap is largest at ωt = f, where it has decayed by the factor √ε.
+    The force is largest at ωt = 3f - π/√(1-ζ²), with F = k (v/ω) exp(ζ (π/√(1-ζ²) - 3f)). For ζ ≥ ½ it is largest at
+    the touch, with F = γ v.
     """
     xi = v / omega * math.sqrt(v1 / v)
     if zeta >= 0.5:
@@ -229,12 +253,12 @@ def peaks_of_dashpot(law: Any, omega: float, zeta: float, v: float, half: float,
 
 @kernel
 def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float, t1: float) -> tuple[float, float]:
-    """Return the largest overlap and force of a dashpot under gravity.
+    """Return the largest overlap in m and force in N of a dashpot with acceleration G.
 
-    Newton's method starts from the times without gravity.
+    `pull` is G. Newton's method starts from the times of both maxima without G.
     """
     t = 0.5 * t1
-    # the start is off by about pull/(v ω) < 1/WEIGHTLESS, so four quadratic steps reach rounding
+    # the start is off by about pull/(v ω) < 1/`MIN_SPEED_PER_PULL`, so four quadratic steps reach rounding
     for _ in range(4):
         xi, eta, push = swing(omega, zeta, pull, v, t)
         t -= eta / push

@@ -1,17 +1,26 @@
-"""Isolated contacts as one event each, with a delay and a displacement.
+"""Solve an isolated contact as one event, by its contact map.
 
-A contact that begins now is solved immediately by its map (`maps`) if it is certain that no neighbour touches before it
-is over. The gaps next to the pair are its *flanks*. One subtraction per flank certifies that the flank stays open. The
-contact force pushes the shared body towards the flank, and a contact at the flank's far end pushes that body towards it
-too. The flank is therefore concave until both contacts are over, at T. It was positive, so if it is positive at T, it
-is positive in between. A flank that is pulled open below a ceiling, by forces or by a driven wall, is convex by at most
-P. From a to b in a time L it stays positive if (√a + √b)² > P L²/2. This bound is not used if the pair at the far end
-is in contact too, because a is then unknown.
+A pair that touches now is solved immediately by its contact map (`maps`, `tables`), if no neighbouring pair can touch
+before the contact ends. The map gives duration and separation speed. The gaps on either side of the pair are its
+*flanks*.
 
-From then on the pair and its flanks are described by their asymptotes: the motion after the contact, with a clock that
-can be `ahead`. The pair is ahead by the duration of its contact (`lasts`), at the end of which ξ = 0. A flank is ahead
-by the contact of its neighbour. With ξ and η inside the contact, and ξ_v and η_v of the pair's asymptote, a flank is
-smaller by share·(ξ_v - ξ) than its own asymptote.
+*Test of a flank.* A flank is proved to stay positive until all contacts next to it have ended, at the time T. The
+contact force pushes the ball between the pair and the flank towards the flank. A contact at the far end of the flank
+also narrows the flank. The flank is therefore a concave function of time up to T. It is positive at the onset. If it is
+positive at T, it is positive in between, so one subtraction is sufficient.
+
+Gravity below a ceiling, external forces or a driven wall can make a flank convex, with a second derivative of at most
+P. It has the value a at the onset, and b after a time L. It stays positive if (√a + √b)² > P L²/2. This bound is not
+used if the pair at the far end is also in contact, because a is then unknown.
+
+*State during the contact.* From the onset onwards, the records of the pair and its flanks contain their asymptotes: the
+free motion after the contact. The clock of an asymptote can be later than the current time (`ahead` is 1). The clock of
+the pair is at the end of its contact, where ξ = 0, a time `lasts` after the onset. The clock of a flank is at the end
+of all contacts next to it.
+
+Let ξ and η be overlap and rate of the pair during the contact, and ξ_v and η_v those values of its asymptote. A flank
+is then smaller than its own asymptote by f·(ξ_v - ξ), and its rate by f·(η_v - η). Here f is the inverse mass of the
+ball between the pair and the flank, divided by the sum of the inverse masses of the pair.
 """
 
 from __future__ import annotations
@@ -57,34 +66,41 @@ from granular.md.located.walls import (
 
 MAX_TIME_LEFT_OF_PENDULA = 0.5
 """Longest remaining contact beyond a flank of pendula, in units of 1/Ω."""
-CLOSED, FOLLOWED, TO_FOLLOW, THERMAL = -3, -4, -5, -6
-"""Source of a contact map, if it is not a table.
+CLOSED_FORM, INTEGRATED, NOT_INTEGRATED, THERMAL_WALL = -3, -4, -5, -6
+"""Sources of a contact map that is not in a table.
 
-A closed form, pieces integrated to the end of the contact, or pieces to be integrated first. THERMAL is a wall that
-throws the ball back in no time."""
+CLOSED_FORM: formula. INTEGRATED: result of an integration by pieces up to the end of the contact. NOT_INTEGRATED: this
+integration is still missing. THERMAL_WALL: thermal wall, which throws the ball back without delay.
+"""
 
 
 @kernel
 def solve_as_one_event(s: Any, c: int) -> int:
-    """Solve the contact of pair `c`, which is due, as one event.
+    """Solve the contact of pair `c` as one event, if possible.
 
-    Return DONE if the contact map is known and the contact is certainly isolated, or if disturbances are ignored.
-    Otherwise return BY_PIECES, or the missing information: WANTS_TABLE or WANTS_CONTACT.
+    The next event of the run must be the onset of this contact. Records, counters, contact log and queue are updated.
+
+    Returns
+    -------
+    int
+        DONE if the contact has been solved. WANTS_TABLE or WANTS_CONTACT if its map is still missing. BY_PIECES if the
+        contact has to be integrated by pieces: without a map, or if a neighbour may disturb it. If the run ignores
+        disturbances, a disturbed contact is solved too, unless a flank is not in free flight.
     """
     run, pairs, pair = s.run[0], s.pairs, s.pairs[c]
-    v = touching_rate(s.field, pair, pair.wait) if may_happen_at_once(run, pairs, c) else 0.0
+    v = touching_rate(s.field, pair, pair.wait) if can_be_one_event(run, pairs, c) else 0.0
     # below this speed rounding errors decide whether the balls approach at all
     if not v > DRIFT_NOISE_FACTOR * pair.noise:
         return BY_PIECES
     t1, t2, v1, v2, source = contact_map(s, c, v)
-    if not t1 > 0.0 and source != THERMAL:
+    if not t1 > 0.0 and source != THERMAL_WALL:
         run.wanted = c
-        return WANTS_TABLE if source == WANTED else WANTS_CONTACT if source == TO_FOLLOW else BY_PIECES
+        return WANTS_TABLE if source == WANTED else WANTS_CONTACT if source == NOT_INTEGRATED else BY_PIECES
     over = pair.wait + t2
-    moment, rate_change = course(s.field, pair, v, t2)
+    moment, rate_change = flight_after_touch(s.field, pair, v, t2)
     # from here on mass times displacement, equal and opposite for both bodies
     moment /= s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
-    lower_v, upper_v = parted(s, c, pair, over, rate_change + v2, v2)
+    lower_v, upper_v = separation_velocities(s, c, pair, over, rate_change + v2, v2)
     lower, upper = beside(pairs, c)
     below, certain_below, rate_below, time_left_below = flank_below(s, c, t2, moment, lower_v)
     above, certain_above, rate_above, time_left_above = flank_above(s, c, t2, moment, lower_v, upper_v)
@@ -95,25 +111,25 @@ def solve_as_one_event(s: Any, c: int) -> int:
         return BY_PIECES
     if source >= 0:
         run.error += s.tables[source].error
-    begin_at_once(s, c, v, t1, v1, source)
-    count(run, pair, isolated, c if below > 0.0 and certain_below else lower, t2)
-    part_at_once(s, c, v, t2, v2, moment, source)
-    free(s.bodies[c], pair, lower_v)
-    free(s.bodies[nth(pairs, c + 1)], pair, upper_v)
+    advance_to_onset(s, c, v, t1, v1, source)
+    count_contact(run, pair, isolated, c if below > 0.0 and certain_below else lower, t2)
+    set_pair_asymptote(s, c, v, t2, v2, moment, source)
+    set_velocity(s.bodies[c], pair, lower_v)
+    set_velocity(s.bodies[nth(pairs, c + 1)], pair, upper_v)
     if lower >= 0:
-        deflect(s, lower, pair, below, rate_below, time_left_below)
+        set_flank_asymptote(s, lower, pair, below, rate_below, time_left_below)
     if upper < count_of(pairs):
-        deflect(s, upper, pair, above, rate_above, time_left_above)
+        set_flank_asymptote(s, upper, pair, above, rate_above, time_left_above)
     update_queue(s, lower, c, upper)
     return DONE
 
 
 @kernel
-def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
-    """Return whether the next event of pair `c` is an onset that can be one event.
+def can_be_one_event(run: Any, pairs: Any, c: int) -> bool:
+    """Return whether the next event of pair `c` can be a contact solved as one event.
 
-    It cannot if the run stops at this contact. Unless disturbances are ignored, it also cannot if the run stops at any
-    event, or if the pair is at a driven wall.
+    The event must be the onset of a contact, and the run must not stop just before it. If disturbances matter, two more
+    onsets are excluded: any onset in a run that pauses after every event, and an onset at a driven wall.
     """
     pair = pairs[c]
     if pair.mode != OPEN or pair.event != BEGIN or is_awaited(run, pairs, c):
@@ -123,20 +139,32 @@ def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
 
 @kernel
 def flank_below(s: Any, c: int, t2: float, moment: float, lower_v: float) -> tuple[float, bool, float, float]:
-    """Return the final gap of the flank below pair `c`, and whether it stays open.
+    """Return the state of the flank below pair `c` after all contacts next to it.
 
-    Also return its final rate, and the remaining time of the contact beyond it. See `clearance`. Without a flank the
-    gap is infinite. The inverse mass of the lower ball times `moment` is its displacement by the contact, and `lower_v`
-    is its final velocity.
+    Parameters
+    ----------
+    t2 : float
+        Duration in s of the contact of pair `c`, from the onset to ξ = 0.
+    moment : float
+        Displacement of the lower ball by the contact in m, divided by its inverse mass.
+    lower_v : float
+        Velocity of the lower ball after the contact in m/s.
+
+    Returns
+    -------
+    gap, certain, rate, time_left : float, bool, float, float
+        Gap in m, and whether a positive gap proves that the flank never closes, see `final_flank_gap`. Rate of the gap
+        in m/s after the contact of pair `c`, and remaining time in s of the contact at the far end. Without a flank the
+        gap is inf.
     """
     pairs, pair, lower = s.pairs, s.pairs[c], beside(s.pairs, c)[0]
     if lower < 0:
         return math.inf, True, 0.0, 0.0
     over = pair.wait + t2
-    rate = lower_v - coasting(s, nth(pairs, c - 1), pair, over)
+    rate = lower_v - velocity_without_contacts(s, nth(pairs, c - 1), pair, over)
     time_left = remaining_contact_time(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
     narrowing = s.bodies[c].inverse_mass * moment
-    gap, certain = clearance(s.field, pairs[lower], pair, t2, narrowing, rate, time_left)
+    gap, certain = final_flank_gap(s.field, pairs[lower], pair, t2, narrowing, rate, time_left)
     return gap, certain, rate, time_left
 
 
@@ -144,8 +172,9 @@ def flank_below(s: Any, c: int, t2: float, moment: float, lower_v: float) -> tup
 def flank_above(
     s: Any, c: int, t2: float, moment: float, lower_v: float, upper_v: float
 ) -> tuple[float, bool, float, float]:
-    """Like `flank_below`, for the gap above.
+    """Return the state of the flank above pair `c` after all contacts next to it.
 
+    Parameters and return values are as in `flank_below`. `upper_v` is the velocity of the upper ball after the contact.
     On a ring of two balls both flanks are the same gap. It is evaluated here with both displacements, and `flank_below`
     reports no flank.
     """
@@ -153,39 +182,44 @@ def flank_above(
     if upper >= n:
         return math.inf, True, 0.0, 0.0
     over = pair.wait + t2
-    rate = coasting(s, nth(pairs, c + 2), pair, over) - upper_v
+    rate = velocity_without_contacts(s, nth(pairs, c + 2), pair, over) - upper_v
     time_left = remaining_contact_time(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
     narrowing = bodies[c + 1].inverse_mass * moment
     if RING and n == 2:
         rate, time_left = lower_v - upper_v, 0.0
         narrowing = (bodies[c].inverse_mass + bodies[c + 1].inverse_mass) * moment
-    gap, certain = clearance(s.field, pairs[upper], pair, t2, narrowing, rate, time_left)
+    gap, certain = final_flank_gap(s.field, pairs[upper], pair, t2, narrowing, rate, time_left)
     return gap, certain, rate, time_left
 
 
 @kernel
-def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
-    """Advance the run to the touch of pair `c`, and log its contact."""
+def advance_to_onset(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
+    """Advance the clocks of the run and of pair `c` to the onset, and log the contact.
+
+    `v`, `t1`, `v1` and `source` are approach speed and contact map, see `contact_map`.
+    """
     run, pair = s.run[0], s.pairs[c]
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log_level != NO_LOG:
         if DRIVEN:
             carry_walls(s.field, s)
-        write_row(s, c, v, t1, v1, source)
+        write_log_row(s, c, v, t1, v1, source)
 
 
 @kernel
-def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, moment: float, source: int) -> None:
-    """Give pair `c` its asymptote, from the end of its contact on.
+def set_pair_asymptote(s: Any, c: int, v: float, t2: float, v2: float, moment: float, source: int) -> None:
+    """Replace the state of pair `c` at its onset by the asymptote after its contact.
 
-    Pendula are also moved by their displacement during the contact.
+    The contact is also entered in the energy balance. Pendula are displaced by `moment` times their inverse masses,
+    because their acceleration depends on position. The other parameters are approach speed and contact map, see
+    `contact_map`.
     """
     pair, bodies = s.pairs[c], s.bodies
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.ahead, pair.speed, pair.exact = 0.0, -v2, t2, 1 if t2 > 0.0 else 0, v, 0
     pair.noise += FLOAT_SPACING * v
-    if HEATED and source == THERMAL:
+    if HEATED and source == THERMAL_WALL:
         count_hit(s, c, v, v2)
     elif WORKED:
         keep_solo(s.ledger, s, c)
@@ -199,7 +233,7 @@ def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, moment: float, 
 
 @kernel
 def update_queue(s: Any, lower: int, c: int, upper: int) -> None:
-    """Update the queue for pair `c` and its flanks."""
+    """Update the event queue for pair `c` and its flanks `lower` and `upper`."""
     if RING and upper - lower != 2:
         # on a ring the three pairs need not be neighbours in the queue
         replay(s.queue, c, c)
@@ -210,10 +244,10 @@ def update_queue(s: Any, lower: int, c: int, upper: int) -> None:
 
 
 @kernel
-def course(field: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
-    """Return the overlap and the rate of `pair` without a force, `t2` after its touch.
+def flight_after_touch(field: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
+    """Return overlap and rate of a pair after its touch, as if without contact force.
 
-    The pair touches after its `wait` at speed `v`.
+    `pair` touches a time `pair.wait` after its clock, at the approach speed `v`. The result is for a time `t2` later.
     """
     if DRIVEN and pair.wall > 0:
         return flight_at_wall(field, pair, pair.wait, 0.0, -v, t2)
@@ -224,33 +258,34 @@ def course(field: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
 
 
 @kernel
-def parted(s: Any, c: int, pair: Any, over: float, rate_change: float, v2: float) -> tuple[float, float]:
-    """Return the velocities of the bodies of pair `c` when they separate.
+def separation_velocities(s: Any, c: int, pair: Any, over: float, rate_change: float, v2: float) -> tuple[float, float]:
+    """Return the velocities in m/s of lower and upper body when pair `c` separates.
 
-    They separate at speed `v2`, a time `over` after the clock of the pair. The heavier body receives its share of
-    `rate_change`. The velocity of the lighter body follows from `v2`, so rounding errors of the shares do not
-    accumulate.
+    The contact changes the relative velocity by `rate_change`, compared with free flight. At its end, a time `over`
+    after the clock of `pair`, the separation speed is `v2`. The heavier body receives its fraction of `rate_change`.
+    The velocity of the lighter body follows from `v2`, so that rounding errors do not accumulate.
     """
     lower, upper = s.bodies[c], s.bodies[c + 1]
     share = min(lower.inverse_mass, upper.inverse_mass) / (lower.inverse_mass + upper.inverse_mass)
     if lower.inverse_mass <= upper.inverse_mass:
-        v = coasting(s, c, pair, over) - share * rate_change
+        v = velocity_without_contacts(s, c, pair, over) - share * rate_change
         return v, v + v2
-    v = coasting(s, c + 1, pair, over) + share * rate_change
+    v = velocity_without_contacts(s, c + 1, pair, over) + share * rate_change
     return v - v2, v
 
 
 @kernel
 def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
-    """Return (t1, t2, v1, v2) of the contact of pair `c` at speed `v`, and its source.
+    """Return (t1, t2, v1, v2) of a contact of pair `c`, and the source of this map.
 
-    t1 is nan if the contact is unknown. The source is the index of a table, CLOSED, FOLLOWED or THERMAL. It is WANTED
-    if a table has to be made, TO_FOLLOW if the contact has to be integrated.
+    The contact has the approach speed `v`. The quantities are defined in `maps`. t1 is nan if the map is unknown. The
+    source is the index of a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `WANTED` if a table has to be
+    computed, and NOT_INTEGRATED if this contact has to be integrated first.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     if HEATED and pair.wall < 0:
         v2 = speed_away(s.ledger, pair.wall)
-        return 0.0, 0.0, v2, v2, THERMAL
+        return 0.0, 0.0, v2, v2, THERMAL_WALL
     t1 = t2 = v1 = v2 = math.nan
     if HUNG:
         inverse = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
@@ -258,27 +293,40 @@ def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, i
     elif not DRIVEN or pair.wall == 0:
         t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
-        return t1, t2, v1, v2, CLOSED
-    source = table_of(s, c, v) if pair.map >= 0 else CLOSED
+        return t1, t2, v1, v2, CLOSED_FORM
+    source = table_of(s, c, v) if pair.map >= 0 else CLOSED_FORM
     if source >= 0:
         t1, t2, v1, v2 = tabled(s.tables[source], law.elastic, v)
     elif source != WANTED and s.run[0].disturbing == IGNORE:
-        source = FOLLOWED if s.run[0].answered else TO_FOLLOW
+        source = INTEGRATED if s.run[0].answered else NOT_INTEGRATED
         s.run[0].answered = 0
-        if source == FOLLOWED:
+        if source == INTEGRATED:
             t1, t2, v1, v2 = s.answer[0], s.answer[1], s.answer[2], s.answer[3]
     return t1, t2, v1, v2, source
 
 
 @kernel
-def clearance(
+def final_flank_gap(
     field: Any, flank: Any, pair: Any, t2: float, narrowing: float, rate: float, time_left: float
 ) -> tuple[float, bool]:
-    """Return the gap of a flank after all contacts beside it, and if it is certain.
+    """Return the final gap of a flank, and whether the flank is positive until then.
 
-    It is certain if a positive gap stays open in between. The contact of `pair` lasts `t2` and reduces the gap by
-    `narrowing`. The gap then grows at `rate`. The contact beyond the flank lasts for another time `time_left`. A flank
-    that is not in free flight has the gap -inf.
+    Parameters
+    ----------
+    flank, pair : record
+        Flank, and the pair whose contact begins.
+    t2, narrowing : float
+        Duration of this contact in s, and reduction of the flank by it in m.
+    rate : float
+        Rate of the flank in m/s after this contact.
+    time_left : float
+        Time in s by which the contact at the far end of the flank lasts longer.
+
+    Returns
+    -------
+    gap, certain : float, bool
+        Gap in m after both contacts. `certain` is true if a positive gap proves that the flank was positive throughout.
+        The gap is -inf for a flank that is not in free flight.
     """
     start = since(flank, pair.t, pair.tail) + pair.wait
     if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
@@ -294,28 +342,29 @@ def clearance(
 
 
 @kernel
-def write_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
+def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
     """Write the log row of the contact of pair `c` at its onset.
 
-    The row is deleted if an island takes over the contact.
+    `v` is the approach speed, and `t1`, `v1` and `source` are the contact map. The row is deleted later if an island
+    takes over the contact.
     """
-    run, pair, one, two = s.run[0], s.pairs[c], s.bodies[c], s.bodies[nth(s.pairs, c + 1)]
+    run, pair, lower, upper = s.run[0], s.pairs[c], s.bodies[c], s.bodies[nth(s.pairs, c + 1)]
     row, pair.row = s.log[run.rows], run.rows
     run.rows += 1
-    inverse = one.inverse_mass + two.inverse_mass
+    inverse = lower.inverse_mass + upper.inverse_mass
     impulse = (v + pair.pull * t1 + v1) / inverse
     if HUNG:
         impulse = impulse_of_pendula(s, c, v, t1, v1)
     row.pair, row.t_begin, row.t_end, row.duration = c, pair.t, pair.t + (t1 + pair.tail), t1
-    row.lower_in, row.upper_in = velocity_now(one, run), velocity_now(two, run)
-    row.lower_out = row.lower_in - one.fall * t1 - one.inverse_mass * impulse
-    row.upper_out = row.upper_in - two.fall * t1 + two.inverse_mass * impulse
+    row.lower_in, row.upper_in = velocity_now(lower, run), velocity_now(upper, run)
+    row.lower_out = row.lower_in - lower.fall * t1 - lower.inverse_mass * impulse
+    row.upper_out = row.upper_in - upper.fall * t1 + upper.inverse_mass * impulse
     row.impulse, row.xi_max, row.force_max = impulse, 0.0, 0.0
     if HUNG:
-        transferred = (course(s.field, pair, v, t1)[1] + v1) / inverse
-        row.lower_out = swung(one, run.omega, since(one, run.t, run.tail) + t1)[0] - one.inverse_mass * transferred
-        row.upper_out = swung(two, run.omega, since(two, run.t, run.tail) + t1)[0] + two.inverse_mass * transferred
-    if HEATED and source == THERMAL:
+        momentum = (flight_after_touch(s.field, pair, v, t1)[1] + v1) / inverse
+        row.lower_out = swung(lower, run.omega, since(lower, run.t, run.tail) + t1)[0] - lower.inverse_mass * momentum
+        row.upper_out = swung(upper, run.omega, since(upper, run.t, run.tail) + t1)[0] + upper.inverse_mass * momentum
+    if HEATED and source == THERMAL_WALL:
         row.force_max = math.nan
         if pair.wall == -1:
             row.upper_out = row.lower_in + v1
@@ -325,19 +374,20 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> No
         law = s.kinds[pair.kind_of]
         if HUNG:
             row.xi_max, row.force_max = peaks_of_pendula(law, inverse, s.field.square, pair.pull, v, t1)
-        elif source == CLOSED:
+        elif source == CLOSED_FORM:
             row.xi_max, row.force_max = peaks(law, inverse, pair.pull, v, t1, v1)
-        elif source == FOLLOWED:
+        elif source == INTEGRATED:
             row.xi_max, row.force_max = s.answer[4], s.answer[5]
         else:
             row.xi_max, row.force_max = tabled_peaks(s.tables[source], v)
 
 
 @kernel
-def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
-    """Count a contact that is solved as one event.
+def count_contact(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
+    """Count a contact that is solved as one event, as isolated or as disturbed.
 
-    If it is not isolated, a neighbour touches when it is over.
+    For the first disturbed contact of the run, its end and the lower pair `first` of the two neighbours are stored. The
+    contact lasts `t2`.
     """
     pair.contacts += 1
     run.steps += 1
@@ -351,10 +401,10 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
 
 
 @kernel
-def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
-    """Return the velocity that body `b` would have without contacts.
+def velocity_without_contacts(s: Any, b: int, pair: Any, dt: float) -> float:
+    """Return the velocity in m/s of body `b` without contact forces.
 
-    The time is `dt` after the clock of `pair`.
+    The time is `dt` after the clock of `pair`. For a driven wall it is the velocity of the wall.
     """
     body = s.bodies[nth(s.pairs, b)]
     if DRIVEN and body.wall > 0.0:
@@ -367,25 +417,27 @@ def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
 
 @kernel
 def remaining_contact_time(beyond: Any, pair: Any, dt: float) -> float:
-    """Return the remaining time in contact of the pair beyond a flank.
+    """Return for how long pair `beyond` is still in contact, in s.
 
-    The reference time is `dt` after the clock of `pair`.
+    `beyond` is the pair at the far end of a flank. The time is counted from `dt` after the clock of `pair`. The result
+    is 0 for a pair that is not in a contact solved as one event.
     """
     left: float = -(since(beyond, pair.t, pair.tail) + dt)
     return left if beyond.lasts > 0.0 and left > 0.0 and beyond.slot < 0 else 0.0
 
 
 @kernel
-def free(body: Any, pair: Any, v: float) -> None:
-    """Set the velocity of a body at the clock of `pair` to `v`."""
+def set_velocity(body: Any, pair: Any, v: float) -> None:
+    """Set the velocity of a body to `v` in m/s, and its clock to the clock of `pair`."""
     body.v, body.t, body.tail = v, pair.t, pair.tail
 
 
 @kernel
-def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, time_left: float) -> None:
-    """Give flank `f` its asymptote, from the end of all contacts beside it.
+def set_flank_asymptote(s: Any, f: int, pair: Any, gap: float, rate: float, time_left: float) -> None:
+    """Replace the state of flank `f` by its asymptote after all contacts next to it.
 
-    `pair` already has its asymptote.
+    `gap` and `time_left` are as in `final_flank_gap`. `rate` is the rate of the gap after the contact of `pair`, which
+    already has its asymptote.
     """
     flank = s.pairs[f]
     flank.t, flank.tail = pair.t, pair.tail

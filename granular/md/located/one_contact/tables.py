@@ -1,10 +1,12 @@
-"""Isolated contacts of any law from a table per octave of impact speeds.
+"""Contact maps of any law, from one table per octave of approach speeds.
 
-A table is made when contacts in its octave are frequent enough. For one law, effective mass and pull, the whole contact
-depends on the speed v alone. Contacts at Chebyshev points of the octave are integrated by pieces. Their times, and
-their speeds and peaks divided by v, are smooth if the law is smooth. Two more contacts between the points test the
-polynomials. Two others test the ends, beyond the last points, where a kink of the law could remain hidden. If a test
-fails, contacts in this octave are always integrated by pieces.
+For a given law, effective mass and acceleration by gravity, the whole contact depends on the approach speed v alone.
+The table of an octave is computed after `CONTACTS_BEFORE_TABLE` contacts in it. Contacts at the Chebyshev points of the
+octave are integrated by pieces. Their times, and their speeds, largest overlaps and forces divided by v, are smooth
+functions of v if the law is smooth. They are interpolated by polynomials.
+
+Four more contacts test the polynomials: two between the points, and two at the ends of the octave, where a kink of the
+law could remain hidden. If a test fails, contacts in this octave are always integrated by pieces.
 """
 
 from __future__ import annotations
@@ -28,25 +30,27 @@ from granular.md.located.system import leave
 from granular.md.located.walls import touching_rate
 
 CONTACTS_BEFORE_TABLE = 32
-"""Number of contacts of an octave after which its table is made.
+"""Number of contacts in an octave before its table is computed.
 
-A table costs about that number of contacts."""
+The computation of a table costs about as much as this number of contacts.
+"""
 TABLE_TOL = 1e-14
-"""Largest relative error of a table, beyond the tolerance of the pieces."""
+"""Largest relative error of a table if its contacts are integrated exactly."""
 TIME_QUANTITIES = 2
 """Number of stored quantities that are times.
 
 The other quantities are stored in units of the speed."""
 REFUSED, WANTED = -1, -2
+"""Results of `table_of` without a table: integrate the contact, or request a table."""
 OWN_SPEED = -1
-"""Replaces the number of a point: the contact at its own speed."""
+"""Value of `j` that stands for the actual speed of the contact, not for a point."""
 
 
 @kernel
 def table_of(s: Any, c: int, v: float) -> int:
-    """Return the index of the table for a contact of pair `c` at speed `v`.
+    """Return the index of the table for a contact of pair `c` at approach speed `v`.
 
-    The result is REFUSED or WANTED if there is none.
+    Without a table the result is `REFUSED` or `WANTED`. A contact without a table is counted.
     """
     known, octave = s.maps[s.pairs[c].map], math.frexp(v)[1]
     i = octave - MIN_SPEED_EXPONENT
@@ -62,16 +66,17 @@ def table_of(s: Any, c: int, v: float) -> int:
 
 @kernel
 def request_contact(s: Any, j: int, laws: Any) -> None:
-    """Request that the wanted contact is integrated alone.
+    """Start to integrate a contact of the pair `wanted` of the run alone, for its map.
 
-    Its speed is point j of the octave, or its own speed for ITSELF.
+    The approach speed is point `j` of the octave, or the actual speed of the contact for `OWN_SPEED`. The state of the
+    run is saved, see `put_back`.
     """
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
     v = touching_rate(s.field, pair, pair.wait)
     if j != OWN_SPEED:
         # the mantissa of an octave is in [0.5, 1)
-        v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
+        v = math.ldexp(0.75 + 0.25 * octave_point(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log_level
     run.speed, run.log_level, run.error = v, PEAKS, 0.0
     member = occupy_record(s, c, v)
@@ -81,9 +86,15 @@ def request_contact(s: Any, j: int, laws: Any) -> None:
 
 @kernel
 def note(s: Any, j: int) -> bool:
-    """Store the contact that was integrated alone, for ITSELF as the answer.
+    """Store the map of the contact that was integrated alone, and restore the run.
 
-    Return False if it did not end.
+    For a point `j` of an octave the map is stored in the table, for `OWN_SPEED` in `answer`.
+
+    Returns
+    -------
+    bool
+        Whether the contact can be used: for a point, whether its force and its overlap have ended. True for
+        `OWN_SPEED`.
     """
     run, v = s.run[0], s.run[0].speed
     member = s.pool[s.pairs[run.wanted].slot]
@@ -114,10 +125,10 @@ def put_back(s: Any) -> None:
 
 @kernel
 def fit(s: Any) -> None:
-    """Make the table of an octave from its contacts, or refuse the octave."""
+    """Compute the table of an octave from its contacts, or mark the octave as refused."""
     run, known = s.run[0], s.maps[s.pairs[s.run[0].wanted].map]
     i = math.frexp(run.speed)[1] - MIN_SPEED_EXPONENT
-    if holds(s.tables[run.tables]):
+    if passes_tests(s.tables[run.tables]):
         run.tables += 1
         # index + 1, because 0 stands for an octave without a table
         known.table[i] = run.tables
@@ -126,28 +137,28 @@ def fit(s: Any) -> None:
 
 
 @kernel
-def holds(table: Any) -> bool:
-    """Write the coefficients of a table, and return whether it passes the tests.
+def passes_tests(table: Any) -> bool:
+    """Compute the coefficients of a table, and return whether it passes its tests.
 
-    It is tested between its points and at the ends.
+    The polynomials are compared with the contacts at the test points, see `octave_point`.
     """
     if table.noted < POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE:
         return False
     for q in range(CONTACT_QUANTITIES):
-        expand(table, q)
+        set_chebyshev_coefficients(table, q)
         for j in range(POINTS_PER_OCTAVE, POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE):
             seen = table.seen[q * (POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE) + j]
             # the difference of a table and a contact contains the errors of both
-            if not abs(polynomial(table, q, place_of(j)) - seen) <= max(TABLE_TOL, 4.0 * table.error) * abs(seen):
+            if not abs(table_value(table, q, octave_point(j)) - seen) <= max(TABLE_TOL, 4.0 * table.error) * abs(seen):
                 return False
     return True
 
 
 @kernel
-def place_of(j: int) -> float:
-    """Return the j-th point of an octave, from -1 to 1.
+def octave_point(j: int) -> float:
+    """Return point `j` of an octave, as a coordinate from -1 to 1.
 
-    The zeros of a Chebyshev polynomial come first, then the test points.
+    The first `POINTS_PER_OCTAVE` points are zeros of a Chebyshev polynomial. The test points follow.
     """
     if j < POINTS_PER_OCTAVE:
         return math.cos(math.pi * (j + 0.5) / POINTS_PER_OCTAVE)
@@ -157,8 +168,8 @@ def place_of(j: int) -> float:
 
 
 @kernel
-def expand(table: Any, q: int) -> None:
-    """Write the Chebyshev coefficients of one quantity."""
+def set_chebyshev_coefficients(table: Any, q: int) -> None:
+    """Compute the Chebyshev coefficients of quantity `q` of a table from its contacts."""
     for k in range(POINTS_PER_OCTAVE):
         total = 0.0
         for j in range(POINTS_PER_OCTAVE):
@@ -169,8 +180,11 @@ def expand(table: Any, q: int) -> None:
 
 
 @kernel
-def polynomial(table: Any, q: int, z: float) -> float:
-    """Return one quantity at z, from -1 to 1, by Clenshaw's algorithm."""
+def table_value(table: Any, q: int, z: float) -> float:
+    """Return quantity `q` of a table at the coordinate `z` in [-1, 1].
+
+    The Chebyshev series is summed by Clenshaw's algorithm.
+    """
     last, twice, base = 0.0, 0.0, q * POINTS_PER_OCTAVE
     for k in range(POINTS_PER_OCTAVE - 1, 0, -1):
         last, twice = table.c[base + k] + 2.0 * z * last - twice, last
@@ -180,18 +194,24 @@ def polynomial(table: Any, q: int, z: float) -> float:
 
 @kernel
 def tabled(table: Any, elastic: int, v: float) -> tuple[float, float, float, float]:
-    """Return (t1, t2, v1, v2) of a contact at speed `v`, as `maps.encounter` does."""
+    """Return (t1, t2, v1, v2) of a contact at approach speed `v` from its table.
+
+    These quantities are defined in `maps`.
+    """
     # the mantissa of an octave is in [0.5, 1)
     z = 4.0 * math.frexp(v)[0] - 3.0
-    t1, t2 = polynomial(table, 0, z), polynomial(table, 1, z)
+    t1, t2 = table_value(table, 0, z), table_value(table, 1, z)
     if elastic:
         return t1, t1, v, v
-    return t1, max(t1, t2), polynomial(table, 2, z) * v, polynomial(table, 3, z) * v
+    return t1, max(t1, t2), table_value(table, 2, z) * v, table_value(table, 3, z) * v
 
 
 @kernel
 def tabled_peaks(table: Any, v: float) -> tuple[float, float]:
-    """Return the largest overlap and the largest force of a contact at speed `v`."""
+    """Return the largest overlap in m and the largest force in N from a table.
+
+    `v` is the approach speed.
+    """
     z = 4.0 * math.frexp(v)[0] - 3.0
-    return polynomial(table, 4, z) * v, polynomial(table, 5, z) * v
+    return table_value(table, 4, z) * v, table_value(table, 5, z) * v
 
