@@ -1,4 +1,4 @@
-"""Isolated contacts in closed form: duration, final speeds, largest overlap, force.
+"""Isolated contacts in closed form: duration, final speeds, largest overlap and force.
 
 Two bodies of effective mass m touch at time 0 with the approach speed v > 0. Apart from the contact force only a
 constant acceleration G acts, which can press them together. For example, it is gravity for a ball and a wall:

@@ -41,7 +41,7 @@ TIME_QUANTITIES = 2
 
 The other quantities are stored in units of the speed."""
 REFUSED, WANTED = -1, -2
-"""Results of `table_of` without a table: integrate the contact, or request a table."""
+"""Results of `table_of` without a table: integrate the contact, or request one."""
 OWN_SPEED = -1
 """Value of `j` that stands for the actual speed of the contact, not for a point."""
 
@@ -69,7 +69,7 @@ def request_contact(s: Any, j: int, laws: Any) -> None:
     """Start to integrate a contact of the pair `wanted` of the run alone, for its map.
 
     The approach speed is point `j` of the octave, or the actual speed of the contact for `OWN_SPEED`. The state of the
-    run is saved, see `put_back`.
+    run is saved, see `restore_run_state`.
     """
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
@@ -101,7 +101,7 @@ def note(s: Any, j: int) -> bool:
     ends = member.mode == OPEN and member.eta < 0.0
     numbers = run.over if ends else math.nan, run.passed, run.parting, -member.eta, member.xi_max, member.force_max
     error: float = run.error
-    put_back(s)
+    restore_run_state(s)
     if j == OWN_SPEED:
         for q in range(CONTACT_QUANTITIES):
             s.answer[q] = numbers[q]
@@ -116,7 +116,7 @@ def note(s: Any, j: int) -> bool:
 
 
 @kernel
-def put_back(s: Any) -> None:
+def restore_run_state(s: Any) -> None:
     """Restore the run to its state before a contact was integrated alone."""
     run, pair = s.run[0], s.pairs[s.run[0].wanted]
     leave(run, s.pairs, s.pool, run.wanted)

@@ -1,4 +1,4 @@
 """Piles that come to rest, and the proof that they stay at rest.
 
-A first reader may skip: `equilibrium`, `overdamped`, `proof`.
+Support modules: `equilibrium`, `overdamped`, `proof`.
 """

@@ -1,25 +1,29 @@
-"""Equilibrium of balls in contact, and an energy proof that no contact can open.
+"""Static equilibrium of balls in contact, and proof that no contact can end.
 
-A group is a maximal run of pairs a … b-1 with contact forces: a pile on a floor or below a ceiling, balls between both,
-or balls that forces press together in flight. Consider the frame of its wall, or of its mass centre, which accelerates
-uniformly. The energy relative to the static equilibrium (overlaps ξ°, forces F° > 0),
+A group is a maximal sequence of pairs a … b-1 with contact forces. It is a pile on a floor, balls below a ceiling,
+balls between two walls, or balls in flight that external forces press together. Consider the frame of its wall, or of
+its mass centre, which accelerates uniformly. Let ξ° and F° > 0 be overlaps and forces at the static equilibrium. The
+energy relative to the equilibrium,
 
-    E = Σ ½ m v² + Σ U(ξ) - U(ξ°) - F° (ξ - ξ°) ,
+    E = Σ ½ m v² + Σ [U(ξ) - U(ξ°) - F° (ξ - ξ°)] ,
 
-never grows. The force of pair c can only vanish where kξ^s + γη = 0. The relative motion alone then has the energy ½
-m_eff η², so that the pair needs at least the minimum on 0 ≤ ξ ≤ ξ° of
+never grows. The force of a pair can only vanish where kξ^s + γη = 0. The relative motion of the pair alone then has the
+energy ½ m_eff η². To end a contact, E must therefore be at least the minimum on 0 ≤ ξ ≤ ξ° of
 
-    U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² .
+    U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² ,
 
-For a dashpot this is F°²/(2 (k + γ²/m_eff)). For γ = 0 the pair has to separate, ξ = 0. In addition, kξ^s + γη must
-decrease there. Its rate is at least γ G - s k² ξ^(2s-1)/γ, because other forces only press. Under a pull G > 0 this
-requires an overlap of
+which is called the *barrier* of the pair. For a dashpot it is F°²/(2 (k + γ²/m_eff)). For γ = 0 the pair has to
+separate, ξ = 0.
+
+A second condition raises the barrier of strongly damped pairs: kξ^s + γη must decrease where it vanishes. Its rate is
+at least γ G - s k² ξ^(2s-1)/γ, because the forces of other pairs only press. With a pull G > 0 this requires an overlap
+of
 
     ξ^(2s-1) ≥ γ² G / (s k²) ,
 
-which is beyond ξ° and out of reach for a strongly damped ball. If the energy is below this bound for every contact, no
-force ever vanishes, and no contact opens. The equilibrium does not depend on the time of its computation: loads are
-weights and forces, and between two walls at rest the overlaps have a constant sum.
+which exceeds ξ° for a strongly damped ball. If E is below the barrier of every pair, no force ever vanishes, and no
+contact ends. The equilibrium can be computed once, because it does not change: loads are weights and external forces.
+Between two walls at rest the sum of the overlaps is constant.
 """
 
 from __future__ import annotations
@@ -32,15 +36,16 @@ from granular.md.located.pieces import power
 from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR
 
 NOT_YET, RESTS, BOUND = range(3)
-"""Verdicts about a group.
+"""Results of a proof that balls stay in contact.
 
-Nothing is proved. The group rests, with damping in every contact. It is bound forever, but not damped in every
-contact."""
+NOT_YET: nothing is proved. RESTS: the balls come to rest, because every contact is damped. BOUND: the balls stay in
+contact permanently, but not every contact is damped.
+"""
 
 
 @kernel
 def end_of_group(pairs: Any, pool: Any, c: int) -> int:
-    """Return the end of the group that starts with pair `c`, or `c` without a force."""
+    """Return the end b of the group of pairs c … b-1, or `c` if pair `c` has no force."""
     b = c
     while b < len(pairs) and pairs[b].slot >= 0 and pool[pairs[b].slot].mode == ACTIVE:
         b += 1
@@ -49,9 +54,10 @@ def end_of_group(pairs: Any, pool: Any, c: int) -> int:
 
 @kernel
 def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
-    """Return the verdict about the group of pairs a … b-1.
+    """Try to prove that no contact of the group of pairs a … b-1 can end.
 
-    Energy and barrier are stored in the record of its first pair.
+    Returns RESTS, BOUND or NOT_YET. `energy` and `barrier` in J are stored in the record of the first pair, see the
+    module docstring. `barrier` is the smallest one of all pairs.
     """
     head = pool[pairs[a].slot]
     find_equilibrium(pairs, pool, bodies, a, b)
@@ -62,12 +68,12 @@ def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
         return NOT_YET
     for c in range(b - 1, a - 1, -1):
         pair = pool[pairs[c].slot]
-        energy += excess(pair, pair.xi)
+        energy += energy_above_rest(pair, pair.xi)
         damped = damped if pair.gamma > 0.0 else BOUND
     if head.barrier == math.inf:
         head.barrier = head.opening
         for c in range(a, b):
-            head.barrier = min(head.barrier, hurdle(pool[pairs[c].slot]))
+            head.barrier = min(head.barrier, energy_barrier(pool[pairs[c].slot]))
     head.energy = energy
     # 1e-9: margin for rounding errors of energy and barrier
     return damped if energy < (1.0 - 1e-9) * head.barrier else NOT_YET
@@ -75,7 +81,10 @@ def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
 
 @kernel
 def is_known(pairs: Any, pool: Any, a: int, b: int) -> bool:
-    """Return whether a group is unchanged since its equilibrium was stored."""
+    """Return whether the equilibrium of the group a … b-1 is already stored.
+
+    The group must consist of the same pairs as at the time of the computation.
+    """
     if pool[pairs[a].slot].piled != b - a:
         return False
     for c in range(a, b):
@@ -86,11 +95,15 @@ def is_known(pairs: Any, pool: Any, a: int, b: int) -> bool:
 
 @kernel
 def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None:
-    """Store the loads of a group, and an upper bound of its energy barrier in J.
+    """Compute the static forces of the group a … b-1, and a bound of its barrier.
 
-    With more energy than the bound, a pair can open. The bound is 0 if a pair bears no load. It is computed without
-    damping, where a pair has to separate, or at the overlap from which its force can decrease. A `hurdle` is lower. An
-    unchanged group keeps the stored values.
+    The forces in N are stored as `load` of each pair. The bound in J is stored as `opening` of the first pair. If the
+    group has more energy, a pair may separate. `opening` is 0 if a pair bears no load or has a general law, or if there
+    is no equilibrium.
+
+    The bound is the smallest energy at which a pair separates, ξ = 0. For a pair whose force can only vanish beyond its
+    static overlap, it is the energy at `smallest_vanishing_overlap`. No `energy_barrier` exceeds it. For an unchanged
+    group nothing is computed.
     """
     head, least = pool[pairs[a].slot], math.inf
     if is_known(pairs, pool, a, b):
@@ -105,15 +118,15 @@ def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None
         pair = pool[pairs[c].slot]
         if pair.kind == GENERAL or not pair.load > 0.0:
             return
-        least = min(least, opens_at(pair, turning(pair)))
+        least = min(least, energy_of_vanishing_force(pair, smallest_vanishing_overlap(pair)))
     head.opening = least
 
 
 @kernel
 def find_loads(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
-    """Store the force in N of each pair of a group at rest.
+    """Compute the static force in N of each pair of the group a … b-1, as its `load`.
 
-    Return False if the group has no equilibrium, or a driven wall.
+    Returns False if the group has no equilibrium, or if it touches a driven wall.
     """
     if pairs[a].wall > 0 or pairs[b - 1].wall > 0:
         return False
@@ -129,23 +142,28 @@ def find_loads(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
     for c in range(a, b if ceiling else a):
         load -= weight(bodies[c])
         pair = pool[pairs[c].slot]
-        # between two walls the equilibrium has a free common force, which `squeeze` determines
+        # between two walls the equilibrium has a free common force, which `add_common_force` determines
         pair.load = 0.5 * (pair.load + load) if floor else load
-    return not (floor and ceiling) or squeeze(pairs, pool, a, b)
+    return not (floor and ceiling) or add_common_force(pairs, pool, a, b)
 
 
 @kernel
 def weight(body: Any) -> float:
-    """Return the force in N that pulls a ball down, or 0 for a wall."""
+    """Return the downward force on a ball in N by gravity and external forces.
+
+    It is 0 for a wall.
+    """
     return float(body.fall / body.inverse_mass) if body.inverse_mass > 0.0 else 0.0
 
 
 @kernel
 def find_loads_in_flight(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
-    """Store the contact forces in a group of balls that falls together.
+    """Compute the loads in N of balls a … b that are pressed together in free flight.
 
-    The load of a pair is F = m_eff Δ(fall), for the balls above and below it. Falls are relative to the fall of the
-    lowest ball, so loads are exactly 0 if only gravity acts.
+    The load of a pair is F = m_eff (fall_above - fall_below). Here the falls are the mean downward accelerations of the
+    balls above and below the pair, by gravity and external forces, and m_eff is the effective mass of these two sets of
+    balls. The falls are relative to the fall of the lowest ball, so that loads are exactly 0 if only gravity acts.
+    Returns False if no external force presses a pair together.
     """
     fall, mass, total, falls = 0.0, 1.0 / bodies[a].inverse_mass, 0.0, False
     for c in range(a, b):
@@ -167,10 +185,10 @@ def find_loads_in_flight(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> 
 
 
 @kernel
-def squeeze(pairs: Any, pool: Any, a: int, b: int) -> bool:
-    """Add to the loads of balls between two walls a common force.
+def add_common_force(pairs: Any, pool: Any, a: int, b: int) -> bool:
+    """Add a common force to the loads of the pairs a … b-1 between two walls.
 
-    With it the static overlaps have the same sum as the present overlaps. Return True.
+    The force is chosen so that the static overlaps have the same sum as the present overlaps. Always returns True.
     """
     total, low, high = 0.0, -math.inf, 0.0
     for c in range(a, b):
@@ -193,9 +211,9 @@ def squeeze(pairs: Any, pool: Any, a: int, b: int) -> bool:
 
 @kernel
 def kinetic(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return the kinetic energy in J of a group relative to its wall.
+    """Return the kinetic energy in J of the group a … b-1 in the frame of its wall.
 
-    Without a wall, it is relative to the mass centre.
+    Without a wall it is relative to the mass centre.
     """
     v, energy, free = 0.0, 0.0, bodies[a].inverse_mass > 0.0
     if free:
@@ -216,13 +234,16 @@ def kinetic(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
 
 @kernel
 def overlap_under(pair: Any, load: float) -> float:
-    """Return the static overlap in m under a load in N."""
+    """Return the static overlap in m of a pair under a load in N."""
     return power(load / pair.k, 1.0 / pair.p)
 
 
 @kernel
-def excess(pair: Any, xi: float) -> float:
-    """Return U(ξ) - U(ξ°) - F° (ξ - ξ°) in J."""
+def energy_above_rest(pair: Any, xi: float) -> float:
+    """Return U(ξ) - U(ξ°) - F° (ξ - ξ°) in J for a pair at overlap `xi` in m.
+
+    The load of the pair is F°, and ξ° is its static overlap.
+    """
     rest = overlap_under(pair, pair.load)
     if pair.kind == LINEAR:
         return float(0.5 * pair.k * (xi - rest) * (xi - rest))
@@ -231,10 +252,11 @@ def excess(pair: Any, xi: float) -> float:
 
 
 @kernel
-def turning(pair: Any) -> float:
-    """Return the smallest overlap in m at which a force can decrease through zero.
+def smallest_vanishing_overlap(pair: Any) -> float:
+    """Return the smallest overlap in m at which the force of a pair can fall to zero.
 
-    The result is 0 if this is not beyond the static overlap.
+    It follows from the second condition in the module docstring. The result is 0 if that overlap does not exceed the
+    static overlap, so that the condition has no effect.
     """
     exponent = 2.0 * pair.s - 1.0
     if pair.kind == ELASTIC or not (pair.gamma > 0.0 and pair.pull > 0.0 and exponent > 0.0):
@@ -245,25 +267,31 @@ def turning(pair: Any) -> float:
 
 
 @kernel
-def opens_at(pair: Any, xi: float) -> float:
-    """Return the energy in J at which the force of a pair vanishes at an overlap in m."""
+def energy_of_vanishing_force(pair: Any, xi: float) -> float:
+    """Return the energy in J of a pair whose force vanishes at overlap `xi` in m.
+
+    It is relative to the equilibrium, and contains the energy ½ m_eff η² of the relative motion except at ξ = 0.
+    """
     if xi == 0.0:
-        return excess(pair, 0.0)
+        return energy_above_rest(pair, 0.0)
     stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
-    return float(excess(pair, xi) + 0.5 * stiff * stiff * power(xi, 2.0 * pair.s))
+    return float(energy_above_rest(pair, xi) + 0.5 * stiff * stiff * power(xi, 2.0 * pair.s))
 
 
 @kernel
-def hurdle(pair: Any) -> float:
-    """Return the smallest energy in J at which the force of a pair can vanish."""
-    rest, least = overlap_under(pair, pair.load), turning(pair)
+def energy_barrier(pair: Any) -> float:
+    """Return the smallest energy in J at which the force of a pair can vanish.
+
+    This is the barrier of the module docstring.
+    """
+    rest, least = overlap_under(pair, pair.load), smallest_vanishing_overlap(pair)
     if pair.kind == ELASTIC or pair.gamma == 0.0 or least > 0.0:
-        return opens_at(pair, least)
+        return energy_of_vanishing_force(pair, least)
     stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
     low, high = 0.0, rest
     for _ in range(60):  # the sum is convex: bisect the sign of its slope, 2^-60 is below rounding
         xi = 0.5 * (low + high)
         slope = pair.k * power(xi, pair.p) - pair.load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
         low, high = (xi, high) if slope < 0.0 else (low, xi)
-    return float(excess(pair, high) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
+    return float(energy_above_rest(pair, high) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
 

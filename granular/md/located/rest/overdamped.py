@@ -1,17 +1,18 @@
 """Slow motion of strongly damped piles, as a power series on the scale of creep.
 
-The rates of balls pressed against a wall decay within m/(γ ξ^d), and are soon below rounding. The remaining motion
-creeps at k ξ^p/(γ ξ^d). An explicit series would need steps as short as the decay time during the whole creep. The
-creep alone is regular. With the forces F = F° + Σ m a, load plus inertia of the balls beyond the pair,
+The rates of balls that are pressed against a wall decay within m/(γ ξ^d), and are soon below rounding error. The
+remaining motion is creep at the rate k ξ^p/(γ ξ^d). During the whole creep, an ordinary series would need steps as
+short as the decay time. The force of a pair is F = F° + Σ m a: its load plus the inertia of the balls beyond the pair.
+With given forces,
 
     γ η = F ξ^(-d) - k ξ^s
 
-is an equation of first order, whose series has steps as long as the creep. Its rates give the next forces. Each
-iteration reduces the error by the ratio of both times.
+is an equation of first order, whose series has steps as long as the time scale of creep. Its rates give the
+accelerations a and thus the next forces. Each iteration reduces the error by the ratio of both time scales.
 
-`verdict_until` examines an island that may be at rest. It returns whether rest is proved, and writes the piece of an
-island that lies still or creeps. The event loop stops for it (`WANTS_LOOK`), so that this module is compiled only when
-it is needed.
+`verdict_until` tests an island that may be at rest. It returns whether rest is proved, and computes the piece of an
+island that lies still or creeps. The event loop stops for this test (`WANTS_LOOK`), so that this module is compiled
+only when it is needed.
 """
 
 from __future__ import annotations
@@ -50,23 +51,27 @@ from granular.md.located.series import power_term
 from granular.md.located.step_size import growth, left_out, trusted
 
 CREEP_FORCE_SHARE = 0.1
-"""Largest difference between force and load of a pair in creep.
+"""Largest difference between force and load of a pair that creeps.
 
-It is relative to the sum of load and elastic force. A larger difference means that the pair is still decelerating."""
+It is relative to the sum of load and elastic force. A larger difference means that the pair is still decelerating.
+"""
 MAX_CREEP_ITERATIONS = 60
+"""Largest number of iterations of forces and rates in one piece."""
 CONVERGED_FORCE_CHANGE = 2.0**-52
-"""Relative change of forces, as a share of the load, below which they converged."""
+"""Change of a force, relative to its load, below which the iteration converged."""
 FAST_MOTION_SHARE = 1e-13
-"""Largest force of the fast motion of a pair.
+"""Largest remaining rate of the fast motion of a pair that creeps.
 
-It is relative to the sum of load and elastic force. Ordinary steps leave this amount."""
+It is relative to 2 F°/(γ ξ^d) + |η|. Ordinary steps leave a rate of this size.
+"""
 
 
 @kernel
 def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
-    """Write the piece of an island whose pairs creep or fly, and set its h.
+    """Compute the series of an island whose pairs creep or fly, and its scale `h`.
 
-    Return False for any other island.
+    `lo` is the first pair of the island. `h` in s is the scale of its piece. Returns False if a pair moves in another
+    way.
     """
     block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
     while c < hi:
@@ -76,28 +81,31 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
         if pairs[c].wall != 0 or (b == c and not is_in_free_flight(pool[pairs[c].slot])):
             return False
         if b > c:
-            h = min(h, slow_time(pairs, pool, bodies, c, b))
+            h = min(h, creep_time(pairs, pool, bodies, c, b))
         if not h > 0.0:
             return False
         c = max(b, c + 1)
     block.clock, block.h, c = 1, h, lo
     while c < hi:
         b = end_of_group(pairs, pool, c)
-        if b > c and not follow_slowly(pairs, pool, bodies, c, b, h):
+        if b > c and not solve_creep(pairs, pool, bodies, c, b, h):
             return False
         c = max(b, c + 1)
     block.speed, block.length = 0.0, 0.0
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.mode != ACTIVE:
-            fly_beside(pairs, pool, bodies, lo, c, h)
+            write_flight_between_groups(pairs, pool, bodies, lo, c, h)
         block.speed, block.length = max(block.speed, pair.own_speed), max(block.length, pair.own_length)
     return h < math.inf
 
 
 @kernel
-def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return the time in s in which a group creeps, or 0 if it does not creep yet."""
+def creep_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
+    """Return the time scale in s of creep of the group a … b-1.
+
+    It is 0 if the group does not creep yet.
+    """
     slowest = math.inf
     closed = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0
     find_equilibrium(pairs, pool, bodies, a, b)
@@ -109,7 +117,7 @@ def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
         push = pair.k * power(pair.xi, pair.p)
         time = drag * pair.xi / (pair.load + push)
         if not drag * pair.inverse * time > MIN_CREEP_RATIO or not (
-            closed or creeping(pair.load, push, drag * pair.eta)
+            closed or is_near_load(pair.load, push, drag * pair.eta)
         ):
             return 0.0
         pair.own_speed, pair.own_length = pair.load / drag, pair.xi
@@ -118,16 +126,20 @@ def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
 
 
 @kernel
-def creeping(load: float, push: float, damping: float) -> bool:
-    """Return whether the force of a pair is nearly its load."""
+def is_near_load(load: float, push: float, damping: float) -> bool:
+    """Return whether the force of a pair is nearly its load.
+
+    `load`, the elastic force `push` and the damping force are in N.
+    """
     return abs(push + damping - load) <= CREEP_FORCE_SHARE * (load + push)
 
 
 @kernel
-def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> bool:
-    """Compute the coefficients of a group by iteration.
+def solve_creep(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> bool:
+    """Compute the series of a creeping group a … b-1 by iteration.
 
-    Return False if this does not converge, or if the fast motion is not over.
+    `h` is the scale of the piece in s. Returns False if the iteration does not converge, or if the fast motion has not
+    decayed.
     """
     first, last = pool[pairs[a].slot], math.inf
     for n in range(SERIES_ORDER + 1):
@@ -135,8 +147,8 @@ def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) 
         for c in range(a, b):
             pool[pairs[c].slot].f[n] = pool[pairs[c].slot].load if n == 0 else 0.0
     for _ in range(MAX_CREEP_ITERATIONS):
-        sink(pairs, pool, bodies, a, b, h)
-        change = press_slowly(pairs, pool, bodies, a, b, h)
+        update_creep_motion(pairs, pool, bodies, a, b, h)
+        change = update_creep_forces(pairs, pool, bodies, a, b, h)
         for c in range(a, b):  # the remaining fast motion must be within reach of the next iteration
             pair = pool[pairs[c].slot]
             allowed = max(10.0 * change * pair.own_speed, FAST_MOTION_SHARE * (2.0 * pair.own_speed + abs(pair.eta)))
@@ -153,18 +165,18 @@ def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) 
 
 
 @kernel
-def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
-    """Compute overlaps, rates and brackets of a group from its forces.
+def update_creep_motion(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
+    """Compute overlaps, rates and brackets of the group a … b-1 from its forces.
 
-    Between two walls the sum of the rates is 0. All forces are therefore increased by a series, stored in `zm` of the
-    first pair.
+    Between two walls the sum of the rates is 0. A common force is therefore added to all forces. Its series is stored
+    in `zm` of the first pair.
     """
     closed, first = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0, pool[pairs[a].slot]
     for n in range(SERIES_ORDER + 1):
         total, ease = 0.0, 0.0
         for c in range(a, b):
             pair = pool[pairs[c].slot]
-            sink_term(pair, n, h)
+            set_creep_term(pair, n, h)
             total += pair.e[n]
             ease += power(pair.xi, -pair.d) / pair.gamma
         if closed:
@@ -178,8 +190,8 @@ def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
 
 
 @kernel
-def sink_term(pair: Any, n: int, h: float) -> None:
-    """Compute order n of overlap, rate and bracket of a pair."""
+def set_creep_term(pair: Any, n: int, h: float) -> None:
+    """Compute coefficient n of overlap, rate and bracket φ of a pair from its force."""
     pair.x[n] = h / n * pair.e[n - 1] if n > 0 else pair.xi
     phi, bent = pair.f[n], pair.x[n]
     if pair.d != 0.0:
@@ -194,10 +206,10 @@ def sink_term(pair: Any, n: int, h: float) -> None:
 
 
 @kernel
-def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> float:
-    """Compute the forces of a group from its rates.
+def update_creep_forces(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> float:
+    """Compute the forces of the group a … b-1 from its rates: loads plus inertia.
 
-    Return their largest change relative to a load.
+    Returns the largest change of a coefficient relative to the load of its pair.
     """
     first, worst = pool[pairs[a].slot], 0.0
     floor, ceiling = bodies[a].inverse_mass == 0.0, bodies[b].inverse_mass == 0.0
@@ -226,17 +238,18 @@ def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -
 
 
 @kernel
-def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) -> None:
-    """Compute the coefficients of a pair without a force.
+def write_flight_between_groups(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) -> None:
+    """Compute the series of pair `c`, which has no force, between two groups.
 
-    Its hulls fly freely, and the overlaps beside the pair change the gap between them. Integrating the forces beside it
-    would accumulate their rounding errors.
+    A single ball or a wall can take the place of a group. The hulls on both sides of the pair fly freely, and the
+    overlaps of the groups change the gap between them. Integrating the forces in these groups would accumulate their
+    rounding errors.
     """
     pair, (_, rate, pull) = pool[pairs[c].slot], between(pairs, pool, bodies, lo, c)
     write_flight(pair, h, pull, 0.0)
     pair.x[1], pair.e[0] = -h * rate, -rate
     for direction in (-1, 1):
-        subtract(pairs, pool, bodies, pair, c, direction)
+        subtract_group(pairs, pool, bodies, pair, c, direction)
     pair.eta = pair.e[0]
     for n in range(SERIES_ORDER + 1 if pair.mode == RESIDUAL else 0):
         pair.g[n] = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
@@ -245,11 +258,11 @@ def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) ->
 
 
 @kernel
-def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direction: int) -> None:
+def subtract_group(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direction: int) -> None:
     """Subtract the overlaps and rates of a neighbouring group from those of a pair.
 
-    The group is below (`direction` -1) or above (1) pair `c`. In flight, each overlap is weighted with the mass
-    fraction of the balls beyond it.
+    The group is below (`direction` -1) or above (1) the pair with number `c`. For a group without a wall, each overlap
+    is weighted with the mass fraction of the balls beyond it.
     """
     f = c + direction
     while 0 <= f < len(pairs) and pairs[f].slot >= 0 and pool[pairs[f].slot].mode == ACTIVE:
@@ -273,19 +286,20 @@ def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direction: i
 
 @kernel
 def verdict_until(s: Any, limit: float) -> int:
-    """Return the verdict about the scene if it ends a run up to time `limit`.
+    """Test the current island for rest and creep, and return whether the run can end.
 
-    The verdict is RESTS, BOUND or NOT_YET. The current island is examined, and its next piece is written or left to the
-    planner.
+    `limit` is the end time of the run. Returns RESTS or BOUND of `equilibrium` if the run has no end time and the scene
+    is proved to stay as it is. Otherwise NOT_YET is returned. The next piece of an island that lies still or creeps has
+    then been computed. Any other island is left to `plan`.
     """
     run, pairs, pool, bodies, lo = s.run[0], s.pairs, s.pool, s.bodies, s.run[0].lo
     block = pool[pairs[lo].slot]
     if block.manner != ASKS:
         proved = RESTS if run.rests == 1 else verdict(pairs, pool, bodies, lo)
         if proved != NOT_YET and run.rests == 0:
-            whole = whole_verdict(run, pairs, pool, bodies)
-            if whole != NOT_YET and limit == math.inf:
-                return whole
+            scene_proof = whole_verdict(run, pairs, pool, bodies)
+            if scene_proof != NOT_YET and limit == math.inf:
+                return scene_proof
         if proved == RESTS and block.manner != LIES:
             move_to_equilibrium(pairs, pool, bodies, lo)
         run.steps += 1
@@ -302,7 +316,10 @@ def verdict_until(s: Any, limit: float) -> int:
 
 @kernel
 def write_piece(s: Any, lo: int) -> None:
-    """Write the piece of an island that lies still or creeps, and its end."""
+    """Compute the piece of an island that lies still or creeps, and its final event.
+
+    `lo` is the first pair of the island. The series of a creeping island is already known.
+    """
     run, pairs, pool, worst, span = s.run[0], s.pairs, s.pool, -math.inf, 1.0
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     block.linear, block.clock = 1 if block.manner == LIES else 0, 1
@@ -320,9 +337,9 @@ def write_piece(s: Any, lo: int) -> None:
 
 @kernel
 def turn_to_asking(s: Any) -> bool:
-    """Make the first island with manner ASKS the current one.
+    """Make the first island that has to be tested for creep (ASKS) the current island.
 
-    Return False if there is none.
+    Returns False if there is none.
     """
     for c in range(len(s.pairs)):
         pair = s.pairs[c]

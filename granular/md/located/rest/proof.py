@@ -1,14 +1,15 @@
-"""Proof that a scene rests permanently: no contact can open, and none can begin.
+"""Proof that a scene rests permanently: no contact can end, and none can begin.
 
 The event loop first calls the cheap tests `may_rest` and `may_creep`. They never exclude an island that could be proved
 to rest or to creep. The proofs are needed rarely, and are compiled only then.
 
-Every ball is in a group whose contacts never open (`equilibrium`), or flies, and no gap ever closes. The balls of a
-group never move beyond its *hull*: the outermost surface with all overlaps set to 0, as seen from its wall or its mass
-centre. The wall or mass centre moves with constant acceleration, like a flying ball, so the gap between two hulls is a
-parabola.
+Every ball must be in a group whose contacts never end (`equilibrium`), or in free flight, and no gap may ever close.
+The balls of a group never move beyond its *hull*: the position of its outermost surface if all overlaps of the group
+were 0. The hull moves like the wall of the group, or like its mass centre. Both have a constant acceleration, like a
+ball in flight, so the gap between two hulls is a parabola.
 
-A group that has reached its equilibrium, except for rounding, is moved to it and lies still until a ball arrives.
+A group that has reached its equilibrium, except for rounding errors, is moved to the equilibrium. It then lies still
+until a ball hits it.
 """
 
 from __future__ import annotations
@@ -34,18 +35,21 @@ from granular.md.located.rest.equilibrium import (
 STILL_DEVIATION = 1e-14
 """Relative deviation from the equilibrium up to which a resting pile is still.
 
-It applies to static overlaps and to their natural rates."""
+It is relative to the static overlap, and to the static overlap times the natural frequency for rates.
+"""
 MIN_CREEP_RATIO = 12.0
-"""Smallest ratio of the times of creep and fast decay for the slow series.
+"""Smallest ratio of the times of creep and fast decay for the creep series.
 
-Above it the series saves steps and converges."""
+Above it the series converges and saves steps.
+"""
 
 
 @kernel
 def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float) -> bool:
-    """Return whether an island whose piece ended without an event has to be examined.
+    """Return whether to test an island for rest, after a piece without an event.
 
-    The run extends up to time `limit`.
+    `lo` is the first pair of the island, and `limit` the end time of the run. True is returned if the island already
+    lies still or creeps. False means that a proof would certainly fail, or would not be useful now.
     """
     if pool[pairs[lo].slot].manner != MOVES:
         return True  # already lying or creeping
@@ -57,7 +61,7 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
         if b == c and pair.mode != OPEN:
             return False  # touches without a force
         if b > c:
-            if has_too_much(pairs, pool, bodies, c, b):
+            if exceeds_barrier(pairs, pool, bodies, c, b):
                 return False  # too much energy
             active, known = True, known and is_known(pairs, pool, c, b)
             for i in range(c, b):
@@ -74,37 +78,37 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
 
 
 @kernel
-def has_too_much(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
-    """Return whether a group certainly has too much energy to be proved at rest.
+def exceeds_barrier(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
+    """Return whether the group a … b-1 certainly has too much energy for a proof.
 
-    Relative to its equilibrium the energy of a group is Σ D(ξ_c, r_c). Here D(ξ, r) = U(ξ) - U(r) - U'(r) (ξ - r), and
-    r_c are its overlaps at rest. Smaller r_c give more energy, and r_c is at most the overlap under the whole weight of
-    the group.
+    Relative to its equilibrium the energy of a group is its kinetic energy plus Σ D(ξ_c, r_c). Here D(ξ, r) = U(ξ) -
+    U(r) - U'(r) (ξ - r), and r_c are its overlaps at rest. Smaller r_c give more energy, and r_c is at most the overlap
+    under the whole weight of the group.
     """
     energy = kinetic(pairs, pool, bodies, a, b)
     if is_known(pairs, pool, a, b):
         return not energy < pool[pairs[a].slot].opening
     if bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0:
         return not energy < math.inf
-    # 1.001 here and 0.999 in `stored` are margins, so that the bounds hold despite rounding errors
+    # 1.001 here and 0.999 in `energy_bound` are margins, so that the bounds hold despite rounding errors
     load, least, falls = abs(weight(bodies[a])), math.inf, False
     for c in range(a, b):
         load += abs(weight(bodies[c + 1]))
         falls = falls or pairs[c].pull > 0.0
     for c in range(a, b if falls else a):
         pair = pool[pairs[c].slot]
-        least = min(least, highest_hurdle(pair, 1.001 * load))
+        least = min(least, barrier_bound(pair, 1.001 * load))
         if not energy < least:
             return True  # most frequent: later terms only increase the energy and lower the bound
-        energy += stored(pair, 1.001 * load)
+        energy += energy_bound(pair, 1.001 * load)
     return not energy < (least if falls else 0.0)
 
 
 @kernel
-def stored(pair: Any, load: float) -> float:
-    """Return a lower bound in J of D(ξ, r), see `has_too_much`.
+def energy_bound(pair: Any, load: float) -> float:
+    """Return a lower bound in J of D(ξ, r) of a pair, see `exceeds_barrier`.
 
-    The pair bears at most `load`.
+    The load of the pair is at most `load` in N.
     """
     if pair.kind == GENERAL or not pair.k > 0.0:
         return 0.0
@@ -117,10 +121,10 @@ def stored(pair: Any, load: float) -> float:
 
 
 @kernel
-def highest_hurdle(pair: Any, load: float) -> float:
-    """Return an upper bound in J of the energy at which a pair opens.
+def barrier_bound(pair: Any, load: float) -> float:
+    """Return an upper bound in J of the energy barrier of a pair, see `equilibrium`.
 
-    The pair bears at most `load`.
+    The load of the pair is at most `load` in N.
     """
     if pair.kind == GENERAL or not pair.k > 0.0:
         return 0.0
@@ -136,7 +140,7 @@ def highest_hurdle(pair: Any, load: float) -> float:
 def is_still(pairs: Any, pool: Any, lo: int) -> bool:
     """Return whether the groups of an island are at their stored equilibrium.
 
-    Rounding errors are tolerated.
+    Deviations up to `STILL_DEVIATION` are rounding errors. `lo` is the first pair of the island.
     """
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
@@ -169,11 +173,11 @@ def may_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def postpones(pairs: Any, pool: Any, lo: int) -> bool:
-    """Return whether an island that may creep takes an ordinary step first.
+    """Return whether an ordinary step precedes the test of an island for creep.
 
-    Its pairs are linear. The fast motion of n balls takes about n² times as many steps to decay as the motion of one
-    ball. An examination costs as much as ten steps. After k steps only one in 1 + √k/4 is followed by an examination,
-    so creep is found at most about √k/4 steps late.
+    This is only the case if all pairs are linear. The fast motion of n balls takes about n² times as many steps to
+    decay as the motion of one ball. A test costs as much as ten steps. After k steps only one step in 1 + √k/4 is
+    followed by a test, so creep is detected at most about √k/4 steps late. The function counts the steps.
     """
     for c in range(lo, pairs[lo].hi):
         if pool[pairs[c].slot].kind != LINEAR:
@@ -187,7 +191,7 @@ def postpones(pairs: Any, pool: Any, lo: int) -> bool:
 def is_overdamped(pair: Any) -> bool:
     """Return whether a pair without load is damped strongly enough for creep.
 
-    Under a load a stronger damping is required.
+    The damping at its present overlap is compared. Under a load a stronger damping is required, see `overdamped`.
     """
     if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
         return False
@@ -199,15 +203,16 @@ def is_overdamped(pair: Any) -> bool:
 
 @kernel
 def is_in_free_flight(pair: Any) -> bool:
-    """Return whether a pair has no force, and a return of its force needs no powers."""
+    """Return whether a pair has no force, and a closed form for a return of its force."""
     return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
 
 
 @kernel
 def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
-    """Return the verdict about the groups of the island that starts with pair `lo`.
+    """Try to prove that no contact of the island that starts with pair `lo` can end.
 
-    It holds as long as no ball arrives. With a driven or thermal wall it is NOT_YET.
+    Returns RESTS, BOUND or NOT_YET of `equilibrium`. The proof holds as long as no other ball hits the island. In a
+    scene with a driven or thermal wall the result is NOT_YET.
     """
     c, proved = lo, NOT_YET
     if pairs[0].wall != 0 or pairs[len(pairs) - 1].wall != 0:
@@ -216,10 +221,10 @@ def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
         mode, b = pool[pairs[c].slot].mode, c + 1
         if mode == ACTIVE:
             b = end_of_group(pairs, pool, c)
-            found = bound(pairs, pool, bodies, c, b)
-            if found == NOT_YET:
+            group_proof = bound(pairs, pool, bodies, c, b)
+            if group_proof == NOT_YET:
                 return NOT_YET
-            proved = max(proved, found)
+            proved = max(proved, group_proof)
         elif mode != OPEN:
             return NOT_YET
         c = b
@@ -228,34 +233,34 @@ def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
 
 @kernel
 def whole_verdict(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
-    """Return the verdict about the scene.
+    """Try to prove that no contact of the scene can end, and that no gap can close.
 
-    Energy and barrier of the group nearest to opening are stored. The search starts with the island that was in doubt
-    last time.
+    Returns RESTS, BOUND or NOT_YET of `equilibrium`. Energy and barrier of the group nearest to opening are stored in
+    the record of the run. The first island to be examined is the island at which the previous proof failed.
     """
-    n, proved, run.energy, run.barrier = len(pairs), RESTS, 0.0, math.inf
+    n, scene_proof, run.energy, run.barrier = len(pairs), RESTS, 0.0, math.inf
     c = start = pairs[run.doubted].first
     while True:
-        found = RESTS
+        island_proof = RESTS
         if pairs[c].slot >= 0:
-            found = verdict(pairs, pool, bodies, c)
-        if found == NOT_YET or closes(run, pairs, pool, bodies, c):
+            island_proof = verdict(pairs, pool, bodies, c)
+        if island_proof == NOT_YET or can_close(run, pairs, pool, bodies, c):
             run.doubted = c
             return NOT_YET
-        nearest(run, pairs, pool, c)
-        proved = max(proved, found)
+        store_nearest_group(run, pairs, pool, c)
+        scene_proof = max(scene_proof, island_proof)
         c = pairs[c].hi % n
         if c == start:
             break
-    run.rests = 1 if proved == RESTS else 0
-    return proved
+    run.rests = 1 if scene_proof == RESTS else 0
+    return scene_proof
 
 
 @kernel
-def nearest(run: Any, pairs: Any, pool: Any, lo: int) -> None:
-    """Store energy and barrier of a group that is nearer to opening than all before.
+def store_nearest_group(run: Any, pairs: Any, pool: Any, lo: int) -> None:
+    """Store energy and barrier of the group with the largest ratio of both so far.
 
-    The groups of one island are examined.
+    The groups of the island that starts with pair `lo` are compared with the stored values.
     """
     for c in range(lo, pairs[lo].hi if pairs[lo].slot >= 0 else lo):
         pair = pool[pairs[c].slot]
@@ -265,10 +270,10 @@ def nearest(run: Any, pairs: Any, pool: Any, lo: int) -> None:
 
 
 @kernel
-def closes(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
-    """Return whether a gap of the island that starts with pair `lo` can ever close.
+def can_close(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+    """Return whether a gap of the block that starts with pair `lo` can ever close.
 
-    Gaps between the hulls of groups are tested. A gap that is not open yet counts as well.
+    Gaps between the hulls of groups are tested. A gap that is 0 now counts as closing.
     """
     if pairs[lo].slot < 0:
         return bool(pairs[lo].due < math.inf or in_contact(pairs[lo], run.t, run.tail))
@@ -282,9 +287,9 @@ def closes(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float, float, float]:
-    """Return gap, rate and closing acceleration of the hulls beside an open pair.
+    """Return gap, rate and closing acceleration of the hulls next to the open pair `c`.
 
-    The pair is `c`, in the island that starts with pair `lo`.
+    They are in m, m/s and m/s². `lo` is the first pair of the island.
     """
     block = pool[pairs[lo].slot]
     inner, v_lower, fall_lower, size_lower = hull(pairs, pool, bodies, block, c, -1)
@@ -298,11 +303,15 @@ def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float,
 
 @kernel
 def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, direction: int) -> tuple[float, float, float, float]:
-    """Return the hull of the group, ball or wall beside an open pair.
+    """Return the hull of the group, ball or wall on one side of the open pair `c`.
 
-    It is below (`direction` -1) or above it (1). The first value is the distance from the present surface to the hull.
-    It is followed by velocity and fall of its wall or mass centre, and by the magnitude of the terms summed for its
-    fall.
+    `direction` is -1 for the lower side and 1 for the upper side.
+
+    Returns
+    -------
+    reach, v, fall, size : float
+        Distance in m from the present surface to the hull, velocity in m/s and downward acceleration in m/s² of the
+        wall or mass centre. `size` is the mean magnitude of the accelerations in m/s², for a bound of rounding errors.
     """
     first = c if direction < 0 else c + 1
     b, f = first, c + direction
@@ -333,7 +342,7 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, direction: int)
 def move_to_equilibrium(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Move the groups of an island to their equilibrium if the difference is rounding.
 
-    Return whether this was done. The groups then lie still.
+    Returns whether they were moved. The groups of the island that starts with pair `lo` then lie still.
     """
     if not is_still(pairs, pool, lo):
         return False
@@ -349,9 +358,10 @@ def move_to_equilibrium(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def write_still_piece(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
-    """Write the piece of an island whose groups lie still.
+    """Compute the series of an island whose groups lie still, and its scale `h`.
 
-    It does not end unless a ball arrives.
+    `lo` is the first pair of the island. The scale in s is longer than any run, or twice the time to the next touch of
+    an open pair in the island.
     """
     block = pool[pairs[lo].slot]
     block.clock, block.linear, block.h = 1, 1, REST_PIECE_SCALE
