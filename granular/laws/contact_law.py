@@ -1,6 +1,7 @@
 """Properties of a force law that engines use: its `force` and optional traits.
 
-A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Optional traits enable faster paths:
+A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Optional attributes and methods, the
+*traits*, enable faster paths:
 
 * ``linear(pair) -> (k, gamma)``: F = k ξ + γ ξ̇
 * ``power(pair) -> (k, p, gamma, d)``: F = k ξ^p + γ ξ^d ξ̇
@@ -9,7 +10,7 @@ A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Op
 * ``potential(xi, pair)``: elastic energy
 * ``memory = True``: `force` also takes ``xi_max``
 
-Only `resolve` reads these traits. All other code reads the `PairLaw` that it returns, never the class of a law.
+Engines do not read these traits. They use the `PairLaw` that `resolve` returns.
 """
 
 from __future__ import annotations
@@ -68,15 +69,18 @@ class PairLaw:
         xi, xi_dot, xi_max : float
             Overlap in m, its rate in m/s, and the largest overlap so far in m.
         """
-        return float(self.given(xi, xi_dot, xi_max))
+        return float(self.unchecked_force(xi, xi_dot, xi_max))
 
-    def given(self, xi: float, xi_dot: float, xi_max: float) -> Any:
-        """Return the force as the law returns it, which may not be a number."""
+    def unchecked_force(self, xi: float, xi_dot: float, xi_max: float) -> Any:
+        """Return the value of the law's `force` as it is, which may not be a number.
+
+        The parameters are those of `force`.
+        """
         return self.law.force(xi, xi_dot, self.pair, xi_max) if self.memory else self.law.force(xi, xi_dot, self.pair)
 
     @property
     def is_linear(self) -> bool:
-        """Whether F = k ξ + γ ξ̇."""
+        """Whether the law is proved to be F = k ξ + γ ξ̇."""
         return self.form is not None and self.form[1] == 1.0 and self.form[3] == 0.0
 
     @property
@@ -85,10 +89,10 @@ class PairLaw:
         return not (self.memory or (self.rate_dependent if self.form is None else self.form[2] != 0.0))
 
     def tangent(self, xi: float) -> tuple[float, float]:
-        """Return the derivatives of the force at overlap `xi` and rest.
+        """Return stiffness ∂F/∂ξ in N/m and damping ∂F/∂ξ̇ in kg/s at zero rate.
 
-        They are the stiffness ∂F/∂ξ in N/m and the damping ∂F/∂ξ̇ in kg/s. Both are finite differences, unless the law
-        is linear.
+        The overlap `xi` in m must be positive. If the law is not linear, both are absolute values of finite
+        differences.
         """
         if self.form is not None and self.is_linear:
             return self.form[0], self.form[2]
@@ -100,22 +104,23 @@ class PairLaw:
         return abs(k), abs(self.force(xi, rate, xi) - here) / rate if rate else 0.0
 
     def impact_stiffness(self, speed: float) -> float:
-        """Return ∂F/∂ξ in N/m at the largest overlap of an impact at `speed` in m/s.
+        """Return the stiffness ∂F/∂ξ in N/m at the largest overlap of an impact.
 
-        It is nan if that overlap is 0.
+        `speed` is the approach speed in m/s. The overlap is computed without damping, see `overlap_at`. The stiffness
+        is nan if the overlap is 0.
         """
         xi = self.overlap_at(speed)
         return self.tangent(xi)[0] if xi > 0.0 else math.nan
 
     def energy(self, xi: float) -> float:
-        """Return the elastic energy U(ξ) in J.
+        """Return the elastic energy U(ξ) in J at overlap `xi` in m.
 
         It is nan for a law with memory, because the overlap alone does not determine it.
         """
         return 0.0 if xi <= 0.0 else math.nan if self.memory else self.work(xi)
 
     def work(self, xi: float) -> float:
-        """Return ∫₀^ξ F(s, 0) ds in J at first loading.
+        """Return the work ∫₀^ξ F(s, 0) ds in J on first loading up to overlap `xi` in m.
 
         It is the `potential` of the law, or else a Gauss quadrature.
         """
@@ -124,13 +129,14 @@ class PairLaw:
         total = 0.0
         for w, u in zip(*_quadrature(), strict=True):
             s = xi * u * u  # substitution that smooths forces which start like a root of ξ
-            total += w * u * xi * self.given(s, 0.0, s)
+            total += w * u * xi * self.unchecked_force(s, 0.0, s)
         return float(total)
 
     def overlap_at(self, speed: float) -> float:
-        """Return the overlap in m at which `work` equals the kinetic energy ½ m_eff v².
+        """Return the largest overlap in m of an impact without damping.
 
-        v is the approach `speed` of an isolated contact in m/s.
+        `speed` is the approach speed v of an isolated contact in m/s. At this overlap the `work` equals the kinetic
+        energy ½ m_eff v². The result has about 7 digits.
         """
         energy = 0.5 * self.pair.m_eff * speed * speed
         if not energy > 0.0:
@@ -152,15 +158,15 @@ class PairLaw:
 def dissipative_traits(law: Any) -> tuple[bool, bool]:
     """Return whether a law has memory, and whether its force can depend on the rate.
 
-    Both are read from its traits and hold in any pair.
+    Both booleans are read from its traits and hold for any pair.
     """
     return bool(getattr(law, "memory", False)), bool(getattr(law, "rate_dependent", True))
 
 
 def resolve(law: Any, pair: Pair) -> PairLaw:
-    """Return a law in a pair together with its traits."""
+    """Return the `PairLaw` of a law in a pair, with the traits of the law."""
     memory, rate_dependent = dissipative_traits(law)
-    form = None if memory else _form(law, pair)
+    form = None if memory else _power_form(law, pair)
     return PairLaw(law, pair, form, memory, rate_dependent, getattr(law, "exponent", None),
                    getattr(law, "potential", None))
 
@@ -172,14 +178,18 @@ def _quadrature() -> tuple[Array, Array]:
     return weight, 0.5 * (node + 1.0)
 
 
-def _form(law: Any, pair: Pair) -> Form | None:
+def _power_form(law: Any, pair: Pair) -> Form | None:
+    """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇ from the traits of a law, or None.
+
+    A law without the traits `power` and `linear` has a form if `_traced` proves that it is linear.
+    """
     if hasattr(law, "power"):
         k, p, gamma, d = map(float, law.power(pair))
         return k, p, gamma, d
-    found = law.linear(pair) if hasattr(law, "linear") else _traced(law, pair)
-    if found is None:
+    linear = law.linear(pair) if hasattr(law, "linear") else _traced(law, pair)
+    if linear is None:
         return None
-    k, gamma = map(float, found)
+    k, gamma = map(float, linear)
     return k, 1.0, gamma, 0.0
 
 
@@ -187,9 +197,10 @@ def _form(law: Any, pair: Pair) -> Form | None:
 class _Linear:
     """Linear expression xi·ξ + rate·ξ̇ with symbolic ξ and ξ̇.
 
-    It detects linear laws without a trait. The `force` of a law is evaluated with the symbols ξ and ξ̇. If it only
-    adds them and multiplies them by numbers, it is exactly k ξ + γ ξ̇ for every overlap and rate. Any comparison, root
-    or power of a symbol ends the attempt. No conclusion is drawn from samples.
+    It detects linear laws without a trait. The `force` of a law is evaluated with the symbols ξ and ξ̇ as arguments. If
+    `force` only adds them and multiplies them by numbers, it is exactly k ξ + γ ξ̇ for every overlap and rate. Any
+    comparison, root or power of a symbol raises an exception, and the law then counts as not linear. No conclusion is
+    drawn from samples.
     """
 
     xi: float
@@ -216,7 +227,7 @@ class _Linear:
         return -self + other
 
     __radd__, __rmul__ = __add__, __mul__
-    __bool__ = __eq__ = __hash__ = None  # type: ignore[assignment] # a symbol has no truth value and cannot be compared
+    __bool__ = __eq__ = __hash__ = None  # type: ignore[assignment] # a symbol is neither true nor false
 
 
 def _traced(law: Any, pair: Pair) -> tuple[float, float] | None:
@@ -238,20 +249,24 @@ TRAIT_ARGUMENTS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", 
 
 
 def instance(name: str, law: Any, fix: str = "For hard spheres use granular.edmd.") -> Any:
-    """Return `law` if it is an instance with a `force`, else raise `TypeError`."""
+    """Return a force law if it is an instance with a `force`, else raise `TypeError`.
+
+    The arguments of `force` and of the traits of a user-defined law are checked too. `name` denotes the law in the
+    message, and `fix` is a sentence with the usual correction.
+    """
     if isinstance(law, type):
         values = ", ".join(f"{field}=..." for field in getattr(law, "__dataclass_fields__", {}))
         raise TypeError(must(name, f"an instance, such as {law.__name__}({values})", f"the class {law.__name__}"))
     if not callable(getattr(law, "force", None)):
         raise TypeError(misuse(name, law, "an object with force(self, xi, xi_dot, pair)", fix))
     if is_own(law):
-        remembers = bool(getattr(law, "memory", False))
-        more = ("xi_max",) if remembers else ()
-        fix = "Without xi_max, leave `memory` out." if remembers else "With xi_max, set memory = True."
-        takes(f"`force` of {quoted(name)}", law.force, "xi", "xi_dot", "pair", *more, fix=fix)
-        for trait, given in TRAIT_ARGUMENTS.items():
+        has_memory = bool(getattr(law, "memory", False))
+        extra = ("xi_max",) if has_memory else ()
+        fix = "Without xi_max, leave `memory` out." if has_memory else "With xi_max, set memory = True."
+        takes(f"`force` of {quoted(name)}", law.force, "xi", "xi_dot", "pair", *extra, fix=fix)
+        for trait, arguments in TRAIT_ARGUMENTS.items():
             if callable(function := getattr(law, trait, None)):
-                takes(f"`{trait}` of {quoted(name)}", function, *given)
+                takes(f"`{trait}` of {quoted(name)}", function, *arguments)
     return law
 
 
@@ -278,21 +293,26 @@ class ForceLaw(Protocol):
 class LawWithMemory(Protocol):
     """Protocol of a user-defined force law that depends on the largest overlap so far.
 
-    Its attribute `memory` is True.
+    Its attribute `memory` is True. The largest overlap is counted since the bodies last separated.
     """
 
     memory: bool
 
     def force(self, xi: float, xi_dot: float, pair: Any, xi_max: float, /) -> float:
-        """Return the force in N, given the largest overlap `xi_max` in m of this contact."""
+        """Return the force in N, ≥ 0 for repulsion.
+
+        The parameters are those of `ForceLaw.force`, and `xi_max`, the largest overlap in m since the bodies last
+        separated.
+        """
 
 
 def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
-    """Return the force at an overlap that is the largest so far.
+    """Return the force in N at overlap `xi` and rate `xi_dot`, checked to be finite.
 
-    Raises `ValueError` with a sentence if the force is not a finite number.
+    `xi` in m is taken as the largest overlap so far. Raises `ValueError` with a sentence if the force is not a finite
+    number.
     """
-    value, force = law.given(xi, xi_dot, xi), math.nan
+    value, force = law.unchecked_force(xi, xi_dot, xi), math.nan
     with suppress(TypeError, ValueError):
         force = math.nan if isinstance(value, (str, bytes)) else float(value)
     if not math.isfinite(force):
@@ -307,5 +327,8 @@ def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
 
 
 def refused(law: PairLaw, need: str, got: str, fix: str = "") -> ValueError:
-    """Return the error for an invalid law, with the reason."""
+    """Return the error for an invalid law.
+
+    The message is "The law of pair …, `law`, `need`, `got`.", followed by the sentence `fix`.
+    """
     return ValueError(f"The law of pair {law.pair.name}, {law.law!r}, {need}, {got}." + f" {fix}" * bool(fix))

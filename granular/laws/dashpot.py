@@ -112,8 +112,8 @@ def restitution(zeta: float) -> float:
 def restitution_pulling(zeta: float) -> float:
     """Return ε of a dashpot that is *not* clipped at zero force.
 
-    It is exp(-πζ/√(1-ζ²)), and 0 for ζ ≥ 1. The force is attractive at the end of the contact, which lasts until the
-    overlap is 0.
+    It is exp(-πζ/√(1-ζ²)) for a damping ratio 0 ≤ ζ < 1, and 0 for ζ ≥ 1. The force is attractive at the end of the
+    contact, which lasts until the overlap is 0.
     """
     damping = check.number("zeta", zeta, at_least=0.0)
     return math.exp(-math.pi * damping / math.sqrt(1.0 - damping * damping)) if damping < 1.0 else 0.0
@@ -121,7 +121,10 @@ def restitution_pulling(zeta: float) -> float:
 
 @check.face
 def duration(zeta: float) -> float:
-    """Return ω₀ t_c = 2 f(ζ) of the clipped dashpot for a damping ratio ζ ≥ 0."""
+    """Return the dimensionless contact duration ω₀ t_c of the clipped dashpot.
+
+    It is 2 f(ζ), where f is defined in the module docstring. `zeta` is the damping ratio ζ ≥ 0.
+    """
     return 2.0 * _half_duration(check.number("zeta", zeta, at_least=0.0))
 
 
@@ -129,8 +132,8 @@ def duration(zeta: float) -> float:
 def damping_ratio(restitution: float) -> float:
     """Return ζ of the clipped dashpot with a given restitution in (0, 1].
 
-    This is the exact inverse of `restitution`. With L = -ln(ε)/2 it solves y cot y = L, ζ = cos y (L < 1), or
-    y coth y = L, ζ = cosh y (L > 1).
+    This is the exact inverse of `restitution`. With L = -ln(ε)/2, y is the root of y cot y = L, and ζ = cos y, if L <
+    1. If L > 1, y is the root of y coth y = L, and ζ = cosh y.
     """
     length = 0.5 * abs(math.log(check.number("restitution", restitution, above=0.0, at_most=1.0)))
     # critical damping, where both branches below are 0/0
@@ -138,22 +141,23 @@ def damping_ratio(restitution: float) -> float:
         return 1.0
     # near ε = 1 the complement z = π/2 - y keeps the digits of small ζ
     if length <= 0.5:
-        return math.sin(_newton(_cot_complement, 2.0 * length / math.pi, length))
+        return math.sin(_newton_root(_cotangent_curve, 2.0 * length / math.pi, length))
     tan, sin, cos, start = (math.tanh, math.sinh, math.cosh, length) if length > 1.0 else (
         math.tan, math.sin, math.cos, math.sqrt(3.0 * (1.0 - length)))
-    return cos(_newton(lambda y: (y / tan(y), 1.0 / tan(y) - y / (sin(y) * sin(y))), start, length))
+    return cos(_newton_root(lambda y: (y / tan(y), 1.0 / tan(y) - y / (sin(y) * sin(y))), start, length))
 
 
 def _half_duration(zeta: float) -> float:
     # √|1 - ζ²| in factors, without cancellation near ζ = 1
+    """Return f(ζ) of the module docstring, half the contact duration in units of 1/ω₀."""
     root = math.sqrt(abs(1.0 - zeta)) * math.sqrt(1.0 + zeta)
     return 1.0 if root == 0.0 else math.atan2(root, zeta) / root if zeta < 1.0 else math.asinh(root) / root
 
 
-def _newton(curve: Callable[[float], tuple[float, float]], y: float, target: float) -> float:
-    """Solve value(y) = target by Newton's method.
+def _newton_root(curve: Callable[[float], tuple[float, float]], y: float, target: float) -> float:
+    """Return the root y of value(y) = target, by Newton's method from a start value.
 
-    `curve` returns (value, slope).
+    `curve` returns (value, slope) at y.
     """
     # converges quadratically; the limit only guards against steps that alternate by rounding
     for _ in range(100):
@@ -165,10 +169,10 @@ def _newton(curve: Callable[[float], tuple[float, float]], y: float, target: flo
     return y
 
 
-def _cot_complement(z: float) -> tuple[float, float]:
-    """Return y cot y and its slope in z, with y = π/2 - z.
+def _cotangent_curve(z: float) -> tuple[float, float]:
+    """Return y cot y and its derivative with respect to z, where y = π/2 - z.
 
-    This keeps the digits of ζ = sin z near ε = 1.
+    This variable keeps the digits of ζ = sin z near ε = 1.
     """
     y, t = 0.5 * math.pi - z, math.tan(z)
     return y * t, y * (1.0 + t * t) - t

@@ -20,7 +20,7 @@ from granular.laws.dashpot import _StiffAndDamped, damping_ratio
 from granular.scene import Pair, checked_pair
 
 Each = float | Sequence[float]
-"""One number for both bodies of a pair, or (lower, upper)."""
+"""Type of a property of both bodies: one number, or (lower, upper)."""
 
 
 class _Spheres(_StiffAndDamped):
@@ -48,12 +48,12 @@ class Hertz(_Spheres):
 
     @classmethod
     def from_material(cls, young: Each, poisson: Each, pair: Pair) -> Hertz:
-        """Return the contact of two bodies of given materials, see `hertz_stiffness`.
+        """Return the Hertz contact of two bodies from their materials.
 
         Parameters
         ----------
         young, poisson : float or (lower, upper)
-            Young's modulus in Pa and Poisson's ratio. Two numbers stand for two materials.
+            Young's modulus in Pa and Poisson's ratio, one for both bodies or one for each, see `hertz_stiffness`.
         pair : Pair
             Pair with the effective radius.
 
@@ -68,7 +68,7 @@ class Hertz(_Spheres):
         return self.k * xi * math.sqrt(xi)
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Return stiffness and exponent, damping and exponent: F = k ξ^(3/2)."""
+        """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇: (k, 3/2, 0, 0)."""
         return self.k, 1.5, 0.0, 0.0
 
 
@@ -94,14 +94,14 @@ class ViscoelasticHertz(_Spheres):
         cls, young: Each, poisson: Each, dissipation: float | None = None, pair: Pair | None = None, *,
         restitution: float | None = None, speed: float | None = None,
     ) -> ViscoelasticHertz:
-        """Return the damped contact of two bodies of given materials.
+        """Return the law for two bodies of given materials.
 
         The damping follows either from `dissipation`, or from `restitution` and `speed`.
 
         Parameters
         ----------
         young, poisson : float or (lower, upper)
-            Young's modulus in Pa and Poisson's ratio. Two numbers stand for two materials, see `hertz_stiffness`.
+            Young's modulus in Pa and Poisson's ratio, one for both bodies or one for each, see `hertz_stiffness`.
         dissipation : float
             Dissipative constant A in s: F = k (ξ^(3/2) + (3/2) A √ξ ξ̇).
         pair : Pair
@@ -116,13 +116,13 @@ class ViscoelasticHertz(_Spheres):
         Raises
         ------
         ValueError
-            Unless either `dissipation`, or `restitution` and `speed`, are given.
+            If neither or both of `dissipation` and `restitution` with `speed` are given.
         """
         k = hertz_stiffness(young, poisson, pair)
-        ways = dissipation is not None, restitution is not None, speed is not None
-        if ways == (False, True, True):
+        are_given = dissipation is not None, restitution is not None, speed is not None
+        if are_given == (False, True, True):
             return cls.from_restitution(restitution, speed, k, pair)  # type: ignore[arg-type]
-        if ways != (True, False, False):
+        if are_given != (True, False, False):
             raise ValueError("Either `dissipation`, or `restitution` with the `speed` at which it holds, must be "
                              f"given, got {dissipation!r}, {restitution!r} and {speed!r}.")
         return cls(k, 1.5 * check.number("dissipation", dissipation, at_least=0.0) * k)
@@ -166,10 +166,7 @@ class ViscoelasticHertz(_Spheres):
         return math.sqrt(xi) * (self.k * xi + self.gamma * xi_dot)
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Return the coefficients of F = k ξ^(3/2) + γ ξ^(1/2) ξ̇.
-
-        They are stiffness and exponent, damping and exponent.
-        """
+        """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇: (k, 3/2, γ, 1/2)."""
         return self.k, 1.5, self.gamma, 0.5
 
 
@@ -211,14 +208,14 @@ class TsujiHertz(_Spheres):
 
     @classmethod
     def from_material(cls, young: Each, poisson: Each, restitution: float, pair: Pair) -> TsujiHertz:
-        """Return the contact of two materials with a given restitution at any speed.
+        """Return the law for two materials and a given restitution at any speed.
 
         Parameters
         ----------
         young, poisson : float or (lower, upper)
-            Young's modulus in Pa and Poisson's ratio. Two numbers stand for two materials, see `hertz_stiffness`.
+            Young's modulus in Pa and Poisson's ratio, one for both bodies or one for each, see `hertz_stiffness`.
         restitution : float
-            ε in (0, 1].
+            ε in (0, 1], the same at any speed.
         pair : Pair
             Pair with the effective radius.
 
@@ -244,10 +241,7 @@ class TsujiHertz(_Spheres):
         return self.k * xi * root + self.alpha * math.sqrt(pair.m_eff * self.k) * math.sqrt(root) * xi_dot
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Return the coefficients of F = k ξ^(3/2) + γ ξ^(1/4) ξ̇.
-
-        They are stiffness and exponent, damping γ = α √(m_eff k) and exponent.
-        """
+        """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇: (k, 3/2, α √(m_eff k), 1/4)."""
         return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
 
 
@@ -255,20 +249,21 @@ class TsujiHertz(_Spheres):
 def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     """Return the Hertz stiffness (4/3) E* √r_eff of a pair in N/m^(3/2).
 
-    The effective modulus of the two bodies is 1/E* = Σ (1 - ν²)/Y.
+    The effective modulus E* of the two bodies follows from 1/E* = Σ (1 - ν²)/Y.
 
     Parameters
     ----------
     young : float or (lower, upper)
-        Young's modulus Y in Pa, positive. Two numbers stand for two materials.
+        Young's modulus Y in Pa, positive, one for both bodies or one for each.
     poisson : float or (lower, upper)
-        Poisson's ratio ν in [0, 0.5].
+        Poisson's ratio ν in [0, 0.5], one for both bodies or one for each.
     pair : Pair
         Pair whose r_eff in m must be finite and positive.
     """
-    modulus, nu = _of_both("young", young, above=0.0), _of_both("poisson", poisson, at_least=0.0, at_most=0.5)
-    at = checked_pair(pair)
-    r_eff = check.number(f"`r_eff` of pair {at.name}", at.r_eff, above=0.0, fix="Point particles have no curvature.")
+    modulus, nu = _both_bodies("young", young, above=0.0), _both_bodies("poisson", poisson, at_least=0.0, at_most=0.5)
+    known = checked_pair(pair)
+    r_eff = check.number(
+        f"`r_eff` of pair {known.name}", known.r_eff, above=0.0, fix="Point particles have no curvature.")
     lower, upper = zip(modulus, nu, strict=True)
     if lower == upper:
         return 2.0 / 3.0 * lower[0] * math.sqrt(r_eff) / (1.0 - lower[1] * lower[1])
@@ -276,9 +271,9 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
     return 4.0 / 3.0 * math.sqrt(r_eff) / softness
 
 
-def _of_both(name: str, value: Each, **limits: float) -> list[float]:
-    """Return a checked property of both bodies, from one number or two."""
+def _both_bodies(name: str, value: Each, **limits: float) -> list[float]:
+    """Return a material property of both bodies, checked, from one number or two."""
     if check.is_one(value):
         return [check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
     both = check.array(name, value, (2,), fix="Give one for both bodies, or (lower, upper).")
-    return [check.number(f"{name}[{i}]", one, **limits) for i, one in enumerate(both.tolist())]  # type: ignore[arg-type]
+    return [check.number(f"{name}[{i}]", x, **limits) for i, x in enumerate(both.tolist())]  # type: ignore[arg-type]

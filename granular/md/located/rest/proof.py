@@ -287,7 +287,7 @@ def can_close(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float, float, float]:
-    """Return gap, rate and closing acceleration of the hulls next to the open pair `c`.
+    """Return gap, rate and closing acceleration of the hulls next to open pair `c`.
 
     They are in m, m/s and m/s². `lo` is the first pair of the island.
     """
