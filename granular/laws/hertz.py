@@ -116,7 +116,7 @@ class ViscoelasticHertz(_Spheres):
         Raises
         ------
         ValueError
-            If neither or both of `dissipation` and `restitution` with `speed` are given.
+            If the damping is not given in exactly one of these two ways.
         """
         k = hertz_stiffness(young, poisson, pair)
         are_given = dissipation is not None, restitution is not None, speed is not None

@@ -21,6 +21,7 @@ from granular._engine import check
 from granular.scene import Pair, checked_pair
 
 Rule = Callable[[float, Pair], float]
+"""Type of a restitution rule: ε in [0, 1] as a function of speed in m/s and pair."""
 
 
 @check.face
@@ -50,33 +51,33 @@ class ConstantRestitution:
             values = check.array(name, restitution)
             if len(values) == 0:
                 raise ValueError("`restitution` must be one number for all pairs, or one per pair, got an empty array.")
-            value = tuple(_unit(values, fix).tolist())
+            value = tuple(_unit_interval(values, fix).tolist())
         object.__setattr__(self, name, value)
 
     def __call__(self, speed: float, pair: Pair) -> float:
-        """Return ε of `pair` at any speed."""
+        """Return ε of `pair`, which is the same at every `speed`."""
         return self.restitution if isinstance(self.restitution, float) else self.restitution[pair.index]
 
 
 @check.face
 @dataclass(frozen=True, eq=False)
 class TabulatedRestitution:
-    """Table of the restitution against impact speed, from experiments or a force law.
+    """Table of the restitution as a function of impact speed.
 
-    The restitution is interpolated linearly in speed. Outside the table it is constant and equal to the first or the
-    last entry, so the table should cover the required range.
+    The values can come from experiments or from a force law. They are interpolated linearly in speed. Outside the table
+    the restitution is constant and equal to the first or the last entry, so the table should cover the required range.
 
     Parameters
     ----------
     speed : (k,) array
-        Impact speeds in m/s, not negative, strictly increasing; k ≥ 2.
+        Impact speeds in m/s, not negative, strictly increasing, with k ≥ 2.
     restitution : (k,) array
         ε at those speeds, each in [0, 1].
 
     Raises
     ------
     TypeError, ValueError
-        If an entry is invalid. The message names it.
+        If an entry is invalid. The message names the entry.
     """
 
     speed: check.Array
@@ -84,7 +85,7 @@ class TabulatedRestitution:
 
     def __init__(self, speed: Any, restitution: Any) -> None:
         v = check.rising("speed", speed, "finite and non-negative", at_least=0.0)
-        e = _unit(check.array("restitution", restitution, v.shape, fix="Give one per speed."))
+        e = _unit_interval(check.array("restitution", restitution, v.shape, fix="Give one per speed."))
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
     def __call__(self, speed: float, pair: Pair) -> float:
@@ -163,56 +164,56 @@ class ThorntonRestitution:
         return math.sqrt(1.2 * (1.0 - r * r / 6.0) / math.sqrt(depth))
 
 
-def _unit(values: check.Array, fix: str = "") -> check.Array:
-    """Return coefficients of restitution if all are in [0, 1].
+def _unit_interval(values: check.Array, fix: str = "") -> check.Array:
+    """Return an array of coefficients of restitution, checked to be in [0, 1].
 
-    Else raise `ValueError`.
+    Raises `ValueError` with the sentence `fix` otherwise.
     """
     check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1]", fix)
     return values
 
 
 def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
-    """Return ``rule(speed, pair)`` as a float.
+    """Return ε of a rule for an impact of `pair` at `speed` in m/s, as a float.
 
-    Raises `ValueError` with a sentence if it is not a number in [0, 1].
+    Raises `ValueError` with a sentence if ``rule(speed, pair)`` is not a number in [0, 1].
     """
-    value, e = rule(speed, pair), math.nan
+    value, restitution = rule(speed, pair), math.nan
     with suppress(TypeError, ValueError):
-        e = math.nan if isinstance(value, (str, bytes)) else float(value)
-    if not 0.0 <= e <= 1.0:
+        restitution = math.nan if isinstance(value, (str, bytes)) else float(value)
+    if not 0.0 <= restitution <= 1.0:
         raise ValueError(
             f"The restitution rule of pair {pair.name} must return a number in [0, 1], got {value!r} at an approach "
             f"speed of {speed:g} m/s."
         )
-    return e
+    return restitution
 
 
 def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
-    """Return one rule per pair.
+    """Return a tuple with one restitution rule per pair.
 
-    `rule` is one rule for all pairs, or a list with one per pair. Raises `TypeError` or `ValueError` if a rule is not
-    callable or does not fit the pairs.
+    `rule` is one rule for all pairs, or a sequence with one per pair. Raises `TypeError` or `ValueError` if a rule is
+    not callable or does not fit the number of pairs.
     """
     rules = check.per_pair("rule", rule, len(pairs))
-    for one in different(rules):
-        if not callable(one):
-            e = one if isinstance(one, (int, float)) else 0.7
+    for each_rule in different(rules):
+        if not callable(each_rule):
+            e = each_rule if isinstance(each_rule, (int, float)) else 0.7
             fix = f"Use granular.ConstantRestitution({e})."
-            raise TypeError(check.misuse("rule", one, "a function of (speed, pair)", fix))
-        if check.is_own(one):
-            check.takes("rule", one, "speed", "pair")
+            raise TypeError(check.misuse("rule", each_rule, "a function of (speed, pair)", fix))
+        if check.is_own(each_rule):
+            check.takes("rule", each_rule, "speed", "pair")
             continue
         for name, least in (("restitution", 1), ("laws", 2)):  # one law stands for all pairs
-            if isinstance(several := getattr(one, name, None), tuple) and len(several) >= least:
-                check.per_pair(name, several, len(pairs))
+            if isinstance(per_pair_values := getattr(each_rule, name, None), tuple) and len(per_pair_values) >= least:
+                check.per_pair(name, per_pair_values, len(pairs))
     return rules
 
 
 def elastic(rules: Sequence[Rule]) -> bool:
     """Return whether all rules are known to give ε = 1 at every speed.
 
-    This is never known for a callable of the user.
+    It is False for a user-defined callable, because its values are not known.
     """
     for rule in different(rules):
         if check.is_own(rule):
@@ -228,14 +229,17 @@ def elastic(rules: Sequence[Rule]) -> bool:
 
 
 def different(rules: Sequence[Rule]) -> list[Rule]:
-    """Return the distinct rules, without repetitions."""
+    """Return the distinct objects of a sequence of rules, in order of occurrence."""
     if all(map(is_, rules, repeat(rules[0]))):
         return [rules[0]]
     return list(dict(zip(map(id, rules), rules, strict=True)).values())
 
 
 def constants(rules: Sequence[Rule], pairs: Sized) -> list[float] | None:
-    """Return ε per pair if every rule is constant, else None."""
+    """Return a list of ε per pair if every rule is a `ConstantRestitution`.
+
+    Otherwise None is returned.
+    """
     first, *others = different(rules)
     if not isinstance(first, ConstantRestitution):
         return None

@@ -1,4 +1,4 @@
-"""Rate-independent laws, contacts under a static force, absorbing chain ends."""
+"""Force laws without rate dependence, absorbing chain ends, and static overlaps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from granular.scene import Pair
 
 __all__ = ["MatchedEnd", "PowerLaw", "WaltonBraun"]
 OVERLAP_SHARE = 0.1
-"""Overlap, in effective radii, of a contact whose force does not depend on it."""
+"""Overlap, in effective radii, of a contact with a constant force."""
 
 FORCE_TOLERANCE = 1e-12
 """Relative difference below which forces count as equal."""
@@ -46,7 +46,7 @@ class PowerLaw:
         return self.k * math.pow(xi, self.exponent)
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        """Return stiffness and exponent, damping and exponent: F = k ξ^n."""
+        """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇: (k, n, 0, 0)."""
         return self.k, self.exponent, 0.0, 0.0
 
     def potential(self, xi: float, pair: Pair) -> float:
@@ -57,12 +57,12 @@ class PowerLaw:
 @check.face
 @dataclass(frozen=True)
 class WaltonBraun:
-    """Plastic contact without rate dependence (Walton & Braun 1986).
+    """Elastic-plastic contact without rate dependence (Walton & Braun 1986).
 
     F = min(k_load ξ, k_load ξ_max - k_unload (ξ_max - ξ)). Loading follows k_load ξ. Unloading and reloading follow the
-    steeper line through the largest overlap ξ_max so far, until ξ exceeds it. An isolated contact ends at
-    ξ = (1 - k_load/k_unload) ξ_max with restitution ε = √(k_load/k_unload) after
-    t_c = (π/2) (√(m_eff/k_load) + √(m_eff/k_unload)).
+    steeper line through the largest overlap ξ_max so far, until ξ exceeds ξ_max. An isolated contact ends at ξ = (1 -
+    k_load/k_unload) ξ_max with restitution ε = √(k_load/k_unload) after t_c = (π/2) (√(m_eff/k_load) +
+    √(m_eff/k_unload)).
 
     Parameters
     ----------
@@ -119,13 +119,14 @@ class WaltonBraun:
         return min(self.k_load * xi, self.k_load * xi_max - self.k_unload * (xi_max - xi))
 
     def restitution(self) -> float:
-        """Return the restitution √(k_load / k_unload)."""
+        """Return the restitution √(k_load / k_unload), the same at any speed."""
         return math.sqrt(self.k_load / self.k_unload)
 
     def isolated(self, pair: Pair, speed: float) -> tuple[float, float, float, float, float]:
         """Return five properties of an isolated contact at an approach `speed` in m/s.
 
-        They are ε, t_c in s, largest overlap in m, largest force in N, and the overlap in m at the end.
+        They are ε, t_c in s, the largest overlap in m, the largest force in N, and the overlap in m at the end of the
+        force.
         """
         eps, omega = self.restitution(), math.sqrt(self.k_load / pair.m_eff)
         deepest = speed / omega
@@ -137,10 +138,10 @@ class WaltonBraun:
 class MatchedEnd:
     """Absorbing end of a chain: F = F₀ + √(K m) ξ̇ between its last ball and a wall.
 
-    m is the mass of the last ball. √(K m) is the resistance of an infinite chain to slow waves. The force is clipped
-    only where √(K m) |ξ̇| > F₀, while a dashpot alone would be clipped half of the time. A wave of frequency ω is
-    reflected with tan(θ/4) of its amplitude. θ is its phase difference from ball to ball, ω = ω_c sin(θ/2) with the
-    cut-off frequency ω_c.
+    m is the mass of the last ball. √(K m) is the impedance of an infinite chain for slow waves. The static force F₀
+    keeps the force positive where √(K m) |ξ̇| < F₀. A dashpot without it would be clipped half of the time. A wave of
+    frequency ω = ω_c sin(θ/2) is reflected with tan(θ/4) of its amplitude, where ω_c is the cut-off frequency. θ is the
+    phase difference between neighbouring balls.
 
     Parameters
     ----------
@@ -151,8 +152,7 @@ class MatchedEnd:
 
     Notes
     -----
-    The static force F₀ is the same at every overlap. The last ball therefore does not return to its
-    initial position.
+    The static force F₀ is the same at every overlap. The last ball therefore does not return to its initial position.
     """
 
     load: float
@@ -184,8 +184,8 @@ class MatchedEnd:
 def overlap_under(law: PairLaw, force: float) -> float:
     """Return the overlap in m at which the force of a contact at rest is `force` in N.
 
-    It is (F/k)^(1/p) for a power law, and the result of a bisection to the last digit for other laws. If the force
-    does not depend on the overlap, as for a `MatchedEnd`, it is a tenth of r_eff.
+    It is (F/k)^(1/p) for a power law. For other laws it is computed by bisection to the last digit. If the force does
+    not depend on the overlap, as for a `MatchedEnd`, the result is a tenth of r_eff.
 
     Raises
     ------
@@ -195,26 +195,26 @@ def overlap_under(law: PairLaw, force: float) -> float:
     if force == 0.0:
         return 0.0
     if law.form is not None:
-        return math.pow(force / law.form[0], 1.0 / law.form[1]) if law.form[0] > 0.0 else _none(law, force)
+        return math.pow(force / law.form[0], 1.0 / law.form[1]) if law.form[0] > 0.0 else _raise_no_overlap(law, force)
     size = law.pair.r_eff if 0.0 < law.pair.r_eff < math.inf else 1.0
     # a force that is constant over 8 decades of overlap does not determine it
-    if all(abs(at_rest(law, share * size) - force) <= FORCE_TOLERANCE * force
+    if all(abs(force_at_rest(law, share * size) - force) <= FORCE_TOLERANCE * force
            for share in (1e-9, OVERLAP_SHARE)):
         return OVERLAP_SHARE * size
     high = size
-    while not at_rest(law, high) >= force:
-        high = 2.0 * high if high < 1e100 * size else _none(law, force)
+    while not force_at_rest(law, high) >= force:
+        high = 2.0 * high if high < 1e100 * size else _raise_no_overlap(law, force)
     low = high
-    while at_rest(law, low) >= force:
-        low = 0.5 * low if low > 1e-100 * size else _none(law, force)
+    while force_at_rest(law, low) >= force:
+        low = 0.5 * low if low > 1e-100 * size else _raise_no_overlap(law, force)
     # until no float lies between the bounds
     while (middle := low + 0.5 * (high - low)) not in (low, high):
-        low, high = (low, middle) if at_rest(law, middle) >= force else (middle, high)
+        low, high = (low, middle) if force_at_rest(law, middle) >= force else (middle, high)
     return high
 
 
 def stiffness_at(law: PairLaw, xi: float) -> float:
-    """Return the stiffness dF/dξ in N/m of a contact at overlap `xi` in m and rest.
+    """Return the stiffness dF/dξ in N/m of a contact at rest at overlap `xi` in m.
 
     It is 0 without an overlap. For a law with memory it is the stiffness of the unloading that begins there, which
     applies to small oscillations.
@@ -227,18 +227,19 @@ def stiffness_at(law: PairLaw, xi: float) -> float:
     if law.memory:
         return law.tangent(xi)[0]
     h = 1e-3 * xi  # central differences of order 4: relative error 4e-12 for powers of ξ
-    near, far = (at_rest(law, xi + j * h) - at_rest(law, xi - j * h) for j in (1, 2))
+    near, far = (force_at_rest(law, xi + j * h) - force_at_rest(law, xi - j * h) for j in (1, 2))
     return (8.0 * near - far) / (12.0 * h)
 
 
-def at_rest(law: PairLaw, xi: float) -> float:
-    """Return the force in N on first loading, at overlap `xi` in m and zero rate.
+def force_at_rest(law: PairLaw, xi: float) -> float:
+    """Return the force in N at rest, on first loading to overlap `xi` in m.
 
-    Raises `ValueError` if it is not a finite number.
+    Raises `ValueError` if the force is not a finite number.
     """
     return finite(law, xi, 0.0)
 
 
-def _none(law: PairLaw, force: float) -> float:
+def _raise_no_overlap(law: PairLaw, force: float) -> float:
+    """Raise `ValueError`, because no overlap of a contact at rest gives `force` in N."""
     raise ValueError(f"`force` must be a force that {law.law!r} reaches at rest, got {force!r} N at pair "
                      f"{law.pair.name}.")

@@ -140,17 +140,17 @@ def two_ball_drop(
 
 @check.face
 def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
-    """Return ε_eff, the common ε that gives the relative velocity v_r′ in the model.
+    """Return ε_eff, the ε of both contacts that gives the relative velocity v_r′.
 
-    ε_eff = (√(1 + 4x) - 1)/2 = 2x / (1 + √(1 + 4x)) with x = v_r′/|v10|. It is the inverse of v_r′ = ε (1 + ε) |v10|
-    in the independent-collision model, which holds exactly for any gap, g and masses.
+    ε_eff = (√(1 + 4x) - 1)/2 = 2x / (1 + √(1 + 4x)) with x = v_r′/|v10|. It inverts v_r′ = ε (1 + ε) |v10| of the
+    independent-collision model, which holds exactly for any gap, g and masses.
 
     Parameters
     ----------
     v_rel_after : float
-        v_r′ = v2′ - v1′ ≥ 0 in m/s.
+        Velocity difference v_r′ = v2′ - v1′ ≥ 0 in m/s with which the two balls separate.
     impact_speed : float
-        |v10| > 0 in m/s.
+        Speed |v10| > 0 in m/s of the lower ball when it meets the floor.
     """
     v10 = check.number("impact_speed", impact_speed, above=0.0)
     x = check.number("v_rel_after", v_rel_after, at_least=0.0, fix="Balls that still approach have no ε_eff.") / v10
@@ -159,9 +159,10 @@ def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
 
 @check.face
 def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> check.Array:
-    """Return the velocity of each ball of a stack right after the hit from below.
+    """Return the velocity of each ball of a stack just after the hit from below.
 
-    The unit is the speed at which the stack meets the floor. The last entry is the launch velocity of the top ball:
+    The velocities are in units of the speed at which the stack meets the floor. The last entry is the launch velocity
+    of the top ball,
 
         v_N = (1 + ε)^N / Π (1 + m[k+1]/m[k]) - 1        (ε → 1, light upper balls: 2^N - 1).
 
@@ -174,6 +175,10 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
         Masses in kg, bottom to top.
     restitution : float or (N,) array
         ε in [0, 1], one for all contacts or one per contact, floor first.
+
+    Returns
+    -------
+    (N,) array
     """
     m = check.positive("masses", masses, "mass")
     eps = _restitutions(restitution, len(m))
@@ -195,10 +200,11 @@ def stack_limit(n: int, restitution: float = 1.0) -> float:
 
 @check.face
 def rise(velocity_ratio: float) -> float:
-    """Return the rise of a ball in units of the drop height h: (v′/v)², or 0.
+    """Return the rise of a ball in units of the drop height h, (v′/v)².
 
-    The value is 0 if the ball does not rise. A ball that leaves at 3 v rises to 9 h, and at 7 v to 49 h: these are the
-    limits of stacks of two and three balls.
+    `velocity_ratio` is v′/v: velocity after the collisions, upwards positive, over impact speed. The result is 0 if the
+    ball moves downwards. A ball that leaves at 3 v rises to 9 h, and at 7 v to 49 h. These are the limits of stacks of
+    two and three balls.
     """
     ratio = max(0.0, check.number("velocity_ratio", velocity_ratio))
     return ratio * ratio
@@ -206,9 +212,11 @@ def rise(velocity_ratio: float) -> float:
 
 @check.face
 def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
-    """Return the velocity of the last ball of a chain at rest, per striker velocity.
+    """Return the velocity of the last ball of a chain hit by a striker.
 
-    The collisions are successive: Π (1 + ε)/(1 + m[k+1]/m[k]), for a geometric taper ((1 + ε)/(1 + μ))^(N-1).
+    It is in units of the velocity of the striker. All other balls are at rest, and the collisions are successive. The
+    velocity is therefore Π (1 + ε)/(1 + m[k+1]/m[k]). For a geometric taper, μ = m[k+1]/m[k], it is ((1 + ε)/(1 +
+    μ))^(N-1).
 
     Parameters
     ----------
@@ -224,10 +232,10 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
 
 @check.face
 def best_masses(first: float, last: float, n: int) -> check.Array:
-    """Return the `n` masses between two given ones that make the last ball fastest.
+    """Return the `n` masses of a chain that make the last ball fastest.
 
-    The masses from `first` to `last` in kg are a geometric progression. This holds for stacks and for chains at rest,
-    for every ε, because each factor 1/(1 + m[k+1]/m[k]) is log-concave in ln m.
+    The masses form a geometric progression from `first` to `last`, both in kg and included. This holds for stacks and
+    for chains at rest, for every ε, because each factor 1/(1 + m[k+1]/m[k]) is log-concave in ln m.
     """
     a = check.number("first", first, above=0.0)
     b = check.number("last", last, above=0.0)
@@ -239,11 +247,11 @@ def best_masses(first: float, last: float, n: int) -> check.Array:
 
 @check.face
 def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
-    """Return the length and the velocity of the best geometric chain.
+    """Return the number of collisions and the velocity of the best geometric chain.
 
-    The two values are the number of collisions and v_N/v of the chain with the fastest last ball. More balls between
-    the two ends improve the transfer until their losses dominate. For ε = 1 an optimal number does not exist, and the
-    velocity tends to √R, the bound by energy conservation.
+    In the best chain the last ball is fastest. More balls between the two ends improve the transfer until their losses
+    dominate. For ε = 1 an optimal number does not exist, and the velocity tends to √R, the bound by energy
+    conservation.
 
     Parameters
     ----------
@@ -255,7 +263,7 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
     Returns
     -------
     n, ratio : int, float
-        Number of collisions and v_N/v.
+        Number of collisions, and velocity of the last ball in units of the velocity of the striker.
 
     Raises
     ------
@@ -282,12 +290,13 @@ def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
 
 def _log_cosh(x: float) -> float:
     # ln cosh x without cancellation near 0
+    """Return ln cosh x without cancellation near 0."""
     return math.log1p(2.0 * math.sinh(0.5 * x) ** 2)
 
 
 @check.face
 def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
-    """Return (time in s, path in m) until a ball dropped on hard ground is at rest.
+    """Return (time in s, path in m) until a ball dropped on a floor is at rest.
 
     T = √(2h/g) (1 + ε)/(1 - ε), path = h (1 + ε²)/(1 - ε²), for a drop `height` h in m and ε in [0, 1). The number of
     bounces is infinite, but the time is finite.
@@ -321,12 +330,12 @@ def most_collisions(masses: Sequence[float]) -> int:
 def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
     """Return the ε of a contact that results from the ε given to a DEM code.
 
-    DEM codes differ in the damping that they compute from this number.
+    DEM codes differ in the formula by which they compute the damping from the given ε.
 
     Parameters
     ----------
     convention : str
-        Formula of a code for the damping, according to its documentation or source, see Notes.
+        Name of such a formula, according to documentation or source of a code, see Notes.
     restitution : float
         The ε given to the code, in (0, 1].
     clipped : bool
@@ -360,18 +369,18 @@ def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
     return dashpot.restitution(zeta) if check.truth("clipped", clipped) else dashpot.restitution_pulling(zeta)
 
 
-def _of_logarithm(eps: float) -> float:
-    """Return ζ that gives ε if the force can be attractive."""
+def _logarithmic_ratio(eps: float) -> float:
+    """Return ζ = |ln ε|/√(π² + ln² ε), exact if the force can be attractive."""
     return abs(math.log(eps)) / math.hypot(math.pi, math.log(eps))
 
 
-def _marshall(eps: float) -> float:
+def _marshall_ratio(eps: float) -> float:
     """Return ζ = α/√5 for a coefficient of restitution, by Marshall's polynomial."""
     return _polynomial(eps, 1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218) / math.sqrt(5.0)
 
 
-def _thornton(eps: float) -> float:
-    """Return ζ = √(6/5) β of Thornton's fit.
+def _thornton_ratio(eps: float) -> float:
+    """Return ζ = √(6/5) β of Thornton's fit for a coefficient of restitution.
 
     β is set to 0 at ε = 1, where the fit gives .0045.
     """
@@ -381,19 +390,20 @@ def _thornton(eps: float) -> float:
 
 
 def _polynomial(x: float, *coefficients: float) -> float:
-    """Return Σ c_i x^i, the constant first."""
+    """Return Σ c_i x^i, with the coefficients c_i from i = 0 upwards."""
     return float(np.polynomial.polynomial.polyval(x, coefficients))
 
 
 DAMPING_CONVENTIONS: dict[str, Callable[[float], float]] = {
-    "lammps/tsuji": _marshall, "lammps/tsuji-2026": lambda eps: math.sqrt(2.0) * _marshall(eps),
-    "lammps/coeff_restitution": _of_logarithm, "lethe": _of_logarithm, "liggghts/hertz": _of_logarithm,
-    "mfix/hertz": lambda eps: 2.0 / math.sqrt(5.0) * _of_logarithm(eps), "yade/hertz-mindlin": _thornton,
+    "lammps/tsuji": _marshall_ratio, "lammps/tsuji-2026": lambda eps: math.sqrt(2.0) * _marshall_ratio(eps),
+    "lammps/coeff_restitution": _logarithmic_ratio, "lethe": _logarithmic_ratio, "liggghts/hertz": _logarithmic_ratio,
+    "mfix/hertz": lambda eps: 2.0 / math.sqrt(5.0) * _logarithmic_ratio(eps), "yade/hertz-mindlin": _thornton_ratio,
 }
 """Damping ratio ζ as a function of the ε given to a code, see `obtained`."""
 
 
 def _restitutions(restitution: float | Sequence[float], n: int) -> check.Array:
+    """Return `n` coefficients of restitution in [0, 1] from one number or from `n`."""
     eps = check.array("restitution", np.full(n, restitution) if check.is_one(restitution) else restitution, (n,))
     check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a number in [0, 1]")
     return eps
