@@ -7,7 +7,7 @@ contact is integrated again from its onset, while its neighbours stay in free fl
 * an event of a neighbouring pair that may disturb the contact (`restore_record`, `expose`)
 * the contact map of a law without a closed form (`tables`)
 
-In each case `request_integration` starts the integration, and `plan.follow_contact` performs it.
+`request_integration` starts the integration, and `plan.follow_contact` performs it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ MAX_CONTACT_PIECES = 2000
 def occupy_record(s: Any, c: int, v: float) -> Any:
     """Take a record of the pool for pair `c`, which touches now at approach speed `v`.
 
-    The pair becomes an island of its own. Returns the record, with the state at the onset.
+    The pair becomes an island of its own. Returns the record.
     """
     pair = s.pairs[c]
     isolated = pair.isolated
@@ -70,15 +70,14 @@ def occupy_record(s: Any, c: int, v: float) -> Any:
 def request_integration(s: Any, c: int, left: float) -> None:
     """Start the integration of the contact of pair `c` alone, from its onset.
 
-    The contact is integrated for a time `left`. The integration ends earlier if the balls separate.
-    `plan.follow_contact` computes the pieces. The results are fields of the record of the run:
+    It ends after the time `left`, or earlier if the balls separate. `plan.follow_contact` computes the pieces. The
+    results are fields of the record of the run:
 
     * `over` and `parting`: duration of the force, and separation speed at its end. They are nan if it has not ended.
-    * `passed`: integrated time
-    * `at`: τ on the last piece
+    * `passed` and `at`: integrated time, and τ on the last piece
 
-    After the separation the pair is OPEN. It is not OPEN if the contact does not end, or if the force returns after it
-    has vanished, which begins a new contact.
+    After the separation the pair is OPEN. It is not OPEN if the contact does not end, or if its force vanishes and
+    returns, which begins another contact.
     """
     run = s.run[0]
     run.solo, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
@@ -91,8 +90,8 @@ def request_integration(s: Any, c: int, left: float) -> None:
 def has_piece(s: Any, laws: Any) -> bool:
     """Start the next piece of the contact that is integrated alone, if one is needed.
 
-    Returns False if the integration is complete. A residual pair whose force does not return is advanced by free flight
-    instead of a piece. False is returned after it as well.
+    Returns False if the integration is complete. Free flight of a residual pair whose force does not return completes
+    it too.
     """
     run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
     if (
@@ -173,10 +172,10 @@ def update_mode_after_jump(run: Any, member: Any, laws: Any) -> None:
 
 @kernel
 def restore_record(s: Any, c: int, t: float, tail: float) -> None:
-    """Move pair `c` into the pool, and start to integrate its contact from the onset.
+    """Start to integrate the contact of pair `c`, which was solved as one event.
 
-    The contact was solved as one event. It is to be integrated up to the time t + tail. The pair becomes an island of
-    its own.
+    It is integrated from its onset up to the time t + tail. The pair moves into the pool and becomes an island of its
+    own.
     """
     pair = s.pairs[c]
     left = pair.lasts + since(pair, t, tail)
@@ -190,9 +189,8 @@ def restore_record(s: Any, c: int, t: float, tail: float) -> None:
 def expose(s: Any, c: int) -> None:
     """Let a contact that was solved as one event take part in the current event.
 
-    The event may disturb the contact of pair `c`. `restore_record` and `plan.follow_contact` have integrated it up to
-    now. Balls, flanks, contact log and energy balance contained the result of the whole contact. They are set to the
-    present state.
+    The event may disturb the contact of pair `c`, which has been integrated up to now after `restore_record`. Balls,
+    flanks, contact log and energy balance contained the result of the whole contact. They are set to the present state.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
@@ -229,8 +227,8 @@ def withdraw_log_row(s: Any, c: int, member: Any) -> None:
 def correct_balls_and_flanks(s: Any, c: int, xi: float, eta: float) -> None:
     """Set the balls and the flanks of pair `c` to their state at the current event.
 
-    Their records contained the free motion after the contact. It differs from the present state of the pair by the
-    overlap `xi` and the rate `eta`. These differences are asymptote minus contact.
+    Their records contained the free motion after the contact. `xi` and `eta` are the overlap and the rate of this
+    motion minus the present overlap and rate of the pair.
     """
     run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
     low, high = member.lower / member.inverse, member.upper / member.inverse
@@ -251,7 +249,7 @@ def correct_balls_and_flanks(s: Any, c: int, xi: float, eta: float) -> None:
 def correct_flank(s: Any, f: int, xi: float, eta: float) -> None:
     """Set flank `f` to its state at the current event.
 
-    `xi` and `eta` are the corrections of its overlap and rate, in m and m/s, to be added to its asymptote.
+    `xi` and `eta` are added to overlap and rate of its asymptote.
     """
     run, flank = s.run[0], s.pairs[f]
     if flank.slot >= 0:
@@ -265,11 +263,10 @@ def correct_flank(s: Any, f: int, xi: float, eta: float) -> None:
 
 @kernel
 def write_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
-    """Write overlap, rate and force of every pair at time `t`.
+    """Write overlap, rate and force of every pair at a time `t` in the current pieces.
 
-    The time must be within the current pieces. Of contacts solved as one event, the free motion after the contact is
-    written, see `seen`. `xi`, `eta` and `force` are arrays with one entry per pair. With an energy balance, its sums at
-    this time are written to `sums`.
+    `xi`, `eta` and `force` are arrays with one entry per pair. For a contact solved as one event, they receive the free
+    motion after the contact, see `seen`. `sums` receives the sums of the energy balance, if there is one.
     """
     if WORKED:
         read(s.ledger, sums)
@@ -322,8 +319,8 @@ def write_and_request_states(s: Any, t: float, xi: Any, eta: Any, force: Any, su
 def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
     """Write overlap, rate and force of pair `c`, whose contact was integrated alone.
 
-    The arrays contain the free motion after the contact, see `write_states`. The entries of the flanks are corrected
-    too, and so are the energy sums. The run is then restored to its state before the integration.
+    They replace the free motion after the contact, see `write_states`. The entries of the flanks and the energy sums
+    are corrected too. The run is then restored to its state before the integration.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     deeper, faster = xi[c] - member.xi, eta[c] - member.eta

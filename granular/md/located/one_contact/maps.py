@@ -1,7 +1,7 @@
-"""Isolated contacts in closed form: duration, final speeds, largest overlap and force.
+"""Isolated contacts in closed form: duration, final speeds, peaks of the force.
 
-Two bodies of effective mass m touch at time 0 with the approach speed v > 0. Apart from the contact force only a
-constant acceleration G acts, which can press them together. For example, it is gravity for a ball and a wall:
+Two bodies of effective mass m touch at time 0 with the approach speed v > 0. Apart from the contact force they only
+have a constant acceleration G towards each other, such as gravity for a ball and a wall:
 
     ξ̈ = G - F(ξ, ξ̇)/m,   ξ(0) = 0,   ξ̇(0) = v.
 
@@ -16,9 +16,9 @@ contact force changes the relative position at t2 by v t2 + G t2²/2, and its im
 | powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`power_form`) |
 | viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2, t2 = t1 + γ/k |
 
-Here η = ξ̇ and ω² = k/m. Other laws and states do not have a map in closed form: t1 is nan. A dashpot between pendula
-whose surfaces are a distance d apart at rest, ξ̈ = -Ω² (ξ + d) - F/m, also has a map (`of_pendula`). Its overlap
-oscillates with the squared frequency k/m + Ω², and its force ends where kξ + γη = 0.
+Here η = ξ̇ and ω² = k/m. For other laws and states t1 is nan. A dashpot between pendula whose surfaces are a distance d
+apart at rest, ξ̈ = -Ω² (ξ + d) - F/m, also has a map (`of_pendula`). Its overlap oscillates with the squared frequency
+k/m + Ω², and its force ends where kξ + γη = 0.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def state_before_end(
 ) -> tuple[float, float, float, float, float]:
     """Return a time next to the end of a dashpot's force, and the state at that time.
 
-    The force is proportional to ξ + relax·ξ̇, with relax = γ/k in s. It falls to 0 at its end.
+    The force is proportional to ξ + relax·ξ̇, with relax = γ/k in s.
 
     Returns
     -------

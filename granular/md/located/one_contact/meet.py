@@ -1,26 +1,25 @@
 """Solve an isolated contact as one event, by its contact map.
 
 A pair that touches now is solved immediately by its contact map (`maps`, `tables`), if no neighbouring pair can touch
-before the contact ends. The map gives duration and separation speed. The gaps on either side of the pair are its
-*flanks*.
+before the contact ends. The gaps on either side of the pair are its *flanks*.
 
-*Test of a flank.* A flank is proved to stay positive until all contacts next to it have ended, at the time T. The
-contact force pushes the ball between the pair and the flank towards the flank. A contact at the far end of the flank
-also narrows the flank. The flank is therefore a concave function of time up to T. It is positive at the onset. If it is
+*Test of a flank.* A flank must stay positive until all contacts next to it have ended, at the time T. The force of the
+pair pushes the ball between the pair and the flank towards the flank. A contact at the far end of the flank also
+narrows the flank. The flank is therefore a concave function of time up to T. It is positive at the onset. If it is
 positive at T, it is positive in between, so one subtraction is sufficient.
 
 Gravity below a ceiling, external forces or a driven wall can make a flank convex, with a second derivative of at most
-P. It has the value a at the onset, and b after a time L. It stays positive if (√a + √b)² > P L²/2. This bound is not
-used if the pair at the far end is also in contact, because a is then unknown.
+P. If it is a at the onset and b after a time L, it stays positive for (√a + √b)² > P L²/2. This bound is not used if
+the pair at the far end is also in contact, because a is then unknown.
 
 *State during the contact.* From the onset onwards, the records of the pair and its flanks contain their asymptotes: the
 free motion after the contact. The clock of an asymptote can be later than the current time (`ahead` is 1). The clock of
 the pair is at the end of its contact, where ξ = 0, a time `lasts` after the onset. The clock of a flank is at the end
 of all contacts next to it.
 
-Let ξ and η be overlap and rate of the pair during the contact, and ξ_v and η_v those values of its asymptote. A flank
-is then smaller than its own asymptote by f·(ξ_v - ξ), and its rate by f·(η_v - η). Here f is the inverse mass of the
-ball between the pair and the flank, divided by the sum of the inverse masses of the pair.
+Let ξ be the overlap of the pair during the contact, and ξ_v the overlap of its asymptote. A flank is then smaller than
+its own asymptote by f·(ξ_v - ξ). Here f is the inverse mass of the ball between the pair and the flank, divided by the
+sum of the inverse masses of the pair. The rates η and η_v have the same relation.
 """
 
 from __future__ import annotations
@@ -69,23 +68,21 @@ MAX_TIME_LEFT_OF_PENDULA = 0.5
 CLOSED_FORM, INTEGRATED, NOT_INTEGRATED, THERMAL_WALL = -3, -4, -5, -6
 """Sources of a contact map that is not in a table.
 
-CLOSED_FORM: formula. INTEGRATED: result of an integration by pieces up to the end of the contact. NOT_INTEGRATED: this
-integration is still missing. THERMAL_WALL: thermal wall, which throws the ball back without delay.
+In this order: a formula, an integration by pieces, an integration that is still to be done, and a thermal wall, which
+throws the ball back without delay.
 """
 
 
 @kernel
 def solve_as_one_event(s: Any, c: int) -> int:
-    """Solve the contact of pair `c` as one event, if possible.
-
-    The next event of the run must be the onset of this contact. Records, counters, contact log and queue are updated.
+    """Solve the contact of pair `c`, which touches next, as one event if possible.
 
     Returns
     -------
     int
-        DONE if the contact has been solved. WANTS_TABLE or WANTS_CONTACT if its map is still missing. BY_PIECES if the
-        contact has to be integrated by pieces: without a map, or if a neighbour may disturb it. If the run ignores
-        disturbances, a disturbed contact is solved too, unless a flank is not in free flight.
+        DONE if the contact has been solved. WANTS_TABLE or WANTS_CONTACT if its map is still to be computed. BY_PIECES
+        if the contact has to be integrated by pieces: without a map, or if a neighbour may disturb it. If the run
+        ignores disturbances, a disturbed contact is solved too, unless a flank is not in free flight.
     """
     run, pairs, pair = s.run[0], s.pairs, s.pairs[c]
     v = touching_rate(s.field, pair, pair.wait) if can_be_one_event(run, pairs, c) else 0.0
@@ -141,21 +138,14 @@ def can_be_one_event(run: Any, pairs: Any, c: int) -> bool:
 def flank_below(s: Any, c: int, t2: float, moment: float, lower_v: float) -> tuple[float, bool, float, float]:
     """Return the state of the flank below pair `c` after all contacts next to it.
 
-    Parameters
-    ----------
-    t2 : float
-        Duration in s of the contact of pair `c`, from the onset to ξ = 0.
-    moment : float
-        Displacement of the lower ball by the contact in m, divided by its inverse mass.
-    lower_v : float
-        Velocity of the lower ball after the contact in m/s.
+    The contact of pair `c` lasts `t2` from the onset to ξ = 0. `moment` is mass times displacement by the contact in kg
+    m, equal and opposite for both balls. `lower_v` is the velocity of the lower ball after the contact.
 
     Returns
     -------
     gap, certain, rate, time_left : float, bool, float, float
-        Gap in m, and whether a positive gap proves that the flank never closes, see `final_flank_gap`. Rate of the gap
-        in m/s after the contact of pair `c`, and remaining time in s of the contact at the far end. Without a flank the
-        gap is inf.
+        Gap in m, and `certain` of `final_flank_gap`. Rate of the gap in m/s after the contact of pair `c`, and
+        remaining time in s of the contact at the far end. Without a flank the gap is inf.
     """
     pairs, pair, lower = s.pairs, s.pairs[c], beside(s.pairs, c)[0]
     if lower < 0:
@@ -175,8 +165,7 @@ def flank_above(
     """Return the state of the flank above pair `c` after all contacts next to it.
 
     Parameters and return values are as in `flank_below`. `upper_v` is the velocity of the upper ball after the contact.
-    On a ring of two balls both flanks are the same gap. It is evaluated here with both displacements, and `flank_below`
-    reports no flank.
+    On a ring of two balls both flanks are one gap. It is evaluated here, and `flank_below` reports no flank.
     """
     pairs, bodies, pair, n, upper = s.pairs, s.bodies, s.pairs[c], count_of(s.pairs), beside(s.pairs, c)[1]
     if upper >= n:
@@ -196,7 +185,7 @@ def flank_above(
 def advance_to_onset(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
     """Advance the clocks of the run and of pair `c` to the onset, and log the contact.
 
-    `v`, `t1`, `v1` and `source` are approach speed and contact map, see `contact_map`.
+    The parameters are explained in `contact_map`.
     """
     run, pair = s.run[0], s.pairs[c]
     tick(pair, pair.wait)
@@ -212,8 +201,7 @@ def set_pair_asymptote(s: Any, c: int, v: float, t2: float, v2: float, moment: f
     """Replace the state of pair `c` at its onset by the asymptote after its contact.
 
     The contact is also entered in the energy balance. Pendula are displaced by `moment` times their inverse masses,
-    because their acceleration depends on position. The other parameters are approach speed and contact map, see
-    `contact_map`.
+    because their acceleration depends on position. For the other parameters see `contact_map`.
     """
     pair, bodies = s.pairs[c], s.bodies
     tick(pair, t2)
@@ -261,9 +249,9 @@ def flight_after_touch(field: Any, pair: Any, v: float, t2: float) -> tuple[floa
 def separation_velocities(s: Any, c: int, pair: Any, over: float, rate_change: float, v2: float) -> tuple[float, float]:
     """Return the velocities in m/s of lower and upper body when pair `c` separates.
 
-    The contact changes the relative velocity by `rate_change`, compared with free flight. At its end, a time `over`
-    after the clock of `pair`, the separation speed is `v2`. The heavier body receives its fraction of `rate_change`.
-    The velocity of the lighter body follows from `v2`, so that rounding errors do not accumulate.
+    The contact changes the relative velocity by `rate_change`. At its end, a time `over` after the clock of `pair`, the
+    separation speed is `v2`. The heavier body receives its fraction of `rate_change`. The velocity of the lighter body
+    follows from `v2`, so that rounding errors do not accumulate.
     """
     lower, upper = s.bodies[c], s.bodies[c + 1]
     share = min(lower.inverse_mass, upper.inverse_mass) / (lower.inverse_mass + upper.inverse_mass)
@@ -278,9 +266,9 @@ def separation_velocities(s: Any, c: int, pair: Any, over: float, rate_change: f
 def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     """Return (t1, t2, v1, v2) of a contact of pair `c`, and the source of this map.
 
-    The contact has the approach speed `v`. The quantities are defined in `maps`. t1 is nan if the map is unknown. The
-    source is the index of a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `WANTED` if a table has to be
-    computed, and NOT_INTEGRATED if this contact has to be integrated first.
+    `v` is the approach speed. The map is defined in `maps`, and t1 is nan if it is unknown. The source is the index of
+    a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `WANTED` if a table has to be computed, and
+    NOT_INTEGRATED if this contact has to be integrated first.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     if HEATED and pair.wall < 0:
@@ -311,16 +299,8 @@ def final_flank_gap(
 ) -> tuple[float, bool]:
     """Return the final gap of a flank, and whether the flank is positive until then.
 
-    Parameters
-    ----------
-    flank, pair : record
-        Flank, and the pair whose contact begins.
-    t2, narrowing : float
-        Duration of this contact in s, and reduction of the flank by it in m.
-    rate : float
-        Rate of the flank in m/s after this contact.
-    time_left : float
-        Time in s by which the contact at the far end of the flank lasts longer.
+    The contact of `pair` lasts `t2` and reduces the flank by `narrowing`. The flank then has the rate `rate`. The
+    contact at its far end lasts longer by `time_left`.
 
     Returns
     -------
@@ -345,8 +325,7 @@ def final_flank_gap(
 def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
     """Write the log row of the contact of pair `c` at its onset.
 
-    `v` is the approach speed, and `t1`, `v1` and `source` are the contact map. The row is deleted later if an island
-    takes over the contact.
+    The parameters are explained in `contact_map`. The row is deleted if an island takes over the contact.
     """
     run, pair, lower, upper = s.run[0], s.pairs[c], s.bodies[c], s.bodies[nth(s.pairs, c + 1)]
     row, pair.row = s.log[run.rows], run.rows
@@ -417,10 +396,10 @@ def velocity_without_contacts(s: Any, b: int, pair: Any, dt: float) -> float:
 
 @kernel
 def remaining_contact_time(beyond: Any, pair: Any, dt: float) -> float:
-    """Return for how long pair `beyond` is still in contact, in s.
+    """Return the remaining time in contact of pair `beyond`, at the far end of a flank.
 
-    `beyond` is the pair at the far end of a flank. The time is counted from `dt` after the clock of `pair`. The result
-    is 0 for a pair that is not in a contact solved as one event.
+    The time in s is counted from `dt` after the clock of `pair`. It is 0 if no contact solved as one event is in
+    progress.
     """
     left: float = -(since(beyond, pair.t, pair.tail) + dt)
     return left if beyond.lasts > 0.0 and left > 0.0 and beyond.slot < 0 else 0.0
@@ -436,8 +415,7 @@ def set_velocity(body: Any, pair: Any, v: float) -> None:
 def set_flank_asymptote(s: Any, f: int, pair: Any, gap: float, rate: float, time_left: float) -> None:
     """Replace the state of flank `f` by its asymptote after all contacts next to it.
 
-    `gap` and `time_left` are as in `final_flank_gap`. `rate` is the rate of the gap after the contact of `pair`, which
-    already has its asymptote.
+    `pair` already has its asymptote. The other parameters are as in `final_flank_gap`.
     """
     flank = s.pairs[f]
     flank.t, flank.tail = pair.t, pair.tail

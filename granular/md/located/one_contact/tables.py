@@ -88,13 +88,8 @@ def request_contact(s: Any, j: int, laws: Any) -> None:
 def note(s: Any, j: int) -> bool:
     """Store the map of the contact that was integrated alone, and restore the run.
 
-    For a point `j` of an octave the map is stored in the table, for `OWN_SPEED` in `answer`.
-
-    Returns
-    -------
-    bool
-        Whether the contact can be used: for a point, whether its force and its overlap have ended. True for
-        `OWN_SPEED`.
+    The map of point `j` of an octave is stored in the table. For `OWN_SPEED` it is stored in `answer`. Returns False if
+    force or overlap of the contact at a point did not end.
     """
     run, v = s.run[0], s.run[0].speed
     member = s.pool[s.pairs[run.wanted].slot]

@@ -56,8 +56,8 @@ def end_of_group(pairs: Any, pool: Any, c: int) -> int:
 def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
     """Try to prove that no contact of the group of pairs a … b-1 can end.
 
-    Returns RESTS, BOUND or NOT_YET. `energy` and `barrier` in J are stored in the record of the first pair, see the
-    module docstring. `barrier` is the smallest one of all pairs.
+    Returns RESTS, BOUND or NOT_YET. The energy of the group and the smallest barrier of its pairs, both in J, are
+    stored in the record of the first pair.
     """
     head = pool[pairs[a].slot]
     find_equilibrium(pairs, pool, bodies, a, b)
@@ -97,13 +97,13 @@ def is_known(pairs: Any, pool: Any, a: int, b: int) -> bool:
 def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None:
     """Compute the static forces of the group a … b-1, and a bound of its barrier.
 
-    The forces in N are stored as `load` of each pair. The bound in J is stored as `opening` of the first pair. If the
-    group has more energy, a pair may separate. `opening` is 0 if a pair bears no load or has a general law, or if there
-    is no equilibrium.
+    The forces in N are stored as `load` of each pair. The upper bound in J is stored as `opening` of the first pair. If
+    the group has more energy, a pair may separate. `opening` is 0 if a pair bears no load or has a general law, or if
+    there is no equilibrium.
 
     The bound is the smallest energy at which a pair separates, ξ = 0. For a pair whose force can only vanish beyond its
-    static overlap, it is the energy at `smallest_vanishing_overlap`. No `energy_barrier` exceeds it. For an unchanged
-    group nothing is computed.
+    static overlap, it is the energy at `smallest_vanishing_overlap`. The `energy_barrier` is never larger. For an
+    unchanged group nothing is computed.
     """
     head, least = pool[pairs[a].slot], math.inf
     if is_known(pairs, pool, a, b):

@@ -127,9 +127,9 @@ def creep_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
 
 @kernel
 def is_near_load(load: float, push: float, damping: float) -> bool:
-    """Return whether the force of a pair is nearly its load.
+    """Return whether the force of a pair, elastic plus damping, is nearly its load.
 
-    `load`, the elastic force `push` and the damping force are in N.
+    `load`, the elastic force `push` and the damping force `damping` are in N.
     """
     return abs(push + damping - load) <= CREEP_FORCE_SHARE * (load + push)
 
@@ -168,8 +168,8 @@ def solve_creep(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) ->
 def update_creep_motion(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
     """Compute overlaps, rates and brackets of the group a … b-1 from its forces.
 
-    Between two walls the sum of the rates is 0. A common force is therefore added to all forces. Its series is stored
-    in `zm` of the first pair.
+    The bracket is φ = kξ^s + γη. Between two walls the sum of the rates is 0. A common force is therefore added to all
+    forces. Its series is stored in `zm` of the first pair.
     """
     closed, first = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0, pool[pairs[a].slot]
     for n in range(SERIES_ORDER + 1):

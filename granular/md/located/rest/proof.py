@@ -4,9 +4,9 @@ The event loop first calls the cheap tests `may_rest` and `may_creep`. They neve
 to rest or to creep. The proofs are needed rarely, and are compiled only then.
 
 Every ball must be in a group whose contacts never end (`equilibrium`), or in free flight, and no gap may ever close.
-The balls of a group never move beyond its *hull*: the position of its outermost surface if all overlaps of the group
-were 0. The hull moves like the wall of the group, or like its mass centre. Both have a constant acceleration, like a
-ball in flight, so the gap between two hulls is a parabola.
+The balls of a group never move beyond its *hull*: its outermost surface for overlaps of 0, as seen from its wall or its
+mass centre. Wall and mass centre have a constant acceleration, like a ball in flight, so the gap between two hulls is a
+parabola.
 
 A group that has reached its equilibrium, except for rounding errors, is moved to the equilibrium. It then lies still
 until a ball hits it.
@@ -35,7 +35,7 @@ from granular.md.located.rest.equilibrium import (
 STILL_DEVIATION = 1e-14
 """Relative deviation from the equilibrium up to which a resting pile is still.
 
-It is relative to the static overlap, and to the static overlap times the natural frequency for rates.
+Overlaps are compared with the static overlap, rates with the static overlap times its natural frequency.
 """
 MIN_CREEP_RATIO = 12.0
 """Smallest ratio of the times of creep and fast decay for the creep series.
@@ -191,7 +191,7 @@ def postpones(pairs: Any, pool: Any, lo: int) -> bool:
 def is_overdamped(pair: Any) -> bool:
     """Return whether a pair without load is damped strongly enough for creep.
 
-    The damping at its present overlap is compared. Under a load a stronger damping is required, see `overdamped`.
+    The damping is taken at its present overlap. A pair under a load requires a stronger damping.
     """
     if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
         return False
@@ -258,9 +258,9 @@ def whole_verdict(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
 
 @kernel
 def store_nearest_group(run: Any, pairs: Any, pool: Any, lo: int) -> None:
-    """Store energy and barrier of the group with the largest ratio of both so far.
+    """Store energy and barrier of the group with the largest ratio energy/barrier.
 
-    The groups of the island that starts with pair `lo` are compared with the stored values.
+    The groups of the island that starts with pair `lo` are compared with the values stored in the record of the run.
     """
     for c in range(lo, pairs[lo].hi if pairs[lo].slot >= 0 else lo):
         pair = pool[pairs[c].slot]
