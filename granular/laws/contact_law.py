@@ -40,7 +40,7 @@ class PairLaw:
     Attributes
     ----------
     law, pair : law, Pair
-        The law as given, and the pair.
+        The law object with the method `force`, and the pair.
     form : (k, p, γ, d) or None
         Coefficients of F = k ξ^p + γ ξ^d ξ̇, if the law has the trait `power` or `linear`, or is proved to be linear.
     memory : bool
@@ -85,7 +85,7 @@ class PairLaw:
 
     @property
     def is_elastic(self) -> bool:
-        """Whether the law has neither damping nor memory according to its traits."""
+        """Whether the law has neither damping nor memory, according to its traits."""
         return not (self.memory or (self.rate_dependent if self.form is None else self.form[2] != 0.0))
 
     def tangent(self, xi: float) -> tuple[float, float]:
@@ -245,7 +245,7 @@ def _traced(law: Any, pair: Pair) -> tuple[float, float] | None:
 
 
 TRAIT_ARGUMENTS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", "pair")}
-"""Argument names of the traits that are methods."""
+"""Names of the traits that are methods, and of their arguments."""
 
 
 def instance(name: str, law: Any, fix: str = "For hard spheres use granular.edmd.") -> Any:
@@ -293,7 +293,7 @@ class ForceLaw(Protocol):
 class LawWithMemory(Protocol):
     """Protocol of a user-defined force law that depends on the largest overlap so far.
 
-    Its attribute `memory` is True. The largest overlap is counted since the bodies last separated.
+    Its attribute `memory` is True.
     """
 
     memory: bool

@@ -124,7 +124,8 @@ class ViscoelasticHertz(_Spheres):
             return cls.from_restitution(restitution, speed, k, pair)  # type: ignore[arg-type]
         if are_given != (True, False, False):
             raise ValueError("Either `dissipation`, or `restitution` with the `speed` at which it holds, must be "
-                             f"given, got {dissipation!r}, {restitution!r} and {speed!r}.")
+                             f"given, got dissipation = {dissipation!r}, restitution = {restitution!r} and "
+                             f"speed = {speed!r}.")
         return cls(k, 1.5 * check.number("dissipation", dissipation, at_least=0.0) * k)
 
     @classmethod

@@ -76,9 +76,9 @@ class SceneLaws:
 
     @property
     def in_pairs(self) -> tuple[Kinds, list[PairLaw]]:
-        """Index for every pair, and one `PairLaw` for every combination of law and sizes.
+        """Index array and list of `PairLaw`, one for every combination of law and sizes.
 
-        Sizes are m_eff and r_eff. The index refers to the list.
+        Entry c of the array is the index of the law of pair c in the list. Sizes are m_eff and r_eff.
         """
         if "in_pairs" not in self.notes:
             kind, first = number_distinct_rows(self.kind, self._pairs.m_eff, self._pairs.r_eff)

@@ -60,9 +60,9 @@ class WaltonBraun:
     """Elastic-plastic contact without rate dependence (Walton & Braun 1986).
 
     F = min(k_load ξ, k_load ξ_max - k_unload (ξ_max - ξ)). Loading follows k_load ξ. Unloading and reloading follow the
-    steeper line through the largest overlap ξ_max so far, until ξ exceeds ξ_max. An isolated contact ends at ξ = (1 -
-    k_load/k_unload) ξ_max with restitution ε = √(k_load/k_unload) after t_c = (π/2) (√(m_eff/k_load) +
-    √(m_eff/k_unload)).
+    steeper line through the largest overlap ξ_max so far, until ξ exceeds ξ_max. An isolated contact ends at
+    ξ = (1 - k_load/k_unload) ξ_max with restitution ε = √(k_load/k_unload) after
+    t_c = (π/2) (√(m_eff/k_load) + √(m_eff/k_unload)).
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ class MatchedEnd:
     stiffness: float
 
     def __post_init__(self) -> None:
-        check.number("load", self.load, above=0.0, fix="a chain that is not pressed has no slow waves")
+        check.number("load", self.load, above=0.0, fix="A chain without static force has no slow waves.")
         check.number("stiffness", self.stiffness, above=0.0)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:

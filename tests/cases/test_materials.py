@@ -54,7 +54,8 @@ def test_two_bodies_of_one_material_are_the_law_of_that_material():
 
 WAYS = "Either `dissipation`, or `restitution` with the `speed` at which it holds, must be given, got"
 REFUSED = {
-    "no way": (lambda: gr.ViscoelasticHertz.from_material(1e9, 0.3, pair=PAIR), f"{WAYS} None, None and None"),
+    "no way": (lambda: gr.ViscoelasticHertz.from_material(1e9, 0.3, pair=PAIR),
+        f"{WAYS} dissipation = None, restitution = None and speed = None"),
     "both ways": (lambda: gr.ViscoelasticHertz.from_material(1e9, 0.3, 1e-6, PAIR, restitution=0.9, speed=1.0), WAYS),
     "no speed": (lambda: gr.ViscoelasticHertz.from_material(1e9, 0.3, pair=PAIR, restitution=0.9), WAYS),
     "speed alone": (lambda: gr.ViscoelasticHertz.from_material(1e9, 0.3, 1e-6, PAIR, speed=1.0), WAYS),

@@ -228,7 +228,7 @@ class Saturating:
     (lambda: cases.make("compressed-chain", forze=1.0),
         r"compressed-chain has no option `forze`; did you mean `force`\?"),
     (lambda: gr.MatchedEnd(0.0, 1.0),
-        r"`load` must be a finite number above 0, got 0\.0\. a chain that is not pressed has no slow waves"),
+        r"`load` must be a finite number above 0, got 0\.0\. A chain without static force has no slow waves"),
     (lambda: waves.matched_end(gr.scenes.compressed_chain(3, law=PULL, ends="force"), PULL), r"pressed against a wall"),
     (lambda: waves.stiffness("x", PULL),
         r"`scene` must be a granular\.Scene, such as granular\.scenes\.three_balls\(\), got 'x'\."),

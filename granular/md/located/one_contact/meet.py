@@ -396,10 +396,10 @@ def velocity_without_contacts(s: Any, b: int, pair: Any, dt: float) -> float:
 
 @kernel
 def remaining_contact_time(beyond: Any, pair: Any, dt: float) -> float:
-    """Return the remaining time in contact of pair `beyond`, at the far end of a flank.
+    """Return the remaining time in contact of the pair at the far end of a flank.
 
-    The time in s is counted from `dt` after the clock of `pair`. It is 0 if no contact solved as one event is in
-    progress.
+    The time in s of pair `beyond` is counted from `dt` after the clock of `pair`. It is 0 if no contact solved as one
+    event is in progress.
     """
     left: float = -(since(beyond, pair.t, pair.tail) + dt)
     return left if beyond.lasts > 0.0 and left > 0.0 and beyond.slot < 0 else 0.0
