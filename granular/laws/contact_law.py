@@ -69,9 +69,9 @@ class PairLaw:
         xi, xi_dot, xi_max : float
             Overlap in m, its rate in m/s, and the largest overlap so far in m.
         """
-        return float(self.unchecked_force(xi, xi_dot, xi_max))
+        return float(self.given(xi, xi_dot, xi_max))
 
-    def unchecked_force(self, xi: float, xi_dot: float, xi_max: float) -> Any:
+    def given(self, xi: float, xi_dot: float, xi_max: float) -> Any:
         """Return the value of the law's `force` as it is, which may not be a number.
 
         The parameters are those of `force`.
@@ -129,7 +129,7 @@ class PairLaw:
         total = 0.0
         for w, u in zip(*_quadrature(), strict=True):
             s = xi * u * u  # substitution that smooths forces which start like a root of ξ
-            total += w * u * xi * self.unchecked_force(s, 0.0, s)
+            total += w * u * xi * self.given(s, 0.0, s)
         return float(total)
 
     def overlap_at(self, speed: float) -> float:
@@ -312,7 +312,7 @@ def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
     `xi` in m is taken as the largest overlap so far. Raises `ValueError` with a sentence if the force is not a finite
     number.
     """
-    value, force = law.unchecked_force(xi, xi_dot, xi), math.nan
+    value, force = law.given(xi, xi_dot, xi), math.nan
     with suppress(TypeError, ValueError):
         force = math.nan if isinstance(value, (str, bytes)) else float(value)
     if not math.isfinite(force):

@@ -6,8 +6,8 @@ With damping ratio ζ = γ / (2 √(k m_eff)), natural frequency ω₀ = √(k /
 
 an isolated contact lasts t_c = 2 f / ω₀ and has the restitution ε = exp(-2 ζ f), for every damping. The contact ends
 when the force reaches zero, before the overlap does (Schwager & Pöschel 2007). The three branches of the restitution
-are from Müller & Pöschel 2011, who omit the over-damped duration. The common formula exp(-πζ/√(1-ζ²)) belongs to *another* law, whose
-force is attractive at the end of the contact.
+are from Müller & Pöschel 2011, who omit the over-damped duration. The common formula exp(-πζ/√(1-ζ²)) belongs to
+*another* law, whose force is attractive at the end of the contact.
 """
 
 from __future__ import annotations
