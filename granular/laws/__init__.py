@@ -2,8 +2,8 @@
 
 A law returns the force F, where F ≥ 0 is repulsive. The engine clips F at zero and applies it only for overlaps ξ > 0.
 
-Start with: `contact_law`, `dashpot`. Support modules: `hertz`, `kinds`, `rules`, `springs`, `theory`,
-`viscoelastic_restitution`.
+Start with: `contact_law`, `dashpot`.
+Support modules: `hertz`, `kinds`, `rules`, `springs`, `theory`, `viscoelastic_restitution`.
 """
 
 from granular.laws.contact_law import ForceLaw, LawWithMemory, PairLaw as PairLaw, resolve as resolve

@@ -219,7 +219,7 @@ def hashable_contents(law: Any) -> tuple[Any, ...] | None:
 def _is_constant(value: Any) -> bool:
     """Return whether an object is constant.
 
-    An object that is hashed by its identity can change.
+    An object that is hashed by its identity counts as changeable.
     """
     if isinstance(value, (tuple, frozenset)):
         return all(map(_is_constant, value))

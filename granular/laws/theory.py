@@ -215,8 +215,8 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     """Return the velocity of the last ball of a chain hit by a striker.
 
     It is in units of the velocity of the striker. All other balls are at rest, and the collisions are successive. The
-    velocity is therefore Π (1 + ε)/(1 + m[k+1]/m[k]). For a geometric taper, μ = m[k+1]/m[k], it is ((1 + ε)/(1 +
-    μ))^(N-1).
+    velocity is therefore Π (1 + ε)/(1 + m[k+1]/m[k]). For a geometric taper, μ = m[k+1]/m[k], it is
+    ((1 + ε)/(1 + μ))^(N-1).
 
     Parameters
     ----------

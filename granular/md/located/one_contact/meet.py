@@ -64,7 +64,10 @@ from granular.md.located.walls import (
 )
 
 MAX_TIME_LEFT_OF_PENDULA = 0.5
-"""Longest remaining contact beyond a flank of pendula, in units of 1/Ω."""
+"""Longest remaining contact at the far end of a flank of pendula, in units 1/Ω.
+
+If it lasts longer, the contact of the pair is integrated by pieces.
+"""
 CLOSED_FORM, INTEGRATED, NOT_INTEGRATED, THERMAL_WALL = -3, -4, -5, -6
 """Sources of a contact map that is not in a table.
 
