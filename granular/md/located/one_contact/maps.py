@@ -17,8 +17,8 @@ contact force changes the relative position at t2 by v t2 + G t2²/2, and its im
 | viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2, t2 = t1 + γ/k |
 
 Here η = ξ̇ and ω² = k/m. For other laws and states t1 is nan. A dashpot between pendula whose surfaces are a distance d
-apart at rest, ξ̈ = -Ω² (ξ + d) - F/m, also has a map (`of_pendula`). Its overlap oscillates with the squared frequency
-k/m + Ω², and its force ends where kξ + γη = 0.
+apart at rest, ξ̈ = -Ω² (ξ + d) - F/m, also has a map (`of_pendula`). Its overlap oscillates with the squared
+frequency k/m + Ω², and its force ends where kξ + γη = 0.
 """
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 
 @kernel
 def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
-    """Return the largest overlap and the largest force of a contact of `encounter`.
+    """Return the largest overlap and force of a contact of `encounter`.
 
     They are in m and N. `t1` and `v1` are the results of `encounter`.
     """
