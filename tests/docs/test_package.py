@@ -87,13 +87,22 @@ def test_every_mutant_has_one_place_and_its_tests_exist():
     assert len(mutants.checked_files()) == len(mutants.MUTANTS) > 30
 
 
-def test_a_change_is_one_whole_line():
-    head, *changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n- ")
-    assert f"\n## {PROJECT['version']} — " in head
-    for line in changes:
-        line = line.partition("\n\n")[0].strip()
-        assert "\n" not in line
-        assert len("- " + line) <= 120
-        assert line.endswith(".")
-        assert line.count("(") == line.count(")")
-        assert line.count("`") % 2 == 0
+KINDS = ["Answers that changed", "Added", "Changed", "Fixed", "Removed", "Faster"]
+"""Sections of a release, in this order."""
+
+
+def test_the_changelog_has_the_sections_of_a_release_and_one_line_per_change():
+    releases = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    assert any(text.startswith(f"{PROJECT['version']} — ") for text in releases)
+    for text in releases:
+        lines = [line for line in text.splitlines()[1:] if line]
+        kinds = [line.removeprefix("### ") for line in lines if line.startswith("### ")]
+        assert kinds == [kind for kind in KINDS if kind in kinds]
+        assert len(lines) <= 40 + len(kinds)
+        for line in lines:
+            if not line.startswith("### "):
+                assert line.startswith("- ")
+                assert len(line) <= 120
+                assert line.endswith(".")
+                assert line.count("(") == line.count(")")
+                assert line.count("`") % 2 == 0
