@@ -1,13 +1,14 @@
 """The gallery's findings, second part: what only the duration of contacts makes. See `test_findings`."""
 
 import math
+import runpy
 
 import numpy as np
 import pytest
 
 import granular as gr
 from tests.docs.test_findings import by_scipy
-from tests.helpers.findings import printed, script
+from tests.helpers.findings import FOLDER, printed, script
 
 pi, rebound, touching, cooling = map(script, ("pi", "rebound", "touching", "cooling"))
 SOAK = pytest.mark.soak
@@ -127,3 +128,77 @@ def test_sticking_points_lose_energy_with_the_published_exponent():
     error = found.std(ddof=1) / math.sqrt(len(found))
     assert (found.mean(), error) == (printed(-0.669, 3), printed(0.004, 3))
     assert abs(found.mean() + 2.0 / 3.0) < 3.0 * error
+
+
+engines, bouncing = map(script, ("engines", "bouncing"))
+
+
+def test_rules_for_five_touching_balls():
+    at_once = [-0.6, 0.4, 0.4, 0.4, 0.4]
+    for ties, expected in {"left": [0, 0, 0, 0, 1], "newton": at_once, "poisson": at_once}.items():
+        assert engines.hard_speeds(ties) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_five_touching_balls_by_newton_at_any_speed_and_stiffness(size):
+    linear, hertz = gr.LinearDashpot(1e6 * size), gr.Hertz(1e9 * size)
+    assert engines.soft_speeds(linear, 0.1 * size) == printed(np.array([-0.132, -0.075, -0.031, 0.296, 0.942]), 3)
+    assert engines.soft_speeds(hertz, 0.1 * size) == printed(np.array([-0.071, -0.030, -0.014, 0.127, 0.989]), 3)
+    for law in (linear, hertz):
+        v = engines.soft_speeds(law)
+        assert (v.sum(), v @ v) == pytest.approx((1.0, 1.0), rel=1e-12)
+
+
+def test_stored_results_of_engines_are_those_of_the_page():
+    known = {"pymunk 7.3.1, R = 5 cm": [-1 / 3, 0, 0, 2 / 3, 2 / 3], "pymunk 7.3.1, R = 1 m": [0, 0, 0, 0, 1],
+             "Box2D 2.3.10, 3 m/s": [-0.6, 0.4, 0.4, 0.4, 0.4], "Box2D 2.3.10, 0.5 m/s": [0.2] * 5,
+             "MuJoCo 4.0.0, springs": [-0.6, 0.4, 0.4, 0.4, 0.4]}
+    assert known.keys() == engines.ENGINES.keys()
+    for name, values in known.items():
+        assert engines.ENGINES[name] == pytest.approx(values, abs=0.0125)
+        assert sum(engines.ENGINES[name]) == pytest.approx(1.0, abs=2e-4)
+
+
+@SOAK
+@pytest.mark.parametrize(("engine", "speed", "more", "key"), [
+    ("pymunk", 1.0, {}, "pymunk 7.3.1, R = 5 cm"), ("pymunk", 1.0, {"radius": 1.0}, "pymunk 7.3.1, R = 1 m"),
+    ("Box2D", 3.0, {}, "Box2D 2.3.10, 3 m/s"), ("Box2D", 0.5, {}, "Box2D 2.3.10, 0.5 m/s"),
+    ("mujoco", 1.0, {}, "MuJoCo 4.0.0, springs")])
+def test_engines_give_the_stored_results(engine, speed, more, key):
+    """Runs where the engine is installed: pip install pymunk Box2D mujoco."""
+    pytest.importorskip(engine)
+    peer = runpy.run_path(str(FOLDER.parent / "peers" / f"cradle_{engine.lower()}.py"))
+    values = [value / speed for value in peer["velocities"](speed, **more)]
+    assert values == pytest.approx(engines.ENGINES[key], abs=2e-3)
+
+
+@pytest.mark.parametrize(("scheme", "rate", "bounce", "energy"), [
+    ("explicit Euler", 60, 10, 1.5216), ("explicit Euler", 240, 10, 1.0918),
+    ("semi-implicit Euler, put back", 60, 80, 1.012), ("semi-implicit Euler, put back", 240, 80, 0.7748),
+    ("semi-implicit Euler, not put back", 60, 10, 0.7852), ("semi-implicit Euler, not put back", 60, 80, 0.0021)])
+def test_energy_of_a_bouncing_ball_in_fixed_steps(scheme, rate, bounce, energy):
+    assert bouncing.energies(scheme, 1.0 / rate, bounce)[-1] == printed(energy, 4)
+
+
+@SOAK
+def test_a_ball_that_is_put_back_keeps_its_energy_at_one_step():
+    energy = bouncing.energies("semi-implicit Euler, put back", 1.0 / 60.0, 36_000)
+    assert len(energy) == 36_000
+    assert energy[[0, -1]] == printed(np.array([1.012, 1.012]), 3)
+
+
+@pytest.mark.parametrize("rate", [50.0, 173.0])
+def test_explicit_steps_gain_what_their_closed_form_says(rate):
+    """A fall of k steps from rest covers g dt² k(k-1)/2, so the first gain is between 0 and 2 g dt |v|."""
+    dt, g = 1.0 / rate, bouncing.GRAVITY
+    steps = math.ceil(0.5 + math.sqrt(0.25 + 2.0 * bouncing.HEIGHT / (g * dt * dt)))
+    assert bouncing.energies("explicit Euler", dt, 1)[0] == pytest.approx(
+        0.5 * (g * dt * steps) ** 2 / (g * bouncing.HEIGHT), rel=1e-9)
+
+
+def test_an_elastic_ball_keeps_its_energy_in_both_models():
+    hard = gr.edmd.simulate(bouncing.ball(), gr.ConstantRestitution(1.0), t_end=1e5)
+    soft = gr.md.simulate(bouncing.ball(), gr.LinearDashpot(1e6), t_end=1e3)
+    assert len(hard.contacts) == 35_928
+    assert bouncing.energy_change(hard) < 1e-14
+    assert bouncing.energy_change(soft) < 1e-14
