@@ -51,7 +51,8 @@ def stage(scripts: list[Path], folder: Path, header: str) -> None:
 class InOrder:
     """Sort the examples as a reader would try them; what is not named comes last, by its name."""
 
-    NAMES = ("detachment", "domino", "kerwin", "cradle", "engines", "bouncing", "tapered", "collapse", "rebound", "pi", "touching", "cooling",
+    NAMES = ("detachment", "domino", "kerwin", "cradle", "engines", "bouncing", "tapered", "collapse",
+             "rebound", "pi", "touching", "cooling",
              "clumps", "waves", "three_balls", "kerwin_stack", "newtons_cradle", "cooling_gas", "your_own_law",
              "your_own_rule",
              "bouncing_on_a_plate", "hertz_chain", "where_edmd_breaks", "error_against_run_time",
