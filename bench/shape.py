@@ -119,7 +119,8 @@ def listed_files(folder: Path) -> tuple[list[str], list[str]]:
     Names of folders end in /.
     """
     text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
-    found = (re.search(rf"^{head}: (.*?)\.$", text, re.M | re.S) for head in ("Main line", "A first reader may skip"))
+    found = (re.search(rf"^{head}: (.*?)\.$", text, re.M | re.S)
+             for head in ("(?:Main line|Start with)", "(?:A first reader may skip|Support modules)"))
     main, others = (re.findall(r"`([\w/]+)`", one[1]) if one else [] for one in found)
     return main, others
 

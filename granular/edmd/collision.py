@@ -1,6 +1,6 @@
 """Apply one collision to the two bodies of a pair, for both event queues.
 
-Balls that rested on these bodies are released.
+Balls that rested on these bodies are released. The module also releases balls from a wall and from thermal walls.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ from granular.edmd.wall_state import book, borne, enter
 from granular.scene.walls.thermal import drawn
 
 SUSPICIOUS_STREAK = 8
-"""Streak from which a collapse is suspected."""
+"""Value of the field `streak` of a pair from which a collapse is suspected."""
 MIN_RELATIVE_REBOUND = 2.0**-26
-"""Rebound that raises a suspicion immediately, in units of the fall velocities.
+"""Rebound rate below which a collapse is suspected immediately.
 
-Half of the digits of such a rate are lost in the velocities.
+It is in units of the larger fall velocity of the two bodies. Half of the digits of a smaller rate are lost in the
+velocities.
 """
 MIN_INTERVAL, MAX_REBASED = 2.0**-20, 64
-"""Limits for moving the zero of time when balls merge.
+"""Limits for moving the epoch where balls merge.
 
-The zero of time is moved if the time between two collisions of a pair is below `MIN_INTERVAL` times the time on the
-clock. It is moved for at most `MAX_REBASED` pairs, because all pairs have to be advanced.
+The epoch is moved if the time between two collisions of a pair is below `MIN_INTERVAL` times the time since the epoch.
+This is done only in runs of at most `MAX_REBASED` pairs, because all pairs have to be advanced.
 """
 
 
@@ -48,10 +49,15 @@ def event(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
     walls: Walls,
 ) -> tuple[int, int, float]:
-    """Let pair `c` collide at time `now`.
+    """Apply the collision of pair `c` at time `now`.
 
-    Returns the first and the last pair to predict again, and the rate after the collision. The log entry is written to
-    `row`, if given.
+    `rule` returns the coefficient of restitution, or is None if every pair has the constant `eps`. If `row` is not
+    None, it receives the entry of the contact log. Bodies without a rebound above their noise, or slower than
+    `merge_below`, can stick, see `clusters.will_stick`. Otherwise they rebound, and balls at rest on them are
+    released.
+
+    Returns the first and the last pair that have to be predicted again, and the rate (m/s) of pair `c` after the
+    collision.
     """
     if FORCED and pairs[c].heat >= 0:
         return leave_thermal_wall(run, pairs, bodies, c, now, row, walls)
@@ -70,8 +76,8 @@ def event(
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
     # Without a rebound, or with a rebound below the noise, the bodies may stick.
-    nothing_left = e * w == 0.0 or (e * w) * (e * w) < lower.noise + upper.noise
-    if e < 1.0 and (nothing_left or -w < run.merge_below) and will_stick(pairs, bodies, c, now, w, e, walls):
+    no_rebound = e * w == 0.0 or (e * w) * (e * w) < lower.noise + upper.noise
+    if e < 1.0 and (no_rebound or -w < run.merge_below) and will_stick(pairs, bodies, c, now, w, e, walls):
         first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:
         # The first factor is a cheap test: without gravity and mergers nothing is stuck.
@@ -102,10 +108,11 @@ def event(
 
 @kernel
 def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: float) -> float:
-    """Return ε of a collision of pair `c`, where `e` is the value of its rule.
+    """Return ε of a collision, which is 1 if `tc` or `elastic_below` applies.
 
-    A collision is elastic if its `speed` is below `elastic_below`, or if one of its two bodies has collided less than
-    `tc` before `now` (TC model, Luding & McNamara, Granular Matter 1, 113 (1998)).
+    `e` is the value of the restitution rule of pair `c`, `speed` its approach speed (m/s) and `now` the time. The
+    result is 1 if `speed` is below `elastic_below`. It is also 1 if one of the two bodies has collided less than `tc`
+    before `now` (TC model, Luding & McNamara, Granular Matter 1, 113 (1998)). Otherwise it is `e`.
     """
     if speed < run.elastic_below:
         return 1.0
@@ -123,16 +130,20 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
 def streak(
     run: Record, count: int, lower: Record, upper: Record, now: float, last: float, speed: float, e: float
 ) -> int:
-    """Return the number of consecutive suspicious collisions of a pair.
+    """Return the new value of the field `streak` of a pair after a collision.
 
-    `count` is the number before. A slow collision counts three times, and a repeated collision within a short time
-    once. A rebound that velocities of their size can hardly represent raises a suspicion immediately. Where balls
-    merge, so does a collision too soon after `last` for the resolution of the clock, because the order of the next
-    events depends on it.
+    The streak counts consecutive collisions that look like an inelastic collapse, and `count` is its value before. A
+    collision slower than `run.slow` adds 3. A collision within `run.short` after the previous one of the pair, at time
+    `last`, adds 1. Any other collision resets the streak to 0. The result is `SUSPICIOUS_STREAK` if the rebound is too
+    slow to be represented by the difference of the fall velocities. `speed` is the approach speed (m/s) and `e` is ε.
+
+    In runs in which no collapse is detected (`run.slow` < 0), the result is `SUSPICIOUS_STREAK` or 0. It is
+    `SUSPICIOUS_STREAK` if balls can merge and the time since `last` is too short for the resolution of the clock. The
+    order of the next events would then be uncertain.
     """
     if run.slow < 0.0:
         # Order: cheap tests first. `MAX_REBASED` because all pairs are advanced when the clock moves.
-        fine = (
+        is_resolved = (
             FORCED
             or HUNG
             or run.merge_below == 0.0
@@ -140,7 +151,7 @@ def streak(
             or run.pairs > MAX_REBASED
             or now - last >= MIN_INTERVAL * now
         )
-        return 0 if fine else SUSPICIOUS_STREAK
+        return 0 if is_resolved else SUSPICIOUS_STREAK
     if 0.0 < e * speed < MIN_RELATIVE_REBOUND * max(abs(lower.fall_velocity), abs(upper.fall_velocity)):
         return SUSPICIOUS_STREAK
     if speed < run.slow:
@@ -153,13 +164,14 @@ def streak(
 def leave_thermal_wall(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, row: Record | None, walls: Walls
 ) -> tuple[int, int, float]:
-    """Let the ball of pair `c` leave the thermal wall it hits at time `now`.
+    """Reflect the ball of pair `c` from a thermal wall, with a random speed.
 
-    Returns the same values as `event`. Such a hit is never part of a touching group or of a slice in `zoom`, and its
-    bodies never merge. A ball pressed on the wall is hit immediately. The drawn speed depends on the number of earlier
-    hits of the pair, so every queue and a resumed run draw the same speed. With w the rate before and s the drawn
-    speed, the wall transfers the impulse m(s - w), does the work of this impulse at its own velocity, and adds the heat
-    ½m(s² - w²).
+    Parameters and return values are those of `event`. Such a hit is never part of a touching group or of a slice in
+    `zoom`, and its bodies never merge. The drawn speed depends on the number of earlier hits of the pair. Every queue
+    and a resumed run therefore draw the same speed.
+
+    Let w be the rate before, s the drawn speed and m the mass of the ball. The wall transfers the impulse m(s - w),
+    does the work of this impulse at its own velocity, and adds the heat ½m(s² - w²).
     """
     pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
     side, w = walls.sides[pair.heat], rate_at_touch(pair, lower, upper, walls)
@@ -176,13 +188,13 @@ def leave_thermal_wall(
     else:
         lower.fall_velocity = upper.fall_velocity - (pair.closing_acceleration * now + s)
     ball.noise = COLLISION_NOISE * (ball.fall_velocity * ball.fall_velocity + s * s)
-    given = impulse(lower, upper, w - s)
-    enter(lower, upper, given, 0.0, walls)
-    side.heat, side.heat_low = add(side.heat, side.heat_low, 0.5 * (s + w) * given)
-    side.given, side.given_low = add(side.given, side.given_low, given)
+    transferred = impulse(lower, upper, w - s)
+    enter(lower, upper, transferred, 0.0, walls)
+    side.heat, side.heat_low = add(side.heat, side.heat_low, 0.5 * (s + w) * transferred)
+    side.given, side.given_low = add(side.given, side.given_low, transferred)
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, g, now)
-        row.impulse = given
+        row.impulse = transferred
     pair.contacts += 1
     pair.last = now
     return start, end, s
@@ -191,9 +203,10 @@ def leave_thermal_wall(
 @rare
 @kernel
 def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Release the bodies of pair `c`, which is hit, and the balls that rest on them.
+    """Release the bodies of colliding pair `c`, and the balls that rest on them.
 
-    Balls that forces press against them are released as well. Returns the first and the last pair to predict again.
+    Balls that forces press against these bodies are released as well. `now` is the time. Returns the first and the last
+    pair that have to be predicted again.
     """
     low, top = c, c + 1
     while low > 0 and is_pressed(bodies[low]) and is_stuck(pairs[low - 1], bodies[low - 1], bodies[low]):
@@ -218,9 +231,10 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
 @rare
 @kernel
 def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls) -> None:
-    """Release the stuck bodies `low` to `high`.
+    """Release the stuck bodies `low` to `high` at time `now`.
 
-    From `now` on each of them falls under its own forces.
+    From then onwards each body moves under its own forces. The closing accelerations and stuck marks of their pairs are
+    updated. Bodies that are not stuck are unchanged.
     """
     first, last = max(low - 1, 0), min(high, len(pairs) - 1)
     for i in range(low, high + 1):
@@ -246,7 +260,10 @@ def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, n
 @rare
 @kernel
 def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, walls: Walls) -> None:
-    """Release ball `i`, if it is stuck, to fall under its own force."""
+    """Release ball `i` at time `now`, if it is stuck.
+
+    It can rest on a wall, or be pressed against other balls by forces. From then onwards it moves under its own forces.
+    """
     body = bodies[i]
     if at_rest(body):
         which = CEILING - 1 if (i < len(pairs) and pairs[i].stuck == CEILING) else FLOOR - 1
@@ -261,12 +278,12 @@ def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, w
 
 @rare
 @kernel
-def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
-    """Set the acceleration of a ball by forces to `push` (m/s²).
+def accelerate(body: Record, velocity_change: float, push: float, walls: Walls) -> None:
+    """Change the acceleration of a ball by forces to `push` (m/s²).
 
-    The fall velocity changes by `more` (m/s), so that the velocity is unchanged.
+    `velocity_change` (m/s) is the change of the fall velocity by which the current velocity of the ball stays the same.
     """
-    body.fall_velocity += more
+    body.fall_velocity += velocity_change
     body.force_acceleration = push
     if walls.sides[0].lands:
         body.noise += COLLISION_NOISE * (body.fall_velocity * body.fall_velocity)
@@ -275,26 +292,28 @@ def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
 @rare
 @kernel
 def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let the balls that rest on a wall beyond stuck pair `c` leave it as one.
+    """Release the balls that rest on a wall beyond stuck pair `c`.
 
-    All pairs that open at time `now` open. Returns the first and the last pair to predict again.
+    This is the event in which pair `c` opens at time `now`. All balls on the side of the pair that faces away from the
+    wall leave the wall together, with their common acceleration. Pairs nearer to the wall with the same closing
+    acceleration open too. Returns the first and the last pair that have to be predicted again.
     """
-    on, low, high = pairs[c].stuck, c, c
-    same = pairs[c].closing_acceleration
-    if on == FLOOR:
-        while low > 0 and pairs[low - 1].closing_acceleration == same:
+    wall, low, high = pairs[c].stuck, c, c
+    pull = pairs[c].closing_acceleration
+    if wall == FLOOR:
+        while low > 0 and pairs[low - 1].closing_acceleration == pull:
             low -= 1
-        while high + 1 < len(pairs) and pairs[high + 1].stuck == on:
+        while high + 1 < len(pairs) and pairs[high + 1].stuck == wall:
             high += 1
-        b, e, opens = low + 1, high + 1, low
+        b, e, opening_pair = low + 1, high + 1, low
     else:
-        while high + 1 < len(pairs) and pairs[high + 1].closing_acceleration == same:
+        while high + 1 < len(pairs) and pairs[high + 1].closing_acceleration == pull:
             high += 1
-        while low > 0 and pairs[low - 1].stuck == on:
+        while low > 0 and pairs[low - 1].stuck == wall:
             low -= 1
-        b, e, opens = low, high, high
-    side, push = walls.sides[on - 1], common(bodies, b, e)
-    v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of the wall velocity
+        b, e, opening_pair = low, high, high
+    side, push = walls.sides[wall - 1], common(bodies, b, e)
+    v = place(walls, wall - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of the wall velocity
     first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
     for k in range(first, last + 1):
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
@@ -302,9 +321,9 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
             pairs[k].stuck, pairs[k].gap, pairs[k].at = FREE, 0.0, now
     for i in range(b, e + 1):
         body = bodies[i]
-        borne(run, body, on - 1, now, v, 1.0, walls)
+        borne(run, body, wall - 1, now, v, 1.0, walls)
         body.is_free, body.fall_velocity = 1.0, v
         accelerate(body, (run.gravity - push) * now, push, walls)
     set_closing(run, pairs, bodies, first, last, walls)
-    take_wall_velocity(pairs[opens], bodies[opens], bodies[opens + 1], walls)
+    take_wall_velocity(pairs[opening_pair], bodies[opening_pair], bodies[opening_pair + 1], walls)
     return press_again(run, pairs, bodies, first, last, walls)

@@ -1,21 +1,22 @@
-"""Motion of one pair: prediction of its contact, free flight and collision.
+"""Motion of one pair: prediction of its next collision, free flight and collision.
 
-Both event queues evaluate these same expressions.
+Both event queues evaluate these functions, so their results are bitwise identical.
 
-The record of a pair holds its `gap` (m, never negative) at the time `at`. The record of a body holds its
-`fall_velocity` u (m/s), which changes only at impacts. A body moves with ``u - g·tau`` if it `is_free`. Gravity gives
-the gap its `closing_acceleration` (g at a floor, 0 between balls, -g at a ceiling). Times are measured from the last
-re-basing.
+The record of a pair contains its `gap` (m, never negative) at the time `at`. All times are in s since the epoch. The
+record of a body contains its `fall_velocity` u (m/s), which changes only in collisions. If a body `is_free`, its
+velocity at the time tau is ``u - g·tau``. A gap has the `closing_acceleration` a = g above a floor, 0 between two balls
+and -g below a ceiling. The rate of a gap in m/s is negative while the bodies approach.
 
-A collision rounds velocities. `noise` (m²/s²) bounds the square of the rounding error of u, with a margin. A collision
-propagates the noise as it propagates velocities, and adds its own rounding error. Two balls whose approach speed is
-below their noise do not collide, because the sign of their relative velocity is uncertain. Initial velocities are
-exact.
+A collision rounds the velocities. The field `noise` of a body (m²/s²) is an upper bound of the squared rounding error
+of u. A collision propagates the noise like the velocities, and adds the noise of its own rounding. If the approach
+speed of two balls is below their noise, the sign of their relative velocity is uncertain, and they do not collide.
+Initial velocities are exact.
 
-The branches `if FORCED`, `if HUNG` and `if RING` serve driven walls and forces (`driven`), pendula (`hanging`) and
-rings. A first reader can skip them, see `granular._engine.kernels`. A ring of n balls is a line of n pairs and n + 1
-bodies, where the last body repeats the first. Every change of one of these two bodies is copied to the other, and the
-neighbours of a pair are counted modulo n. Velocities on a ring are relative to the centre of mass.
+The branches `if FORCED`, `if HUNG` and `if RING` are for driven walls and forces (`driven`), pendula (`hanging`) and
+rings, see `granular._engine.kernels`. They can be skipped on a first reading. A ring of n balls is stored as a line of
+n pairs and n + 1 bodies, where the last body is a copy of the first. After every change of the first or the last body
+the other body is updated. The neighbours of a pair are counted modulo n. Velocities on a ring are relative to the
+centre of mass.
 """
 
 from __future__ import annotations
@@ -29,35 +30,35 @@ from granular.edmd.driven import beside, next_wall_hit, opening, rate_at_wall, r
 from granular.edmd.records import FREE, Walls
 
 COLLISION_NOISE = 2.0**-96
-"""Noise that a collision adds, in units of the squared velocities.
+"""Noise added by one collision, in units of the squared velocity of the body.
 
-It corresponds to 16 units in the last place of a velocity. The rounding error is less than 3 units.
+It corresponds to 16 units in the last place of a velocity. The actual rounding error is less than 3 units.
 """
 MAX_RELATIVE_NOISE = 2.0**-76
-"""Largest noise of a ball, in units of the largest squared velocity."""
+"""Largest noise of a ball, in units of the largest squared velocity of all balls."""
 CLOCK_ROUNDING = 2.0**-52
 """Relative rounding error of a time."""
 REBASING_NOISE = 2.0**-104
-"""Noise that re-basing under gravity adds, in the same units as `COLLISION_NOISE`.
+"""Noise added by moving the epoch under gravity, in units of the squared velocity.
 
-It corresponds to one unit in the last place. The rounding error is half a unit.
+It corresponds to one unit in the last place. The actual rounding error is half a unit.
 """
 MIN_REMOVED_DRIFT = 2.0**-20
-"""Smallest centre-of-mass velocity of a ring that is removed.
+"""Smallest velocity of the centre of mass of a ring that is subtracted.
 
-In units of the largest velocity of a ball.
+It is in units of the largest speed of a ball.
 """
 MAX_WINDOW_EXPONENT = 1000
-"""Largest binary exponent of the clock window, a power of 2 in s."""
+"""Largest binary exponent of the window, which is a power of 2 in s."""
 LATEST_TIME = 2.0**MAX_WINDOW_EXPONENT
-"""Time in s after which runs end."""
+"""Latest time in s of a collision. A run whose next collision is later ends."""
 
 
 @kernel
 def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[float, float]:
     """Return the velocities (m/s) of the two bodies of a pair at time `now`.
 
-    The velocity of a driven wall is its velocity at the time `at` of its pair.
+    `g` is the gravity in m/s². A driven wall has the velocity that it had at the time `at` of its pair.
     """
     if HUNG:
         c, s = math.cos(lower.omega * now), math.sin(lower.omega * now)
@@ -71,14 +72,15 @@ def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[floa
 
 @kernel
 def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the time of the next collision of a pair, or inf if it never collides.
+    """Return the time of the next event of a pair, or inf if it has no event.
 
-    The prediction assumes that no other event changes the pair before.
+    The event is the next collision, under the assumption that no event of another pair acts earlier. With forces or
+    driven walls, a stuck pair can only open: then the result is the time of opening, see `driven.opening`.
 
-    A pair that touches and approaches collides now. A pair whose approach speed is below its rounding error never
-    collides: without a closing acceleration its balls pass by, and balls that touch and are pressed together are at
-    rest. With forces, a stuck pair opens at the returned time. A ball on a thermal wall never rests: it collides now if
-    it is pressed on the wall.
+    A pair that touches and approaches collides immediately. Without a closing acceleration, a pair whose approach
+    speed is below its noise never collides. With a positive closing acceleration, such a pair is at rest if its bodies
+    touch. Its gap is then set to exactly 0, and the result is inf. A ball on a thermal wall never rests. If it is
+    pressed on the wall, it collides immediately.
     """
     if HUNG:
         if pair.gap == 0.0 and pair.rate < 0.0:
@@ -112,9 +114,9 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
 
 @kernel
 def after(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
-    """Return the gap (m) and rate (m/s) of a pair at time `now`.
+    """Return the gap (m) and rate (m/s) of a pair at time `now` in free flight.
 
-    The gap of a closing pair can be negative by rounding.
+    Rounding can make the gap of an approaching pair negative.
     """
     if HUNG:
         return hung_after(pair.gap, pair.rate, pair.omega, pair.rest, now - pair.at)
@@ -126,7 +128,7 @@ def after(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
 
 @kernel
 def rate_at_touch(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the rate (m/s, not positive) of a pair at its next collision."""
+    """Return the rate (m/s, not positive) that a pair will have at its next collision."""
     if HUNG:
         return hung_rate_at_contact(pair.gap, pair.rate, pair.omega, pair.rest)
     if FORCED and pair.wall >= 0:
@@ -137,9 +139,10 @@ def rate_at_touch(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
 
 @kernel
 def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> bool:
-    """Return whether the bodies of a pair touch at time `now`, without tolerance.
+    """Return whether the bodies of a pair touch at time `now`.
 
-    A pair with a thermal wall never counts as touching.
+    The gap is compared with 0 without a tolerance. A stuck pair always touches. A pair with a thermal wall never
+    counts as touching.
     """
     if FORCED:
         if pair.heat >= 0:
@@ -153,9 +156,9 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
 
 @kernel
 def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
-    """Advance a pair to time `now`.
+    """Advance the gap of a pair to time `now` in free flight.
 
-    Returns 1 if rounding made the gap negative and the gap was clamped at 0, else 0.
+    Returns 1 if rounding made the gap negative, so that it was set to 0. Otherwise returns 0.
     """
     if HUNG or (FORCED and (pair.wall >= 0 or pair.stuck > FREE)):
         return carry_led(pair, lower, upper, now, walls)
@@ -170,8 +173,9 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
 def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
     """Advance a pair of pendula, or a pair at a driven wall, to time `now`.
 
-    A stuck pair is not changed: it keeps its time `at`. Its opening is searched from the time of its closing, so that a
-    jump of the wall velocity at `now` is found. Returns 1 if the gap was replaced by 0, otherwise 0.
+    A stuck pair is not changed. Its time `at` remains the time at which it became stuck, because `opening` has to find
+    every later jump of the wall velocity. Returns 1 if rounding made the gap negative, so that it was set to 0.
+    Otherwise returns 0.
     """
     # The gap of a stuck pair stays 0, and `opening` needs the time of its closing.
     if FORCED and pair.stuck > FREE:
@@ -188,15 +192,16 @@ def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Wal
 
 @kernel
 def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e: float) -> None:
-    """Let a pair collide at time `now` and separate with the rate -ε·w.
+    """Apply a collision to a pair at time `now`: its rate changes from `w` to -ε·`w`.
 
-    `w` ≤ 0 is the rate before the collision, `e` is ε. The noise of both bodies is updated too.
+    `w` ≤ 0 is in m/s, and `e` is ε. The function updates the fall velocities and the noise of both bodies, and sets
+    the gap to 0.
 
-    The velocity change of the heavier body is computed from its share. The velocity of the lighter body follows from
-    the new rate. Rounding errors of the two shares therefore do not accumulate (with shares that add to 1 only within
-    2^-54, the energy drifts by 4e-12 in 4e7 collisions). With ε = 0 and without a closing acceleration, both bodies
-    have bitwise identical velocities; otherwise they agree to rounding. On a ring, equal balls with ε = 1 exchange
-    their velocities exactly, as if they passed through each other.
+    The velocity change of the heavier body is computed from its mass ratio. The velocity of the lighter body follows
+    from the new rate. Otherwise the rounding errors of both mass ratios would accumulate: if they add to 1 only within
+    2^-54, the energy drifts by 4e-12 in 4e7 collisions. With ε = 0 and without a closing acceleration, both bodies
+    have bitwise identical velocities afterwards. In all other cases the new rate is correct to rounding. On a ring,
+    two equal balls with ε = 1 exchange their velocities exactly, as if they passed through each other.
     """
     part = pair.closing_acceleration * now - e * w
     # Equal masses: an exchange has no rounding error.
@@ -215,7 +220,11 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
 
 @kernel
 def impulse(lower: Record, upper: Record, jump: float) -> float:
-    """Return the impulse in N s that reduces the rate of a pair by `jump` (m/s)."""
+    """Return the impulse (N s) that lowers the rate of a pair by `jump` (m/s).
+
+    It is -m_eff·`jump`, where m_eff is the effective mass. In a collision `jump` is negative and the impulse is
+    positive.
+    """
     light, heavy = lower.mass, upper.mass
     if light > heavy:
         # The quotient below is then at most 1, also for an infinite mass.
@@ -225,10 +234,11 @@ def impulse(lower: Record, upper: Record, jump: float) -> float:
 
 @kernel
 def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None:
-    """Propagate the noise of a pair through its collision at rate `w`, and add to it.
+    """Update the noise of both bodies of a pair after a collision.
 
-    The noise is quadratic, so m₁ noise₁ + m₂ noise₂ is conserved if ε = 1 and decreases if ε < 1, as the energy does. A
-    wall has zero noise. A driven wall, and a ball that rests on it, keep their own noise.
+    `w` is the rate (m/s) before the collision, and `e` is ε. The noise is quadratic in the velocities, so m₁ noise₁ +
+    m₂ noise₂ changes like the energy: the sum is conserved if ε = 1 and decreases if ε < 1. The rounding of this
+    collision is then added. A wall has zero noise. A driven wall, or a ball that rests on it, keeps its noise.
     """
     a, b = pair.low * (1.0 + e), pair.high * (1.0 + e)
     below, above = lower.noise, upper.noise
@@ -242,7 +252,7 @@ def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None
 
 @kernel
 def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> float:
-    """Return the rate (m/s) of a pair at time `now`."""
+    """Return the rate (m/s) of a pair at time `now`, which is 0 for a stuck pair."""
     if FORCED and pair.stuck > FREE:
         return 0.0
     return after(pair, lower, upper, now, walls)[1]
@@ -250,10 +260,10 @@ def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
 
 @kernel
 def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: Walls) -> int:
-    """Return the number of a pair that approaches at time `now`, or -1.
+    """Return the number of a pair that approaches at time `now`, or -1 if none does.
 
-    The search starts at pair `first` and wraps around. Without a closing acceleration, a rate below its noise is not an
-    approach.
+    The search starts at pair `first` and wraps around. A rate below its noise is not an approach if the closing
+    acceleration is 0.
     """
     n = len(pairs)
     for k in range(n):
@@ -268,10 +278,10 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: 
 
 @kernel
 def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Walls) -> float:
-    """Advance all pairs to time `shift`, which becomes the new zero of time.
+    """Advance all pairs to time `shift`, and make this time the new epoch.
 
-    Stuck pairs keep the time of their closing. Returns the largest magnitude of the relative velocities (m/s) at the
-    new zero of time.
+    All stored times and fall velocities are converted to the new epoch. Stuck pairs keep the instant at which they
+    became stuck. Returns the largest magnitude of the relative velocities of pairs (m/s) at the new epoch.
     """
     for c in range(len(pairs)):
         pair = pairs[c]
@@ -311,11 +321,11 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
 
 @kernel
 def cut(bodies: Records) -> None:
-    """Limit the noise of all bodies relative to their velocities.
+    """Limit the noise of all bodies relative to the largest velocity.
 
-    The limit is `MAX_RELATIVE_NOISE` times the largest squared velocity. Rounding errors of relative velocities
-    decrease as the velocities do. The noise, which neighbouring balls have in common, does not decrease. Without the
-    limit, slow balls would pass through each other.
+    The limit is `MAX_RELATIVE_NOISE` times the largest squared velocity. In a gas that loses energy, velocities
+    decrease and their rounding errors with them. The stored noise of neighbouring balls does not decrease. Without the
+    limit, slow balls would pass through each other, because collisions below the noise are ignored.
     """
     fastest = 0.0
     for i in range(len(bodies)):
@@ -326,10 +336,11 @@ def cut(bodies: Records) -> None:
 
 @kernel
 def span(length: float, speed: float, g: float) -> float:
-    """Return the window (s), a power of two near 64 mean times to cross a gap.
+    """Return the length of the window (s): a power of two near 64 mean flight times.
 
-    Under strong gravity the window is limited to the time in which gravity doubles the speed. With a power of two, a
-    scene that is scaled by powers of two gives the same bits.
+    The mean flight time is `length`/`speed`, where `length` is the mean gap (m) and `speed` the scale of speeds (m/s).
+    The window is at most about `speed`/`g`, the time in which the largest acceleration `g` (m/s²) doubles the speed.
+    It is a power of two, so a scene that is scaled by powers of two gives the same binary digits.
     """
     if speed == 0.0:
         return 1.0
@@ -343,9 +354,10 @@ def span(length: float, speed: float, g: float) -> float:
 
 @kernel
 def add(value: float, low: float, more: float) -> tuple[float, float]:
-    """Add `more` to a compensated sum.
+    """Add `more` to a compensated sum, whose main part is `value`.
 
-    Returns the new sum and its accumulated rounding error (Neumaier, 1974).
+    `low` is the rounding error accumulated so far. Returns the new main part and the new accumulated rounding error.
+    Their sum is the result (Neumaier, 1974).
     """
     # The smaller summand is the one that loses digits.
     new = value + more
@@ -356,7 +368,8 @@ def add(value: float, low: float, more: float) -> tuple[float, float]:
 def reimpose(run: Record, pairs: Records) -> None:
     """Correct the largest gap so that the sum of all gaps keeps its initial value.
 
-    For pendula, the rate of this pair is corrected so that the sum of all rates is 0.
+    The initial value is `run.gap_sum` in m. For pendula, the rate of this pair is corrected as well, so that the sum
+    of all rates is 0.
     """
     widest, sum_high, low = 0, 0.0, 0.0
     for c in range(len(pairs)):
@@ -374,9 +387,10 @@ def reimpose(run: Record, pairs: Records) -> None:
 
 @kernel
 def centre(bodies: Records) -> None:
-    """Subtract the velocity of the centre of mass of a ring before it is significant.
+    """Subtract the velocity of the centre of mass from all balls of a ring.
 
-    Velocities are relative to the centre of mass, so they keep their digits however slow the balls become.
+    This is done only if this velocity exceeds `MIN_REMOVED_DRIFT` times the largest speed. Velocities relative to the
+    centre of mass keep their digits, even if the balls become very slow.
     """
     n, momentum, low, mass, fastest = len(bodies) - 1, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
@@ -392,9 +406,9 @@ def centre(bodies: Records) -> None:
 
 @kernel
 def copy_ball(body: Record, other: Record) -> None:
-    """Copy velocity and noise from `other` to `body`, which represent the same ball.
+    """Copy fall velocity and noise from body `other` to `body`.
 
-    Both represent the ball at the seam of a ring.
+    Both records represent the same ball of a ring, the first and the last body of the line.
     """
     body.fall_velocity = other.fall_velocity
     body.noise = other.noise
@@ -402,7 +416,11 @@ def copy_ball(body: Record, other: Record) -> None:
 
 @kernel
 def across(bodies: Records, c: int) -> None:
-    """Copy the result of a collision of pair `c` to the other body of the seam ball."""
+    """Copy the seam ball of a ring to its other record after a collision of pair `c`.
+
+    The seam ball is stored as the first and as the last body. The function does nothing if pair `c` contains neither of
+    them.
+    """
     n = len(bodies) - 1
     if c == 0:
         copy_ball(bodies[n], bodies[0])
@@ -412,7 +430,7 @@ def across(bodies: Records, c: int) -> None:
 
 @kernel
 def total(bodies: Records, b: int, e: int) -> float:
-    """Return the mass (kg) of bodies `b` to `e`, on a ring counted modulo n."""
+    """Return the total mass (kg) of bodies `b` to `e`, counted modulo n on a ring."""
     mass = 0.0
     for i in range(b, e + 1):
         mass += bodies[i % (len(bodies) - 1) if RING else i].mass
