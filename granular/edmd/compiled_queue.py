@@ -1,19 +1,21 @@
-"""The compiled queue: a tournament tree over all pairs, with the same event loop.
+"""The compiled event queue: a tournament tree over all pairs.
 
-Events and results are bitwise identical to `sorted_queue`.
+It uses the event loop of `sorted_queue`, and its events and results are bitwise identical.
 
-Large scenes are advanced block by block, so that each block fits into the processor cache. The motion of a ball until
-the end of a window depends only on nearby balls. Influence travels with the balls, at most at the speed V of the
-fastest ball. A block of pairs is therefore advanced to the end of the window alone, together with a halo on either
-side. The gaps of a halo add up to more than 2 V times the window. Only the block is kept of the result.
+Scenes with many balls are advanced block by block, so that each block fits into the processor cache. Until the end of
+a window, the motion of a ball depends only on nearby balls, because a collision can influence other balls only as fast
+as the fastest ball moves. Let V be an upper bound of all speeds. A block of pairs is advanced to the end of the window
+together with a halo of pairs on either side. The gaps of each halo add up to more than 2 V times the window. Only the
+results of the block itself are kept.
 
-The result is exact, bit for bit, if no ball was faster than V. V is assumed with a margin, because light balls can gain
-speed, and is checked after each sweep. After a valid sweep, the log rows of all blocks are sorted by time. A sweep is
-discarded, and the window is advanced without blocks, in these cases:
+The result is bitwise exact if no ball was faster than V. V contains a margin, because light balls can gain speed. The
+assumption is checked after each sweep over all blocks. After a valid sweep, the log rows of all blocks are sorted by
+time. In these cases the sweep is discarded, and the window is advanced without blocks:
 
-* A ball was too fast.
-* An event needs the order of the whole scene: a suspected collapse, a clamped gap, or too many events.
-* Two blocks have log rows with the same time.
+* A ball was faster than V.
+* An event depends on the order of events in the whole scene: a suspected collapse, a gap set to 0 after rounding made
+  it negative, merged balls, or too many events.
+* Log rows of two blocks have the same time.
 """
 
 from __future__ import annotations
@@ -34,23 +36,23 @@ from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 
 BLOCKS_ABOVE = 100_000
-"""Number of bodies from which advancing in blocks is faster."""
+"""Number of bodies above which a scene is advanced in blocks."""
 PAIRS_PER_BLOCK = 4096
 """Number of pairs per block, without the halo."""
 FIRST_LOG_ROWS = 64
-"""Number of log rows allocated first."""
+"""Number of log rows in the first allocation."""
 LOG_GROWTH_FACTOR = 4
-"""Growth factor of the next allocation of log rows, up to `chunk` rows."""
+"""Ratio of the sizes of successive allocations of log rows, up to `chunk` rows."""
 SPEED_MARGIN_FACTOR = 2.0
 """Assumed maximum speed, in units of the largest speed at the start of the window.
 
-A light ball among heavy balls can gain speed.
+The factor allows for light balls among heavy balls, which can gain speed.
 """
 
 
 @kernel
 def head(queue: Any) -> tuple[float, int]:
-    """Return the time and the pair of the next event."""
+    """Return the time (s since the epoch) and the pair of the next event."""
     return queue[1].due, queue[1].key & MASK
 
 
@@ -58,7 +60,11 @@ def head(queue: Any) -> tuple[float, int]:
 def refresh(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
-    """Predict pairs `first` to `last` again and replay the matches above them."""
+    """Predict pairs `first` to `last` again and update the tree.
+
+    If bodies are pressed together but have no next event, they can have come to rest, see `clusters.rest`. The pairs
+    that this changes are predicted again as well.
+    """
     c = first
     while c <= last:
         pair = pairs[c]
@@ -80,7 +86,7 @@ loop = specialised(SortedQueue.loop, head=head, refresh=refresh)
 
 
 class TreeQueue(SortedQueue):
-    """A `SortedQueue` with a compiled tournament tree, on arrays of records."""
+    """Compiled event queue: a tournament tree, with the records of the run as arrays."""
 
     name = "compiled"
     chunk = 65_536
@@ -90,55 +96,56 @@ class TreeQueue(SortedQueue):
     loop, predict = staticmethod(loop), staticmethod(refresh)
 
     def rows(self, n: int) -> Records:
-        """Return room for `n` rows of the log, at most the rest of the current allocation."""
+        """Return at most `n` unused log rows, a part of the current allocation."""
         if len(self.room) < min(n, FIRST_LOG_ROWS):
             self.room, self.size = np.empty(self.size, LOG_ROW), min(LOG_GROWTH_FACTOR * self.size, TreeQueue.chunk)
         return self.room[:n]
 
     def kept(self, rows: Records) -> Records:
-        """Return rows of the log without a copy; the next rows are written behind them."""
+        """Return filled log rows without a copy. The next rows are written after them."""
         self.room = self.room[len(rows) :]
         return rows
 
     def begin(self, n: int) -> None:
-        """Create a tree in which no event is due."""
+        """Create a tree for `n` pairs, in which no pair has an event."""
         self.queue = tournament(n)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event outside pairs `first` to `last`.
+        """Return the time (s since the epoch) of the next event, or inf.
 
-        Pairs are counted modulo the number of pairs.
+        Events of pairs `first` to `last`, counted modulo the number of pairs, are ignored. By default no pair is
+        ignored.
         """
         if last < first:
             return float(self.queue["due"][1])
         due = self.queue["due"][len(self.queue) // 2 :]
-        before = max(0, last + 1 - len(self.state.pairs))  # the excluded range continues there on a ring
-        return min(float(part.min(initial=math.inf)) for part in (due[before:first], due[last + 1 :]))
+        wrapped_end = max(0, last + 1 - len(self.state.pairs))  # the excluded range continues there on a ring
+        return min(float(part.min(initial=math.inf)) for part in (due[wrapped_end:first], due[last + 1 :]))
 
 
 def in_order(rows: Any, sizes: list[int]) -> Any:
-    """Sort log rows of several blocks by time, and return them in chunks.
+    """Return the log rows of all blocks sorted by time, in chunks, or None.
 
-    `sizes` are the numbers of rows per part. Rows of one part with equal times keep their order. Returns None if two
-    parts have rows with the same time.
+    `rows` are the rows block by block, and `sizes` the numbers of rows in each part. Rows of one part with equal times
+    keep their order. The result is None if rows of two parts have the same time, because their order is then unknown.
     """
     time = rows["t_begin"].copy()
     order = np.argsort(time)
-    later = time[order]
-    same = later[1:] == later[:-1]
-    if same.any():  # rare: a stable sort takes twice as long
+    sorted_time = time[order]
+    is_equal = sorted_time[1:] == sorted_time[:-1]
+    if is_equal.any():  # rare: a stable sort takes twice as long
         order = np.argsort(time, kind="stable")
         part = np.repeat(np.arange(len(sizes)), sizes)[order]
-        if (part[1:] != part[:-1])[same].any():
+        if (part[1:] != part[:-1])[is_equal].any():
             return None
-    del time, later, same
+    del time, sorted_time, is_equal
     return [raw(rows)[order[k : k + TreeQueue.chunk]].view(LOG_ROW) for k in range(0, len(order), TreeQueue.chunk)]
 
 
 class BlockQueue(TreeQueue):
-    """A `TreeQueue` that advances whole windows in blocks.
+    """`TreeQueue` for large scenes that advances whole windows block by block.
 
-    Blocks are used only if no single event has to be observed.
+    Blocks are used only if the run neither pauses at a particular event nor draws the order of simultaneous collisions.
     """
 
     # Practically unlimited, so that the budget never splits a window.
@@ -147,18 +154,18 @@ class BlockQueue(TreeQueue):
     spare = np.empty(0, LOG_ROW)  # log rows of a window by block; reused, because allocating is slower
 
     def rebuild(self) -> None:
-        """Predict all pairs again, which begins a window."""
+        """Predict all pairs again at the beginning of a window."""
         self.as_one = 0.0
         super().rebuild()
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
-        """Process events up to and including time `edge` and append them to `log`.
+        """Process events up to and including time `edge`, and append them to `log`.
 
-        At most `budget` events are processed.
+        `edge` is in s since the epoch. At most `budget` events are processed. Returns the reason of the pause.
         """
         run = self.state.run
-        alone = run.stop_pair == NEVER and run.order != RANDOM  # no single event is observed
-        if alone and edge > self.as_one and self.soonest() <= edge:
+        can_sweep = run.stop_pair == NEVER and run.order != RANDOM  # no single event is observed
+        if can_sweep and edge > self.as_one and self.soonest() <= edge:
             swept = self._sweep(edge, budget, log)
             self.begin(len(self.state.pairs))
             self.rebuild()
@@ -167,10 +174,11 @@ class BlockQueue(TreeQueue):
         return super().advance(edge, min(budget, TreeQueue.chunk), log)
 
     def _sweep(self, edge: float, budget: int, log: Log | None) -> bool:
-        """Advance all blocks to time `edge` and return whether the result is exact.
+        """Advance all blocks to time `edge`, and return whether the result is exact.
 
-        If it is not, state and log are unchanged. The tree is deleted, because two states are in memory during the
-        sweep.
+        `edge` is in s since the epoch. At most about `budget` events are accepted, and `log` receives the rows. If the
+        result is not exact, state and log are unchanged. The tree is deleted before the first block is advanced,
+        because two states are in memory during the sweep.
         """
         s, done, sizes, page = self.state, 0, list[int](), np.empty(0 if log is None else TreeQueue.chunk, LOG_ROW)
         speed, ends = self._blocks(edge)
@@ -205,9 +213,9 @@ class BlockQueue(TreeQueue):
         return True
 
     def _keep(self, rows: Any, at: int, blocks: int) -> None:
-        """Store the log rows of a block behind the first `at` rows.
+        """Store the log rows of one block after the first `at` rows of `spare`.
 
-        `blocks` is the number of all blocks, from which the necessary room is estimated.
+        `blocks` is the number of all blocks. It serves to estimate the total number of rows.
         """
         if at + len(rows) > len(self.spare):
             # A quarter more than estimated, so that few blocks cause another copy.
@@ -218,11 +226,11 @@ class BlockQueue(TreeQueue):
     def _run(
         self, low: int, high: int, edge: float, speed: float, log: Log | None = None, page: Any = TreeQueue.room
     ) -> State | None:
-        """Advance pairs `low` to `high` - 1 alone, to the time `edge`.
+        """Advance only the pairs `low` to `high` - 1 to the time `edge`.
 
-        Times are in s after the epoch. Returns the final state, or None if a ball was faster than `speed` (m/s), if a
-        gap was replaced by 0, if balls merged, or if the run paused earlier. Log rows are appended to `log` in any
-        case, with pairs counted from `low`, and the first of them are stored in `page`.
+        Returns their final state. Returns None if a ball was faster than `speed` (m/s), if a negative gap was set to
+        0, if balls merged, or if the run paused before `edge` (s since the epoch). The log rows are appended to `log`
+        in any case. Their pairs are counted from `low`. The first rows are stored in the array `page`.
         """
         s, fastest = self.state, np.zeros(1)
         part = State(
@@ -239,14 +247,14 @@ class BlockQueue(TreeQueue):
                 pause = queue.advance(edge, TreeQueue.chunk, log)
             for rows in log:
                 fastest[0] = max(fastest[0], np.abs(rows["lower_out"]).max(), np.abs(rows["upper_out"]).max())
-        same = (part.run.clamps, part.run.merged) == (s.run.clamps, s.run.merged)
-        return part if pause == LATER and same and fastest[0] <= speed else None
+        is_unclamped = (part.run.clamps, part.run.merged) == (s.run.clamps, s.run.merged)
+        return part if pause == LATER and is_unclamped and fastest[0] <= speed else None
 
     def _blocks(self, edge: float) -> tuple[float, list[tuple[int, int, int, int]]]:
-        """Return the assumed maximum speed, and the limits of each block and its halo.
+        """Return the assumed maximum speed (m/s), and the limits of all blocks.
 
-        The limits are the first pair and the end of the block, then those with its halo. The list is empty if the
-        blocks with their halos are too long.
+        Each block has four limits: its first pair, the pair after its last pair, and the same two numbers with the
+        halo. The list is empty if the blocks with their halos are too long to be worthwhile.
         """
         s = self.state
         start, n, g = max(s.run.now, 0.0), len(s.pairs), s.run.gravity
@@ -260,6 +268,6 @@ class BlockQueue(TreeQueue):
         low = np.maximum(np.searchsorted(place, place[first] - slack, side="right") - 2, 0)
         high = np.minimum(np.searchsorted(place, place[last] + slack, side="left") + 2, n)
         # Beyond this length, more than two thirds of the work would be discarded with the halos.
-        longer = float(np.median(high - low)) > 3 * PAIRS_PER_BLOCK
-        ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
+        is_too_long = float(np.median(high - low)) > 3 * PAIRS_PER_BLOCK
+        ends = [] if is_too_long else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
         return speed - g * left, ends

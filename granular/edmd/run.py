@@ -1,4 +1,7 @@
-"""One run: advance the event queue to the next pause and handle the pause."""
+"""One hard-sphere run: advance the event queue from pause to pause.
+
+`Run` implements the protocol `granular.run.drive.Run`.
+"""
 
 from __future__ import annotations
 
@@ -31,24 +34,27 @@ if TYPE_CHECKING:
     from granular.edmd.watch import Watch
 
 TAIL_DIVISOR = 8
-"""Divisor of the last part of a run whose pace at `max_events` is compared."""
+"""Divisor of `max_events` that gives the length of the last part of a run.
+
+If a run ends at `max_events`, the pace of the last part is compared with the pace before.
+"""
 REPORT_EVENTS = 4096
-"""Number of events between two calls that hand over rows and report progress."""
+"""Number of events after which log rows and the progress are reported."""
 FIRST_CHUNK_EVENTS = 8
-"""Number of events before the duration of a collision has been measured."""
+"""Number of events per call of the event loop before its speed has been measured."""
 LOADING_WORK, COMPILING_WORK = 100_000, 500_000
-"""Work (in collisions) from which compiled code pays.
+"""Work (in collisions) above which compiled code pays.
 
 `LOADING_WORK` applies if the machine code is in the cache, `COMPILING_WORK` if it has to be compiled.
 """
 EXPECTED_PER_PAIR = 25
-"""Assumed number of collisions per pair before the run."""
+"""Number of collisions per pair that is assumed before the run."""
 EXTRAPOLATION_WORK = 2048
-"""Work (in collisions) from which the remaining work is extrapolated."""
+"""Work done (in collisions) above which the remaining work is extrapolated."""
 
 
 class Run:
-    """A run in progress.
+    """A hard-sphere run in progress.
 
     Parameters
     ----------
@@ -59,7 +65,7 @@ class Run:
     engine : str
         Engine as returned by `checked_engine`.
     request : Request
-        End, samples and log that are requested.
+        End time, stop condition, samples and log of the run.
     watch : Watch, optional
         Counts the collisions whose soft contacts would overlap.
     """
@@ -82,19 +88,19 @@ class Run:
         state.run.stop_pair, state.run.stop_contacts = pair, contacts
         self.events = int(state.run.events)
         state.clock.last_event = self.events + request.max_events
-        self.began = request.start, self._work()
+        self.work_at_start = request.start, self._work_done()
         self.may_compile = engine == "auto"
         n = len(self.scene.gap)  # setting up a ball costs as much as a collision, a sample of it 1/16
-        shown = 0 if request.samples is None else n * np.size(request.samples) // 16
-        work = n + min(EXPECTED_PER_PAIR * n, request.max_events) + shown
-        fast = engine == "compiled" or (self.may_compile and pays(work, physics.has))
-        self._go_on_with(self._compiled() if fast else SortedQueue)
-        self.most = 1 if request.singly else request.max_events
-        self.tail = state.clock.last_event - request.max_events // TAIL_DIVISOR
+        sample_work = 0 if request.samples is None else n * np.size(request.samples) // 16
+        work = n + min(EXPECTED_PER_PAIR * n, request.max_events) + sample_work
+        is_compiled = engine == "compiled" or (self.may_compile and pays(work, physics.has))
+        self._replace_queue(self._compiled_queue() if is_compiled else SortedQueue)
+        self.event_limit = 1 if request.singly else request.max_events
+        self.tail_start = state.clock.last_event - request.max_events // TAIL_DIVISOR
         self.pace = [(self.events, request.start)]  # at the start and where the last part begins
         self.verdict: collapse.Verdict | None = None
         self.ended, self.at_rest = math.nan, False  # s, time of a collapse; whether all balls rest after it
-        self.settled: list[Rows] = []
+        self.converted_rows: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², acceleration of the falling frame of the run
         self.drift = float(state.clock.frame)  # m/s
         enclosed = bool(self.scene.is_wall[0] and self.scene.is_wall[-1])
@@ -103,21 +109,22 @@ class Run:
         self.halvings = 0  # number of times that closing walls have halved the room
         if self.horizon < math.inf and state.clock.length > 0.0:
             self.halvings = round(math.log2(scales(self.scene)[2] / state.clock.length))
-        single = TIE_ORDERS[physics.options["ties"]] != GROUP and not enclosed
+        can_move_epoch = TIE_ORDERS[physics.options["ties"]] != GROUP and not enclosed
         self.keeps_rows = request.rows or watch is not None
-        self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of time themselves
+        # the kernels then move the epoch themselves
+        self.kernels_move_epoch = self.scene.driven and can_move_epoch and watch is None
 
-    def _compiled(self) -> type[SortedQueue]:
+    def _compiled_queue(self) -> type[SortedQueue]:
         from granular.edmd import compiled_queue
 
         self.may_compile = False
         in_blocks = self.scene.n > compiled_queue.BLOCKS_ABOVE and self.state.walls is None and not self.scene.endless
         return compiled_queue.BlockQueue if in_blocks else compiled_queue.TreeQueue
 
-    def _go_on_with(self, queue: type[SortedQueue]) -> None:
-        """Continue with another queue.
+    def _replace_queue(self, queue: type[SortedQueue]) -> None:
+        """Replace the event queue by a queue of the class `queue`.
 
-        A slice in relative coordinates, whose gaps in the state are outdated, is kept.
+        If the run is in relative coordinates, the gaps in the state are outdated, and the slice is kept.
         """
         state = self.state
         if state.near is None:
@@ -130,79 +137,92 @@ class Run:
             self.queue.chunk = FIRST_CHUNK_EVENTS  # a user's rule can be slow
 
     def to(self, time: float, last: bool) -> Pause:
-        """Advance towards `time`, by some thousand events at most.
+        """Advance the run towards the time `time` (s), and return the reason of the pause.
 
-        Stops earlier at the end of the run. At the start of the run no event is processed.
+        A call processes at most some thousand events, and ends earlier if the run ends. `last` is True if no later
+        sample is requested. If it is False, no event is processed at the start time.
         """
-        state, seen, late = self.state, self.events, -math.inf
+        state, events_before, rounded_due = self.state, self.events, -math.inf
         while last or time > self.request.start:
-            halved = self._next_halving(time) if self.scene.driven or self.horizon < math.inf else math.inf
-            limit, before, late = max(state.tau(min(time, self.horizon, halved)), late), self.events, -math.inf
+            halving_time = self._next_halving_time(time) if self.scene.driven or self.horizon < math.inf else math.inf
+            limit, events_at_pause, rounded_due = max(
+                state.tau(min(time, self.horizon, halving_time)), rounded_due), self.events, -math.inf
             if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
-            if self.moves_on:
+            if self.kernels_move_epoch:
                 state.clock.goal = time
             due = self.queue.soonest()
-            acts = due <= limit and (self.moves_on or due < state.clock.window)  # saves a call if no event is due
-            why = self._advance(limit) if acts or state.near is not None or (last and self.moves_on) else LATER
-            if self.request.singly and self.events > seen and why == LATER:
+            # saves a call if no event is due
+            is_due = due <= limit and (self.kernels_move_epoch or due < state.clock.window)
+            reason = self._advance(limit) if (
+                is_due or state.near is not None or (last and self.kernels_move_epoch)) else LATER
+            if self.request.singly and self.events > events_before and reason == LATER:
                 return Pause.full
-            limit = state.tau(time) if self.moves_on else limit
+            limit = state.tau(time) if self.kernels_move_epoch else limit
             if self.verdict is not None and not self.at_rest and not self._comes_to_rest(self.verdict):
                 return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
-            if why == UNTIL:
+            if reason == UNTIL:
                 return Pause.until
-            if why == LATER:
+            if reason == LATER:
                 due = math.inf if state.near is not None else self.queue.soonest()
-                if halved < min(time, self.horizon) and due > limit:
-                    self._halve(limit)
+                if halving_time < min(time, self.horizon) and due > limit:
+                    self._halve_window(limit)
                     continue
-                close, later = limit < due <= limit + 2.0 * math.ulp(time) < math.inf, due >= state.clock.window
-                if close and not later and state.time(due) <= time < self.horizon:
-                    late = due  # rounds to `time`, so it is processed as an event at `time`
+                rounds_to_time, is_beyond_window = (
+                    limit < due <= limit + 2.0 * math.ulp(time) < math.inf, due >= state.clock.window)
+                if rounds_to_time and not is_beyond_window and state.time(due) <= time < self.horizon:
+                    rounded_due = due  # rounds to `time`, so it is processed as an event at `time`
                     continue
-                if not (close and later) and (due > limit or due == math.inf):
-                    if self.events == state.clock.last_event and not last and self._is_spent(due):
+                if not (rounds_to_time and is_beyond_window) and (due > limit or due == math.inf):
+                    if self.events == state.clock.last_event and not last and self._is_budget_spent(due):
                         time, last = self.request.end, True
-                    elif not self._meet_before(time):
-                        return self._reached(time, limit)
+                    elif not self._finds_meeting_before(time):
+                        return self._set_time_reached(time, limit)
                     continue
                 if state.clock.epoch + due > LATEST_TIME:
                     return Pause.work
                 self.queue.shift_to(due)
-            elif why == SUSPECT:
-                self._look_closer()
-            elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group exceeds the budget
+            elif reason == SUSPECT:
+                self._handle_suspicion()
+            # no event was processed (a group exceeds the budget), or the limit is reached
+            elif reason == BUDGET and self.events in (events_at_pause, state.clock.last_event):
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
-            if self.events - seen >= min(
-                self.most, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else REPORT_EVENTS
+            if self.events - events_before >= min(
+                self.event_limit, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else REPORT_EVENTS
             ):
                 return Pause.full
         return Pause.reached
 
-    def _next_halving(self, time: float) -> float:
-        """Return the time of the next halving of the clock before walls meet, or inf."""
-        if self.scene.driven and self.closing is not None:
-            self._meet_before(min(time, float(self.state.time(self.state.clock.window))))
-        return self.horizon if self.horizon == math.inf else self._halving()
+    def _next_halving_time(self, time: float) -> float:
+        """Return the time in s of the next halving of the window by closing walls, or inf.
 
-    def _halve(self, limit: float) -> None:
-        """Re-base the clock at `limit`, and halve its unit."""
+        For driven walls the result is inf. The search for the time at which they meet is then extended to the end of
+        the window, but not beyond `time` (s).
+        """
+        if self.scene.driven and self.closing is not None:
+            self._finds_meeting_before(min(time, float(self.state.time(self.state.clock.window))))
+        return self.horizon if self.horizon == math.inf else self._undriven_halving_time()
+
+    def _halve_window(self, limit: float) -> None:
+        """Move the epoch to the time `limit` (s since the epoch), and halve the window."""
         self.queue.shift_to(limit, whole=False, shrink=0.5)
         self.halvings += 1
 
     def _comes_to_rest(self, verdict: collapse.Verdict) -> bool:
         """Record the time of a collapse, and return whether the run continues at rest.
 
-        The run continues if the collapse is exact, if all balls then rest on a wall, and if the end time is finite.
+        The run continues if the verdict is *exact*, if all balls then rest on a wall, and if the end time is finite.
         """
         self.ended = self.time()
         self.at_rest = verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
         return self.at_rest
 
-    def _look_closer(self) -> None:
-        """Shift the clock, or rescale coordinates near a possible collapse."""
+    def _handle_suspicion(self) -> None:
+        """Move the epoch, or start relative coordinates, after a suspected collapse.
+
+        The epoch is moved if balls can merge and collide too soon for the resolution of the clock.
+        """
         if self.state.run["slow"] < 0.0:  # balls that merge faster than the resolution of the clock
             self.queue.shift_to(float(self.state.run["now"]), whole=False)
         else:
@@ -210,15 +230,16 @@ class Run:
 
     @property
     def _closer(self) -> Any:
-        """The module that detects an inelastic collapse; imported at the first suspicion."""
+        """The module `collapse`, imported at the first suspicion of an inelastic collapse."""
         from granular.edmd import collapse
 
         return collapse
 
     def rest(self, pair: Any, time: Any) -> None:
-        """Continue a run whose last ball came to rest on the wall of `pair`.
+        """Prepare a resumed run whose balls all came to rest before it.
 
-        `time` is the time in s at which it came to rest.
+        The last ball came to rest on the wall of `pair` at the time `time` in s. Raises `ValueError` if a ball of the
+        state moves.
         """
         self.verdict = self._closer.Verdict("exact", int(pair), int(pair), 0.0)
         self.ended, self.at_rest = float(time), True
@@ -229,12 +250,12 @@ class Run:
         """Return whether all balls are at rest on a wall."""
         return not (column(self.state.bodies, "is_free").any() or np.ptp(column(self.state.bodies, "fall_velocity")))
 
-    def _halving(self) -> float:
+    def _undriven_halving_time(self) -> float:
         """Return the time in s at which closing undriven walls have halved the room again.
 
-        The result is inf if the clock cannot be re-based. The clock is re-based at this time, with a shorter window. A
-        collision time with a rounding error of the first window would be uncertain by more than the time between two
-        collisions.
+        The room is the sum of all gaps. At this time the epoch is moved and the window is halved. Otherwise the
+        rounding error of a collision time would become larger than the time between two collisions. The result is inf
+        if the walls do not meet, if they are driven, or if the run is in relative coordinates.
         """
         assert self.closing is not None
         if self.scene.driven or not 0.0 < self.closing.after < math.inf or self.state.near is not None:
@@ -242,29 +263,31 @@ class Run:
         after = self.closing.after
         return self.start + after - math.ldexp(after, -self.halvings - 1)
 
-    def _meet_before(self, time: float) -> bool:
-        """Return whether driven walls are newly found to meet before `time`."""
-        known = self.horizon
+    def _finds_meeting_before(self, time: float) -> bool:
+        """Return whether driven walls are newly found to meet before the time `time` in s."""
+        horizon_before = self.horizon
         if self.closing is not None:
             self.horizon = self.closing.look(min(time, self.request.end))
-        return self.horizon < known
+        return self.horizon < horizon_before
 
-    def _is_spent(self, due: float) -> bool:
-        """Return whether `max_events` ends the run before the event at `due` (tau).
+    def _is_budget_spent(self, due: float) -> bool:
+        """Return whether `max_events` ends the run before its next event.
 
-        Then no later sample is recorded. Beside driven walls and in relative coordinates the answer is not known, and
-        the result is False.
+        `due` is the time of this event in s since the epoch. If the result is True, no further sample is recorded. The
+        result is False if no further event is due before the end of the run, or if the next event meets the stop
+        condition. It is also False beside driven walls and in relative coordinates, where the next event is not known.
         """
         end, stop = min(self.request.end, self.horizon), self.state.run.stop_pair
         if not due < math.inf or self.state.time(due) > end or self.scene.driven:
             return False
-        stops = stop >= 0 and self.state.pairs[stop].contacts >= self.state.run.stop_contacts
-        return not (stops and self.queue.soonest(stop, stop) > due)
+        has_stop_pair = stop >= 0 and self.state.pairs[stop].contacts >= self.state.run.stop_contacts
+        return not (has_stop_pair and self.queue.soonest(stop, stop) > due)
 
-    def _reached(self, time: float, limit: float) -> Pause:
-        """Set the time to `time` (tau = `limit`), or to the time at which no room is left.
+    def _set_time_reached(self, time: float, limit: float) -> Pause:
+        """Set the current time to `time` (s), or to the time at which no room is left.
 
-        No event happens before.
+        `limit` is this time in s since the epoch. No event is due before it. Returns the reason of the pause, which is
+        `Pause.quiet` if no event follows and the run has no end time.
         """
         if time == self.horizon == math.inf:
             return Pause.quiet
@@ -272,55 +295,57 @@ class Run:
         return Pause.reached if time <= self.horizon else Pause.collapse
 
     def _advance(self, limit: float) -> int:
-        """Process events towards tau = `limit`, and return the reason of the pause.
+        """Process events up to the time `limit`, and return the reason of the pause.
 
-        The run switches to the compiled queue as soon as that pays.
+        `limit` is in s since the epoch. The number of events is limited. The run first switches to the compiled queue
+        if that pays.
         """
         state = self.state
-        if self.may_compile and pays(self._expected(), self.physics.has):
-            self._go_on_with(self._compiled())
-        goal = self.tail if self.events < self.tail else state.clock.last_event
-        budget, begun, before = min(self.queue.chunk, self.most, goal - self.events), process_time(), self.events
+        if self.may_compile and pays(self._expected_work(), self.physics.has):
+            self._replace_queue(self._compiled_queue())
+        goal = self.tail_start if self.events < self.tail_start else state.clock.last_event
+        budget, begun, before = min(self.queue.chunk, self.event_limit, goal - self.events), process_time(), self.events
         rows: list[Any] | None = [] if self.keeps_rows else None
         if state.near is None:
-            why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
+            reason = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
-            why, self.verdict = self._closer.advance_slice(state, self.physics, self.queue, limit, budget, rows)
+            reason, self.verdict = self._closer.advance_slice(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
         if self.events > before and self.queue.chunk < SortedQueue.chunk:  # slow rules report more often
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
         if rows and self.events > before:
-            self._settle(rows)
-        if len(self.pace) == 1 and self.events >= self.tail:
+            self._convert_rows(rows)
+        if len(self.pace) == 1 and self.events >= self.tail_start:
             self.pace.append((self.events, self.time()))
-        return why
+        return reason
 
-    def _expected(self) -> float:
-        """Return the expected remaining work in collisions.
+    def _expected_work(self) -> float:
+        """Return the expected remaining work in collisions, at least the work done so far.
 
-        It is extrapolated from the pace so far, and is at least the work done so far.
+        It is extrapolated from the pace of the run, and limited by `max_events`.
         """
-        begin, worked = self.began
-        done, took, left = self._work() - worked, self.time() - begin, self.request.end - self.time()
+        begin, worked = self.work_at_start
+        done, took, left = self._work_done() - worked, self.time() - begin, self.request.end - self.time()
         ahead = done / took * left if done >= EXTRAPOLATION_WORK and took > 0.0 and left < math.inf else 0.0
         return max(done, min(ahead, float(self.state.clock.last_event - self.events)))
 
-    def _work(self) -> int:
-        """Return the work so far in collisions.
+    def _work_done(self) -> int:
+        """Return the work done so far, in collisions.
 
-        A collision in relative coordinates costs as much as eight others.
+        A collision in relative coordinates counts as eight collisions, because it takes that much more time.
         """
         return int(self.state.run["events"] + 7 * self.state.run["zoomed"])
 
-    def _settle(self, written: list[Any]) -> None:
-        """Convert rows written since the last re-basing to times in s.
+    def _convert_rows(self, written: list[Any]) -> None:
+        """Convert new log rows to times in s and to velocities in the frame of the scene.
 
-        Velocities are converted from the frame of the run, which can be falling.
+        The rows have times since the epoch, and velocities in the frame of the run, which can be falling. The
+        converted rows are appended to `converted_rows`. The rows are also passed to `watch`.
         """
         for chunk in filter(len, written):
             rows = packed(chunk, LOG_ROW)
-            if self.moves_on:
-                self.settled.extend([rows] if self.request.rows else [])
+            if self.kernels_move_epoch:
+                self.converted_rows.extend([rows] if self.request.rows else [])
                 continue
             tau = rows["t_begin"].copy()
             rows["t_begin"] = self.state.time(tau)
@@ -332,11 +357,11 @@ class Run:
                 fallen = self.fall * self.state.elapsed(tau) - self.drift
                 for name in ("lower_in", "upper_in", "lower_out", "upper_out"):
                     rows[name] -= fallen
-            self.settled.append(rows)
+            self.converted_rows.append(rows)
 
     def rows(self) -> list[Rows]:
-        """Return the contacts since the last call."""
-        settled, self.settled = self.settled, []
+        """Return the log rows of the collisions since the last call."""
+        settled, self.converted_rows = self.converted_rows, []
         return settled
 
     def time(self) -> float:
@@ -344,11 +369,11 @@ class Run:
         return float(self.state.time(self.state.run["now"]))
 
     def progress(self) -> tuple[float, int]:
-        """Return the current time in s and the number of collisions."""
+        """Return the current time in s and the number of collisions so far."""
         return self.time(), self.events
 
     def row(self, time: float) -> Row:
-        """Return the sample at the current time."""
+        """Return the sample at the current time, which is `time` in s."""
         state = self.state
         if time == self.start and self.events == 0 and state.walls is None and not state.hung:
             return Row(time, 0.0, self.scene.gap, self.scene.velocity)
@@ -366,7 +391,11 @@ class Run:
         return Row(time, elapsed, gap, velocity - fallen if fallen != 0.0 else velocity, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Return the end of the run, with all data needed to continue."""
+        """Finish the run and return its `End`, with all data needed to continue it.
+
+        `pause` is the reason why the run ends. `seen` is the time in s of the last sample, or -inf if the state at the
+        end has to be returned in any case.
+        """
         now, status = self.time(), Status.collapse if self.at_rest else pause.value
         stop = self.request.end if pause is Pause.reached else now
         wanted = seen == -math.inf or (pause is not Pause.reached and (
@@ -387,9 +416,9 @@ class Run:
 
 
 def pays(work: float, has: tuple[str, ...]) -> bool:
-    """Return whether this work, in collisions, justifies compiled code.
+    """Return whether compiled code saves time for an amount of work, in collisions.
 
-    `has` are the kernel flags of the scene. The compiler is imported only if the work is sufficient.
+    `has` are the kernel flags of the scene. The compiler is imported only if `work` is at least `LOADING_WORK`.
     """
     if work < LOADING_WORK:
         return False

@@ -1,4 +1,8 @@
-"""Event loop and reference queue: pairs in a `SortedList` of (time, rank)."""
+"""Event loop of a run, and the reference event queue.
+
+The queue is a `SortedList` of pairs of numbers (time, rank), one entry per pair of balls that will collide. The rank
+contains the number of the pair and decides between simultaneous collisions, see `physics.rank`.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ from granular.edmd.ties import collide_as_one, is_touched
 from granular.edmd.wall_state import advance_epoch, date_rows
 
 LAST_ENTRY = (math.inf, MASK)
-"""Last entry of every queue, so that no queue is empty."""
+"""Last entry of every queue, so that a queue is never empty."""
 
 
 @kernel
@@ -31,13 +35,14 @@ def loop(
     run: Record, pairs: Records, bodies: Records, queue: Any, rule: Restitution | None, rows: Records | None,
     fastest: Records | None, walls: Walls,
 ) -> int:
-    """Process events until `run.edge`, at most `run.budget` of them.
+    """Process events until the time `run.edge`, at most `run.budget` events.
 
-    Returns the reason of the pause. `rows` receives the contact log. If `fastest` is an array, it receives the largest
-    speed after a collision.
+    `rule` returns the coefficient of restitution, or is None for constant rules. If `rows` is not None, it receives
+    the contact log. If `fastest` is an array, its entry is raised to the largest speed (m/s) after any collision.
+    Returns the reason of the pause, such as `LATER` or `BUDGET` of `granular.edmd.records`.
     """
     edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
-    done, closes = 0, 0
+    done, approaching_pair = 0, 0
     while True:
         now, c = head(queue)
         if now > edge:
@@ -47,15 +52,15 @@ def loop(
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
             edge = run.edge
             continue
-        leaves = FORCED and pairs[c].stuck > FREE
+        opens = FORCED and pairs[c].stuck > FREE
         # Before the budget test: a stop condition has priority over a limit.
-        if c == stop and pairs[c].contacts >= run.stop_contacts and not leaves:
+        if c == stop and pairs[c].contacts >= run.stop_contacts and not opens:
             run.now = now
             return UNTIL
         if done >= budget:
             return BUDGET
         run.now = now
-        if leaves:
+        if opens:
             first, last = leave(run, pairs, bodies, c, now, walls)
             refresh(run, pairs, bodies, queue, first, last, walls)
             continue
@@ -74,8 +79,8 @@ def loop(
         if RING:
             refresh_across(run, pairs, bodies, queue, first, last, walls)
         if stop == APART:
-            closes = approaching(pairs, bodies, closes, now, walls)
-            if closes < 0:
+            approaching_pair = approaching(pairs, bodies, approaching_pair, now, walls)
+            if approaching_pair < 0:
                 return UNTIL
         # Last, so that the queue is consistent when the loop returns.
         if pairs[c].streak >= SUSPICIOUS_STREAK:
@@ -85,7 +90,7 @@ def loop(
 
 @kernel
 def head(queue: Any) -> tuple[float, int]:
-    """Return the time and the pair of the next event."""
+    """Return the time (s since the epoch) and the pair of the next event."""
     now, key = queue[0][0]
     return now, key & MASK
 
@@ -94,9 +99,10 @@ def head(queue: Any) -> tuple[float, int]:
 def refresh(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
-    """Predict pairs `first` to `last` again.
+    """Predict pairs `first` to `last` again and update their entries in the queue.
 
-    Pairs that never collide are not in the queue.
+    Pairs without a next event have no entry. If bodies are pressed together but have no next event, they can have come
+    to rest, see `clusters.rest`. The pairs that this changes are predicted again as well.
     """
     order, entry, add = queue
     due, c = order[0][1] & MASK, first
@@ -125,9 +131,9 @@ def refresh(
 def refresh_across(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
-    """Predict the two pairs at the seam of a ring again.
+    """Predict both pairs at the seam of a ring again.
 
-    Does nothing unless one of them is among pairs `first` to `last`.
+    The function does nothing if neither of them is in the range from pair `first` to pair `last`.
     """
     end = len(pairs) - 1
     if first == 0 or last == end:
@@ -136,18 +142,18 @@ def refresh_across(
 
 
 @cache
-def made(
-    how: Callable[[Any], Callable[..., Any]], has: tuple[str, ...], kernel: Callable[..., Any]
+def specialised_kernel(
+    convert: Callable[[Any], Callable[..., Any]], flags: tuple[str, ...], kernel: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Return a kernel specialised for scenes with the flags `has`.
+    """Return a kernel that is specialised for scenes with the kernel flags `flags`.
 
-    `how` makes it an interpreted or a compiled function.
+    `convert` turns the specialised kernel into an interpreted or a compiled function. Results are cached.
     """
-    return how(fitted(kernel, **dict.fromkeys(has, True)))
+    return convert(fitted(kernel, **dict.fromkeys(flags, True)))
 
 
 class SortedQueue:
-    """Advance a `State` event by event.
+    """Event queue that advances a `State` event by event, interpreted.
 
     Parameters
     ----------
@@ -155,11 +161,24 @@ class SortedQueue:
         State of the run, changed in place.
     physics : Physics
         Scene, rules and options of the run.
+
+    Attributes
+    ----------
+    fit, use : callable
+        Specialise a kernel for the flags of the scene. `fit` returns an interpreted function. `use` returns a function
+        of the kind of this queue, interpreted or compiled.
+    hold : callable
+        Converts records to the kind that this queue uses, objects or arrays.
+    go, foresee : callable
+        The event loop and the function `refresh`, both specialised by `use`.
     """
 
     name = "sorted"
     chunk = 256
-    """Events per call of the event loop, and log rows allocated at a time."""
+    """Maximum number of events per call of the event loop.
+
+    It is also the maximum number of log rows per allocation.
+    """
     kernel: Callable[[Any], Any] = staticmethod(interpreted)
     hold: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
@@ -168,18 +187,18 @@ class SortedQueue:
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
-        self.fit: Callable[[Any], Any] = partial(made, interpreted, physics.has)
-        self.use: Callable[[Any], Any] = partial(made, self.kernel, physics.has)
+        self.fit: Callable[[Any], Any] = partial(specialised_kernel, interpreted, physics.has)
+        self.use: Callable[[Any], Any] = partial(specialised_kernel, self.kernel, physics.has)
         self.go, self.foresee = self.use(self.loop), self.use(self.predict)
         self.begin(len(state.pairs))
         self.rebuild()
 
     def rows(self, n: int) -> Records:
-        """Return room for `n` rows of the log, at most `chunk` rows."""
+        """Return `n` empty log rows, or `chunk` rows if `n` is larger."""
         return list(map(object.__new__, repeat(plain_class(LOG_ROW), min(n, self.chunk))))
 
     def kept(self, rows: Records) -> Records:
-        """Return rows of the log as they are stored, without the unused room behind them."""
+        """Return filled log rows in the form in which the log stores them."""
         return rows
 
     def begin(self, n: int) -> None:
@@ -196,21 +215,22 @@ class SortedQueue:
         self.foresee(s.run, s.pairs, s.bodies, self.queue, 0, len(s.pairs) - 1, s.walls)
 
     def shift_to(self, tau: float, whole: bool = True, shrink: float = 1.0) -> None:
-        """Move the zero of time (see `State.shift_to`) and predict all pairs again."""
+        """Move the epoch as `State.shift_to` does, and predict all pairs again."""
         self.state.shift_to(tau, self.use, whole, shrink)
         self.rebuild()
 
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` to `last` again, counted modulo the number of pairs."""
         s, n = self.state, len(self.state.pairs)
-        around = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
-        for low, high in [(first, min(last, n - 1)), *around]:
+        ranges = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
+        for low, high in [(first, min(last, n - 1)), *ranges]:
             self.foresee(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event outside pairs `first` to `last`.
+        """Return the time (s since the epoch) of the next event, or inf.
 
-        Pairs are counted modulo the number of pairs. By default all pairs are included.
+        Events of pairs `first` to `last`, counted modulo the number of pairs, are ignored. By default no pair is
+        ignored.
         """
         order, n = self.queue[0], len(self.state.pairs)
         if last < first:
@@ -218,14 +238,15 @@ class SortedQueue:
         return float(next(time for time, key in order if not first <= (key & MASK) <= last and (key & MASK) > last - n))
 
     def apart(self) -> bool:
-        """Return whether no pair approaches."""
+        """Return whether no pair approaches at the current time."""
         s = self.state
         return bool(self.use(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
-        """Process events up to and including time `edge` and append them to `log`.
+        """Process events up to and including time `edge`, and append them to `log`.
 
-        At most `budget` events are processed, plus the rest of a touching group. Returns the reason of the pause.
+        `edge` is in s since the epoch. At most `budget` events are processed. If the last of them belongs to a
+        touching group, the rest of the group is processed as well. Returns the reason of the pause.
         """
         s, run = self.state, self.state.run
         enough = run["events"] + budget
