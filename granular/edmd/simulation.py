@@ -65,8 +65,8 @@ def simulate(
         Initial state. No gap may be negative.
     rule : callable or list of callables
         Coefficient of restitution ``rule(speed, pair)`` in [0, 1], such as `granular.ConstantRestitution`. One rule for
-        all pairs, or one per pair from the bottom up. With 0 for all pairs, balls stick: they move on as one, are hit
-        as one, and rest on the floor. 0 for only some of the pairs raises `ValueError`.
+        all pairs, or one per pair from the bottom up. With 0 for all pairs, balls stick together after a collision and
+        move as one body, or rest on the floor. 0 for only some of the pairs raises `ValueError`.
     t_end : float, optional
         End time in s. Collisions at that time are included. Without `t_end` and `until` the run ends when no collision
         can follow, at an inelastic collapse, or at `max_events`. Scenes whose collisions provably never end, such as an
@@ -97,9 +97,9 @@ def simulate(
         Whether to show the progress on standard error after 2 s, as a bar if tqdm is installed. Defaults to False.
     engine : str
         "sorted" (the reference), "compiled" (numba, bitwise identical results, only for constant restitution and
-        sequential ties) or "auto" (default). "auto" starts with the reference and switches to "compiled" as soon as
-        compilation pays off. The decision depends on the number of past collisions and of collisions expected until
-        `t_end` or for the size of the scene. A sample counts as 1/16 collision per ball.
+        sequential ties) or "auto" (default). "auto" starts with "sorted" and switches to "compiled" as soon as
+        compilation pays off. This depends on the number of past collisions, and on the number expected until `t_end`
+        or for the size of the scene. A sample counts as 1/16 collision per ball.
     ties : str
         Rule for simultaneous collisions. One after the other: "left" (default, the lowest pair first), "right", or
         "random" (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution
@@ -108,8 +108,8 @@ def simulate(
     seed : int
         Seed for ``ties="random"``. Defaults to 0.
     collapse : str
-        Treatment of an inelastic collapse. "stop" (default) ends the run. With "merge", pairs that collide at less than
-        `merge_below` move on as one, so that no collapse can happen.
+        Treatment of an inelastic collapse. "stop" (default) ends the run. With "merge", two bodies that collide at less
+        than `merge_below` continue as one body, so that no collapse can happen.
     merge_below : float, optional
         Speed in m/s for ``collapse="merge"``. Defaults to 1/100 of the speed scale of the scene. The result depends on
         this speed, which is reported in ``stats``.
@@ -135,34 +135,36 @@ def simulate(
     Raises
     ------
     TypeError, ValueError
-        For invalid arguments. Examples are the path of a driven wall that ends before the run, and a run beside a
-        driven wall without any end condition. Physical outcomes are reported as a status.
+        For invalid arguments. Examples are the path of a driven wall that ends before the run, and a run with a driven
+        wall without any end condition. Physical outcomes are reported as a status.
 
     Notes
     -----
-    Beside a driven wall (``floor=``, ``ceiling=`` of the scene) the next hit is certified. A ball whose rebound is
-    below the rounding error comes to rest on the wall. It moves with the wall, without events, until no acceleration
-    presses it on the wall or the wall velocity jumps. A single ball at rest therefore does not end the run, and neither
-    does any other collapse. Use ``collapse="merge"`` for piles; a single ball on the wall still bounces until its
-    rebounds are below rounding. Such a run is never quiet: it needs `t_end`, `until` or `max_events`. Balls that forces
-    press together in mid-air move as one once they have merged. For moving walls, `Trajectory.account` returns the work
-    of the walls.
+    For a driven wall (``floor=``, ``ceiling=`` of the scene) the next hit is certified. A ball whose rebound is below
+    the rounding error comes to rest on the wall. It moves with the wall, without events, until no acceleration presses
+    it on the wall or the wall velocity jumps. A run with a driven wall is therefore not ended by an inelastic collapse.
+    It is never quiet, and needs `t_end`, `until` or `max_events`. Use ``collapse="merge"`` for piles on a driven wall.
+    Even then, a single ball bounces on the wall until its rebounds are below the rounding error. Balls that merge while
+    forces press them together in mid-air move as one body. For moving walls, `Trajectory.account` returns the work of
+    the walls.
 
     A thermal wall reflects a ball with a random speed, and the rule of this pair is ignored. The hit acts on its own,
-    even if balls touch, and is not part of a collapse. The ball of a thermal wall never rests. `Trajectory.account`
-    contains the heat of each wall, and ``stats["given"]`` the momentum (N s) that each thermal wall transferred to the
-    balls, directed away from the wall.
+    even if other balls touch this ball, and is not part of a collapse. The ball of a thermal wall never rests.
+    `Trajectory.account` contains the heat of each wall. ``stats["given"]`` contains the momentum (N s) that each
+    thermal wall transferred to the balls, directed away from the wall.
 
     On a ring, velocities are stored relative to the centre of mass, so they keep their digits however slow the balls
     become. The sum of the gaps is conserved up to rounding. Forces on a ring raise `ValueError`.
 
-    Pendula are described by gaps and rates, which rotate with Ω between collisions. Their collapse is not detected. An
-    infinite sequence of collisions is followed until its speeds are below 1e-154 m/s, and balls that touch then
-    continue with rate 0. With ``collapse="merge"``, and for balls that stick, touching balls with rate 0 share the
-    momentum of a hit. They stay together where pendula touch at rest, and separate immediately elsewhere.
+    The state of pendula consists of gaps and their rates of change, which oscillate with the angular frequency Ω
+    between collisions. An inelastic collapse of pendula is not detected. An infinite sequence of collisions is followed
+    until its speeds are below 1e-154 m/s. From then onwards, the gaps of touching balls have the rate 0. With
+    ``collapse="merge"``, and for balls that stick, touching balls with rate 0 are hit as one body. They stay together
+    if the pendula touch in their rest positions. Otherwise they separate immediately.
 
-    One collision costs O(log n). The state consists of gaps, so balls never change their order. The clock is re-based,
-    so late times lose no digits. A collapse is reported only with a verdict, see `granular.edmd.collapse`.
+    The cost of a collision is O(log n). The state consists of gaps, so balls never change their order. The zero of time
+    is moved during the run, so late times keep their digits. A collapse is reported only after a test that classifies
+    it, see `granular.edmd.collapse`.
 
     Examples
     --------
@@ -177,28 +179,28 @@ def simulate(
     ('until', [0.0, -2.183, 1.544])
     """
     start = check.number("t_start", t_start)
-    made = partial(checked, rule=rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
+    physics_of = partial(checked, rule=rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
                    elastic_below=elastic_below)
-    check_end(a_scene(scene), t_end, until, max_events, elastic=lambda: made(scene).elastic)
+    check_end(a_scene(scene), t_end, until, max_events, elastic=lambda: physics_of(scene).elastic)
     scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
-    physics = made(scene)
+    physics = physics_of(scene)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress, progress=progress,
     )
     queue = checked_engine(engine, physics)
 
-    def solve(asked: Request) -> Trajectory:
-        watching = None if watch is None else _watch(watch, scene)
-        return drive(_stopping(Run(physics, State.of(physics, start), queue, asked, watching)))
+    def solve(timed_request: Request) -> Trajectory:
+        watcher = None if watch is None else _watch(watch, scene)
+        return drive(_run_until_level(Run(physics, State.of(physics, start), queue, timed_request, watcher)))
 
     return in_time(solve, request)
 
 
-def _stopping(run: Run) -> Any:
-    """Return the run, wrapped in `Watched` if `until` is a level of an observable.
+def _run_until_level(run: Run) -> Any:
+    """Return the run, in a wrapper if it stops when an observable reaches a level.
 
-    The modules for levels are imported only then.
+    The modules of the wrapper `Watched` are imported only then.
     """
     if not isinstance(run.request.until, stop.LEVEL_TYPES):
         return run
@@ -295,8 +297,9 @@ def resume(
     Raises
     ------
     ValueError
-        If `trajectory` is not a hard-sphere run, ended in a collapse or at a bound (except by `max_events`), or is
-        broken. Also if its state contradicts its last sample.
+        If `trajectory` is not a hard-sphere run, if it is broken, or if its state contradicts its last sample. Also if
+        it ended in an inelastic collapse, or in a possible collapse (status `bounded`). Two such runs can be continued:
+        a run whose balls all rest until `t_end`, and a run that `max_events` ended.
 
     Examples
     --------
@@ -307,7 +310,7 @@ def resume(
     (2, 1)
     """
     check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory")
-    _refuse_the_ended(trajectory)
+    _check_continuable(trajectory)
     saved, scene = trajectory.state, trajectory.scene
     start = float(check.saved_array(saved, "start", "f", ()))
     scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
@@ -321,20 +324,20 @@ def resume(
     )
     queue, states = checked_engine(engine, physics), [state]
 
-    def solve(asked: Request) -> Trajectory:
-        watching = None if watch is None else _watch(watch, scene, saved)
-        fresh = states.pop() if states else State.restored(physics, saved)
-        run = Run(physics, fresh, queue, asked, watching)
+    def solve(timed_request: Request) -> Trajectory:
+        watcher = None if watch is None else _watch(watch, scene, saved)
+        initial_state = states.pop() if states else State.restored(physics, saved)
+        run = Run(physics, initial_state, queue, timed_request, watcher)
         if "collapse_time" in saved:
             run.rest(check.saved_array(saved, "collapse_pair", "i", (), 0, scene.n_pairs - 1),
                      check.saved_array(saved, "collapse_time", "f", ()))
-        return continue_run(_stopping(run), trajectory)
+        return continue_run(_run_until_level(run), trajectory)
 
     return in_time(solve, request)
 
 
-def _refuse_the_ended(trajectory: Trajectory) -> None:
-    """Raise `ValueError` if nothing can follow the end of a run."""
+def _check_continuable(trajectory: Trajectory) -> None:
+    """Raise `ValueError` if a trajectory cannot be continued."""
     status, saved = trajectory.status, trajectory.state
     check.refuse({
         "`trajectory` must be a run of hard spheres from granular.edmd.": trajectory.rule is None or not saved,
@@ -347,23 +350,30 @@ def _refuse_the_ended(trajectory: Trajectory) -> None:
 
 
 def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Watch:
-    """Return the `Watch` of a law; its module is imported only if needed."""
+    """Return the `Watch` of one or several force laws, importing its module.
+
+    `saved` is the state of the run to continue.
+    """
     from granular.edmd.watch import Watch
 
     return Watch(law, scene, CROSS_ROOM_LOADERS["contact_durations"](), saved)
 
 
 def checked_engine(engine: str, physics: Physics) -> str:
-    """Return the engine that can be used; "auto" means that compilation is possible."""
+    """Return the engine of a run, after checking that the run can use it.
+
+    The result is "sorted", "compiled" or "auto". "auto" means that the run can switch to the compiled engine. Raises
+    `ValueError` if "compiled" is not possible for the rules or ties, and `ImportError` if numba cannot be used.
+    """
     if isinstance(engine, str) and engine == "sorted":
         return engine
-    name, why, missing = check.choice("engine", engine, ENGINE_NAMES), "", no_compiler()
+    name, reason, missing = check.choice("engine", engine, ENGINE_NAMES), "", no_compiler()
     if physics.rule is not None:
-        why = "every rule must be a ConstantRestitution"
+        reason = "every rule must be a ConstantRestitution"
     elif TIE_ORDERS[physics.options["ties"]] == GROUP:
-        why = f"ties={physics.options['ties']!r} runs only interpreted"
-    if name == "compiled" and why:
+        reason = f"ties={physics.options['ties']!r} runs only interpreted"
+    if name == "compiled" and reason:
         raise ValueError(f"`engine` must be 'sorted' or 'auto' here, got 'compiled': {why}.")
     if name == "compiled" and missing:
         raise ImportError(f"`engine` cannot be 'compiled': {missing}.")
-    return "sorted" if why or missing else name
+    return "sorted" if reason or missing else name

@@ -1,4 +1,4 @@
-"""State of a run: all data needed to continue it bitwise identically."""
+"""State of a hard-sphere run: all data needed to continue it bitwise identically."""
 
 from __future__ import annotations
 
@@ -41,41 +41,50 @@ from granular.edmd.records import (
 from granular.scene import Scene
 from granular.scene.places import remembered
 
-OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
-OF_BODIES = ("fall_velocity", "is_free", "noise")
-"""Names of the saved fields of pairs and bodies that change during a run."""
+PAIR_STATE_FIELDS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
+BODY_STATE_FIELDS = ("fall_velocity", "is_free", "noise")
+"""Names of the fields of pairs and of bodies that change in a run and are saved."""
 SAVED_SCALARS = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
 RUN_NUMBER_NAMES = (*(RUN_FIELDS.names or ()), *(CLOCK_FIELDS.names or ()))
 ZERO_RECORDS = {kind: np.zeros((), kind).item() for kind in (RUN_FIELDS, CLOCK_FIELDS)}
-OF_RUN, OF_CLOCK = attrgetter(*(RUN_FIELDS.names or ())), attrgetter(*(CLOCK_FIELDS.names or ()))
-"""Names of all numbers of a run, and functions that read them from objects."""
+RUN_READER, CLOCK_READER = attrgetter(*(RUN_FIELDS.names or ())), attrgetter(*(CLOCK_FIELDS.names or ()))
+"""Functions that read all numbers of a run, or of its clock, from an object."""
 RUN_COUNTS, SLICE_DATA = ("clamps", "merged", "lost", "settled"), ("elapsed", "looked", "ordinary", "clamped", "faint")
-"""Numbers saved as arrays, of which earlier releases saved fewer."""
+"""Names of numbers that are saved as arrays. Earlier releases saved fewer."""
 MIN_WINDOW_BITS = -40
-"""Binary exponent by which the window may be shorter than at the start.
+"""Binary exponent of the smallest valid window of a saved state.
 
-Closing walls shorten the window, and other releases may have chosen a shorter one.
+The unit is the window at the start of the run. Saved windows are shorter than this unit if walls have closed, or if
+another release has chosen a shorter window.
 """
 
 FIRST_ALLOWANCE = 20_000
-"""Collisions in relative coordinates without a decision before the first abort."""
+"""Collisions in relative coordinates after which the first undecided attempt ends."""
 SHORT_BITS, SLOW_BITS = -30, -16
-"""Binary exponents of the limits that mark a suspected collapse.
+"""Binary exponents of the limits below which a collision looks like a collapse.
 
-`SHORT_BITS` is relative to the window at the start, `SLOW_BITS` to the scale of speeds.
+`SHORT_BITS` gives the limit of the time between two collisions, relative to the window at the start. `SLOW_BITS` gives
+the limit of the approach speed, relative to the scale of speeds.
 """
 
 
 @dataclass
 class State:
-    """Records of a run in progress: its numbers, pairs and bodies.
+    """Records of a hard-sphere run in progress.
 
-    `near` holds the pairs that are followed in relative coordinates, if there are any. Their data in `pairs` and
-    `bodies` are then outdated.
+    The time in s is ``epoch + epoch_low + tau``, where tau is the time in the records. The epoch is stored in two
+    parts, so late times keep all their digits. It is moved by whole windows. A window is a power of two in s.
 
-    The time is ``epoch + epoch_low + tau``. The epoch is stored in two parts, so late times keep all their digits. It
-    is advanced in windows of a fixed length, a power of two.
+    Attributes
+    ----------
+    run, clock : record
+        Numbers of the run that kernels use (`RUN_FIELDS`), and numbers of the clock (`CLOCK_FIELDS`).
+    pairs, bodies : records
+        Records of all pairs and bodies, as objects or as arrays.
+    near : records or None
+        Gaps and rates of the slice, while a possible collapse is followed in relative coordinates. The data of these
+        pairs in `pairs` and `bodies` are then outdated.
     """
 
     run: Record
@@ -84,18 +93,18 @@ class State:
     bodies: Records
     near: Records | None = None
     ring: bool = False
-    """Whether the last body repeats the first."""
+    """Whether the balls are on a ring, so that the last body is a copy of the first."""
     hung: bool = False
     """Whether the balls are pendula."""
     walls: Any = None
-    """Records `SIDE` of both walls, their panels and the clock.
+    """Records `WALL_FIELDS` of floor and ceiling, their path panels, and the clock.
 
-    None without forces and without driven or thermal walls.
+    None in scenes without forces and without driven or thermal walls.
     """
 
     @classmethod
     def of(cls, physics: Physics, t_start: float) -> State:
-        """Return the state at the start of a run."""
+        """Return the state of the scene at the start of a run, at the time `t_start` in s."""
         scene, options, kind = physics.scene, physics.options, physics.has
         walls = wall_state.walls(scene, t_start) if "FORCED" in kind else None
         pairs, bodies = first(scene)
@@ -108,13 +117,13 @@ class State:
         no_collapse = scene.driven or scene.pendulum > 0.0 or max(tc, elastic_below, merge_below) > 0.0 or (
             physics.eps.min() == 1.0)
         window = span(length, speed, strength)
-        run = _begun(
+        run = _new_record(
             RUN_FIELDS, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
             merge_below=merge_below, order=TIE_ORDERS[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
             short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # -1: no pair has collided
             allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # -1: none is slow
         )
-        clock = _begun(CLOCK_FIELDS, frame=frame, start=t_start, epoch=t_start, goal=-math.inf, strength=strength,
+        clock = _new_record(CLOCK_FIELDS, frame=frame, start=t_start, epoch=t_start, goal=-math.inf, strength=strength,
                        length=length, window=window, speed=speed, fall=fall)
         state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in kind, walls and Walls(*walls, clock))
         if state.walls is not None:
@@ -127,19 +136,19 @@ class State:
 
     @classmethod
     def restored(cls, physics: Physics, saved: Mapping[str, Any]) -> State:
-        """Return a state saved by `checkpoint`, also by an earlier release.
+        """Return the state that `checkpoint` has saved, in this or an earlier release.
 
-        States saved before velocities had noise get noise 0. Without walls their velocities are those at the epoch, in
-        the frame of the scene, and are converted to the frame that falls from the start of the run. Raises
-        `ValueError` if the state is inconsistent.
+        States saved before velocities had noise get zero noise. In such a state without walls, the velocities are
+        those at the epoch in the frame of the scene. They are converted to the frame that falls from the start of the
+        run. Raises `ValueError` if the state is inconsistent.
         """
         saved = {NEW_NAMES.get(name, name): value for name, value in saved.items()}
         check_numbers(saved, physics)
         state = cls.of(physics, float(saved["start"]))
         of_pairs, of_bodies = state._changing()
         check_entries(saved, physics, of_pairs, of_bodies)
-        least = math.ldexp(float(state.clock.window), MIN_WINDOW_BITS)
-        if float(saved["window"]) < least:
+        min_window = math.ldexp(float(state.clock.window), MIN_WINDOW_BITS)
+        if float(saved["window"]) < min_window:
             raise ValueError(f"'window' in the state of `trajectory` must be at least {least!r}, got "
                              f"{saved['window']!r}. {EDITED_STATE}")
         for name in of_pairs:
@@ -160,10 +169,10 @@ class State:
                 state.walls.sides[name] = saved_array(saved, name, "f", (2,)) if name in saved else 0.0
             wall_state.set_epoch(state)
         if "zoom_gap" in saved:
-            look = {
+            slice_numbers = {
                 name: RUN_FIELDS[name].type(x).item() for name, x in zip(SLICE_DATA, saved["zoom_dial"], strict=False)
             }
-            state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **look)
+            state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **slice_numbers)
             state.near = np.zeros(len(saved["zoom_gap"]), RELATIVE_FIELDS)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         if not state.sound():
@@ -171,20 +180,20 @@ class State:
         return state
 
     def set(self, **numbers: Any) -> None:
-        """Set numbers of the run or of the clock."""
+        """Set numbers of the run or of the clock by their names."""
         for name, value in numbers.items():
             setattr(self.run if hasattr(self.run, name) else self.clock, name, value)
 
     def numbers(self) -> dict[str, Any]:
-        """Return the numbers of the run and of the clock by name."""
-        run: Any = self.run.item() if isinstance(self.run, np.void) else OF_RUN(self.run)
-        clock: Any = self.clock.item() if isinstance(self.clock, np.void) else OF_CLOCK(self.clock)
+        """Return the numbers of the run and of the clock by their names."""
+        run: Any = self.run.item() if isinstance(self.run, np.void) else RUN_READER(self.run)
+        clock: Any = self.clock.item() if isinstance(self.clock, np.void) else CLOCK_READER(self.clock)
         return dict(zip(RUN_NUMBER_NAMES, run + clock, strict=True))
 
     def checkpoint(self, run: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
-        """Return all data for `Trajectory.state`, without copying arrays.
+        """Return all data that are saved in `Trajectory.state`, without copying arrays.
 
-        `run` are the `numbers` of this state.
+        `run` are the `numbers` of this state. `options` are further entries, which are added unchanged.
         """
         of_pairs, of_bodies = self._changing()
         pairs, bodies = packed(self.pairs), packed(self.bodies)
@@ -200,29 +209,30 @@ class State:
             raw |= {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
         return raw | options
 
-    def keep(self, how: Callable[..., Any]) -> None:
-        """Convert the records to objects (`plain`) or to arrays (`packed`).
+    def keep(self, convert: Callable[..., Any]) -> None:
+        """Convert all records to the kind of records that the queue needs.
 
-        Interpreted code uses objects, compiled code arrays. The values are bitwise identical.
+        `convert` is `plain` for objects, which interpreted code uses, or `packed` for arrays, which compiled code
+        uses. The values are bitwise identical.
         """
-        self.pairs, self.bodies = how(self.pairs), how(self.bodies)
-        self.near = self.near if self.near is None else how(self.near)
+        self.pairs, self.bodies = convert(self.pairs), convert(self.bodies)
+        self.near = self.near if self.near is None else convert(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.void):
-            self.run = one(np.array([OF_RUN(self.run)], RUN_FIELDS))
+            self.run = one(np.array([RUN_READER(self.run)], RUN_FIELDS))
             if self.walls is not None:  # kernels beside walls move the clock too
-                self.clock = one(np.array([OF_CLOCK(self.clock)], CLOCK_FIELDS))
+                self.clock = one(np.array([CLOCK_READER(self.clock)], CLOCK_FIELDS))
         if self.walls is not None:
-            self.walls = Walls(how(self.walls.sides), how(self.walls.panels), self.clock)
+            self.walls = Walls(convert(self.walls.sides), convert(self.walls.panels), self.clock)
 
     def copied(self) -> State:
-        """Return a state with copies of bodies, pairs and walls."""
+        """Return a state with copies of the records of pairs, bodies and walls."""
         walls = self.walls if self.walls is None else self.walls._replace(sides=copied(self.walls.sides))
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:
-        """Return the records of the slice followed in relative coordinates.
+        """Return the records of the pairs and of the bodies of the slice.
 
-        The records of the pairs come first, then those of the bodies. On a ring they can be copies.
+        The slice is followed in relative coordinates. On a ring the records can be copies.
         """
         assert self.near is not None
         first, n = int(self.run.first), len(self.pairs)
@@ -232,9 +242,10 @@ class State:
         return self.pairs[first:end], self.bodies[first : end + 1]
 
     def put(self, pairs: Records, bodies: Records) -> None:
-        """Write changed `slices` back.
+        """Write changed records of the slice back into the state.
 
-        On a ring the slices can be copies, and the first body is copied to the last.
+        On a line the records are not copies, and nothing has to be done. On a ring, the motion of the first body is
+        also copied to the last body.
         """
         if not self.ring:
             return
@@ -246,36 +257,39 @@ class State:
         seam["fall_velocity"], seam["noise"] = ball["fall_velocity"], ball["noise"]
 
     def scale(self, speed: float) -> None:
-        """Set the scale of speeds (m/s) and the speed limit of a suspected collapse.
+        """Set the scale of speeds (m/s), and the speed limit of a suspected collapse.
 
-        The limit is unchanged if no collapse is possible.
+        The limit is unchanged if no collapse is possible in the scene.
         """
         self.clock.speed = speed
         if self.run["slow"] >= 0.0:
             self.run["slow"] = math.ldexp(speed, SLOW_BITS)
 
     def time(self, tau: Any) -> Any:
-        """Return the time in s that is `tau` after the epoch."""
+        """Return the time in s that corresponds to `tau`, the time since the epoch in s."""
         return self.clock.epoch + (self.clock.epoch_low + tau)
 
     def tau(self, time: float) -> float:
-        """Return the time from the epoch to `time` in s."""
+        """Return the time since the epoch in s that corresponds to `time` in s."""
         return float((time - self.clock.epoch) - self.clock.epoch_low)
 
     def elapsed(self, tau: Any) -> Any:
-        """Return the time in s from the start of the run to `tau`.
+        """Return the time in s from the start of the run to `tau` (s since the epoch).
 
-        It keeps all its digits however late the start is.
+        It keeps all its digits, however late the start of the run is.
         """
         return ((self.clock.epoch - self.clock.start) + self.clock.epoch_low) + tau
 
     def shift_to(
         self, tau: float, compiler: Callable[[Any], Any], whole: bool = True, shrink: float = 1.0
     ) -> None:
-        """Move the epoch by whole windows so that `tau` falls into the first window.
+        """Move the epoch forward so that `tau` lies in the window after the new epoch.
 
-        If `whole` is False, the epoch is moved to `tau` itself. The window grows as balls slow down. It becomes shorter
-        only if the mean gap does, by the factor `shrink`, a power of two.
+        By default the epoch is moved by whole windows. If `whole` is False, it is moved to `tau` itself. `compiler`
+        returns the form of a kernel that fits the records.
+
+        The window becomes longer if the balls have become slower. It becomes shorter only by the factor `shrink`, a
+        power of two, with which the caller reports that the mean gap is smaller.
         """
         clock = self.clock
         clock.length, clock.window = shrink * clock.length, shrink * clock.window
@@ -298,9 +312,10 @@ class State:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
-        """Return velocities in m/s and gaps in m (never negative) at `tau`.
+        """Return the velocities (m/s) and the gaps (m, never negative) at the time `tau`.
 
-        Pendula have rates instead of velocities. The state is not changed.
+        `tau` is in s since the epoch. For pendula, the first array contains the rates of the gaps instead. The state
+        is not changed.
         """
         if self.hung:
             return hanging.row(self.pairs, tau)
@@ -314,24 +329,24 @@ class State:
         return velocity, gap
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the names of the fields of pairs and of bodies that change."""
+        """Return the names of the saved fields of pairs, and those of bodies."""
         if self.hung:
-            return (*OF_PAIRS, "rate"), (*OF_BODIES, "sway")
+            return (*PAIR_STATE_FIELDS, "rate"), (*BODY_STATE_FIELDS, "sway")
         if self.walls is not None:
-            return (*OF_PAIRS, "wall", "stuck"), (*OF_BODIES, "force_acceleration")
-        return OF_PAIRS, OF_BODIES
+            return (*PAIR_STATE_FIELDS, "wall", "stuck"), (*BODY_STATE_FIELDS, "force_acceleration")
+        return PAIR_STATE_FIELDS, BODY_STATE_FIELDS
 
     def sound(self) -> bool:
-        """Return whether the records are consistent with each other and with a run."""
+        """Return whether the records are consistent with each other and possible in a run."""
         run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
-        wall, hit, last = np.isinf(bodies["mass"]), pairs["contacts"] > 0, pairs["last"]
+        wall, has_collided, last = np.isinf(bodies["mass"]), pairs["contacts"] > 0, pairs["last"]
         return bool(all([
             len(bodies) == len(pairs) + 1 == run.pairs + 1,
             (pairs["gap"] >= 0.0).all(),
             (pairs["at"] <= max(run.now, 0.0)).all(),
             self.walls is not None or (pairs["closing_acceleration"] == run.gravity * np.diff(bodies["is_free"])).all(),
             self.walls is None or wall_state.rests_soundly(self, pairs, bodies),
-            hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["contacts"].sum() == run.events,
+            has_collided[np.isfinite(last)].all() and (last <= run.now).all() and pairs["contacts"].sum() == run.events,
             not bodies["is_free"][wall].any() and (bodies["noise"] >= 0.0).all(),
             self.walls is not None or not bodies["noise"][wall].any(),
             not self.ring or self.near is not None  # the gaps of a slice are in `near`
@@ -344,7 +359,10 @@ class State:
 
 @remembered
 def first(scene: Scene) -> tuple[Records, Records]:
-    """Return the records of pairs and bodies at the start of a run, without ε."""
+    """Return the records of pairs and bodies of a scene at the start of a run.
+
+    The restitutions of the pairs are not set.
+    """
     kind, n, g = scene._flags, scene.n, felt_gravity(scene)
     of_pair, of_body = FORCED_RECORDS if "FORCED" in kind else PENDULUM_RECORDS if "HUNG" in kind else PLAIN_RECORDS
     pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
@@ -359,32 +377,36 @@ def first(scene: Scene) -> tuple[Records, Records]:
 
 
 def gaps(pairs: Records, u: Array, tau: float, pulled: bool) -> Array:
-    """Return the gaps in m (never negative) at `tau`.
+    """Return the gaps in m (never negative) of all pairs at the time `tau`.
 
-    `u` are the fall velocities of the bodies. `pulled` states whether any gap has an acceleration.
+    `u` are the fall velocities of the bodies (m/s). `pulled` is False only if no gap has an acceleration. `tau` is in s
+    since the epoch.
     """
-    begun, at, pull = columns(pairs, "gap", "at", "closing_acceleration")
+    gap_then, at, pull = columns(pairs, "gap", "at", "closing_acceleration")
     rate, dt = u[1:] - u[:-1], tau - at
     # Without accelerations these terms are 0 and only cost time.
     if pulled:
         rate -= pull * at
         rate -= 0.5 * pull * dt
-    gap: Array = begun + dt * rate
+    gap: Array = gap_then + dt * rate
     return np.maximum(gap, 0.0, out=gap)
 
 
 def columns(records: Records, *names: str) -> Any:
-    """Return several float fields of all records.
+    """Return several fields of all records as arrays of floats.
 
-    The results are views of an array of records, and copies otherwise.
+    The arrays are views if `records` is an array. Otherwise they are copies.
     """
     if isinstance(records, np.ndarray):
         return list(map(records.__getitem__, names))
     return np.array(list(map(attrgetter(*names), records))).T
 
 
-def _begun(kind: np.dtype[Any], **numbers: Any) -> Record:
-    """Return an object with the fields of `kind`; fields that are not given are 0."""
+def _new_record(kind: np.dtype[Any], **numbers: Any) -> Record:
+    """Return an object with the fields of the record type `kind`.
+
+    Fields that are not in `numbers` are 0.
+    """
     record = plain_class(kind)(*ZERO_RECORDS[kind])
     for name, number in numbers.items():
         setattr(record, name, number)
