@@ -1,4 +1,4 @@
-"""Scene, restitution rules and options of a run: everything that stays constant."""
+"""Constant data of a hard-sphere run: scene, restitution rules and options."""
 
 from __future__ import annotations
 
@@ -19,70 +19,73 @@ from granular.scene.walls.motion import fastest
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)
 TIE_ORDERS = {"left": LEFT, "right": RIGHT, "random": RANDOM, "newton": GROUP, "poisson": GROUP, "reflect": GROUP}
-"""Order of simultaneous collisions, by the option `ties`.
+"""Order of simultaneous collisions, by the value of the option `ties`.
 
-The last three rules solve a touching group as a whole, see `granular.edmd.ties`. Groups that do not touch each other
-act from the left.
+The last three values solve a touching group as a whole, see `granular.edmd.ties`. Groups that do not touch each other
+are then solved one after the other, from left to right.
 """
 MASK = (1 << 24) - 1
-"""Mask of the pair number in a rank, and the largest number of pairs of a scene."""
+"""Mask of the 24 bits of a rank that contain the number of the pair.
+
+It is also the largest number of pairs of a scene.
+"""
 RUN_OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
 """Names of the options that change the physics, as stored in a saved run."""
 WINDOW_TURNS, GAP_SHARE = 4.0, 0.25
-"""Limits of the clock window of pendula.
+"""Numbers that limit the window of pendula.
 
-`WINDOW_TURNS` is the window in units of 1/Ω. If two walls fix the sum of the gaps, the window is at most that of a
-line with gaps of `GAP_SHARE` times the length. The rounding error of the sum acts at every bounce.
+The window is at most about `WINDOW_TURNS`/Ω. If walls at both ends fix the sum of the gaps, the window is also computed
+from `GAP_SHARE` times the mean gap, because the rounding error of the sum acts at every bounce.
 """
 MIN_SPEED, MAX_NUMBER = 1e-75, 1e75
-"""Smallest speed and largest number in a scene.
+"""Smallest speed and largest number in a scene, in SI units.
 
-Squares, products and ratios of these numbers neither underflow nor overflow.
+Squares, products and ratios of such numbers neither underflow nor overflow.
 """
 SIZE_REQUIREMENT = f"a number of at most {MAX_NUMBER:g}"
 
 
 class Physics:
-    """A scene, one rule per pair, and the values of `RUN_OPTIONS` by name.
+    """Scene, restitution rules and options of a hard-sphere run.
 
     Attributes
     ----------
     scene, rules, options
-        The scene, its rules, and the options.
+        The scene, one rule per pair, and the values of `RUN_OPTIONS` by name.
     has : tuple
-        Kernel flags that hold for the scene.
+        Names of the kernel flags that are true for the scene.
     eps : (p,) array
-        Restitution per pair. All entries are nan if any rule is not constant; then `rule` is evaluated for every pair.
+        Coefficient of restitution of each pair. All entries are nan if any rule is not constant.
     rule : callable or None
-        Called as ``rule(c, speed)``: ε of pair `c` at a speed (m/s). None if all rules are constant.
+        ``rule(c, speed)`` returns ε of pair `c` at an approach speed in m/s. None if all rules are constant.
     """
 
     rule: Restitution | None = None
 
     def __init__(self, scene: Scene, rules: tuple[Rule, ...], options: dict[str, Any]) -> None:
         self.scene, self.rules, self.options, self.has = scene, rules, options, tuple(scene._flags)
-        known = constants(rules, scene.gap)
-        self.eps = np.array([math.nan] * len(scene.gap) if known is None else known)
-        if known is None:
+        constant_eps = constants(rules, scene.gap)
+        self.eps = np.array([math.nan] * len(scene.gap) if constant_eps is None else constant_eps)
+        if constant_eps is None:
             pairs = tuple(scene.pairs)
             self.rule = lambda c, speed: restitution_at(rules[c], speed, pairs[c])
 
     @property
     def elastic(self) -> bool:
-        """Whether all pairs are declared elastic and no option changes collisions.
+        """Whether all pairs are declared elastic, and no option changes collisions.
 
-        The options concern weak or frequent collisions.
+        These options are `merge_below`, `tc` and `elastic_below`.
         """
         return not any(map(self.options.get, ("merge_below", "tc", "elastic_below"))) and rules.elastic(self.rules)
 
 
 @kernel
 def rank(c: int, order: int, seed: int, contacts: int) -> int:
-    """Return the rank of pair `c` after `contacts` collisions of the pair.
+    """Return the rank of pair `c`, which decides between simultaneous collisions.
 
-    Queues are ordered by ``(time, rank)``. The lower 24 bits of a rank are the number of the pair. The upper bits order
-    pairs with equal times: from the left, from the right, or at random by a hash of the seed, the pair and its number
-    of collisions (the sequential treatment of Han & Gilmore, reproducible).
+    Queues are ordered by ``(time, rank)``. The lower 24 bits of a rank are the number of the pair. The upper bits
+    order pairs with equal times from the left, from the right, or at random. A random order is a hash of the seed, the
+    pair and `contacts`, its number of collisions (the sequential treatment of Han & Gilmore, reproducible).
     """
     if order in (LEFT, GROUP):
         return c
@@ -94,7 +97,7 @@ def rank(c: int, order: int, seed: int, contacts: int) -> int:
 
 @kernel
 def mixed(x: int) -> int:
-    """Return 31 well-mixed bits of `x`.
+    """Return a hash of `x` with 31 bits.
 
     For 0 ≤ `x` < 2³¹ no product exceeds 63 bits, so compiled and interpreted code agree.
     """
@@ -104,25 +107,28 @@ def mixed(x: int) -> int:
 
 
 def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None, **options: Any) -> Physics:
-    """Return the `Physics` of a run, or raise if scene, rule or an option is invalid."""
+    """Return the `Physics` of a run after checking scene, rule and options.
+
+    Raises `ValueError` or `TypeError` if an argument is invalid.
+    """
     check_scene(scene)
-    given = rules.checked(rule, scene.gap)
-    merging = check.choice("collapse", collapse, ("stop", "merge")) == "merge"
+    rules_per_pair = rules.checked(rule, scene.gap)
+    merges = check.choice("collapse", collapse, ("stop", "merge")) == "merge"
     # Default of `merge_below`: 1/100 of the speed scale.
-    below = 0.01 * scales(scene)[0] if merging else 0.0
+    below = 0.01 * scales(scene)[0] if merges else 0.0
     if merge_below is not None:
-        if not merging:
+        if not merges:
             raise ValueError(f"`merge_below` must be None unless collapse='merge', got {merge_below!r}.")
         below = check.number("merge_below", merge_below, above=0.0)
     check.choice("ties", options["ties"], tuple(TIE_ORDERS))
     options["seed"] = check.whole("seed", options["seed"])
     for name in ("tc", "elastic_below"):
         options[name] = check.number(name, options[name], at_least=0.0)
-    physics = Physics(scene, given, options | {"merge_below": below})
+    physics = Physics(scene, rules_per_pair, options | {"merge_below": below})
     # Balls that stick merge at any speed.
     if physics.eps.max() == 0.0:
         physics.options["merge_below"] = math.inf
-    _check_together(physics.eps, physics.options, scene)
+    _check_combination(physics.eps, physics.options, scene)
     return physics
 
 
@@ -131,14 +137,14 @@ def check_scene(scene: Scene) -> None:
     """Raise `ValueError` if the scene is not valid for hard spheres."""
     fix = "Hard spheres cannot overlap. Set the gap to 0, or use granular.md."
     check.every("gap", scene.gap, scene.gap >= 0.0, "non-negative", fix)
-    size, fix = np.abs(scene.velocity), "Use other units."
-    need = f"0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}"
+    speed, fix = np.abs(scene.velocity), "Use other units."
+    speed_requirement = f"0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}"
     check.every("mass", scene.mass, (scene.mass <= MAX_NUMBER) | scene.is_wall, SIZE_REQUIREMENT, fix)
     check.every("gap", scene.gap, scene.gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
-    check.every("velocity", scene.velocity, (size == 0.0) | ((size >= MIN_SPEED) & (size <= MAX_NUMBER)), need, fix)
-    for name, one in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
-        if not (one == 0.0 or MIN_SPEED <= one <= MAX_NUMBER):
-            raise ValueError(check.misuse(name, one, need, fix))
+    check.every("velocity", scene.velocity, (speed == 0.0) | ((speed >= MIN_SPEED) & (speed <= MAX_NUMBER)), speed_requirement, fix)
+    for name, number in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
+        if not (number == 0.0 or MIN_SPEED <= number <= MAX_NUMBER):
+            raise ValueError(check.misuse(name, number, speed_requirement, fix))
     if scene.rest_gap is not None:
         check.every("rest_gap", scene.rest_gap, scene.rest_gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
     check.refuse({
@@ -156,23 +162,23 @@ def check_scene(scene: Scene) -> None:
             )
 
 
-def _check_together(eps: check.Array, options: dict[str, Any], scene: Scene) -> None:
-    """Raise `ValueError` for options and rules that are invalid in combination.
+def _check_combination(eps: check.Array, options: dict[str, Any], scene: Scene) -> None:
+    """Raise `ValueError` if options and rules cannot be combined.
 
-    `eps` are the restitutions of the pairs. Each option is valid on its own.
+    `eps` are the coefficients of restitution of the pairs. Each option is valid on its own.
     """
     ties = options["ties"]
-    merges, lasts, spares = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
+    merges, has_tc, has_elastic_below = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
     if ties in ("newton", "reflect") and eps.min() != eps.max():
-        why = "Different ones can multiply the energy." if ties == "newton" else "It is not defined otherwise."
+        reason = "Different ones can multiply the energy." if ties == "newton" else "It is not defined otherwise."
         raise ValueError(f"`rule` must be one constant restitution for all pairs if ties={ties!r}, got restitutions "
-                         f"from {eps.min():g} to {eps.max():g}. {why} Use ties='poisson'.")
-    if TIE_ORDERS[ties] == GROUP and (merges or lasts or spares):
+                         f"from {eps.min():g} to {eps.max():g}. {reason} Use ties='poisson'.")
+    if TIE_ORDERS[ties] == GROUP and (merges or has_tc or has_elastic_below):
         raise ValueError(f"`ties` must not solve groups as a whole if balls stick, or with collapse='merge', tc= or "
                          f"elastic_below=, got {ties!r}. Use ties='left'.")
-    if merges + lasts + spares > 1:
-        given = {"sticking or collapse='merge'": merges, "tc": lasts, "elastic_below": spares}
-        names = " and ".join(name for name, is_given in given.items() if is_given)
+    if merges + has_tc + has_elastic_below > 1:
+        remedies = {"sticking or collapse='merge'": merges, "tc": has_tc, "elastic_below": has_elastic_below}
+        names = " and ".join(name for name, is_given in remedies.items() if is_given)
         raise ValueError(f"Only one remedy for an inelastic collapse can be given, got {names}.")
     if eps.min() == 0.0 < eps.max():
         pair = scene.pairs.name(int(eps.argmin()))
@@ -181,7 +187,7 @@ def _check_together(eps: check.Array, options: dict[str, Any], scene: Scene) -> 
 
 
 def felt_gravity(scene: Scene) -> float:
-    """Return gravity (m/s²) in the frame of a run.
+    """Return the gravity (m/s²) in the frame of a run.
 
     Without a wall the frame falls with the balls, and the result is 0. Velocities then keep their digits.
     """
@@ -189,11 +195,11 @@ def felt_gravity(scene: Scene) -> float:
 
 
 def frame_velocity(scene: Scene) -> float:
-    """Return the velocity in m/s of the frame of a run.
+    """Return the velocity (m/s) of the frame of a run at the start.
 
-    The frame moves with the centre of mass of a ring, else with an undriven wall. The wall is at rest in this frame,
-    and velocities of balls near the wall keep their digits. The result is 0 without walls, for pendula, and with driven
-    or thermal walls, which do work in the frame of the scene.
+    The frame of a ring moves with the centre of mass. The frame of a scene with an undriven wall moves with this wall,
+    and velocities of balls near the wall keep their digits. The result is 0 without walls, for pendula, and with
+    driven or thermal walls, which do work in the frame of the scene.
     """
     if scene.ring:
         return float(scene.anchor_velocity(0.0))
@@ -206,15 +212,17 @@ def frame_velocity(scene: Scene) -> float:
 def scales(scene: Scene) -> tuple[float, float, float, float]:
     """Return speed scale, fall speed, mean gap and largest acceleration of a scene.
 
-    The units are m/s, m/s, m and m/s². The fall speed is the speed of falling through the mean gap. The largest
-    acceleration is that of a ball in the frame of a run.
+    The units are m/s, m/s, m and m/s². The fall speed is the speed after a fall through the mean gap, or a larger
+    speed of a driven or thermal wall. The speed scale is the maximum of the fall speed and of the relative velocities
+    of all pairs. The largest acceleration is that of a ball in the frame of a run. For pendula the values are chosen
+    such that `span` returns the window that `WINDOW_TURNS` and `GAP_SHARE` describe.
     """
     speed = float(np.abs(scene.across(scene.velocity)).max())
     if scene.pendulum > 0.0:
         rest: Any = scene.rest_gap
         fall = scene.pendulum * float(np.abs(scene.gap - rest).max())
-        room = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else it depends on Ω only
-        return max(speed, fall), fall, GAP_SHARE * room, scene.pendulum / WINDOW_TURNS * max(speed, fall)
+        mean_gap = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else it depends on Ω only
+        return max(speed, fall), fall, GAP_SHARE * mean_gap, scene.pendulum / WINDOW_TURNS * max(speed, fall)
     # Touching balls have no mean gap; their radius sets the length then.
     length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), felt_gravity(scene)
     if scene.external_force is not None:
@@ -228,10 +236,10 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
 
 
 def shares(scene: Scene) -> tuple[check.Array, check.Array]:
-    """Return m_eff/m_lower and m_eff/m_upper of each pair.
+    """Return the mass ratios m_eff/m_lower and m_eff/m_upper of each pair.
 
-    They are the shares of both bodies in a change of the relative velocity. The smaller share is computed, and the
-    other share is 1 minus the smaller.
+    They are the fractions of a change of the relative velocity that the lower and the upper body receive. The smaller
+    ratio is computed, and the larger ratio is 1 minus the smaller.
     """
     a, b = scene.sides(scene.mass)
     ratio = np.minimum(a, b) / np.maximum(a, b)

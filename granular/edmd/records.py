@@ -1,6 +1,6 @@
-"""Records of pairs, bodies and runs of hard spheres, and reasons of a pause.
+"""Record types of hard-sphere runs, their constants, and checks of saved states.
 
-Also checks that a saved state is a valid state of a run, because kernels check nothing.
+Saved states are checked here because kernels check nothing.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ CLOCK_FIELDS = np.dtype(
         ("goal", float), ("dated", int),  # s, end time of kernels that move the zero of tau; rows with final times
     ]
 )
-"""Numbers of a run that kernels do not use, except beside driven walls."""
+"""Numbers of a run that kernels use only in scenes with driven walls."""
 LOG_ROW = np.dtype(
     [
         ("pair", int), ("t_begin", float),
@@ -83,14 +83,17 @@ LOG_ROW = np.dtype(
     ],
     align=True,
 )
-"""Log row of a collision.
+"""Row of the contact log of one collision, as kernels write it.
 
-Fields: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s. The impulse does not follow
-from the velocities: in relative coordinates velocities cannot represent the change, and balls that stick together
-transfer more than their own momentum.
+Fields: pair, time in s since the epoch, velocities of both bodies before and after in m/s, impulse in N s. The impulse
+is stored because it does not follow from the velocities. In relative coordinates the velocities cannot represent the
+change, and balls that stick together transfer more than their own momentum.
 """
 Log: TypeAlias = list[Any]
-"""The log: chunks of records `LOG_ROW`, as arrays or as lists of objects."""
+"""Contact log of a run: a list of chunks of rows `LOG_ROW`.
+
+A chunk is an array of records or a list of objects.
+"""
 WALL_FIELDS = np.dtype(
     [
         *((name, WALL_DTYPE[name]) for name in WALL_DTYPE.names or ()),
@@ -102,14 +105,17 @@ WALL_FIELDS = np.dtype(
     ],
     align=True,
 )
-"""Numbers of the floor and of the ceiling that kernels use, one record each.
+"""Numbers of the floor or of the ceiling that kernels use, one record per wall.
 
-A wall without panels moves at constant speed.
+A wall whose path has no panels moves at constant speed.
 """
 
 
 class Walls(NamedTuple):
-    """Data of driven or thermal walls and of forces for kernels, else None."""
+    """Data for kernels in scenes with forces or with driven or thermal walls.
+
+    In all other scenes kernels receive None.
+    """
 
     sides: Any  # two records `WALL_FIELDS`, of the floor and of the ceiling
     panels: Any  # of the paths of both
@@ -118,9 +124,9 @@ class Walls(NamedTuple):
 
 FREE, FLOOR, CEILING = 0, 1, 2
 AT_FLOOR, AT_CEILING, BOTH = range(3)
-"""Field `wall` of a pair: beside a driven floor, a driven ceiling, or both.
+"""Values of the field `wall` of a pair next to one or both driven walls.
 
-A pair is beside both walls if its bodies rest on them or are these walls. The value is -1 for any other pair.
+A pair is next to a wall if one of its bodies is this wall or rests on it. The value is -1 for any other pair.
 """
 
 
@@ -142,39 +148,39 @@ PENDULUM_RECORDS = more(
     # Ω times the displacement at time 0, extrapolated without the later collisions (m/s), and Ω.
     [("sway", float), ("omega", float)],
 )
-"""Record types of pairs and bodies.
+"""Record types of pairs and bodies, by the kind of the scene.
 
-`PLAIN_RECORDS` serves plain scenes, `FORCED_RECORDS` scenes with forces, driven or thermal walls, and
-`PENDULUM_RECORDS` pendula.
+`FORCED_RECORDS` is for scenes with forces or with driven or thermal walls, `PENDULUM_RECORDS` for pendula, and
+`PLAIN_RECORDS` for all other scenes.
 """
 NEVER, APART, EACH = -1, -2, -3
-"""Special values of `stop_pair`.
+"""Special values of `stop_pair`, otherwise the pair of the stop condition.
 
 `NEVER`: the run does not stop at a contact. `APART`: the run stops when no pair approaches. `EACH`: the run pauses
 after every event.
 """
 LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
-"""Reasons why a queue, or the kernel `zoom`, returns control.
+"""Reasons why an event queue, or the kernel `zoom`, pauses.
 
 * `LATER`: the next event is later than the requested time.
-* `UNTIL`: the next event is the contact to stop at, or all pairs recede.
+* `UNTIL`: the stop condition is met. The next event is the contact at which the run stops, or no pair approaches.
 * `BUDGET`: the requested number of events has been processed.
 * `SUSPECT` (queue): the last collisions look like an inelastic collapse.
-* `TOUCHING` (queue): a touching group has to collide as a whole.
+* `TOUCHING` (queue): the next event is a collision in a touching group, which is solved as a whole.
 * `OUTSIDE` (`zoom`): the next event is outside the slice.
-* `QUIET` (`zoom`): there is no collapse.
+* `QUIET` (`zoom`): the collisions do not lead to a collapse.
 * `RESTS` (`zoom`): a ball has come to rest on a wall.
-* `TINY` (`zoom`): rates are below 2^-200 of the scale.
-* `SPENT` (`zoom`): no decision within the allowance.
+* `TINY` (`zoom`): a rate is below 2^-200 of the speed scale.
+* `SPENT` (`zoom`): the allowed number of collisions has been processed without a decision.
 
-The last five end the use of relative coordinates.
+The last five values end the use of relative coordinates.
 """
 SAVED_NUMBERS = {"start": "f", "epoch": "f", "epoch_low": "f", "now": "f", "length": "f", "window": "f", "speed": "f",
            "fall": "f", "short": "f", "events": "i", "rebases": "i", "zooms": "i", "zoomed": "i", "allowance": "i",
            "tc": "f", "elastic_below": "f", "merge_below": "f", "seed": "i"}
-"""Saved numbers and their kinds ("f" float, "i" integer).
+"""Names and kinds of the numbers in a saved state ("f" float, "i" integer).
 
-The numbers from `length` on are not negative.
+All numbers except `SIGNED_NUMBERS` must not be negative.
 """
 SIGNED_NUMBERS = ("start", "epoch", "epoch_low", "now")
 ENTRY_LIMITS = {
@@ -187,22 +193,22 @@ ENTRY_LIMITS = {
     "is_free": (0.0, 1.0),
     "noise": (0.0, math.inf),
 }
-"""Smallest and largest entry of an array of pairs or bodies.
+"""Smallest and largest valid entry of arrays of pairs or bodies in a saved state.
 
 Arrays that are not listed can have any finite entries.
 """
 INTEGER_ARRAYS = ("contacts", "streak", "wall", "stuck")
-ADDED_ARRAYS = ("noise",)
-"""Arrays that earlier releases did not save."""
+OPTIONAL_ARRAYS = ("noise",)
+"""Names of arrays that earlier releases did not save."""
 NEW_NAMES = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
            "hits": "contacts", "shut": "stuck"}
-"""New names of saved arrays by their names in earlier releases."""
+"""Present names of saved arrays by the names that earlier releases used."""
 
 
 def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
-    """Raise `ValueError` unless `saved` has all numbers and options of a state.
+    """Raise `ValueError` if a number or option of a saved state is invalid.
 
-    Each number must have its kind and be within its limits.
+    Each number must be present, have its kind and be within its limits.
     """
     for name, kind in SAVED_NUMBERS.items():
         # Balls that stick at any speed have an infinite limit.
@@ -220,45 +226,45 @@ def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
 def check_entries(
     saved: Mapping[str, Any], physics: Physics, of_pairs: tuple[str, ...], of_bodies: tuple[str, ...]
 ) -> None:
-    """Raise `ValueError` unless the arrays of pairs and bodies are valid.
+    """Raise `ValueError` if an array of pairs or bodies in a saved state is invalid.
 
-    `of_pairs` and `of_bodies` are the names of the arrays. The fields of relative coordinates and of `watch` are
-    checked as well, if present.
+    `of_pairs` and `of_bodies` are the names of the arrays. The entries of relative coordinates and of `watch` are
+    checked as well, if the state contains them.
     """
     n = physics.scene.n_pairs
     for length, names in ((n, of_pairs), (n + 1, of_bodies)):
         for name in names:
-            if name in saved or name not in ADDED_ARRAYS:
-                least, most = ENTRY_LIMITS.get(name, (-math.inf, math.inf))
+            if name in saved or name not in OPTIONAL_ARRAYS:
+                smallest, largest = ENTRY_LIMITS.get(name, (-math.inf, math.inf))
                 kind = "i" if name in INTEGER_ARRAYS else "f"
-                saved_array(saved, name, kind, (length,), least, most, finite=name != "last")
-    _check_look(saved, n, physics.scene.ring)
+                saved_array(saved, name, kind, (length,), smallest, largest, finite=name != "last")
+    _check_slice(saved, n, physics.scene.ring)
     _check_watch(saved, n)
 
 
-def _check_look(saved: Mapping[str, Any], n: int, ring: bool) -> None:
-    """Raise `ValueError` unless the fields of relative coordinates are valid.
+def _check_slice(saved: Mapping[str, Any], n: int, ring: bool) -> None:
+    """Raise `ValueError` if saved entries of relative coordinates are invalid.
 
-    Fields are checked only if at least one is present.
+    `n` is the number of pairs. A state without such entries is valid.
     """
     if not any(name.startswith("zoom_") for name in saved):
         return
-    size = np.shape(saved.get("zoom_gap", 0))
-    most = n if ring else n - int(saved_array(saved, "zoom_first", "i", (), 0, n - 1))
-    if len(size) != 1 or not 0 < size[0] <= most:
-        raise ValueError(f"'zoom_gap' in the state of `trajectory` must have 1 to {most} pairs, got shape {size}. "
+    gap_shape = np.shape(saved.get("zoom_gap", 0))
+    max_pairs = n if ring else n - int(saved_array(saved, "zoom_first", "i", (), 0, n - 1))
+    if len(gap_shape) != 1 or not 0 < gap_shape[0] <= max_pairs:
+        raise ValueError(f"'zoom_gap' in the state of `trajectory` must have 1 to {max_pairs} pairs, got shape {gap_shape}. "
                          f"{EDITED_STATE}")
     saved_array(saved, "zoom_first", "i", (), 0, n - 1)
-    dial = (min(np.size(saved.get("zoom_dial", 0)), 5),)
-    for name, shape, least in (("base", (), -math.inf), ("gap", size, 0.0), ("rate", size, -math.inf),
-                               ("dial", dial, 0.0)):
-        saved_array(saved, f"zoom_{name}", "f", shape, least)
+    dial_shape = (min(np.size(saved.get("zoom_dial", 0)), 5),)
+    for name, shape, smallest in (("base", (), -math.inf), ("gap", gap_shape, 0.0), ("rate", gap_shape, -math.inf),
+                               ("dial", dial_shape, 0.0)):
+        saved_array(saved, f"zoom_{name}", "f", shape, smallest)
 
 
 def _check_watch(saved: Mapping[str, Any], n: int) -> None:
-    """Raise `ValueError` unless the fields of `watch` are valid.
+    """Raise `ValueError` if saved entries of `watch` are invalid.
 
-    Fields are checked only if at least one is present.
+    `n` is the number of pairs. A state without such entries is valid.
     """
     if any(name.startswith("watch_") for name in saved):
         tables: list[tuple[str, str, tuple[int, ...], dict[str, Any]]] = [

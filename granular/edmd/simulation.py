@@ -373,7 +373,7 @@ def checked_engine(engine: str, physics: Physics) -> str:
     elif TIE_ORDERS[physics.options["ties"]] == GROUP:
         reason = f"ties={physics.options['ties']!r} runs only interpreted"
     if name == "compiled" and reason:
-        raise ValueError(f"`engine` must be 'sorted' or 'auto' here, got 'compiled': {why}.")
+        raise ValueError(f"`engine` must be 'sorted' or 'auto' here, got 'compiled': {reason}.")
     if name == "compiled" and missing:
         raise ImportError(f"`engine` cannot be 'compiled': {missing}.")
     return "sorted" if reason or missing else name

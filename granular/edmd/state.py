@@ -149,7 +149,7 @@ class State:
         check_entries(saved, physics, of_pairs, of_bodies)
         min_window = math.ldexp(float(state.clock.window), MIN_WINDOW_BITS)
         if float(saved["window"]) < min_window:
-            raise ValueError(f"'window' in the state of `trajectory` must be at least {least!r}, got "
+            raise ValueError(f"'window' in the state of `trajectory` must be at least {min_window!r}, got "
                              f"{saved['window']!r}. {EDITED_STATE}")
         for name in of_pairs:
             state.pairs[name] = saved[name]
