@@ -1,14 +1,14 @@
 """Clusters: balls that stick together, or rest on a wall or on each other.
 
-Clusters are not stored as objects. A *stuck* pair has gap 0, rate 0 and closing acceleration 0, all exactly. It never
-collides by itself and needs no mark. A ball that rests on a wall, directly or on a pile, is not free and has the
-velocity of the wall. The next ball then meets it like a floor. A hit on a cluster is an ordinary collision of the body
-that is hit, and propagates through the cluster by simultaneous collisions.
+Clusters are not stored as objects. The gap, the rate and the closing acceleration of a *stuck* pair are exactly 0. It
+never collides by itself, and no mark is needed. A ball that rests on a wall, directly or on a pile, is not free
+(`is_free` = 0) and has the velocity of the wall. The next ball therefore meets it like a floor. A hit on a cluster is
+an ordinary collision of the body that is hit. Simultaneous collisions then propagate it through the cluster.
 
-Scenes with forces or driven walls have more kinds of rest, and mark their stuck pairs. A ball whose rebound is below
-its rounding error comes to rest. On a driven wall it moves with the velocity of the wall, without events, until no
-acceleration presses it on the wall any more. Balls that forces press together in mid-air move as one with their common
-acceleration, until one of them is hit.
+In scenes with forces or driven walls, the field `stuck` marks the stuck pairs. A ball whose rebound is below its
+rounding error comes to rest. On a driven wall it then moves with the velocity of the wall, without events, until no
+acceleration presses it on the wall any more. Balls that forces press together in mid-air move with their common
+acceleration until one of them is hit.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from granular.scene.walls.path import moved
 
 @kernel
 def is_stuck(pair: Record, lower: Record, upper: Record) -> bool:
-    """Return whether the bodies of a pair move as one."""
+    """Return whether the bodies of a pair touch and move with the same velocity."""
     # Beside a driven wall equal velocities are not a proof, so the mark decides.
     if FORCED and (pair.stuck > FREE or pair.wall >= 0):
         return pair.stuck > FREE  # type: ignore[no-any-return]
@@ -43,13 +43,13 @@ def at_rest(body: Record) -> bool:
 
 @kernel
 def is_pressed(body: Record) -> bool:
-    """Return whether forces press a ball in mid-air against others."""
+    """Return whether forces press a ball in mid-air against other balls."""
     return FORCED and body.is_free > 0.0 and body.force_acceleration != body.own_acceleration
 
 
 @kernel
 def ball_is_stuck(body: Record) -> bool:
-    """Return whether a ball rests on a wall or is pressed against others by forces."""
+    """Return whether a ball rests on a wall, or is pressed against others by forces."""
     return (FORCED and is_pressed(body)) or (body.is_free == 0.0 and body.mass < math.inf)
 
 
@@ -57,32 +57,32 @@ def ball_is_stuck(body: Record) -> bool:
 def stick(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
 ) -> tuple[int, int, float]:
-    """Make the bodies of pair `c`, which closes at rate `w`, move as one from now on.
+    """Join the bodies of pair `c` at time `now`, so that they move with one velocity.
 
-    All bodies stuck to them are included. Returns the first and the last pair to predict again, and the momentum
-    exchanged by pair `c` in kg m/s.
+    `w` ≤ 0 is the rate of the pair in m/s before. All bodies that are stuck to these two bodies are included. Returns
+    the first and the last pair that have to be predicted again, and the momentum in kg m/s that pair `c` exchanged.
     """
     run.merged += 1
     if HUNG:
         return swing_together(run, pairs, bodies, c, now, w, walls)
-    first, last, exchanged = bind(run, pairs, bodies, c, now, w, walls)
-    if not (FORCED and walls.sides[0].lands):  # otherwise `bind` has set their common noise
-        share(bodies, c, first, last, w)
+    first, last, exchanged = join_clusters(run, pairs, bodies, c, now, w, walls)
+    if not (FORCED and walls.sides[0].lands):  # otherwise `join_clusters` has set their common noise
+        set_common_noise(bodies, c, first, last, w)
     return first, last, exchanged
 
 
 @rare
 @kernel
-def bind(
+def join_clusters(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
 ) -> tuple[int, int, float]:
-    """Let pair `c`, whose rate is `w`, stick.
+    """Join the clusters of both bodies of pair `c` at time `now`.
 
-    A cluster that touches a wall, or a pile on a wall, takes the velocity of the wall. Other clusters take the common
-    velocity of their bodies, which conserves momentum.
+    Parameters and return values are those of `stick`. If one of the clusters touches a wall or a pile on a wall, all
+    bodies take the velocity of the wall. Otherwise they take their common velocity, which conserves momentum.
     """
     n = len(pairs)
-    b, e = cluster(pairs, bodies, c)
+    b, e = cluster_limits(pairs, bodies, c)
     for k in (b - 1, c, e):  # all pairs between are stuck
         k = k % n if RING else min(max(k, 0), n - 1)
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
@@ -108,22 +108,22 @@ def bind(
 
 
 @kernel
-def cluster(pairs: Records, bodies: Records, c: int) -> tuple[int, int]:
-    """Return the lowest and the highest body stuck to a body of pair `c`.
+def cluster_limits(pairs: Records, bodies: Records, c: int) -> tuple[int, int]:
+    """Return the lowest and the highest body that move as one with a body of pair `c`.
 
-    Pair `c` collides now. The cluster ends before a wall and the pile on it. A pile is held by a collision of its own,
-    which can be elastic. On a ring, which has an open gap somewhere, body numbers continue beyond the seam.
+    Pair `c` collides now. The cluster does not include a wall or a pile on a wall, because a pile meets the cluster in
+    a collision of its own, which can be elastic. On a ring, body numbers continue beyond the seam.
     """
     n, b, e = len(pairs), c, c + 1
-    while (RING or b > 0) and falls_stuck(pairs, bodies, (b - 1) % n):
+    while (RING or b > 0) and is_stuck_in_flight(pairs, bodies, (b - 1) % n):
         b -= 1
-    while (RING or e < n) and falls_stuck(pairs, bodies, e % n):
+    while (RING or e < n) and is_stuck_in_flight(pairs, bodies, e % n):
         e += 1
     return b, e
 
 
 @kernel
-def falls_stuck(pairs: Records, bodies: Records, c: int) -> bool:
+def is_stuck_in_flight(pairs: Records, bodies: Records, c: int) -> bool:
     """Return whether the bodies of pair `c` move as one and do not rest on a wall."""
     lower, upper = bodies[c], bodies[c + 1]
     return lower.is_free * upper.is_free > 0.0 and is_stuck(pairs[c], lower, upper)
@@ -132,31 +132,32 @@ def falls_stuck(pairs: Records, bodies: Records, c: int) -> bool:
 @rare
 @kernel
 def stop_bodies(
-    run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls
+    run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, wall: int, walls: Walls
 ) -> None:
-    """Let bodies `b` to `e` come to rest.
+    """Bring bodies `b` to `e` to rest on the wall `wall` at time `now`.
 
-    The first body (on the floor) or the last body (on the ceiling) is at rest already.
+    `wall` is `FLOOR` or `CEILING`. The body next to the wall, `b` or `e`, is a wall or at rest already.
     """
-    under = bodies[b] if on == FLOOR else bodies[e]
+    support = bodies[b] if wall == FLOOR else bodies[e]
     for i in range(b, e + 1):
         body = bodies[i]
         if FORCED and body.is_free > 0.0:
             body.force_acceleration = 0.0
-            borne(run, body, on - 1, now, under.fall_velocity, -1.0, walls)
+            borne(run, body, wall - 1, now, support.fall_velocity, -1.0, walls)
         if not FORCED or body.mass < math.inf:
-            body.fall_velocity, body.noise = under.fall_velocity, under.noise
+            body.fall_velocity, body.noise = support.fall_velocity, support.noise
         body.is_free = 0.0
     if FORCED:
         for k in range(b, e):
-            pairs[k].stuck, pairs[k].gap, pairs[k].at = on, 0.0, now
+            pairs[k].stuck, pairs[k].gap, pairs[k].at = wall, 0.0, now
 
 
 @kernel
 def join_in_flight(bodies: Records, b: int, c: int, e: int, now: float, w: float, walls: Walls) -> float:
-    """Give bodies `b` to `e` in mid-air, which stick by pair `c`, a common motion.
+    """Give bodies `b` to `e` in mid-air a common velocity and a common acceleration.
 
-    The bodies take their common velocity and acceleration. Returns the momentum exchanged.
+    Their clusters meet in pair `c` with the rate `w` (m/s, not positive) at time `now`. Momentum is conserved. Returns
+    the momentum in kg m/s that pair `c` exchanged.
     """
     lower, upper = total(bodies, b, c), total(bodies, c + 1, e)
     part = upper / (lower + upper)
@@ -181,12 +182,12 @@ def join_in_flight(bodies: Records, b: int, c: int, e: int, now: float, w: float
 
 @rare
 @kernel
-def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
-    """Give all bodies that move as one with pair `c` their common noise.
+def set_common_noise(bodies: Records, c: int, first: int, last: int, w: float) -> None:
+    """Set the common noise of all bodies that move as one with pair `c`.
 
-    Pair `c` stuck at rate `w`, and all these bodies belong to pairs `first` to `last`. The mean weighted by mass, like
-    the common velocity, is an upper bound, so Σ m noise grows by rounding only. A body that rests on a wall has the
-    velocity of the wall and zero noise.
+    Pair `c` has just joined its bodies at the rate `w` (m/s). All these bodies belong to pairs `first` to `last`. The
+    common noise is the mean weighted by mass, like the common velocity. It is an upper bound, and Σ m noise grows by
+    rounding only. A body that rests on a wall has the velocity of the wall and zero noise.
     """
     u, noise, mass = bodies[c].fall_velocity, 0.0, 0.0
     for i in range(first, last + 2):
@@ -200,28 +201,30 @@ def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
 
 @kernel
 def will_stick(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
-    """Return whether pair `c`, which collides weakly at rate `w`, is to move as one.
+    """Return whether pair `c` sticks in a weak collision.
 
-    A ceiling cannot carry a ball.
+    `w` ≤ 0 is the rate (m/s) before the collision, `e` is ε. A pair sticks if no acceleration pulls it apart: a
+    ceiling, for example, cannot carry a ball. Driven walls have further conditions, see `will_stick_to_wall`.
     """
     if FORCED and pairs[c].wall >= 0:
-        return will_ride(pairs, bodies, c, now, w, e, walls)
+        return will_stick_to_wall(pairs, bodies, c, now, w, e, walls)
     return pairs[c].closing_acceleration >= 0.0  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
-def will_ride(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
-    """Return whether pair `c`, which collides weakly at a driven wall, moves as one.
+def will_stick_to_wall(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
+    """Return whether pair `c` next to a driven wall sticks in a weak collision.
 
-    A single ball on a driven wall is followed bounce by bounce. A ball that moves as one with others, or that hits a
-    ball resting on the wall, stays if it is certainly pressed on the wall. The pressure must last for the duration of
-    its bounces, 2u/(a(1 - ε)).
+    `w` ≤ 0 is the rate (m/s) before the collision, `e` is ε. A single ball on a driven wall does not stick: its
+    bounces are computed one by one. A ball that moves as one with others, or that hits a ball resting on the wall,
+    sticks if it is certainly pressed on the wall for twice the duration of its remaining bounces. With the speed u
+    after the collision and the acceleration a relative to the wall, this duration is 2u/(a(1 - ε)).
     """
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-    other, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
-    alone = not (0 <= k < len(pairs) and is_stuck(pairs[k], bodies[k], bodies[k + 1]))
-    if (other.mass == math.inf and e > 0.0 and alone) or lower.is_free == upper.is_free:
+    wall_body, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
+    is_single = not (0 <= k < len(pairs) and is_stuck(pairs[k], bodies[k], bodies[k + 1]))
+    if (wall_body.mass == math.inf and e > 0.0 and is_single) or lower.is_free == upper.is_free:
         return False
     side = walls.sides[pair.wall]
     t, tail = side.epoch, side.low + now
@@ -238,11 +241,12 @@ def will_ride(pairs: Records, bodies: Records, c: int, now: float, w: float, e: 
 @rare
 @kernel
 def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
-    """Let pair `c`, which never collides again, stick if its bodies are at rest.
+    """Bring the bodies of pair `c` to rest if they are pressed together.
 
-    The bodies have to touch, to be at rest and to be pressed together. Without forces and driven walls, the upper body
-    of a pulled pair with gap and rate 0 comes to rest on the wall or on the pile on it. Returns the first and the last
-    pair to predict again, at least the next pair.
+    The pair has no next event. With forces or driven walls, the bodies have to touch with rate 0 and to be pressed
+    together. Otherwise nothing changes. In all other scenes the caller has checked these conditions, and the upper
+    body comes to rest on the wall or on the pile below it. Returns the first and the last pair that have to be
+    predicted again. If nothing has changed, these are `c` + 1 and `c`, an empty range.
     """
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
     if not FORCED:
@@ -261,7 +265,7 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
         return c + 1, c
     w = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
     run.settled += w != 0.0
-    first, last, _ = bind(run, pairs, bodies, c, pair.at, w, walls)
+    first, last, _ = join_clusters(run, pairs, bodies, c, pair.at, w, walls)
     return first, last
 
 
@@ -271,8 +275,8 @@ def press_again(
 ) -> tuple[int, int]:
     """Recompute the closing accelerations of pairs `first` to `last`.
 
-    The range is extended to clusters that forces press against a wall. Returns the first and the last pair of the
-    extended range.
+    With forces, the range is extended to any cluster that rests on the floor or the ceiling. Returns the first and the
+    last pair of the extended range.
     """
     if FORCED and walls.sides[0].forces:
         first = 0 if pairs[0].stuck == FLOOR else first
@@ -285,12 +289,12 @@ def press_again(
 def set_closing(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
     """Set the closing accelerations of pairs `first` to `last` from their bodies.
 
-    For a stuck pair it is the closing acceleration of all bodies that rest beyond the pair.
+    For a stuck pair with forces, this is the closing acceleration of all bodies that rest on the wall through the pair.
     """
     for c in range(first, last + 1):
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
         if FORCED:
-            pull = pulled(run, pairs, bodies, c, walls)
+            pull = closing_under_forces(run, pairs, bodies, c, walls)
             if pair.stuck > FREE and pull != pair.closing_acceleration and pair.at < run.now:
                 pair.at = run.now
             pair.closing_acceleration = pull
@@ -300,15 +304,15 @@ def set_closing(run: Record, pairs: Records, bodies: Records, first: int, last: 
 
 @rare
 @kernel
-def pulled(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> float:
-    """Return the closing acceleration of pair `c` under forces.
+def closing_under_forces(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> float:
+    """Return the closing acceleration (m/s²) of pair `c` under forces.
 
-    Also sets beside which driven walls the pair is.
+    The function also sets the field `wall` of the pair: the driven walls next to it.
     """
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-    below = lower.is_free == 0.0 and walls.sides[0].panels > 0 and pair.stuck != CEILING
-    above = upper.is_free == 0.0 and walls.sides[1].panels > 0 and pair.stuck != FLOOR
-    pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
+    is_on_floor = lower.is_free == 0.0 and walls.sides[0].panels > 0 and pair.stuck != CEILING
+    is_on_ceiling = upper.is_free == 0.0 and walls.sides[1].panels > 0 and pair.stuck != FLOOR
+    pair.wall = BOTH if is_on_floor and is_on_ceiling else 0 if is_on_floor else 1 if is_on_ceiling else -1
     if pair.stuck == FLOOR:
         # All bodies above that rest on the floor through this pair.
         top = c + 1
@@ -327,10 +331,13 @@ def pulled(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -
 @rare
 @kernel
 def common(bodies: Records, b: int, e: int) -> float:
-    """Return the common acceleration (m/s²) of bodies `b` to `e` by their forces."""
+    """Return the common acceleration (m/s²) of bodies `b` to `e` by forces.
+
+    It is the mean of their own accelerations, weighted by mass.
+    """
     # Summing differences keeps equal accelerations exact.
-    own, more, mass = bodies[e].own_acceleration, 0.0, 0.0
+    own, excess, mass = bodies[e].own_acceleration, 0.0, 0.0
     for i in range(b, e + 1):
         mass += bodies[i].mass
-        more += bodies[i].mass * (bodies[i].own_acceleration - own)
-    return own + more / mass  # type: ignore[no-any-return]
+        excess += bodies[i].mass * (bodies[i].own_acceleration - own)
+    return own + excess / mass  # type: ignore[no-any-return]

@@ -1,12 +1,12 @@
-"""Flight of a pair beside a driven wall, and under constant forces on the balls.
+"""Flight of a pair next to a driven wall, and under constant forces on the balls.
 
-The state is the same as without forces: gaps, and fall velocities that change at impacts only. A free body falls with g
-minus `force_acceleration`, the acceleration by the force on it. Balls that move as one have a common
-`force_acceleration`.
+The state consists of gaps and of fall velocities that change only in collisions, as without forces. A free body falls
+with the acceleration g - `force_acceleration`, where the second term is the upward acceleration by the force on it.
+Balls that move as one have a common `force_acceleration`.
 
-Beside a moving wall the gap is evaluated by `granular.scene.walls`. The fall velocity of the wall, and of every ball
-stuck to it, is the velocity of the wall at the time `at` of the pair. The rate of the gap has therefore the same
-formula as for any other pair. Walls and balls stuck to them are not free, and the pairs between them are stuck.
+Next to a moving wall the gap is evaluated by `granular.scene.walls`. The fall velocity of the wall, and of every ball
+that rests on it, is the velocity of the wall at the time `at` of the pair. The rate of the gap then has the same
+formula as for any other pair. Walls and balls that rest on them are not free, and the pairs between them are stuck.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NO_EVENT_TIME = math.inf
 def rate_of(pair: Record, lower: Record, upper: Record) -> float:
     """Return the rate (m/s) of a pair at its time `at`.
 
-    The rate is 0 if the bodies touch and their relative velocity is below its noise.
+    The result is 0 if the bodies touch and their relative velocity is below its noise.
     """
     rate = (upper.fall_velocity - lower.fall_velocity) - pair.closing_acceleration * pair.at
     if pair.gap == 0.0 and rate * rate <= lower.noise + upper.noise:
@@ -38,10 +38,10 @@ def rate_of(pair: Record, lower: Record, upper: Record) -> float:
 @rare
 @kernel
 def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the time of the next hit on a driven wall, or inf if there is none.
+    """Return the time of the next hit on the driven wall of a pair, or inf.
 
-    The time from `at` to the hit is stored as `wait`. A pair between two driven walls has no hit: its bodies meet only
-    when no room is left, and then the run ends.
+    The time in s from `at` to the hit is stored in the field `wait`. A pair between two driven walls has no hit: its
+    bodies meet only when no room is left, and the run ends at that time.
     """
     if pair.wall == BOTH:
         return NO_EVENT_TIME
@@ -53,9 +53,10 @@ def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
 @rare
 @kernel
 def opening(pair: Record, walls: Walls) -> float:
-    """Return the time at which a stuck pair opens.
+    """Return the time at which a stuck pair opens, or inf.
 
-    A pair opens when no acceleration presses it together any more, or when the velocity of its wall jumps.
+    A stuck pair opens when no acceleration presses its bodies together any more, or when the velocity of its wall
+    jumps.
     """
     if pair.wall < 0:
         return pair.at if pair.closing_acceleration < 0.0 else NO_EVENT_TIME
@@ -84,7 +85,7 @@ def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> fl
 @rare
 @kernel
 def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
-    """Return the gap (m) and rate (m/s) of a pair beside a driven wall at time `now`."""
+    """Return the gap (m) and rate (m/s) at time `now` of a pair next to a driven wall."""
     if pair.wall == BOTH:
         return apart(pair, walls, now)
     side, rate = walls.sides[pair.wall], rate_of(pair, lower, upper)
@@ -95,9 +96,9 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
 @rare
 @kernel
 def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
-    """Give the body at the wall side of a pair the velocity of its driven wall.
+    """Set the velocity of the body on the wall side of a pair next to a driven wall.
 
-    This body is the wall or a ball stuck to it. The velocity is evaluated at the time `at` of the pair.
+    This body is the wall or a ball that rests on it. It gets the velocity of the wall at the time `at` of the pair.
     """
     if pair.wall == AT_FLOOR or pair.wall == BOTH:
         _, lower.fall_velocity = place(walls, 0, pair.at)
@@ -108,7 +109,10 @@ def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls)
 @rare
 @kernel
 def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
-    """Return the displacement of a wall since the start (m) and its velocity (m/s)."""
+    """Return the displacement (m) since the start and the velocity (m/s) of a wall.
+
+    `which` is 0 for the floor and 1 for the ceiling, and `now` is the time in s since the epoch.
+    """
     side = walls.sides[which]
     x, v = side.velocity * ((side.epoch - side.begin) + (side.low + now)), side.velocity
     if side.panels > 0:
@@ -122,9 +126,9 @@ def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
 @rare
 @kernel
 def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
-    """Return the gap (m) and rate (m/s) of a pair between two driven walls.
+    """Return gap (m) and rate (m/s) at time `now` of a pair between two driven walls.
 
-    The bodies of the pair can also be balls that rest on these walls. Both values are for the time `now`.
+    The bodies of the pair are the walls or balls that rest on them.
     """
     below, floor = place(walls, 0, now)
     above, ceiling = place(walls, 1, now)
@@ -135,9 +139,9 @@ def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
 @rare
 @kernel
 def presses(pair: Record, walls: Walls) -> bool:
-    """Return whether a ball that touches a driven wall is pressed on it.
+    """Return whether the ball of a pair is pressed on the driven wall that it touches.
 
-    The pressure is evaluated at the time `at` of the pair.
+    The acceleration is evaluated at the time `at` of the pair.
     """
     side = walls.sides[pair.wall]
     now = state(side, walls.panels, side.epoch, side.low + pair.at, 0.0, 0.0, pair.closing_acceleration)
@@ -146,6 +150,9 @@ def presses(pair: Record, walls: Walls) -> bool:
 
 @kernel
 def synchronise(pairs: Records, bodies: Records, walls: Walls) -> None:
-    """Update the velocities of the driven walls after the zero of time has moved."""
+    """Update the velocities of driven walls, and of balls on them, in all pairs.
+
+    Each velocity is evaluated at the time `at` of its pair. This is needed after the epoch has moved.
+    """
     for c in range(len(pairs)):
         take_wall_velocity(pairs[c], bodies[c], bodies[c + 1], walls)

@@ -141,7 +141,8 @@ def check_scene(scene: Scene) -> None:
     speed_requirement = f"0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}"
     check.every("mass", scene.mass, (scene.mass <= MAX_NUMBER) | scene.is_wall, SIZE_REQUIREMENT, fix)
     check.every("gap", scene.gap, scene.gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
-    check.every("velocity", scene.velocity, (speed == 0.0) | ((speed >= MIN_SPEED) & (speed <= MAX_NUMBER)), speed_requirement, fix)
+    check.every("velocity", scene.velocity, (speed == 0.0) | ((speed >= MIN_SPEED) & (speed <= MAX_NUMBER)),
+                speed_requirement, fix)
     for name, number in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
         if not (number == 0.0 or MIN_SPEED <= number <= MAX_NUMBER):
             raise ValueError(check.misuse(name, number, speed_requirement, fix))
@@ -168,7 +169,8 @@ def _check_combination(eps: check.Array, options: dict[str, Any], scene: Scene) 
     `eps` are the coefficients of restitution of the pairs. Each option is valid on its own.
     """
     ties = options["ties"]
-    merges, has_tc, has_elastic_below = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
+    merges, has_tc, has_elastic_below = (
+        options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0)
     if ties in ("newton", "reflect") and eps.min() != eps.max():
         reason = "Different ones can multiply the energy." if ties == "newton" else "It is not defined otherwise."
         raise ValueError(f"`rule` must be one constant restitution for all pairs if ties={ties!r}, got restitutions "

@@ -252,8 +252,8 @@ def _check_slice(saved: Mapping[str, Any], n: int, ring: bool) -> None:
     gap_shape = np.shape(saved.get("zoom_gap", 0))
     max_pairs = n if ring else n - int(saved_array(saved, "zoom_first", "i", (), 0, n - 1))
     if len(gap_shape) != 1 or not 0 < gap_shape[0] <= max_pairs:
-        raise ValueError(f"'zoom_gap' in the state of `trajectory` must have 1 to {max_pairs} pairs, got shape {gap_shape}. "
-                         f"{EDITED_STATE}")
+        raise ValueError(f"'zoom_gap' in the state of `trajectory` must have 1 to {max_pairs} pairs, got shape "
+                         f"{gap_shape}. {EDITED_STATE}")
     saved_array(saved, "zoom_first", "i", (), 0, n - 1)
     dial_shape = (min(np.size(saved.get("zoom_dial", 0)), 5),)
     for name, shape, smallest in (("base", (), -math.inf), ("gap", gap_shape, 0.0), ("rate", gap_shape, -math.inf),
