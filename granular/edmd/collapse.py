@@ -1,6 +1,7 @@
-"""Detection of inelastic collapse.
+"""Detection of inelastic collapse: infinitely many collisions in a finite time.
 
-A suspected collapse is followed in relative coordinates (`zoom`) and classified by a `Verdict`, or rejected.
+After a suspicious collision, the neighbouring pairs (the *slice*) are followed in relative coordinates, see `zoom`.
+The collisions are then classified by a `Verdict`, or the suspicion is rejected and the run continues.
 """
 
 from __future__ import annotations
@@ -23,40 +24,41 @@ from granular.edmd.zoom import soonest, write_back, zoom
 from granular.scene import Scene
 
 SLICE_REACH = 64
-"""Number of pairs on either side of the suspect in the slice."""
+"""Number of pairs in the slice on either side of the suspected pair."""
 SLOW_RATE_FACTOR = 2.0**-20
-"""Largest rate of a pair in a collapse, in units of the speed scale."""
+"""Rate below which a pair is slow, in units of the speed scale."""
 NEGLIGIBLE_SPEED_FACTOR = 1e-12
-"""Negligible speed, in units of the speed scale."""
+"""Speed that is negligible, in units of the speed scale."""
 ISOLATION_FACTOR = 64.0
-"""Minimum isolation of a slow group.
+"""Minimum isolation of a group of slow pairs.
 
-A group is classified only if no pair outside collides within this many times the wait for its own next collision.
+The next collision of any pair outside the group must be later than this many times the time until the next collision
+of the group. Otherwise the group is not classified.
 """
 UNDECIDED_FACTOR, CHECK_INTERVAL = 64, 16_384
-"""Collisions in relative coordinates before an undecided slice is classified.
+"""Numbers of collisions in relative coordinates after which a slice is classified.
 
-`UNDECIDED_FACTOR` is in units of the square of the number of pairs. After this number a slice can be classified by its
-speeds, or by its bound if `max_events` ends the run. `CHECK_INTERVAL` is the number of collisions between two such
-classifications.
+After `UNDECIDED_FACTOR` times the squared number of pairs, a slice without a decision can be classified by its speeds.
+If `max_events` ends the run, it can be classified by a bound of its speeds. `CHECK_INTERVAL` is the number of
+collisions between two such attempts.
 """
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """An inelastic collapse, or a possible one.
+    """Classification of an inelastic collapse, or of a possible collapse.
 
     Attributes
     ----------
     kind : str
-        *exact*: infinitely many bounces of one ball on a wall, summed. *proved*: two pairs that alternate forever, or
-        more pairs whose collision sequence repeats forever. *bounded*: it is not known whether the sequence is
-        infinite, but no body involved will be faster than `bound`.
+        *exact*: infinitely many bounces of one ball on a wall, whose sum is known. *proved*: two pairs that alternate
+        forever, or more pairs whose collision sequence repeats forever. *bounded*: it is not known whether the
+        collisions are infinitely many, but no body involved will be faster than `bound`.
     first, last : int
         First and last pair involved.
     bound : float
-        Largest possible speed in m/s of the bodies involved, relative to each other (to the wall), from now on. Valid
-        unless another body hits them.
+        Upper bound of the later speeds of the bodies involved in m/s, relative to their wall or to their centre of
+        mass. It is valid until another body hits them.
     """
 
     kind: str
@@ -71,15 +73,15 @@ class Verdict:
 
 
 def begin(state: State, queue: SortedQueue) -> None:
-    """Follow the neighbourhood of the suspect in relative coordinates from now on.
+    """Start relative coordinates for the pairs around the suspected pair.
 
-    The suspect has just collided.
+    The suspected pair, `run.suspect`, has just collided.
     """
     run, c, n = state.run, int(state.run.suspect), len(state.pairs)
     first, end = max(0, c - SLICE_REACH), min(n, c + SLICE_REACH + 1)
     if state.ring:
-        whole = n <= 2 * SLICE_REACH + 1  # the largest gap comes last, and no collapse extends across it
-        first = (int(np.argmax(state.row(run.now)[1])) + 1 if whole else c - SLICE_REACH) % n
+        is_whole_ring = n <= 2 * SLICE_REACH + 1  # the largest gap comes last, and no collapse extends across it
+        first = (int(np.argmax(state.row(run.now)[1])) + 1 if is_whole_ring else c - SLICE_REACH) % n
         end = first + min(n, 2 * SLICE_REACH + 1)
     state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0)
     state.clock.zooms += 1
@@ -89,11 +91,11 @@ def begin(state: State, queue: SortedQueue) -> None:
     state.near = near = np.zeros(end - first, RELATIVE_FIELDS)
     pairs, bodies = state.slices()
     u, noise = column(bodies, "fall_velocity"), column(bodies, "noise")
-    pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
-    rate = (np.diff(u) - pull * at) - pull * (run.now - at)
+    closing, at = column(pairs, "closing_acceleration"), column(pairs, "at")
+    rate = (np.diff(u) - closing * at) - closing * (run.now - at)
     # A closing rate below its noise has an uncertain sign.
-    rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
-    near["gap"], near["rate"] = gaps(pairs, u, run.now, True), np.where(rounding, 0.0, rate)
+    is_rounding = (closing == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
+    near["gap"], near["rate"] = gaps(pairs, u, run.now, True), np.where(is_rounding, 0.0, rate)
     near["rate"][(c - first) % n] = run.rebound
     state.near = queue.hold(near)
 
@@ -101,9 +103,10 @@ def begin(state: State, queue: SortedQueue) -> None:
 def advance_slice(
     state: State, physics: Physics, queue: SortedQueue, limit: float, budget: int, log: Log | None
 ) -> tuple[int, Verdict | None]:
-    """Advance the slice until time `limit`.
+    """Advance the slice until `limit` (s since the epoch), and classify it at its end.
 
-    Returns the reason of the pause, and a verdict if the slice ends with one.
+    At most `budget` collisions are processed and appended to `log`. Returns the reason of the pause, and a `Verdict` or
+    None.
     """
     run, near, seen = state.run, state.near, state.run.events
     assert near is not None
@@ -121,13 +124,13 @@ def advance_slice(
         return end, None
     verdict = Verdict("exact", int(run.suspect), int(run.suspect), 0.0) if end == RESTS else None
     if end in (TINY, SPENT):
-        verdict = judged(state, physics)
+        verdict = slow_pairs_verdict(state, physics)
         # A spent allowance alone is not a collapse: the bound must also be negligible.
         if verdict is None or not (end == TINY or verdict.bound < 1e-9 * state.clock.speed):
             verdict = None
             if end == SPENT and run.zoomed >= UNDECIDED_FACTOR * len(near) ** 2:
                 run.allowance = run.looked + CHECK_INTERVAL
-                verdict = _faint(state, physics)
+                verdict = _negligible_speed_verdict(state, physics)
                 if verdict is None:
                     return end, None
             else:
@@ -135,7 +138,7 @@ def advance_slice(
                 run.short = math.ldexp(run.short, -4)
                 run.allowance *= 2
     if verdict is not None and verdict.kind == "bounded":
-        verdict = _proved(state, physics, verdict)
+        verdict = _proved_verdict(state, physics, verdict)
     finish(state, queue)
     if end == RESTS and state.walls is not None:
         queue.use(press_again)(run, state.pairs, state.bodies, 0, len(state.pairs) - 1, state.walls)
@@ -143,9 +146,9 @@ def advance_slice(
 
 
 def finish(state: State, queue: SortedQueue) -> None:
-    """End the use of relative coordinates and write the slice back into the state.
+    """End relative coordinates and write the slice back into the state.
 
-    Counts the rates that velocities cannot represent.
+    Rates that the fall velocities cannot represent are counted in `clock.lost`.
     """
     put_back(state, queue)
     run, near = state.run, state.near
@@ -161,36 +164,41 @@ def finish(state: State, queue: SortedQueue) -> None:
 
 
 def put_back(state: State, queue: SortedQueue) -> None:
-    """Write the gaps and velocities of the slice back into the state."""
+    """Write the gaps and velocities of the slice into the records of the state."""
     slices = state.slices()
     queue.use(write_back)(state.run, state.near, *slices)
     state.put(*slices)
 
 
 def bound(state: State, physics: Physics) -> Verdict | None:
-    """Return a verdict on the slow pairs of an unfinished slice, or None.
+    """Return a `Verdict` with a finite bound on the slow pairs of the slice, or None.
 
-    The verdict must have a finite bound.
+    The pairs are those around the pair with the smallest gap. The slice can be undecided.
     """
     if state.near is None or state.run.looked == 0:
         return None
-    verdict = judged(state, physics, collided=int(np.argmin(column(state.near, "gap"))))
+    verdict = slow_pairs_verdict(state, physics, collided=int(np.argmin(column(state.near, "gap"))))
     return verdict if verdict is not None and math.isfinite(verdict.bound) else None
 
 
 def left(state: State, physics: Physics) -> Verdict | None:
-    """Return `bound` for a slice that can end a run, or None.
+    """Return the `Verdict` on a slice at which `max_events` ends a run, or None.
 
-    The slice must have had many collisions, and no other event may be due soon.
+    It is the result of `bound`. None is returned if the slice had few collisions, or if another event is due soon.
     """
     if state.near is None or state.run.zoomed < UNDECIDED_FACTOR * len(state.near) ** 2:
         return None
     verdict = bound(state, physics)
-    return verdict if verdict is not None and _is_alone(state, verdict) else None
+    return verdict if verdict is not None and _is_isolated(state, verdict) else None
 
 
 def slowing(run: Any, events: int) -> str:
-    """Return message text on a run that slowed down before its limit, or ""."""
+    """Return parts of the message of a run that `max_events` ends, or "".
+
+    `events` is the number of all collisions. The first part states that the last collisions came at least ten times as
+    fast as the collisions before. The second part states a bound of the speeds of slow pairs, if the run is in
+    relative coordinates and a bound is known.
+    """
     text = ""
     if len(run.pace) == 2:
         (begin, start), (tail, t) = run.pace
@@ -199,92 +207,96 @@ def slowing(run: Any, events: int) -> str:
         if last > 0 and took * (tail - begin) < 0.1 * last * (t - start):
             text = (f"; the last {last} collisions took only {took:.3g} s: the balls cluster and slow down, perhaps "
                     "forever; use collapse='merge', tc= or elastic_below=")
-        found = bound(run.state, run.physics)
-        if found is not None:
-            text += (f"; unless hit from outside, no body of {found.where(run.scene)} will be faster than "
-                     f"{found.bound:.2g} m/s")
+        verdict = bound(run.state, run.physics)
+        if verdict is not None:
+            text += (f"; unless hit from outside, no body of {verdict.where(run.scene)} will be faster than "
+                     f"{verdict.bound:.2g} m/s")
     return text
 
 
-def _faint(state: State, physics: Physics) -> Verdict | None:
-    """Return a verdict on the longest group with negligible speeds, or None.
+def _negligible_speed_verdict(state: State, physics: Physics) -> Verdict | None:
+    """Return a `Verdict` on the longest group with negligible speeds, or None.
 
-    The group contains the suspect. The condition must hold in two consecutive tests. Otherwise the end of a finite
-    sequence would be classified as a collapse.
+    The group contains the suspected pair and is isolated. The condition must hold in two consecutive calls. Otherwise
+    the end of a finite sequence of collisions would be classified as a collapse.
     """
     # Each step lowers the limit of slow rates by 2^4, down to 2^-56 of the scale.
     for k in range(0, 40, 4):
-        verdict = judged(state, physics, SLOW_RATE_FACTOR * 2.0**-k)
+        verdict = slow_pairs_verdict(state, physics, SLOW_RATE_FACTOR * 2.0**-k)
         if verdict is None:
             break
-        if verdict.bound < NEGLIGIBLE_SPEED_FACTOR * state.clock.speed and _is_alone(state, verdict):
+        if verdict.bound < NEGLIGIBLE_SPEED_FACTOR * state.clock.speed and _is_isolated(state, verdict):
             state.run.faint += 1
             return verdict if state.run.faint >= 2 else None
     state.run.faint = 0
     return None
 
 
-def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
-    """Return the verdict *proved* if pairs of a *bounded* verdict collide forever.
+def _proved_verdict(state: State, physics: Physics, verdict: Verdict) -> Verdict:
+    """Return a *proved* `Verdict` if the pairs of a *bounded* one collide forever.
 
     The proof requires that no other pair collides within the remaining time, even if it approaches faster by twice the
-    bound. Without a proof the given verdict is returned.
+    bound. Without a proof, the argument `verdict` is returned unchanged.
     """
     run, near, (pairs, bodies), n = state.run, state.near, state.slices(), len(state.pairs)
     low, high = ((k - int(run.first)) % n for k in (verdict.first, verdict.last))
-    end, pull = high + 1, column(pairs, "closing_acceleration")
+    end, closing = high + 1, column(pairs, "closing_acceleration")
     resting = (column(bodies, "is_free") == 0.0) & np.isfinite(column(bodies, "mass")) & (run.gravity > 0.0)
-    if physics.rule is not None or state.walls is not None or pull[low:end].any() or resting[low : end + 1].any():
+    if physics.rule is not None or state.walls is not None or closing[low:end].any() or resting[low : end + 1].any():
         return verdict
     from granular.edmd.proof import forever  # rarely needed
 
     gap, rate = column(near, "gap"), column(near, "rate")
-    found = forever(pairs[low:end], gap[low:end], rate[low:end])
-    if found is None:
+    proof = forever(pairs[low:end], gap[low:end], rate[low:end])
+    if proof is None:
         return verdict
-    low, end = low + found.first, low + found.last + 1
-    wait = list(map(time_to_contact, gap.tolist(), (rate - 2.0 * verdict.bound).tolist(), pull.tolist()))
-    if not found.left < min([*wait[:low], *wait[end:], float(run.room - run.elapsed)]):
+    low, end = low + proof.first, low + proof.last + 1
+    wait = list(map(time_to_contact, gap.tolist(), (rate - 2.0 * verdict.bound).tolist(), closing.tolist()))
+    if not proof.left < min([*wait[:low], *wait[end:], float(run.room - run.elapsed)]):
         return verdict
     return Verdict("proved", (int(run.first) + low) % n, (int(run.first) + end - 1) % n, verdict.bound)
 
 
-def _is_alone(state: State, verdict: Verdict) -> bool:
-    """Return whether a group collides many times before any other pair does."""
+def _is_isolated(state: State, verdict: Verdict) -> bool:
+    """Return whether the pairs of a `Verdict` collide long before any other pair.
+
+    Their next collision must be earlier by the factor `ISOLATION_FACTOR`.
+    """
     columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "closing_acceleration")
     wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
     first, last = ((k - state.run.first) % len(state.pairs) for k in (verdict.first, verdict.last))
     return min(wait[:first] + wait[last + 1 :], default=math.inf) > ISOLATION_FACTOR * min(wait[first : last + 1])
 
 
-def judged(
-    state: State, physics: Physics, share: float = SLOW_RATE_FACTOR, collided: int | None = None
+def slow_pairs_verdict(
+    state: State, physics: Physics, rate_factor: float = SLOW_RATE_FACTOR, collided: int | None = None
 ) -> Verdict | None:
-    """Return a verdict on the neighbours of the suspect with slow rates, or None.
+    """Return a `Verdict` on the slow pairs next to the suspected pair, or None.
 
-    Rates are slow if they are below `share` of the speed scale. The verdict is *proved* for two alternating pairs, else
-    *bounded*. If `collided` is given, this pair of the slice replaces the suspect.
+    A pair is slow if its rate is below `rate_factor` times the speed scale. The result is *proved* for two alternating
+    pairs, otherwise *bounded*. `collided` is a pair of the slice that replaces the suspected pair.
     """
     run, gap, rate = state.run, column(state.near, "gap"), column(state.near, "rate")
-    tiny = state.clock.speed * share
+    slow_rate = state.clock.speed * rate_factor
     # Slow pairs must also be close: within the distance of a slow rate during a window.
-    slow = (np.abs(rate) < tiny) & (gap < tiny * state.clock.window)
+    is_slow = (np.abs(rate) < slow_rate) & (gap < slow_rate * state.clock.window)
     if state.walls is not None:
-        slow &= column(state.slices()[0], "heat") < 0
+        is_slow &= column(state.slices()[0], "heat") < 0
     low = high = j = int(run.suspect - run.first) % len(state.pairs) if collided is None else collided
-    while low > 0 and slow[low - 1]:
+    while low > 0 and is_slow[low - 1]:
         low -= 1
-    while high + 1 < len(slow) and slow[high + 1]:
+    while high + 1 < len(is_slow) and is_slow[high + 1]:
         high += 1
     (pairs, bodies), end = state.slices(), high + 1
     pairs, bodies = pairs[low:end], bodies[low : end + 1]
-    pulled = bool((column(pairs, "closing_acceleration")[[0, -1]] > 0.0).any())
-    if low == high and (not pulled or (physics.rule is None and math.isinf(max(column(bodies, "mass"))))):
+    is_pressed = bool((column(pairs, "closing_acceleration")[[0, -1]] > 0.0).any())
+    if low == high and (not is_pressed or (physics.rule is None and math.isinf(max(column(bodies, "mass"))))):
         return None  # Two free bodies collide once, and the bounces of a single ball on a wall are summed.
     kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
     if physics.scene.external_force is not None:
         speed = largest_speed_under_forces(bodies, gap[low:end], rate[low:end], run.gravity)
-    if high == low + 1 and not pulled and physics.rule is None and alternates(pairs, rate[low], rate[high], j == low):
+    if high == low + 1 and not is_pressed and physics.rule is None and alternates(
+            pairs, rate[low], rate[high], j == low):
         kind = "proved"
     first, n = int(run.first), len(state.pairs)
     return Verdict(kind, (first + low) % n, (first + high) % n, speed)
@@ -293,8 +305,9 @@ def judged(
 def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
     """Return √(2E/m_min) in m/s, an upper bound of the speed of each body.
 
-    The bound holds until another body hits the group. E is the energy of its bodies relative to their wall (with
-    gravity), or to their centre of mass without a wall.
+    The bound is valid until another body hits the group. E is the energy of its bodies relative to their wall (with
+    gravity), or to their centre of mass if no body is a wall. m_min is the smallest mass. `gap` (m) and `rate` (m/s)
+    belong to the pairs of the group.
     """
     mass = np.ascontiguousarray(column(bodies, "mass"))
     ball = np.isfinite(mass)
@@ -312,10 +325,11 @@ def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> f
 
 
 def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
-    """Return the bound of `largest_speed` with external forces.
+    """Return the upper bound of speeds as `largest_speed`, with external forces.
 
-    The result is inf if the forces pull the group apart somewhere. The potential energy is the sum of gap times
-    pressing force, where the pressing force of a pair is that of all bodies resting on each other.
+    The potential energy is the sum of gap times pressing force over all pairs. The pressing force of a pair is the
+    total force of all bodies beyond the pair, seen from the wall. The result is inf if the forces pull the group apart
+    somewhere.
     """
     mass = np.array(column(bodies, "mass"))
     ball = np.isfinite(mass)
@@ -335,11 +349,12 @@ def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity
 
 
 def alternates(pairs: Records, rate_a: float, rate_b: float, lower_collided: bool) -> bool:
-    """Return whether two pairs collide in turn forever.
+    """Return whether two neighbouring pairs collide in turn forever.
 
-    The pairs have constant restitution and collide only with each other. Two collisions map the ratio of the rates by a
-    Möbius map. The pairs alternate forever if its fixed points are real and the ratio lies on the right side of the
-    unstable fixed point.
+    `rate_a` and `rate_b` are the rates (m/s) of the lower and the upper pair. `lower_collided` states which of them
+    has just collided. The pairs have constant restitution and collide only with each other. Two collisions map the
+    ratio of the rates by a Möbius map. The pairs alternate forever if its fixed points are real, and if the ratio lies
+    on the right side of the unstable fixed point.
     """
     e1, e2 = column(pairs, "eps").tolist()
     onto_lower = column(pairs, "low")[1] * (1.0 + e2)  # rate change of the lower pair per rate of the upper

@@ -1,12 +1,14 @@
-"""Pendula: collisions of balls that swing.
+"""Collisions of pendula.
 
-The state of a pair is its gap and its rate, as for the free balls in `zoom`. Between collisions both turn as
-``gap'' = Ω² (rest - gap)``. Rates therefore keep all their digits however fast all balls swing together, and no
-inelastic collapse has to be detected. An infinite sequence of collisions is followed until the squares of its rates
-underflow (1e-154 m/s). Pairs that touch then continue with rate 0, and stay together if the pendula touch at rest.
+The state of a pair consists of its gap and its rate, as for free balls in `zoom`. Between collisions both oscillate
+according to ``gap'' = Ω² (rest - gap)``, where `rest` is the gap at rest. Rates therefore keep all their digits even
+if all balls swing together much faster, and an inelastic collapse does not have to be detected. An infinite sequence
+of collisions is followed until the squares of its rates underflow (1e-154 m/s). Pairs that touch then continue with
+rate 0. They stay together if the pendula touch at rest.
 
-Bodies store only their swing, which the contact log needs: the velocity is ``u cos Ωt - sway sin Ωt``, and u and sway
-change at impacts only. Without a log they are not updated at impacts, and are set from the rates at the end of the run.
+The records of bodies are needed for the contact log only. They contain u (`fall_velocity`) and `sway`, both in m/s,
+which change only in collisions. The velocity of a ball is ``u cos Ωt - sway sin Ωt``. Without a log these fields are
+not updated in collisions. They are then computed from the rates at the end of the run.
 """
 
 from __future__ import annotations
@@ -29,9 +31,10 @@ from granular.scene import positions
 def swing_off(
     pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, row: Record | None
 ) -> None:
-    """Let pair `c` collide at time `now` and separate with the rate -ε·w.
+    """Apply a collision to pair `c` of pendula at time `now`: its rate becomes -ε·`w`.
 
-    `w` is the rate before the collision, `e` is ε. The bodies are updated only if the collision is logged.
+    `w` ≤ 0 is the rate (m/s) before the collision, and `e` is ε. The records of the bodies are updated only if `row`
+    is not None, which means that the collision is logged.
     """
     pair = pairs[c]
     up = pair.low * ((1.0 + e) * w)  # the larger change is the remainder, or the energy would drift
@@ -53,7 +56,7 @@ def swing_off(
 
 @kernel
 def change_velocity(body: Record, change: float, cosine: float, sine: float) -> None:
-    """Change the velocity of a body by `change` (m/s).
+    """Add `change` (m/s) to the velocity of a pendulum.
 
     `cosine` and `sine` are cos Ωt and sin Ωt at the time t of the change.
     """
@@ -66,12 +69,12 @@ def change_velocity(body: Record, change: float, cosine: float, sine: float) -> 
 def swing_together(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
 ) -> tuple[int, int, float]:
-    """Give pair `c`, which closes at rate `w`, and its neighbours one velocity.
+    """Apply a collision without rebound to pair `c` of pendula: its rate becomes 0.
 
-    All balls that are connected to pair `c` by pairs with gap 0 and rate 0 take part, but a wall only if it belongs to
-    pair `c`. Pairs of pendula that touch in their rest positions stay together. All other pairs separate immediately.
-    `w` ≤ 0 is the rate before the collision. Returns the first and the last pair to predict again, and the momentum
-    exchanged by pair `c` in kg m/s.
+    `w` ≤ 0 is the rate (m/s) before the collision, at time `now`. Balls that are connected to the pair by pairs with
+    gap 0 and rate 0 get the same velocity. A wall takes part only if it belongs to pair `c`. If the pendula touch in
+    their rest positions, they stay together. Otherwise they separate immediately. Returns the first and the last pair
+    that have to be predicted again, and the momentum in kg m/s that pair `c` exchanged.
     """
     n, b, e = len(pairs), c, c + 1
     while b > 0 and bodies[b - 1].mass < math.inf and stands(run, pairs[b - 1], now, walls):
@@ -105,48 +108,51 @@ def stands(run: Record, pair: Record, now: float, walls: Walls) -> bool:
 
 
 def begin(pairs: Any, bodies: Any, scene: Any) -> None:
-    """Initialise the fields of a new state that only pendula have."""
+    """Set the fields of a new state that only pendula have."""
     pairs["rate"], pairs["rest"] = scene.across(scene.velocity), scene.rest_gap
     pairs["omega"] = bodies["omega"] = scene.pendulum
     bodies["sway"] = scene.pendulum * scene.displacement
 
 
 def row(pairs: Any, tau: float) -> tuple[Array, Array]:
-    """Return the rates in m/s and the gaps in m (never negative) at `tau`.
+    """Return the rates (m/s) and gaps (m, never negative) of all pairs at time `tau`.
 
-    The state is not changed.
+    `tau` is in s since the epoch. The state is not changed.
     """
     names = "gap", "rate", "rest", "omega", "at"
     gap, rate, rest, omega, at = (column(pairs, name) for name in names)
     t = np.tan(0.5 * omega * (tau - at))
-    share = 1.0 / (1.0 + t * t)
-    now: Array = (gap + t * (2.0 * rate / omega + (2.0 * rest - gap) * t)) * share
-    return (rate * (1.0 - t * t) + 2.0 * omega * (rest - gap) * t) * share, now.clip(0.0)
+    factor = 1.0 / (1.0 + t * t)
+    gap_now: Array = (gap + t * (2.0 * rate / omega + (2.0 * rest - gap) * t)) * factor
+    return (rate * (1.0 - t * t) + 2.0 * omega * (rest - gap) * t) * factor, gap_now.clip(0.0)
 
 
 def settle(s: Any, scene: Any, row: Any) -> None:
-    """Set the swing of all bodies from `row`, the sample at the current time."""
+    """Set `fall_velocity` and `sway` of all bodies from the sample `row`.
+
+    The sample `row` shows the current time. `s` is the state of the run.
+    """
     at = positions(scene, row.gap[None], np.array([row.elapsed]))[0]
-    turn, off = scene.pendulum * s.run.now, np.where(scene.is_wall, 0.0, scene.pendulum * (at - scene.at_rest))
-    cosine, sine = math.cos(turn), math.sin(turn)
-    for body, v, y in zip(s.bodies, row.velocity.tolist(), off.tolist(), strict=True):
+    angle, sway = scene.pendulum * s.run.now, np.where(scene.is_wall, 0.0, scene.pendulum * (at - scene.at_rest))
+    cosine, sine = math.cos(angle), math.sin(angle)
+    for body, v, y in zip(s.bodies, row.velocity.tolist(), sway.tolist(), strict=True):
         body["fall_velocity"], body["sway"] = v * cosine + y * sine, y * cosine - v * sine
 
 
 def strike(s: Any, first: int, rates: list[float], changes: list[float]) -> None:
-    """Let a group of touching pairs collide simultaneously.
+    """Apply the simultaneous collisions of a touching group of pendula.
 
-    `rates` are the rates before the collision, of the pairs from `first` on. `changes` are the velocity changes of the
-    bodies, both in m/s. Rates that consist of rounding errors become exactly 0.
+    `rates` are the rates of the pairs before the collision, and `first` is the number of the first pair. `changes` are
+    the velocity changes of the bodies. All are in m/s. Rates that consist of rounding errors become exactly 0.
     """
     # A rounding error kept as a rate would cause another collision at the same instant.
-    tiny, last = max(map(abs, rates)) * 2.0**-40, first + len(rates) - 1
+    rounding, last = max(map(abs, rates)) * 2.0**-40, first + len(rates) - 1
     for pair, rate, (below, above) in zip(s.pairs[first : last + 1], rates, pairwise(changes), strict=True):
         after = rate + (above - below)
-        pair.gap, pair.rate = 0.0, after if abs(after) > tiny else 0.0
-    turn = s.pairs[first].omega * s.run.now
+        pair.gap, pair.rate = 0.0, after if abs(after) > rounding else 0.0
+    angle = s.pairs[first].omega * s.run.now
     for body, change in zip(s.bodies[first : last + 2], changes, strict=True):
-        change_velocity(body, change, math.cos(turn), math.sin(turn))
+        change_velocity(body, change, math.cos(angle), math.sin(angle))
     if first > 0:
         s.pairs[first - 1].rate += changes[0]
     if last + 1 < len(s.pairs):

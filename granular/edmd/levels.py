@@ -1,4 +1,7 @@
-"""Observables of a hard-sphere run as functions of time between two events."""
+"""Observables of a hard-sphere run as functions of time between two events.
+
+`granular.run.levels` uses them to find the time at which an observable reaches a level.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from granular.run.until import Level, Speed
 
 
 def calm(run: Any) -> tuple[float, float]:
-    """Return the current time of the run and the time of the next event, both in s."""
+    """Return the current time and the time of the next event of a run, both in s."""
     state, queue = run.state, run.queue
     if state.near is None:
         return run.time(), float(state.time(queue.soonest()))
@@ -27,24 +30,26 @@ def calm(run: Any) -> tuple[float, float]:
 def watched(run: Any, level: Level) -> Callable[[float], float]:
     """Return the observable of `level` as a function of the time in s.
 
-    The function is valid up to the next event. A velocity is computed from its ball alone.
+    The function is valid from the current time to the next event. A velocity is computed from the record of its ball
+    alone.
     """
     state = run.state
     if not isinstance(level, Speed) or run.scene.driven:
         return partial(observable_at, run, level)
-    (body,), show, g = plain(state.bodies[level.ball : level.ball + 1]), run.queue.fit(velocities), state.run["gravity"]
+    (body,), velocities_of, g = (
+        plain(state.bodies[level.ball : level.ball + 1]), run.queue.fit(velocities), state.run["gravity"])
 
     def velocity(time: float) -> float:
         tau = state.tau(time)
-        return float(show(body, body, float(g), tau)[0] - (run.fall * state.elapsed(tau) - run.drift))
+        return float(velocities_of(body, body, float(g), tau)[0] - (run.fall * state.elapsed(tau) - run.drift))
 
     return velocity
 
 
 def observable_at(run: Any, level: Level, time: float) -> float:
-    """Evaluate the observable at `time`, up to the next event.
+    """Return the value of the observable of `level` at `time` (s).
 
-    The run is not advanced.
+    `time` must not be later than the next event. The run is not advanced.
     """
     r = run.state.run
     now, r["now"] = r["now"], run.state.tau(time)

@@ -1,11 +1,14 @@
-"""Simultaneous collisions of a touching group, solved as a whole.
+"""Simultaneous collisions of a touching group of pairs, solved as a whole.
 
-`physics.rank` orders simultaneous collisions that act one after the other. Newton's and Poisson's rule and generalised
-reflections are pure functions. Their arguments are the inverse masses (1/kg) of m + 1 bodies and the rates (m/s,
-negative: approaching) of their m touching pairs. They return the impulses p ≥ 0 (kg m/s) of the pairs.
+Collisions that act one after the other are ordered by `physics.rank` instead.
 
-The Delassus matrix W is tridiagonal, W_cc = 1/m_c + 1/m_{c+1}, W_{c,c+1} = -1/m_{c+1}, and an M-matrix. The set of
-active pairs of its complementarity problem only grows, so the solution is exact after at most m rounds.
+Newton's rule, Poisson's rule and generalised reflections are pure functions. Their arguments are the inverse masses
+(1/kg) of m + 1 bodies, the rates of their m touching pairs (m/s, negative while approaching), and the coefficient of
+restitution of each pair. They return the impulses p ≥ 0 (kg m/s) of the pairs.
+
+The rates after the impulses p are rate + W p. The Delassus matrix W is tridiagonal, W_cc = 1/m_c + 1/m_{c+1}, W_{c,c+1}
+= -1/m_{c+1}, and an M-matrix. The set of active pairs of its complementarity problem only grows, so the solution is
+exact after at most m rounds.
 
 Sources: Moreau (1988) for Newton's rule; Glocker & Pfeiffer, Nonlinear Dyn. 7, 471 (1995) for Poisson's rule; Smith,
 Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 106 (2012) for reflections; Chandrasekaran (1970) for the
@@ -37,15 +40,15 @@ Solver = Callable[[Floats, Floats, Floats], Row]
 MAX_PASSES = 10_000
 """Largest number of repetitions of a rule."""
 Fit = Callable[[Any], Any]
-"""Function that specialises a kernel for the scene."""
+"""Type of a function that specialises a kernel for the flags of the scene."""
 
 
 @rare
 @kernel
 def is_touched(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> bool:
-    """Return whether a neighbour of pair `c` touches at time `now`.
+    """Return whether a neighbouring pair of pair `c` touches at time `now`.
 
-    A hit on a thermal wall has no touching neighbours.
+    The result is False for a hit on a thermal wall.
     """
     n = len(pairs)
     if FORCED and pairs[c].heat >= 0:
@@ -59,10 +62,10 @@ def is_touched(pairs: Records, bodies: Records, c: int, now: float, walls: Walls
 
 @rare
 @kernel
-def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+def touching_group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
     """Return the first and the last pair of the touching group around pair `c`.
 
-    Pairs touch at time `now`, without tolerance.
+    A pair belongs to the group if its gap at time `now` is not positive. No tolerance is applied.
     """
     first = last = c
     while first > 0 and touches(pairs[first - 1], bodies[first - 1], bodies[first], now, walls):
@@ -73,66 +76,69 @@ def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> 
 
 
 def collide_as_one(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
-    """Let the group that touches the suspect collide by the tie rule.
+    """Apply the simultaneous collisions of the touching group around `run.suspect`.
 
-    Returns the reason of a pause, or `TOUCHING` if the group has collided, and the first and the last pair to predict
-    again. Returns before the collision if the group contains the contact to stop at, or if the budget of events would
-    be exceeded.
+    The tie rule of `physics` gives the impulses. `fit` specialises kernels, and `log` receives the log rows. Returns
+    `TOUCHING` if the group has collided. Otherwise the return value is the reason of a pause: `UNTIL` if the stop
+    contact is in the group, or `BUDGET` if too few events are left. Nothing has changed then. The other two values are
+    the first and the last pair that have to be predicted again.
     """
-    return (_collide_around if s.ring else _collide)(s, physics, fit, log)
+    return (_collide_on_ring if s.ring else _collide_on_line)(s, physics, fit, log)
 
 
-def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, int, int]:
-    """Collide the group on a line, see `collide_as_one`."""
+def _collide_on_line(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, int, int]:
+    """Apply the simultaneous collisions of a group on a line, as `collide_as_one`."""
     run, c, now = s.run, s.run.suspect, s.run.now
-    first, last = fit(group)(s.pairs, s.bodies, c, now, s.walls)
+    first, last = fit(touching_group)(s.pairs, s.bodies, c, now, s.walls)
     p = _impulses(first, last, s, physics, fit)
-    hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
+    colliding = [k for k in range(first, last + 1) if p[k - first] > 0.0]
     # Checked before any velocity changes.
-    if run.stop_pair in hit and s.pairs[run.stop_pair].contacts >= run.stop_contacts:
+    if run.stop_pair in colliding and s.pairs[run.stop_pair].contacts >= run.stop_contacts:
         return UNTIL, c, c
-    if run.events + len(hit) > s.clock.last_event:
+    if run.events + len(colliding) > s.clock.last_event:
         return BUDGET, c, c
-    before = _velocities(first, last, s, fit)
+    velocities_before = _velocities(first, last, s, fit)
     if s.hung:
         inverse_mass = [1.0 / body.mass for body in s.bodies[first : last + 2]]
         hanging.strike(s, first, [_rate(k, s) for k in range(first, last + 1)], velocity_changes(inverse_mass, p))
     else:
         _apply(first, last, p, s)
-    parted = _velocities(first, last, s, fit)
+    velocities_after = _velocities(first, last, s, fit)
     if s.walls is not None:
-        for k, x, closing, opening in zip(range(first, last + 1), p, pairwise(before), pairwise(parted), strict=True):
+        for k, x, closing, opening in zip(
+            range(first, last + 1), p, pairwise(velocities_before), pairwise(velocities_after), strict=True
+        ):
             rates = (closing[1] - closing[0]) + (opening[1] - opening[0])
             enter(s.bodies[k], s.bodies[k + 1], x, -0.5 * x * rates, s.walls)
-    for k in hit:
+    for k in colliding:
         s.pairs[k].contacts, s.pairs[k].last = s.pairs[k].contacts + 1, now
     if log is not None:
-        log.append([plain_class(LOG_ROW)(first + i, now, *before[i : i + 2], *parted[i : i + 2], x)
+        log.append([plain_class(LOG_ROW)(first + i, now, *velocities_before[i : i + 2], *velocities_after[i : i + 2], x)
                     for i, x in enumerate(p) if x > 0.0])
-    run.events += len(hit)
+    run.events += len(colliding)
     # Without an impulse the same event would repeat forever.
-    if not hit and fit(predicted)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
-        raise gave_up(physics.options["ties"])
+    if not colliding and fit(predicted)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
+        raise convergence_error(physics.options["ties"])
     return TOUCHING, max(first - 1, 0), min(last + 1, len(s.pairs) - 1)
 
 
-def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
-    """Collide the group on a ring, see `collide_as_one`.
+def _collide_on_ring(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
+    """Apply the simultaneous collisions of a group on a ring, as `collide_as_one`.
 
-    Pairs are renumbered from the largest gap on, and collide as on a line. The record of the run is shared, so its pair
-    numbers are changed during the collision.
+    The ring is cut at the largest gap, and its pairs are numbered from there as on a line. The record of the run is
+    shared with the line, so its pair numbers are changed during the collision.
     """
     run, n, rows = s.run, len(s.pairs), None if log is None else list[Any]()
     widest = int(s.row(run.now)[1].argmax())
     k = (widest + 1) % n
     run.clamps += fit(carry)(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
-    numbers_here = run.suspect, run.stop_pair
-    run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in numbers_here)
-    of_pair: Any = physics.rule
-    rule = None if of_pair is None else lambda c, speed: of_pair((c + k) % n, speed)
+    scene_numbers = run.suspect, run.stop_pair
+    run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in scene_numbers)
+    pair_rule: Any = physics.rule
+    rule = None if pair_rule is None else lambda c, speed: pair_rule((c + k) % n, speed)
     line = replace(s, pairs=s.pairs[k:] + s.pairs[:k], bodies=s.bodies[k:n] + s.bodies[: k + 1])
-    why, first, last = _collide(line, SimpleNamespace(rule=rule, options=physics.options), fit, rows)
-    run.suspect, run.stop_pair = numbers_here
+    why, first, last = _collide_on_line(line, SimpleNamespace(rule=rule, options=physics.options), fit, rows)
+    run.suspect, run.stop_pair = scene_numbers
     copy_ball(s.bodies[n], s.bodies[0])
     for chunk in rows or ():
         for row in chunk:
@@ -146,7 +152,10 @@ def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tu
 
 
 def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Row:
-    """Return the impulses (kg m/s) of the touching pairs `first` to `last`."""
+    """Return the impulses (kg m/s) of the touching pairs `first` to `last`.
+
+    Before, the pairs are advanced to the current time, and stuck bodies are released.
+    """
     ties, rule, bodies = physics.options["ties"], physics.rule, s.bodies[first : last + 2]
     for k in range(max(first - 1, 0), min(last + 2, len(s.pairs))):
         s.run.clamps += fit(carry)(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now, s.walls)
@@ -155,10 +164,11 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
     fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
     rate = [_closing_rate(k, s) for k in range(first, last + 1)]
     eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
-    meet = bodies[-1].fall_velocity < bodies[0].fall_velocity
-    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or meet):
-        why = "The walls close on the balls and leave no way out." if ties != "reflect" else "Use ties='poisson'."
-        raise ValueError(f"ties={ties!r} has no solution for balls wedged between two walls. {why}")
+    walls_approach = bodies[-1].fall_velocity < bodies[0].fall_velocity
+    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or walls_approach):
+        reason = "The walls approach each other, so the balls cannot separate." if ties != "reflect" else (
+            "Use ties='poisson'.")
+        raise ValueError(f"ties={ties!r} has no solution for balls wedged between two walls. {reason}")
     return TIE_RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
 
 
@@ -168,7 +178,7 @@ def _velocities(first: int, last: int, s: State, fit: Fit) -> Row:
 
 
 def _apply(first: int, last: int, p: Row, s: State) -> None:
-    """Apply impulses `p` to the velocities of the bodies of a group.
+    """Apply the impulses `p` (kg m/s) to the fall velocities of the bodies of a group.
 
     Relative velocities that consist of rounding errors become exactly 0. Otherwise the pairs would collide again.
     """
@@ -180,12 +190,12 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
     bodies = s.bodies[first : last + 2]
     fastest = max(abs(body.fall_velocity) for body in bodies)
     # One bound for the group, because every impulse depends on all rates.
-    doubt = max(body.noise for body in bodies) + COLLISION_NOISE * (fastest * fastest)
+    common_noise = max(body.noise for body in bodies) + COLLISION_NOISE * (fastest * fastest)
     for body in bodies:
-        body.noise = doubt if body.mass < math.inf else body.noise
-    parted = [c + 1 for c in range(first, last + 1) if abs(_rate(c, s)) > fastest * 2.0**-40]
-    for low, high in pairwise([first, *parted, last + 2]):
-        _go_together(low, high - 1, s)
+        body.noise = common_noise if body.mass < math.inf else body.noise
+    separating = [c + 1 for c in range(first, last + 1) if abs(_rate(c, s)) > fastest * 2.0**-40]
+    for low, high in pairwise([first, *separating, last + 2]):
+        _set_common_velocity(low, high - 1, s)
 
 
 def _rate(c: int, s: State) -> float:
@@ -195,16 +205,16 @@ def _rate(c: int, s: State) -> float:
 
 
 def _closing_rate(c: int, s: State) -> float:
-    """Return the rate (m/s) of pair `c`, or 0 if it closes slower than its noise."""
+    """Return the rate (m/s) of pair `c`, or 0 for an approach below its noise."""
     rate, below, above = _rate(c, s), s.bodies[c], s.bodies[c + 1]
     return 0.0 if rate < 0.0 and rate * rate < below.noise + above.noise else rate
 
 
-def _go_together(first: int, last: int, s: State) -> None:
-    """Give bodies `first` to `last` the velocity of the heaviest of them.
+def _set_common_velocity(first: int, last: int, s: State) -> None:
+    """Give bodies `first` to `last` the velocity of the heaviest of these bodies.
 
-    A treatment pair by pair would change a light ball between two heavy balls twice, and it would then separate from
-    the first heavy ball.
+    If pairs were treated one by one, the velocity of a light ball between two heavy balls would change twice. The light
+    ball would then separate from the first heavy ball.
     """
     heaviest = max(range(first, last + 1), key=lambda i: s.bodies[i].mass)
     for i in range(heaviest, last):
@@ -216,10 +226,10 @@ def _go_together(first: int, last: int, s: State) -> None:
 def newton(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     """Return the impulses of Newton's rule: new rates ≥ -ε times the old rates.
 
-    The rule is repeated while pairs approach. It requires one common ε, because different values can multiply the
-    energy.
+    The rule is repeated while pairs approach. It requires the same ε for all pairs, because different values can
+    multiply the energy.
     """
-    return _repeated("newton", inverse_mass, rate, lambda now, _: complementary(
+    return _repeated_impulses("newton", inverse_mass, rate, lambda now, _: complementary(
         inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)]))
 
 
@@ -231,32 +241,35 @@ def poisson(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     """
     compression = complementary(inverse_mass, rate)
     left = zip(compression, after(inverse_mass, rate, compression), strict=True)
-    back = [e * p for e, p in zip(eps, compression, strict=True)]
-    more = complementary(inverse_mass, after(inverse_mass, [0.0 if p > 0.0 else r for p, r in left], back))
-    return [a + b + c for a, b, c in zip(compression, back, more, strict=True)]
+    expansion = [e * p for e, p in zip(eps, compression, strict=True)]
+    remaining = complementary(inverse_mass, after(inverse_mass, [0.0 if p > 0.0 else r for p, r in left], expansion))
+    return [a + b + c for a, b, c in zip(compression, expansion, remaining, strict=True)]
 
 
 def reflect(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     """Return the impulses of generalised reflections.
 
-    All approaching pairs reverse their rates simultaneously, repeatedly. The rule requires one common ε. The result is
-    ε times the elastic impulses plus 1 - ε times the impulses that stop all approach. The repetition does not end if
-    walls confine the group at both ends.
+    All approaching pairs reverse their rates simultaneously, and this is repeated until no pair approaches. The rule
+    requires the same ε for all pairs. The result is ε times these elastic impulses plus 1 - ε times the impulses that
+    stop all approach. The repetition does not end if walls confine the group at both ends.
     """
     e = eps[0]
-    elastic = _repeated("reflect", inverse_mass, rate, lambda now, approaching: solve(
+    elastic = _repeated_impulses("reflect", inverse_mass, rate, lambda now, approaching: solve(
         inverse_mass, [-2.0 * r for r in now], approaching))
     if e == 1.0:
         return elastic
     return [e * a + (1.0 - e) * b for a, b in zip(elastic, complementary(inverse_mass, rate), strict=True)]
 
 
-def _repeated(name: str, inverse_mass: Floats, rate: Floats, impulses: Callable[[Row, list[bool]], Row]) -> Row:
-    """Return the sum of `impulses`, repeated until no pair approaches.
+def _repeated_impulses(
+    name: str, inverse_mass: Floats, rate: Floats, impulses: Callable[[Row, list[bool]], Row]
+) -> Row:
+    """Return the sum of impulses that are computed again until no pair approaches.
 
-    The arguments of `impulses` are the rates and a flag per pair that approaches.
+    `impulses` is called with the current rates (m/s) and with a flag per pair that is True if the pair approaches.
+    `name` is the name of the rule. Raises `ValueError` if the number of repetitions exceeds `MAX_PASSES`.
     """
-    total, now, tiny = [0.0] * len(rate), list(rate), noise(rate)
+    total, now, tiny = [0.0] * len(rate), list(rate), rounding_bound(rate)
     for _ in range(MAX_PASSES):
         approaching = [r < -tiny for r in now]
         if not any(approaching):
@@ -264,15 +277,15 @@ def _repeated(name: str, inverse_mass: Floats, rate: Floats, impulses: Callable[
         p = impulses(now, approaching)
         now = after(inverse_mass, now, p)
         total = [a + b for a, b in zip(total, p, strict=True)]
-    raise gave_up(name)
+    raise convergence_error(name)
 
 
 TIE_RULES: dict[str, Solver] = {"newton": newton, "poisson": poisson, "reflect": reflect}
 
 
 def complementary(inverse_mass: Floats, q: Floats) -> Row:
-    """Solve 0 ≤ p ⟂ W p + q ≥ 0 with a growing set of active pairs."""
-    active, tiny, pinned = [x < 0.0 for x in q], noise(q), inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
+    """Solve 0 ≤ p ⟂ W p + q ≥ 0 for p, with a growing set of active pairs."""
+    active, tiny, pinned = [x < 0.0 for x in q], rounding_bound(q), inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
     while True:
         p = solve(inverse_mass, [-x for x in q], active)
         grown = [a or r < -tiny for a, r in zip(active, after(inverse_mass, q, p), strict=True)]
@@ -283,7 +296,7 @@ def complementary(inverse_mass: Floats, q: Floats) -> Row:
 
 
 def solve(inverse_mass: Floats, right: Floats, active: Sequence[bool]) -> Row:
-    """Solve W p = right on the active pairs by elimination; p = 0 elsewhere."""
+    """Solve W p = right on the active pairs by elimination, with p = 0 elsewhere."""
     m = len(right)
     p, pivot, load = [0.0] * (m + 1), [0.0] * m, [0.0] * m
     for c in range(m):
@@ -301,7 +314,7 @@ def solve(inverse_mass: Floats, right: Floats, active: Sequence[bool]) -> Row:
 
 
 def after(inverse_mass: Floats, rate: Floats, p: Floats) -> Row:
-    """Return the rates after impulses `p`: rate + W p."""
+    """Return the rates (m/s) after impulses `p`: rate + W p."""
     change = pairwise(velocity_changes(inverse_mass, p))
     return [r + (upper - lower) for r, (lower, upper) in zip(rate, change, strict=True)]
 
@@ -311,14 +324,14 @@ def velocity_changes(inverse_mass: Floats, p: Floats) -> Row:
     return [w * (below - above) for w, (below, above) in zip(inverse_mass, pairwise([0.0, *p, 0.0]), strict=True)]
 
 
-def noise(rate: Floats) -> float:
-    """Return a bound of the rounding error of rates of this size."""
+def rounding_bound(rate: Floats) -> float:
+    """Return a bound of the rounding error (m/s) of rates of this size."""
     return max(abs(r) for r in rate) * 2.0**-46
 
 
-def gave_up(rule: str) -> ValueError:
-    """Return the error of a rule that did not converge."""
-    other = "left" if rule == "poisson" else "poisson"
+def convergence_error(rule: str) -> ValueError:
+    """Return the exception for a rule that did not converge."""
+    alternative = "left" if rule == "poisson" else "poisson"
     return ValueError(
-        f"ties={rule!r} did not converge within {MAX_PASSES} passes on a touching group. Use ties={other!r}."
+        f"ties={rule!r} did not converge within {MAX_PASSES} passes on a touching group. Use ties={alternative!r}."
     )

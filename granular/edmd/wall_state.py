@@ -1,11 +1,12 @@
 """State of driven walls and forces: start, samples, epoch and energy balance.
 
-A ball on a shaken plate can fly for longer than a window, and each bounce begins a new window. The event loop therefore
-moves the zero of time itself, at the same times as `State.shift_to` would.
+A ball on a shaken plate can fly for longer than a window. The event loop therefore moves the epoch itself, at the same
+times as `State.shift_to` would.
 
-Work and heat of each wall, and the dissipated energy, are compensated sums. A wall does the work J·ẋ_w in a collision
-with the impulse J. While a ball of mass m under a force f rests on a wall, the wall does the work by which ½mẋ_w² + (mg
-- f) x_w has grown since the ball came to rest. A ball that moves with its wall therefore needs no events.
+Work and heat of each wall, and the dissipated energy, are compensated sums in J. In a collision with the impulse J, a
+wall with the velocity ẋ_w does the work J·ẋ_w. While a ball of mass m under a force f rests on a wall at the position
+x_w, the work of the wall is the increase of ½mẋ_w² + (mg - f) x_w since the ball came to rest. A ball that moves with
+its wall therefore needs no events.
 """
 
 from __future__ import annotations
@@ -27,19 +28,22 @@ from granular.scene.places import driven_walls
 from granular.scene.walls.path import PANEL_DTYPE
 
 BALANCE_FIELDS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
-"""Saved fields of the energy balance."""
+"""Fields of the wall records that form the energy balance and are saved."""
 NEXT_BELOW_FACTOR = 1.0 - 2.0**-53
 """Factor that turns a power of two into the next smaller float."""
 
 
 def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
-    """Return the records `WALL_FIELDS` of both walls, and the panels of both."""
+    """Return the records `WALL_FIELDS` of floor and ceiling, and their path panels.
+
+    `t_start` is the time in s at the start of the run.
+    """
     sides = np.zeros(2, WALL_FIELDS)
     sides["velocity"] = np.where(scene.is_wall, scene.velocity - frame_velocity(scene), 0.0)[[0, -1]]
     driven = driven_walls(scene, t_start)
-    for body, one, _ in driven:
-        for name in one.dtype.names or ():
-            sides[name][0 if body == 0 else 1] = one[name][0]
+    for body, record, _ in driven:
+        for name in record.dtype.names or ():
+            sides[name][0 if body == 0 else 1] = record[name][0]
     for side, heat in zip(sides, scene.heat, strict=True):
         if heat is not None:
             side["temperature"], side["seed"] = heat.temperature, heat.seed
@@ -49,7 +53,7 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
 
 
 def begin(state: Any, scene: Scene) -> None:
-    """Initialise the fields of a new state that forces and walls need."""
+    """Set the fields of a new state that are needed for forces and walls."""
     sides, forces, (pairs, bodies) = state.walls.sides, scene.external_force, (state.pairs, state.bodies)
     bodies["own_acceleration"] = 0.0 if forces is None else scene.lift
     bodies["force_acceleration"] = bodies["own_acceleration"]
@@ -59,13 +63,13 @@ def begin(state: Any, scene: Scene) -> None:
     sides["forces"] = forces is not None
     sides["lands"] = scene.driven or forces is not None
     set_epoch(state)
-    seen = _seen(state)
+    records = _interpreted_walls(state)
     for which in (0, 1):
         if sides["temperature"][which] > 0.0:
             pairs["heat"][-which] = which
         if sides["panels"][which]:
             pairs["wall"][-which] = which
-            bodies["fall_velocity"][-which] = place(seen, which, 0.0)[1]
+            bodies["fall_velocity"][-which] = place(records, which, 0.0)[1]
             speed = float(sides["speed"][which])
             # The velocity of a driven wall is computed, and so has a rounding error.
             bodies["noise"][-which] = COLLISION_NOISE * speed * speed
@@ -78,43 +82,44 @@ def set_epoch(state: Any) -> None:
 
 
 def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
-    """Add the effects of forces and walls to `velocity` and `gap` at `tau`.
+    """Add the effects of forces and walls to a sample at time `tau`.
 
-    Both arrays are changed in place.
+    The arrays `velocity` (m/s) and `gap` (m) are changed in place. `tau` is in s since the epoch.
     """
     velocity += column(state.bodies, "force_acceleration") * tau
-    seen = _seen(state)
+    records = _interpreted_walls(state)
     stuck, wall = column(state.pairs, "stuck"), column(state.pairs, "wall")
     gap[stuck > 0] = 0.0
     for c in np.flatnonzero((wall >= 0) & (stuck == 0)).tolist():
         (pair,), (lower, upper) = plain(state.pairs[c : c + 1]), plain(state.bodies[c : c + 2])
         # Rounding can make a closing gap negative.
-        gap[c] = max(0.0, beside(pair, lower, upper, tau, seen)[0])
+        gap[c] = max(0.0, beside(pair, lower, upper, tau, records)[0])
     for i, which in at_walls(state):
-        if seen.sides[which].panels:
-            velocity[i] = place(seen, which, tau)[1]
+        if records.sides[which].panels:
+            velocity[i] = place(records, which, tau)[1]
 
 
 def ledger(state: Any, tau: float) -> Array:
-    """Return work, heat and dissipated energy in J from the start to `tau`.
+    """Return work, heat and dissipated energy in J from the start to time `tau`.
 
-    See `granular.run.trajectory.Row`.
+    The five entries are the work of the floor and of the ceiling, the heat of both, and the dissipated energy. `tau`
+    is in s since the epoch.
     """
-    seen = _seen(state)
-    done = [side.work + side.work_low for side in seen.sides]
+    records = _interpreted_walls(state)
+    done = [side.work + side.work_low for side in records.sides]
     for i, which in at_walls(state):
         body = plain(state.bodies[i : i + 1])[0]
         if body.mass < math.inf:
-            x, v = place(seen, which, tau)
+            x, v = place(records, which, tau)
             done[which] += body.mass * (0.5 * v * v + (state.run.gravity - body.own_acceleration) * x)
-    heat = [side.heat + side.heat_low for side in seen.sides]
-    return np.array([*done, *heat, seen.sides[0].lost + seen.sides[0].lost_low])
+    heat = [side.heat + side.heat_low for side in records.sides]
+    return np.array([*done, *heat, records.sides[0].lost + records.sides[0].lost_low])
 
 
 def at_walls(state: Any) -> list[tuple[int, int]]:
     """Return the bodies that are walls or rest on a wall, each with its wall.
 
-    The wall is 0 for the floor and 1 for the ceiling.
+    Each entry is the number of the body and the wall: 0 for the floor, 1 for the ceiling.
     """
     mass, stuck = column(state.bodies, "mass"), column(state.pairs, "stuck")
     n, below, above = len(mass), int((stuck == FLOOR).sum()), int((stuck == CEILING).sum())
@@ -123,24 +128,25 @@ def at_walls(state: Any) -> list[tuple[int, int]]:
 
 
 def rests_soundly(state: Any, pairs: Any, bodies: Any) -> bool:
-    """Whether resting balls form connected piles without acceleration.
+    """Return whether the resting balls of a saved state are possible.
 
-    Also checks that pairs are marked only beside existing driven walls.
+    They must form connected piles at the walls, without gaps and without acceleration. Only pairs next to driven walls
+    may be marked as such.
     """
-    rests, stuck = bodies["is_free"] == 0.0, pairs["stuck"]
-    there = [i for i, _ in at_walls(state)]
-    free = (stuck == FREE) & (pairs["wall"] < 0)
+    is_resting, stuck = bodies["is_free"] == 0.0, pairs["stuck"]
+    resting = [i for i, _ in at_walls(state)]
+    is_free = (stuck == FREE) & (pairs["wall"] < 0)
     driven = [which for which in (0, 1) if column(state.walls.sides, "panels")[which] > 0]
     pull = state.run.gravity * np.diff(bodies["is_free"]) - np.diff(bodies["force_acceleration"])
     return all([
-        rests[there].all() and rests.sum() == len(there),
-        not bodies["force_acceleration"][rests].any() and not pairs["gap"][stuck != FREE].any(),
-        (pairs["closing_acceleration"][free] == pull[free]).all(),
+        is_resting[resting].all() and is_resting.sum() == len(resting),
+        not bodies["force_acceleration"][is_resting].any() and not pairs["gap"][stuck != FREE].any(),
+        (pairs["closing_acceleration"][is_free] == pull[is_free]).all(),
         np.isin(pairs["wall"], [-1, *driven, *([BOTH] if len(driven) == 2 else [])]).all(),
     ])
 
 
-def _seen(state: Any) -> Walls:
+def _interpreted_walls(state: Any) -> Walls:
     """Return the records of the walls as objects for interpreted code."""
     return Walls(plain(state.walls.sides), plain(state.walls.panels), state.clock)
 
@@ -150,10 +156,10 @@ def _seen(state: Any) -> Walls:
 def advance_epoch(
     run: Record, pairs: Records, bodies: Records, rows: Records | None, done: int, now: float, walls: Walls
 ) -> bool:
-    """Move the zero of time forward for an event at `now` beyond the window.
+    """Move the epoch forward if the next event, at time `now`, is beyond the window.
 
-    Does nothing if the event is later than the goal of the clock. The first `done` log rows get their final times
-    before. Returns whether the zero of time was moved.
+    The epoch is not moved if the event is later than `clock.goal`, the end of the current call. The first `done` log
+    rows get their final times before. Returns whether the epoch was moved.
     """
     clock = walls.clock
     if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:
@@ -167,7 +173,10 @@ def advance_epoch(
 
 @kernel
 def date_rows(clock: Record, rows: Records | None, done: int) -> None:
-    """Replace times since the epoch by times in s, in log rows up to `done`."""
+    """Convert times since the epoch to times in s, in log rows before number `done`.
+
+    Rows that are already converted are not changed.
+    """
     if rows is not None:
         for k in range(clock.dated, done):
             rows[k].t_begin = clock.epoch + (clock.epoch_low + rows[k].t_begin)
@@ -176,9 +185,9 @@ def date_rows(clock: Record, rows: Records | None, done: int) -> None:
 
 @kernel
 def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls) -> None:
-    """Move the epoch forward by `by` s and adapt the window.
+    """Move the epoch forward by `by` s and adapt the window to the speeds.
 
-    The new epoch is not earlier than the last change of any pair.
+    The new epoch must not be earlier than the last change of any pair.
     """
     clock, n, total, speed = walls.clock, len(pairs), 0.0, walls.clock.fall
     rebase(run, pairs, bodies, by, walls)
@@ -205,9 +214,10 @@ def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls)
 
 @kernel
 def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> float:
-    """Add a collision at rate `w` ≤ 0 with restitution `e` to the energy balance.
+    """Add a collision to the energy balance and return its impulse in N s (≥ 0).
 
-    Walls must have their velocities at the time of the collision. Returns the impulse in N s, not negative.
+    `w` ≤ 0 is the rate (m/s) before the collision, and `e` is ε. The records of walls must have their velocities at
+    the time of the collision.
     """
     exchanged = impulse(lower, upper, (1.0 + e) * w)
     enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
@@ -217,9 +227,10 @@ def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> floa
 @rare
 @kernel
 def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
-    """Add an impulse (N s, from below) and a loss (J) to the energy balance.
+    """Add an impulse and an energy loss of a collision to the energy balance.
 
-    The impulse does work if one of the bodies is a wall or rests on a wall.
+    `exchanged` (N s) acts upwards on the upper body and downwards on the lower body. `lost` is in J. The impulse does
+    work if one of the bodies is a wall or rests on a wall.
     """
     if lower.is_free == 0.0:
         work(walls.sides[0], exchanged * lower.fall_velocity)
@@ -231,16 +242,17 @@ def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Wa
 
 @kernel
 def work(side: Record, done: float) -> None:
-    """Add work (J) to the work of a wall."""
+    """Add `done` (J) to the work of a wall."""
     side.work, side.work_low = add(side.work, side.work_low, done)
 
 
 @rare
 @kernel
 def borne(run: Record, body: Record, which: int, now: float, v: float, sign: float, walls: Walls) -> None:
-    """Account for a ball that comes to rest on a wall or leaves it.
+    """Add the work of a wall on a ball that comes to rest on it or leaves it.
 
-    `sign` is -1 for coming to rest and 1 for leaving. The wall moves at `v` (m/s).
+    `sign` is -1 if the ball comes to rest, and 1 if it leaves. `which` is 0 for the floor and 1 for the ceiling, and
+    `v` (m/s) is the velocity of the wall. The contributions of both events add to the work in between.
     """
     x, _ = place(walls, which, now)
     work(walls.sides[which], sign * (body.mass * (0.5 * v * v + (run.gravity - body.own_acceleration) * x)))

@@ -1,9 +1,11 @@
 """Motion of a few neighbouring pairs in relative coordinates, down to 1e-200.
 
-Velocities lose relative velocities below 1e-16 of their size; rates of gaps do not. A suspected inelastic collapse is
-therefore decided in gaps and rates. `zoom` advances a slice of pairs alone until an event outside the slice is due,
-without any approximation. Pair j of the slice and the bodies j and j + 1 have their records in `pairs` and `bodies`,
-which are slices too. The gap and the rate of the pair are in `near`.
+A difference of two velocities has no digits if it is below 1e-16 of the velocities. The rates of gaps keep their
+digits. A suspected inelastic collapse is therefore decided in gaps and rates. `zoom` advances a slice of consecutive
+pairs alone until an event outside the slice is due, without any approximation.
+
+Pair j of the slice and its bodies j and j + 1 have their records in `pairs` and `bodies`, which are parts of the
+records of the state. The current gap and rate of the pair are in `near`.
 """
 
 from __future__ import annotations
@@ -27,26 +29,30 @@ def zoom(
     run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None,
     walls: Walls,
 ) -> int:
-    """Advance the slice and return the reason of its end."""
+    """Advance the slice collision by collision, and return the reason of the pause.
+
+    `rule` returns ε, or is None for constant rules. If `rows` is not None, it receives the contact log. The reasons are
+    explained at `LATER` in `granular.edmd.records`.
+    """
     done = 0
     while True:
         j, dt = soonest(run, near, pairs)
-        why = obstacle(run, near, pairs, bodies, j, dt, walls)
-        if why != NO_OBSTACLE or done == run.budget:
-            return BUDGET if why == NO_OBSTACLE else why
+        reason = obstacle(run, near, pairs, bodies, j, dt, walls)
+        if reason != NO_OBSTACLE or done == run.budget:
+            return BUDGET if reason == NO_OBSTACLE else reason
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.closing_acceleration)
-        e = pair.eps if rule is None else rule(number(run, j), -w)
+        e = pair.eps if rule is None else rule(pair_number(run, j), -w)
         if e == 0.0:
             return QUIET  # the bodies stick, which also moves all bodies stuck to them
-        advance(run, near, pairs, dt)
-        run.suspect = number(run, j)
+        advance_gaps(run, near, pairs, dt)
+        run.suspect = pair_number(run, j)
         tau = run.began + run.elapsed
         if rows is not None:
             row = rows[done]
             row.pair, row.t_begin = run.suspect, tau
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
-        bounce(near, pairs, bodies, j, w, e)
+        collide_in_slice(near, pairs, bodies, j, w, e)
         if FORCED:
             book(lower, upper, w, e, walls)
         if rows is not None:
@@ -60,22 +66,23 @@ def zoom(
         if run.began + (run.elapsed + wait) == tau:  # the wait is below the resolution of the clock
             if FORCED:
                 # Impulse of all remaining bounces, including the weight of the ball.
-                left = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
-                enter(lower, upper, left, 0.5 * min(lower.mass, upper.mass) * own.rate * own.rate, walls)
-            settle(near, pairs, bodies, j)
+                remaining_impulse = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
+                enter(lower, upper, remaining_impulse, 0.5 * min(lower.mass, upper.mass) * own.rate * own.rate, walls)
+            settle_on_wall(near, pairs, bodies, j)
             return RESTS
-        why = end_after_bounce(run, near, pairs, j, w, e, dt)
-        if why != NO_OBSTACLE:
-            return why
+        reason = end_after_bounce(run, near, pairs, j, w, e, dt)
+        if reason != NO_OBSTACLE:
+            return reason
 
 
 @kernel
 def end_after_bounce(run: Record, near: Records, pairs: Records, j: int, w: float, e: float, dt: float) -> int:
-    """Return how the rescaled run ends after pair `j` bounced at rate `w`, or GOES_ON.
+    """Return why relative coordinates end after a collision, or `NO_OBSTACLE`.
 
-    `dt` is the time since the last bounce.
+    Pair `j` of the slice has collided at the rate `w` ≤ 0 (m/s) with ε = `e`. `dt` is the time in s since the collision
+    before.
     """
-    if (near[j].rate == 0.0 and pairs[j].closing_acceleration > 0.0) or (run.stop_pair == APART and recede(near)):
+    if (near[j].rate == 0.0 and pairs[j].closing_acceleration > 0.0) or (run.stop_pair == APART and all_recede(near)):
         return QUIET  # the ball rests, or all pairs recede and the run may stop
     # run.slow is 2^-16 of the speed scale, so the limit is 2^-200 of the scale.
     if e < 1.0 and -w < math.ldexp(run.slow, -184):
@@ -86,8 +93,8 @@ def end_after_bounce(run: Record, near: Records, pairs: Records, j: int, w: floa
 
 
 @kernel
-def recede(near: Records) -> bool:
-    """Return whether no pair of the slice closes."""
+def all_recede(near: Records) -> bool:
+    """Return whether no pair of the slice approaches."""
     for j in range(len(near)):
         if near[j].rate < 0.0:
             return False
@@ -96,19 +103,19 @@ def recede(near: Records) -> bool:
 
 @kernel
 def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int, dt: float, walls: Walls) -> int:
-    """Return why the slice cannot be advanced to the collision of pair `j` after `dt`.
+    """Return why the slice cannot be advanced to the next collision, or `NO_OBSTACLE`.
 
-    Returns `NO_OBSTACLE` if it can. A thermal wall is outside the slice, because its hits are not collisions. Balls
-    that move as one with others are outside too.
+    Pair `j` of the slice would collide next, after `dt` s. Hits on a thermal wall are outside the slice, and so are
+    collisions of balls that move as one with others.
     """
     if dt == math.inf:
         return QUIET
-    n, c = len(near), number(run, j)
-    guard = guards(run, n, j)
+    n, c = len(near), pair_number(run, j)
+    is_outside = has_outer_neighbour(run, n, j)
     if FORCED and (pairs[j].heat >= 0 or ball_is_stuck(bodies[j]) or ball_is_stuck(bodies[j + 1])):
-        guard = True
-    together = run.order == GROUP and crowded(near, pairs, j, dt)
-    if guard or together or not run.elapsed + dt < run.room:
+        is_outside = True
+    is_group = run.order == GROUP and neighbour_touches(near, pairs, j, dt)
+    if is_outside or is_group or not run.elapsed + dt < run.room:
         return OUTSIDE
     if run.looked >= run.allowance:
         return SPENT
@@ -121,30 +128,33 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
 
 @kernel
 def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
-    """Return the pair of the slice that collides first, and its waiting time.
+    """Return the pair of the slice that collides first, and the time until then in s.
 
     The rank decides between simultaneous collisions. The result is (0, inf) if no pair collides.
     """
-    best, when = 0, math.inf
+    best, earliest = 0, math.inf
     for j in range(len(near)):
         own, pair = near[j], pairs[j]
         if own.rate >= 0.0 and pair.closing_acceleration <= 0.0:
             continue
         dt = time_to_contact(own.gap, own.rate, pair.closing_acceleration)
-        if dt < when or (dt == when < math.inf and order(run, pairs, j) < order(run, pairs, best)):
-            best, when = j, dt
-    return best, when
+        if dt < earliest or (dt == earliest < math.inf and slice_rank(run, pairs, j) < slice_rank(run, pairs, best)):
+            best, earliest = j, dt
+    return best, earliest
 
 
 @kernel
-def number(run: Record, j: int) -> int:
-    """Return the number of pair `j` of the slice, on a ring modulo `run.pairs`."""
+def pair_number(run: Record, j: int) -> int:
+    """Return the number of pair `j` of the slice in the whole scene.
+
+    On a ring it is counted modulo `run.pairs`.
+    """
     c: int = run.first + j
     return c - run.pairs if RING and c >= run.pairs else c
 
 
 @kernel
-def guards(run: Record, n: int, j: int) -> bool:
+def has_outer_neighbour(run: Record, n: int, j: int) -> bool:
     """Return whether pair `j` of a slice of `n` pairs has a neighbour outside."""
     c = run.first + j
     if RING:
@@ -153,14 +163,14 @@ def guards(run: Record, n: int, j: int) -> bool:
 
 
 @kernel
-def order(run: Record, pairs: Records, j: int) -> int:
-    """Return the rank of pair `j` of the slice."""
-    return rank(number(run, j), run.order, run.seed, pairs[j].contacts)
+def slice_rank(run: Record, pairs: Records, j: int) -> int:
+    """Return the rank of pair `j` of the slice, see `physics.rank`."""
+    return rank(pair_number(run, j), run.order, run.seed, pairs[j].contacts)
 
 
 @kernel
-def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
-    """Return whether a neighbour of pair `j` touches after `dt`."""
+def neighbour_touches(near: Records, pairs: Records, j: int, dt: float) -> bool:
+    """Return whether a neighbour of pair `j` of the slice touches after `dt` s."""
     for k in range(max(j - 1, 0), min(j + 2, len(near))):
         if k != j and gap_after(near[k].gap, near[k].rate, pairs[k].closing_acceleration, dt) <= 0.0:
             return True
@@ -171,8 +181,11 @@ def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
 
 
 @kernel
-def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
-    """Advance all gaps and rates by `dt`, and count the gaps clamped at 0."""
+def advance_gaps(run: Record, near: Records, pairs: Records, dt: float) -> None:
+    """Advance all gaps and rates of the slice by `dt` s in free flight.
+
+    Gaps that become negative by rounding are set to 0 and counted in `run.clamped`.
+    """
     for j in range(len(near)):
         own, a = near[j], pairs[j].closing_acceleration
         gap = gap_after(own.gap, own.rate, a, dt)
@@ -184,10 +197,11 @@ def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
 
 
 @kernel
-def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: float) -> None:
-    """Let pair `j` of the slice collide at rate `w`; its rate becomes exactly -ε w.
+def collide_in_slice(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: float) -> None:
+    """Apply a collision to pair `j` of the slice: its rate changes from `w` to -ε·`w`.
 
-    If the slice is the whole ring, its first and last pair are neighbours.
+    `w` ≤ 0 is in m/s, and `e` is ε. The rates of both neighbouring pairs and the velocities of both bodies are
+    updated. If the slice is the whole ring, its first and last pair are neighbours.
     """
     pair, jump = pairs[j], (1.0 + e) * w
     near[j].gap = 0.0
@@ -212,12 +226,13 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
 def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
     """Return the time in s until the ball of pair `j` rests on its wall, or inf.
 
-    The ball has just bounced on the wall. Alone, it bounces infinitely often within 2u/(a(1 - ε)). It stays alone if no
-    other pair of the slice collides before, and if its neighbour stays beyond the top of the first arc. The neighbour
-    does so if it does so at both ends of the time, because it moves uniformly or is accelerated towards the wall. The
-    result is inf if this is not certain.
+    The ball has just bounced on the wall, and `e` is ε. Without other collisions it bounces infinitely often within
+    the time 2u/(a(1 - ε)), where u is its rate and a its closing acceleration. There are no other collisions if no
+    other pair of the slice collides before, and if the next ball stays beyond the top of the first arc. It is
+    sufficient to test the next ball at both ends of the time, because it moves uniformly or is accelerated towards the
+    wall. The result is inf if other collisions are possible.
     """
-    a, r, k = pairs[j].closing_acceleration, near[j].rate, beyond(pairs, j)
+    a, r, k = pairs[j].closing_acceleration, near[j].rate, next_pair(pairs, j)
     if not (a > 0.0 and pairs[j].low * pairs[j].high == 0.0 and e < 1.0):
         return math.inf
     end: float = 2.0 * r / (a * (1.0 - e))
@@ -225,30 +240,30 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
         if i != j and i != k and time_to_contact(near[i].gap, near[i].rate, pairs[i].closing_acceleration) <= end:
             return math.inf
     if 0 <= k < len(near):
-        other, arc = near[k], r * r / (2.0 * a)
-        path = gap_after(other.gap, other.rate + r, pairs[k].closing_acceleration + a, end)
+        neighbour, arc = near[k], r * r / (2.0 * a)
+        final_gap = gap_after(neighbour.gap, neighbour.rate + r, pairs[k].closing_acceleration + a, end)
         # The neighbour must stay above the height of the first arc.
-        if other.gap <= arc or path <= arc:
+        if neighbour.gap <= arc or final_gap <= arc:
             return math.inf
     return end
 
 
 @kernel
-def beyond(pairs: Records, j: int) -> int:
-    """Return the number of the pair on the other side of the ball of pair `j`.
+def next_pair(pairs: Records, j: int) -> int:
+    """Return the pair of the slice on the other side of the ball of pair `j`.
 
-    Pair `j` is beside a wall.
+    One of the bodies of pair `j` is a wall. The result is out of range if the ball has no other neighbour in the slice.
     """
     return j + 1 if pairs[j].low == 0.0 else j - 1
 
 
 @kernel
-def settle(near: Records, pairs: Records, bodies: Records, j: int) -> None:
+def settle_on_wall(near: Records, pairs: Records, bodies: Records, j: int) -> None:
     """Bring the ball of pair `j`, which has just bounced on its wall, to rest.
 
-    The path of its neighbour, measured from the wall, does not depend on the bounces.
+    The gap and the rate of the next pair are then measured from the wall. This path does not depend on the bounces.
     """
-    k, on_floor = beyond(pairs, j), pairs[j].low == 0.0
+    k, on_floor = next_pair(pairs, j), pairs[j].low == 0.0
     i = j + 1 if on_floor else j
     ball, wall = bodies[i], bodies[2 * j + 1 - i]
     if 0 <= k < len(near):
@@ -262,11 +277,12 @@ def settle(near: Records, pairs: Records, bodies: Records, j: int) -> None:
 
 @kernel
 def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> None:
-    """Write the slice back: its gaps, and velocities as sums of rates.
+    """Write gaps and velocities of the slice into the records `pairs` and `bodies`.
 
-    The sums start at an end body of the slice with a known velocity: a wall, or a body that also belongs to pairs
-    outside, which has not collided. Without such a body they start from the velocity of the centre of mass. The rates
-    are exact, so velocities have only their own rounding error as noise.
+    Velocities are sums of rates. A sum starts at an end body of the slice with a known velocity. Such a body is a
+    wall, or a body that also belongs to a pair outside, because it has not collided. Without such a body, the sum
+    starts from the velocity of the centre of mass. Rates are exact, so the noise of a velocity is only its own
+    rounding error.
     """
     n, tau = len(near), run.began + run.elapsed
     for j in range(n):
@@ -274,9 +290,9 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
     if run.looked == 0:
         return
     from_below = n < run.pairs if RING else run.first > 0 or bodies[0].mass == math.inf
-    free = not from_below and (RING or (run.first + n == run.pairs and bodies[n].mass != math.inf))
-    top = n - 1 if free and RING else n  # the last body of a ring is the first
-    before = momentum(bodies, top) if free else 0.0
+    has_free_ends = not from_below and (RING or (run.first + n == run.pairs and bodies[n].mass != math.inf))
+    top = n - 1 if has_free_ends and RING else n  # the last body of a ring is the first
+    before = momentum(bodies, top) if has_free_ends else 0.0
     for j in range(n):
         pair = pairs[j]
         pair.gap, pair.at = near[j].gap, tau
@@ -287,7 +303,7 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
         for j in range(n - 1, -1, -1):
             bodies[j].fall_velocity = bodies[j + 1].fall_velocity - (near[j].rate + pairs[j].closing_acceleration * tau)
             bodies[j].noise = 0.0
-    if free:
+    if has_free_ends:
         # Conserves the momentum of the slice.
         shift = (before - momentum(bodies, top)) / total(bodies, 0, top)
         for i in range(top + 1):
@@ -298,7 +314,7 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
 
 @kernel
 def momentum(bodies: Records, top: int) -> float:
-    """Return Σ m u (kg m/s) of the bodies of the slice up to `top`."""
+    """Return Σ m u (kg m/s) of the bodies 0 to `top` of the slice."""
     p = 0.0
     for i in range(top + 1):
         p += bodies[i].mass * bodies[i].fall_velocity
