@@ -97,7 +97,7 @@ def begin(state: State, queue: SortedQueue) -> None:
     is_rounding = (closing == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
     near["gap"], near["rate"] = gaps(pairs, u, run.now, True), np.where(is_rounding, 0.0, rate)
     near["rate"][(c - first) % n] = run.rebound
-    state.near = queue.hold(near)
+    state.near = queue.convert(near)
 
 
 def advance_slice(
@@ -114,12 +114,12 @@ def advance_slice(
     run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
     run.edge, run.budget = limit, budget if rows is None else len(rows)
     slices = state.slices()
-    end: int = queue.use(zoom)(run, near, *slices, physics.rule, rows, state.walls)
-    state.put(*slices)
-    wait = queue.use(soonest)(run, near, slices[0])[1] if end == UNTIL else 0.0
+    end: int = queue.specialise(zoom)(run, near, *slices, physics.rule, rows, state.walls)
+    state.write_slice(*slices)
+    wait = queue.specialise(soonest)(run, near, slices[0])[1] if end == UNTIL else 0.0
     run.now = run.began + (run.elapsed + wait)
     if log is not None and rows is not None:
-        log.append(queue.kept(rows[: run.events - seen]))
+        log.append(queue.filled_rows(rows[: run.events - seen]))
     if end in (LATER, UNTIL, BUDGET):
         return end, None
     verdict = Verdict("exact", int(run.suspect), int(run.suspect), 0.0) if end == RESTS else None
@@ -141,8 +141,8 @@ def advance_slice(
         verdict = _proved_verdict(state, physics, verdict)
     finish(state, queue)
     if end == RESTS and state.walls is not None:
-        queue.use(press_again)(run, state.pairs, state.bodies, 0, len(state.pairs) - 1, state.walls)
-    return UNTIL if run.stop_pair == APART and queue.apart() else end, verdict
+        queue.specialise(press_again)(run, state.pairs, state.bodies, 0, len(state.pairs) - 1, state.walls)
+    return UNTIL if run.stop_pair == APART and queue.all_recede() else end, verdict
 
 
 def finish(state: State, queue: SortedQueue) -> None:
@@ -150,7 +150,7 @@ def finish(state: State, queue: SortedQueue) -> None:
 
     Rates that the fall velocities cannot represent are counted in `clock.lost`.
     """
-    put_back(state, queue)
+    write_slice_back(state, queue)
     run, near = state.run, state.near
     assert near is not None
     if run.looked > 0:
@@ -163,14 +163,14 @@ def finish(state: State, queue: SortedQueue) -> None:
     state.near = None
 
 
-def put_back(state: State, queue: SortedQueue) -> None:
+def write_slice_back(state: State, queue: SortedQueue) -> None:
     """Write the gaps and velocities of the slice into the records of the state."""
     slices = state.slices()
-    queue.use(write_back)(state.run, state.near, *slices)
-    state.put(*slices)
+    queue.specialise(write_back)(state.run, state.near, *slices)
+    state.write_slice(*slices)
 
 
-def bound(state: State, physics: Physics) -> Verdict | None:
+def bounded_verdict(state: State, physics: Physics) -> Verdict | None:
     """Return a `Verdict` with a finite bound on the slow pairs of the slice, or None.
 
     The pairs are those around the pair with the smallest gap. The slice can be undecided.
@@ -181,18 +181,19 @@ def bound(state: State, physics: Physics) -> Verdict | None:
     return verdict if verdict is not None and math.isfinite(verdict.bound) else None
 
 
-def left(state: State, physics: Physics) -> Verdict | None:
+def verdict_at_limit(state: State, physics: Physics) -> Verdict | None:
     """Return the `Verdict` on a slice at which `max_events` ends a run, or None.
 
-    It is the result of `bound`. None is returned if the slice had few collisions, or if another event is due soon.
+    It is the result of `bounded_verdict`. None is returned after few collisions in the slice, or if another event is
+    due soon.
     """
     if state.near is None or state.run.zoomed < UNDECIDED_FACTOR * len(state.near) ** 2:
         return None
-    verdict = bound(state, physics)
+    verdict = bounded_verdict(state, physics)
     return verdict if verdict is not None and _is_isolated(state, verdict) else None
 
 
-def slowing(run: Any, events: int) -> str:
+def slowing_message(run: Any, events: int) -> str:
     """Return parts of the message of a run that `max_events` ends, or "".
 
     `events` is the number of all collisions. The first part states that the last collisions came at least ten times as
@@ -207,7 +208,7 @@ def slowing(run: Any, events: int) -> str:
         if last > 0 and took * (tail - begin) < 0.1 * last * (t - start):
             text = (f"; the last {last} collisions took only {took:.3g} s: the balls cluster and slow down, perhaps "
                     "forever; use collapse='merge', tc= or elastic_below=")
-        verdict = bound(run.state, run.physics)
+        verdict = bounded_verdict(run.state, run.physics)
         if verdict is not None:
             text += (f"; unless hit from outside, no body of {verdict.where(run.scene)} will be faster than "
                      f"{verdict.bound:.2g} m/s")

@@ -92,7 +92,7 @@ class TreeQueue(SortedQueue):
     chunk = 65_536
     room, size = np.empty(0, LOG_ROW), FIRST_LOG_ROWS
     kernel = staticmethod(partial(compiled, inline=True))
-    hold = staticmethod(packed)
+    convert = staticmethod(packed)
     loop, predict = staticmethod(loop), staticmethod(refresh)
 
     def rows(self, n: int) -> Records:
@@ -101,7 +101,7 @@ class TreeQueue(SortedQueue):
             self.room, self.size = np.empty(self.size, LOG_ROW), min(LOG_GROWTH_FACTOR * self.size, TreeQueue.chunk)
         return self.room[:n]
 
-    def kept(self, rows: Records) -> Records:
+    def filled_rows(self, rows: Records) -> Records:
         """Return filled log rows without a copy. The next rows are written after them."""
         self.room = self.room[len(rows) :]
         return rows
@@ -240,7 +240,7 @@ class BlockQueue(TreeQueue):
         part.run.edge, part.run.budget = edge, 1 << 40
         queue = TreeQueue(part, self.physics)
         if log is None:
-            pause = queue.go(part.run, part.pairs, part.bodies, queue.queue, None, None, fastest, None)
+            pause = queue.run_loop(part.run, part.pairs, part.bodies, queue.queue, None, None, fastest, None)
         else:
             pause, queue.room = BUDGET, page
             while pause == BUDGET:

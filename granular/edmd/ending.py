@@ -52,7 +52,7 @@ def sentence(run: Any, status: Status, run_numbers: dict[str, Any], now: float) 
         if math.isfinite(run.horizon):
             message += f"; {walls}, and the rate of collisions grows without limit until then"
         elif run_numbers["slow"] >= 0.0 or (run.scene.driven and run_numbers["merge_below"] == 0.0):
-            message += run._closer.slowing(run, run_numbers["events"])
+            message += run._collapse_module.slowing_message(run, run_numbers["events"])
     if run_numbers["lost"] > 0:
         rates = f"{run_numbers['lost']} relative velocit{'y' if run_numbers['lost'] == 1 else 'ies'}"
         message += f"; {rates} fell below the rounding error, so collisions that depend on them are uncertain"

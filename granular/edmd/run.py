@@ -130,7 +130,7 @@ class Run:
         if state.near is None:
             self.queue = queue(state, self.physics)
         else:
-            state.keep(queue.hold)
+            state.convert_records(queue.convert)
             self.queue = queue(state.copied(), self.physics)
             self.queue.state = state
         if queue is SortedQueue:
@@ -186,7 +186,7 @@ class Run:
                 self._handle_suspicion()
             # no event was processed (a group exceeds the budget), or the limit is reached
             elif reason == BUDGET and self.events in (events_at_pause, state.clock.last_event):
-                self.verdict = self._closer.left(state, self.physics)
+                self.verdict = self._collapse_module.verdict_at_limit(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
             if self.events - events_before >= min(
                 self.event_limit, self.queue.chunk if self.queue.chunk < SortedQueue.chunk else REPORT_EVENTS
@@ -226,10 +226,10 @@ class Run:
         if self.state.run["slow"] < 0.0:  # balls that merge faster than the resolution of the clock
             self.queue.shift_to(float(self.state.run["now"]), whole=False)
         else:
-            self._closer.begin(self.state, self.queue)
+            self._collapse_module.begin(self.state, self.queue)
 
     @property
-    def _closer(self) -> Any:
+    def _collapse_module(self) -> Any:
         """The module `collapse`, imported at the first suspicion of an inelastic collapse."""
         from granular.edmd import collapse
 
@@ -241,7 +241,7 @@ class Run:
         The last ball came to rest on the wall of `pair` at the time `time` in s. Raises `ValueError` if a ball of the
         state moves.
         """
-        self.verdict = self._closer.Verdict("exact", int(pair), int(pair), 0.0)
+        self.verdict = self._collapse_module.Verdict("exact", int(pair), int(pair), 0.0)
         self.ended, self.at_rest = float(time), True
         if not self._is_still():
             raise ValueError(f"The state of `trajectory` has a collapse_time although balls move. {EDITED_STATE}")
@@ -309,7 +309,8 @@ class Run:
         if state.near is None:
             reason = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
-            reason, self.verdict = self._closer.advance_slice(state, self.physics, self.queue, limit, budget, rows)
+            reason, self.verdict = self._collapse_module.advance_slice(
+                state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
         if self.events > before and self.queue.chunk < SortedQueue.chunk:  # slow rules report more often
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
@@ -379,7 +380,7 @@ class Run:
             return Row(time, 0.0, self.scene.gap, self.scene.velocity)
         if state.near is not None and state.run["looked"] > 0:
             state = state.copied()
-            self._closer.put_back(state, self.queue)
+            self._collapse_module.write_slice_back(state, self.queue)
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))

@@ -164,13 +164,13 @@ class SortedQueue:
 
     Attributes
     ----------
-    fit, use : callable
-        Specialise a kernel for the flags of the scene. `fit` returns an interpreted function. `use` returns a function
-        of the kind of this queue, interpreted or compiled.
-    hold : callable
+    fit, specialise : callable
+        Specialise a kernel for the flags of the scene. `fit` returns an interpreted function. `specialise` returns a
+        function of the kind of this queue, interpreted or compiled.
+    convert : callable
         Converts records to the kind that this queue uses, objects or arrays.
-    go, foresee : callable
-        The event loop and the function `refresh`, both specialised by `use`.
+    run_loop, predict_pairs : callable
+        The event loop and the function `refresh`, both specialised by `specialise`.
     """
 
     name = "sorted"
@@ -180,16 +180,16 @@ class SortedQueue:
     It is also the maximum number of log rows per allocation.
     """
     kernel: Callable[[Any], Any] = staticmethod(interpreted)
-    hold: Callable[[Records], Records] = staticmethod(plain)
+    convert: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
     queue: Any
 
     def __init__(self, state: State, physics: Physics) -> None:
-        state.keep(self.hold)
+        state.convert_records(self.convert)
         self.state, self.physics = state, physics
         self.fit: Callable[[Any], Any] = partial(specialised_kernel, interpreted, physics.has)
-        self.use: Callable[[Any], Any] = partial(specialised_kernel, self.kernel, physics.has)
-        self.go, self.foresee = self.use(self.loop), self.use(self.predict)
+        self.specialise: Callable[[Any], Any] = partial(specialised_kernel, self.kernel, physics.has)
+        self.run_loop, self.predict_pairs = self.specialise(self.loop), self.specialise(self.predict)
         self.begin(len(state.pairs))
         self.rebuild()
 
@@ -197,7 +197,7 @@ class SortedQueue:
         """Return `n` empty log rows, or `chunk` rows if `n` is larger."""
         return list(map(object.__new__, repeat(plain_class(LOG_ROW), min(n, self.chunk))))
 
-    def kept(self, rows: Records) -> Records:
+    def filled_rows(self, rows: Records) -> Records:
         """Return filled log rows in the form in which the log stores them."""
         return rows
 
@@ -212,11 +212,11 @@ class SortedQueue:
     def rebuild(self) -> None:
         """Predict all pairs again."""
         s = self.state
-        self.foresee(s.run, s.pairs, s.bodies, self.queue, 0, len(s.pairs) - 1, s.walls)
+        self.predict_pairs(s.run, s.pairs, s.bodies, self.queue, 0, len(s.pairs) - 1, s.walls)
 
     def shift_to(self, tau: float, whole: bool = True, shrink: float = 1.0) -> None:
         """Move the epoch as `State.shift_to` does, and predict all pairs again."""
-        self.state.shift_to(tau, self.use, whole, shrink)
+        self.state.shift_to(tau, self.specialise, whole, shrink)
         self.rebuild()
 
     def refresh(self, first: int, last: int) -> None:
@@ -224,7 +224,7 @@ class SortedQueue:
         s, n = self.state, len(self.state.pairs)
         ranges = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
         for low, high in [(first, min(last, n - 1)), *ranges]:
-            self.foresee(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
+            self.predict_pairs(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time (s since the epoch) of the next event, or inf.
@@ -237,10 +237,10 @@ class SortedQueue:
             return float(order[0][0])
         return float(next(time for time, key in order if not first <= (key & MASK) <= last and (key & MASK) > last - n))
 
-    def apart(self) -> bool:
+    def all_recede(self) -> bool:
         """Return whether no pair approaches at the current time."""
         s = self.state
-        return bool(self.use(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
+        return bool(self.specialise(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Process events up to and including time `edge`, and append them to `log`.
@@ -255,16 +255,16 @@ class SortedQueue:
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
             s.clock.dated = 0
-            why: int = self.go(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None, s.walls)
+            why: int = self.run_loop(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None, s.walls)
             if log is not None and rows is not None and run["events"] > begin:
                 if s.clock.goal > -math.inf:
-                    self.use(date_rows)(s.clock, rows, int(run["events"] - begin))
-                log.append(self.kept(rows[: run["events"] - begin]))
+                    self.specialise(date_rows)(s.clock, rows, int(run["events"] - begin))
+                log.append(self.filled_rows(rows[: run["events"] - begin]))
             if why != TOUCHING:
                 return why
             why, first, last = collide_as_one(s, self.physics, self.fit, log)
             self.refresh(first, last)
-            if why == TOUCHING and run.stop_pair == APART and self.apart():
+            if why == TOUCHING and run.stop_pair == APART and self.all_recede():
                 why = UNTIL
             if why != TOUCHING:
                 return why

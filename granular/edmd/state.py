@@ -107,8 +107,8 @@ class State:
         """Return the state of the scene at the start of a run, at the time `t_start` in s."""
         scene, options, kind = physics.scene, physics.options, physics.has
         walls = wall_state.walls(scene, t_start) if "FORCED" in kind else None
-        pairs, bodies = first(scene)
-        if len(scene.mass) <= SMALL_RECORD_COUNT:  # cached by `first`
+        pairs, bodies = initial_records(scene)
+        if len(scene.mass) <= SMALL_RECORD_COUNT:  # cached by `initial_records`
             pairs, bodies = copied(pairs), copied(bodies)
         pairs["eps"], frame = physics.eps, frame_velocity(scene)
         bodies["fall_velocity"] -= frame
@@ -209,7 +209,7 @@ class State:
             raw |= {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
         return raw | options
 
-    def keep(self, convert: Callable[..., Any]) -> None:
+    def convert_records(self, convert: Callable[..., Any]) -> None:
         """Convert all records to the kind of records that the queue needs.
 
         `convert` is `plain` for objects, which interpreted code uses, or `packed` for arrays, which compiled code
@@ -241,7 +241,7 @@ class State:
             return taken(self.pairs, np.arange(first, end) % n), taken(self.bodies, np.arange(first, end + 1) % n)
         return self.pairs[first:end], self.bodies[first : end + 1]
 
-    def put(self, pairs: Records, bodies: Records) -> None:
+    def write_slice(self, pairs: Records, bodies: Records) -> None:
         """Write changed records of the slice back into the state.
 
         On a line the records are not copies, and nothing has to be done. On a ring, the motion of the first body is
@@ -358,7 +358,7 @@ class State:
 
 
 @remembered
-def first(scene: Scene) -> tuple[Records, Records]:
+def initial_records(scene: Scene) -> tuple[Records, Records]:
     """Return the records of pairs and bodies of a scene at the start of a run.
 
     The restitutions of the pairs are not set.

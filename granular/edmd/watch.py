@@ -89,7 +89,7 @@ class Watch:
         columns: list[Any] = [pair, tau, lasting]
         if isinstance(self.last, list):
             columns = [x.tolist() for x in columns]
-        count, row, lower = queue.use(begin_contacts)(self.last, *columns)
+        count, row, lower = queue.specialise(begin_contacts)(self.last, *columns)
         self.seen += len(rows)
         self.disturbed += count
         if row >= 0 and self.first[1] < 0:
@@ -97,11 +97,11 @@ class Watch:
 
     def _to_epoch(self, state: State, queue: SortedQueue) -> None:
         """Convert the last contacts to the epoch of the state, as records of the queue."""
-        self.last = queue.hold(self.last)
+        self.last = queue.convert(self.last)
         epoch, low = state.clock.epoch, state.clock.epoch_low
         shift = (epoch - self.epoch[0]) + (low - self.epoch[1])
         if shift != 0.0:
-            queue.use(shift_epoch)(self.last, shift)
+            queue.specialise(shift_epoch)(self.last, shift)
             self.epoch = epoch, low
 
     def stats(self) -> dict[str, Any]:
