@@ -29,7 +29,7 @@ from granular.scene.walls.path import moved
 @kernel
 def is_stuck(pair: Record, lower: Record, upper: Record) -> bool:
     """Return whether the bodies of a pair touch and move with the same velocity."""
-    # Beside a driven wall equal velocities are not a proof, so the mark decides.
+    # Next to a driven wall equal velocities are not a proof, so the mark decides.
     if FORCED and (pair.stuck > FREE or pair.wall >= 0):
         return pair.stuck > FREE  # type: ignore[no-any-return]
     return pair.gap == 0.0 and pair.closing_acceleration == 0.0 and upper.fall_velocity == lower.fall_velocity  # type: ignore[no-any-return]
@@ -60,7 +60,7 @@ def stick(
     """Join the bodies of pair `c` at time `now`, so that they move with one velocity.
 
     `w` ≤ 0 is the rate of the pair in m/s before. All bodies that are stuck to these two bodies are included. Returns
-    the first and the last pair that have to be predicted again, and the momentum in kg m/s that pair `c` exchanged.
+    the first and the last pair to predict again, and the momentum in kg m/s that pair `c` exchanged.
     """
     run.merged += 1
     if HUNG:
@@ -245,8 +245,8 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
 
     The pair has no next event. With forces or driven walls, the bodies have to touch with rate 0 and to be pressed
     together. Otherwise nothing changes. In all other scenes the caller has checked these conditions, and the upper
-    body comes to rest on the wall or on the pile below it. Returns the first and the last pair that have to be
-    predicted again. If nothing has changed, these are `c` + 1 and `c`, an empty range.
+    body comes to rest on the wall or on the pile below it. Returns the first and the last pair to predict again. If
+    nothing has changed, these are `c` + 1 and `c`, an empty range.
     """
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
     if not FORCED:

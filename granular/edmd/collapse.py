@@ -197,8 +197,7 @@ def slowing_message(run: Any, events: int) -> str:
     """Return parts of the message of a run that `max_events` ends, or "".
 
     `events` is the number of all collisions. The first part states that the last collisions came at least ten times as
-    fast as the collisions before. The second part states a bound of the speeds of slow pairs, if the run is in
-    relative coordinates and a bound is known.
+    fast as those before. The second part states a bound of the speeds of slow pairs, if one is known.
     """
     text = ""
     if len(run.pace) == 2:
@@ -329,8 +328,7 @@ def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity
     """Return the upper bound of speeds as `largest_speed`, with external forces.
 
     The potential energy is the sum of gap times pressing force over all pairs. The pressing force of a pair is the
-    total force of all bodies beyond the pair, seen from the wall. The result is inf if the forces pull the group apart
-    somewhere.
+    total force of all bodies beyond the pair, seen from the wall. The result is inf if it is negative for any pair.
     """
     mass = np.array(column(bodies, "mass"))
     ball = np.isfinite(mass)

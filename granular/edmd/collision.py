@@ -1,6 +1,6 @@
 """Apply one collision to the two bodies of a pair, for both event queues.
 
-Balls that rested on these bodies are released. The module also releases balls from a wall and from thermal walls.
+Balls that rest on these bodies, or that leave a wall, are released here as well.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def event(
     `merge_below`, can stick, see `clusters.will_stick`. Otherwise they rebound, and balls at rest on them are
     released.
 
-    Returns the first and the last pair that have to be predicted again, and the rate (m/s) of pair `c` after the
+    Returns the first and the last pair to predict again, and the rate (m/s) of pair `c` after the
     collision.
     """
     if FORCED and pairs[c].heat >= 0:
@@ -110,9 +110,9 @@ def event(
 def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: float) -> float:
     """Return ε of a collision, which is 1 if `tc` or `elastic_below` applies.
 
-    `e` is the value of the restitution rule of pair `c`, `speed` its approach speed (m/s) and `now` the time. The
-    result is 1 if `speed` is below `elastic_below`. It is also 1 if one of the two bodies has collided less than `tc`
-    before `now` (TC model, Luding & McNamara, Granular Matter 1, 113 (1998)). Otherwise it is `e`.
+    The result is 1 if `speed` (m/s), the approach speed of pair `c`, is below `elastic_below`. It is also 1 if one of
+    the two bodies has collided less than `tc` before `now` (TC model, Luding & McNamara, Granular Matter 1, 113
+    (1998)). Otherwise it is `e`, the value of the restitution rule.
     """
     if speed < run.elastic_below:
         return 1.0
@@ -132,14 +132,14 @@ def streak(
 ) -> int:
     """Return the new value of the field `streak` of a pair after a collision.
 
-    The streak counts consecutive collisions that look like an inelastic collapse, and `count` is its value before. A
-    collision slower than `run.slow` adds 3. A collision within `run.short` after the previous one of the pair, at time
-    `last`, adds 1. Any other collision resets the streak to 0. The result is `SUSPICIOUS_STREAK` if the rebound is too
-    slow to be represented by the difference of the fall velocities. `speed` is the approach speed (m/s) and `e` is ε.
+    The streak counts consecutive collisions that look like an inelastic collapse. `count` is its value before. A
+    collision slower than `run.slow` adds 3. A collision within `run.short` after `last`, the previous collision of the
+    pair, adds 1. Any other collision resets the streak to 0. If the rebound is too slow to be represented by the fall
+    velocities, the result is `SUSPICIOUS_STREAK`. `speed` is the approach speed (m/s) and `e` is ε.
 
-    In runs in which no collapse is detected (`run.slow` < 0), the result is `SUSPICIOUS_STREAK` or 0. It is
-    `SUSPICIOUS_STREAK` if balls can merge and the time since `last` is too short for the resolution of the clock. The
-    order of the next events would then be uncertain.
+    In runs without detection of a collapse (`run.slow` < 0), the result is 0 or `SUSPICIOUS_STREAK`. The latter is
+    returned if balls can merge and the time since `last` is too short for the resolution of the clock. The order of
+    the next events would then be uncertain.
     """
     if run.slow < 0.0:
         # Order: cheap tests first. `MAX_REBASED` because all pairs are advanced when the clock moves.
@@ -206,7 +206,7 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
     """Release the bodies of colliding pair `c`, and the balls that rest on them.
 
     Balls that forces press against these bodies are released as well. `now` is the time. Returns the first and the last
-    pair that have to be predicted again.
+    pair to predict again.
     """
     low, top = c, c + 1
     while low > 0 and is_pressed(bodies[low]) and is_stuck(pairs[low - 1], bodies[low - 1], bodies[low]):
@@ -279,9 +279,9 @@ def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, w
 @rare
 @kernel
 def accelerate(body: Record, velocity_change: float, push: float, walls: Walls) -> None:
-    """Change the acceleration of a ball by forces to `push` (m/s²).
+    """Set the acceleration of a ball by forces to `push` (m/s²).
 
-    `velocity_change` (m/s) is the change of the fall velocity by which the current velocity of the ball stays the same.
+    The fall velocity changes by `velocity_change` (m/s), so that the current velocity stays the same.
     """
     body.fall_velocity += velocity_change
     body.force_acceleration = push
@@ -294,9 +294,9 @@ def accelerate(body: Record, velocity_change: float, push: float, walls: Walls) 
 def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
     """Release the balls that rest on a wall beyond stuck pair `c`.
 
-    This is the event in which pair `c` opens at time `now`. All balls on the side of the pair that faces away from the
-    wall leave the wall together, with their common acceleration. Pairs nearer to the wall with the same closing
-    acceleration open too. Returns the first and the last pair that have to be predicted again.
+    This is the event in which the bodies of pair `c` separate at time `now`. All balls on the side of the pair that
+    faces away from the wall leave the wall together, with their common acceleration. Pairs nearer to the wall with the
+    same closing acceleration separate too. Returns the first and the last pair to predict again.
     """
     wall, low, high = pairs[c].stuck, c, c
     pull = pairs[c].closing_acceleration

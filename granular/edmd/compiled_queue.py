@@ -159,9 +159,9 @@ class BlockQueue(TreeQueue):
         super().rebuild()
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
-        """Process events up to and including time `edge`, and append them to `log`.
+        """Process events up to and including `edge` (s since the epoch), and log them.
 
-        `edge` is in s since the epoch. At most `budget` events are processed. Returns the reason of the pause.
+        At most `budget` events are processed. Returns the reason of the pause.
         """
         run = self.state.run
         can_sweep = run.stop_pair == NEVER and run.order != RANDOM  # no single event is observed

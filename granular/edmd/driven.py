@@ -53,10 +53,9 @@ def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
 @rare
 @kernel
 def opening(pair: Record, walls: Walls) -> float:
-    """Return the time at which a stuck pair opens, or inf.
+    """Return the time at which the bodies of a stuck pair separate, or inf.
 
-    A stuck pair opens when no acceleration presses its bodies together any more, or when the velocity of its wall
-    jumps.
+    They separate when no acceleration presses them together any more, or when the velocity of their wall jumps.
     """
     if pair.wall < 0:
         return pair.at if pair.closing_acceleration < 0.0 else NO_EVENT_TIME

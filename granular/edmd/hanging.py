@@ -74,7 +74,7 @@ def swing_together(
     `w` ≤ 0 is the rate (m/s) before the collision, at time `now`. Balls that are connected to the pair by pairs with
     gap 0 and rate 0 get the same velocity. A wall takes part only if it belongs to pair `c`. If the pendula touch in
     their rest positions, they stay together. Otherwise they separate immediately. Returns the first and the last pair
-    that have to be predicted again, and the momentum in kg m/s that pair `c` exchanged.
+    to predict again, and the momentum in kg m/s that pair `c` exchanged.
     """
     n, b, e = len(pairs), c, c + 1
     while b > 0 and bodies[b - 1].mass < math.inf and stands(run, pairs[b - 1], now, walls):
@@ -115,7 +115,7 @@ def begin(pairs: Any, bodies: Any, scene: Any) -> None:
 
 
 def row(pairs: Any, tau: float) -> tuple[Array, Array]:
-    """Return the rates (m/s) and gaps (m, never negative) of all pairs at time `tau`.
+    """Return rates (m/s) and gaps (m, never negative) of all pairs at time `tau`.
 
     `tau` is in s since the epoch. The state is not changed.
     """

@@ -75,7 +75,7 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
     """Return the time of the next event of a pair, or inf if it has no event.
 
     The event is the next collision, under the assumption that no event of another pair acts earlier. With forces or
-    driven walls, a stuck pair can only open: then the result is the time of opening, see `driven.opening`.
+    driven walls, a stuck pair can only separate: then the result is the time of separation, see `driven.opening`.
 
     A pair that touches and approaches collides immediately. Without a closing acceleration, a pair whose approach
     speed is below its noise never collides. With a positive closing acceleration, such a pair is at rest if its bodies
@@ -173,9 +173,8 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
 def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
     """Advance a pair of pendula, or a pair at a driven wall, to time `now`.
 
-    A stuck pair is not changed. Its time `at` remains the time at which it became stuck, because `opening` has to find
-    every later jump of the wall velocity. Returns 1 if rounding made the gap negative, so that it was set to 0.
-    Otherwise returns 0.
+    A stuck pair is not changed. It keeps its time `at`, because `opening` has to find every later jump of the wall
+    velocity. Returns 1 if rounding made the gap negative, so that it was set to 0. Otherwise returns 0.
     """
     # The gap of a stuck pair stays 0, and `opening` needs the time of its closing.
     if FORCED and pair.stuck > FREE:
@@ -280,8 +279,8 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: 
 def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Walls) -> float:
     """Advance all pairs to time `shift`, and make this time the new epoch.
 
-    All stored times and fall velocities are converted to the new epoch. Stuck pairs keep the instant at which they
-    became stuck. Returns the largest magnitude of the relative velocities of pairs (m/s) at the new epoch.
+    All stored times and fall velocities are converted to the new epoch. Stuck pairs are not advanced. Returns the
+    largest magnitude of the relative velocities of pairs (m/s) at the new epoch.
     """
     for c in range(len(pairs)):
         pair = pairs[c]

@@ -21,7 +21,7 @@ PAIR_FIELDS = np.dtype(
         ("closing_acceleration", float),  # by gravity, m/s²
         ("contacts", int), ("last", float),  # number of collisions; time (s) of the last one outside `zoom`
         ("streak", int),  # consecutive collisions that looked like a collapse
-        ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
+        ("low", float), ("high", float),  # fractions of a change of the rate that the lower and the upper body receive
         ("eps", float),  # if all rules are constant
     ],
     align=True,
@@ -65,7 +65,7 @@ CLOCK_FIELDS = np.dtype(
     [
         ("frame", float),  # m/s, velocity of the frame of the run
         ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first sample; the zero of tau
-        ("length", float),  # m, mean gap at the start; beside driven walls its maximum
+        ("length", float),  # m, mean gap at the start; with driven walls its maximum so far
         ("window", float),  # s, 2^k, grows as balls slow down
         ("speed", float), ("fall", float),  # m/s, scale of relative velocities, at least that of falling by `length`
         ("strength", float),  # m/s², the largest acceleration of a ball
@@ -137,8 +137,8 @@ def more(of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]) -> tu
 
 PLAIN_RECORDS = PAIR_FIELDS, BODY_FIELDS
 FORCED_RECORDS = more(
-    # The driven wall beside the pair (0 floor, 1 ceiling, 2 both, -1 none); 0 free, 1 or 2 stuck while its bodies rest
-    # on the floor or the ceiling; time (s) from `at` to its next hit; the thermal wall beside it (-1 none).
+    # The driven wall next to the pair (0 floor, 1 ceiling, 2 both, -1 none); 0 free, 1 or 2 stuck while its bodies rest
+    # on the floor or the ceiling; time (s) from `at` to its next hit; the thermal wall next to it (-1 none).
     [("wall", int), ("stuck", int), ("wait", float), ("heat", int)],
     # m/s², by all forces, and by its own force alone.
     [("force_acceleration", float), ("own_acceleration", float)],

@@ -212,7 +212,7 @@ class Run:
     def _comes_to_rest(self, verdict: collapse.Verdict) -> bool:
         """Record the time of a collapse, and return whether the run continues at rest.
 
-        The run continues if the verdict is *exact*, if all balls then rest on a wall, and if the end time is finite.
+        It continues if the collapse is *exact*, if all balls then rest on a wall, and if the end time is finite.
         """
         self.ended = self.time()
         self.at_rest = verdict.kind == "exact" and self.request.end < math.inf and self._is_still()
@@ -275,7 +275,7 @@ class Run:
 
         `due` is the time of this event in s since the epoch. If the result is True, no further sample is recorded. The
         result is False if no further event is due before the end of the run, or if the next event meets the stop
-        condition. It is also False beside driven walls and in relative coordinates, where the next event is not known.
+        condition. It is also False with driven walls and in relative coordinates, where the next event is not known.
         """
         end, stop = min(self.request.end, self.horizon), self.state.run.stop_pair
         if not due < math.inf or self.state.time(due) > end or self.scene.driven:
@@ -295,10 +295,10 @@ class Run:
         return Pause.reached if time <= self.horizon else Pause.collapse
 
     def _advance(self, limit: float) -> int:
-        """Process events up to the time `limit`, and return the reason of the pause.
+        """Process events up to `limit` (s since the epoch).
 
-        `limit` is in s since the epoch. The number of events is limited. The run first switches to the compiled queue
-        if that pays.
+        The number of events per call is limited. The run switches to the compiled queue as soon as that pays. Returns
+        the reason of the pause.
         """
         state = self.state
         if self.may_compile and pays(self._expected_work(), self.physics.has):
@@ -333,15 +333,14 @@ class Run:
     def _work_done(self) -> int:
         """Return the work done so far, in collisions.
 
-        A collision in relative coordinates counts as eight collisions, because it takes that much more time.
+        A collision in relative coordinates takes the time of eight other collisions.
         """
         return int(self.state.run["events"] + 7 * self.state.run["zoomed"])
 
     def _convert_rows(self, written: list[Any]) -> None:
         """Convert new log rows to times in s and to velocities in the frame of the scene.
 
-        The rows have times since the epoch, and velocities in the frame of the run, which can be falling. The
-        converted rows are appended to `converted_rows`. The rows are also passed to `watch`.
+        Queues write times since the epoch, and velocities in the frame of the run, which can be falling.
         """
         for chunk in filter(len, written):
             rows = packed(chunk, LOG_ROW)

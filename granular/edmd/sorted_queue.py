@@ -46,7 +46,7 @@ def loop(
     while True:
         now, c = head(queue)
         if now > edge:
-            # Beside driven walls a flight can be longer than the window, so the loop moves the zero of time itself.
+            # With driven walls a flight can be longer than the window, so the loop moves the epoch itself.
             if not FORCED or not advance_epoch(run, pairs, bodies, rows, done, now, walls):
                 return LATER
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
@@ -243,10 +243,10 @@ class SortedQueue:
         return bool(self.specialise(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
-        """Process events up to and including time `edge`, and append them to `log`.
+        """Process events up to and including `edge` (s since the epoch), and log them.
 
-        `edge` is in s since the epoch. At most `budget` events are processed. If the last of them belongs to a
-        touching group, the rest of the group is processed as well. Returns the reason of the pause.
+        At most `budget` events are processed, plus the rest of a touching group. Log rows are appended to `log`.
+        Returns the reason of the pause.
         """
         s, run = self.state, self.state.run
         enough = run["events"] + budget

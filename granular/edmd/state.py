@@ -60,7 +60,7 @@ another release has chosen a shorter window.
 """
 
 FIRST_ALLOWANCE = 20_000
-"""Collisions in relative coordinates after which the first undecided attempt ends."""
+"""Collisions in relative coordinates after which an undecided first attempt ends."""
 SHORT_BITS, SLOW_BITS = -30, -16
 """Binary exponents of the limits below which a collision looks like a collapse.
 
@@ -219,7 +219,7 @@ class State:
         self.near = self.near if self.near is None else convert(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.void):
             self.run = one(np.array([RUN_READER(self.run)], RUN_FIELDS))
-            if self.walls is not None:  # kernels beside walls move the clock too
+            if self.walls is not None:  # with driven walls, kernels change the clock too
                 self.clock = one(np.array([CLOCK_READER(self.clock)], CLOCK_FIELDS))
         if self.walls is not None:
             self.walls = Walls(convert(self.walls.sides), convert(self.walls.panels), self.clock)
@@ -232,7 +232,7 @@ class State:
     def slices(self) -> tuple[Records, Records]:
         """Return the records of the pairs and of the bodies of the slice.
 
-        The slice is followed in relative coordinates. On a ring the records can be copies.
+        On a ring they can be copies.
         """
         assert self.near is not None
         first, n = int(self.run.first), len(self.pairs)
@@ -244,8 +244,7 @@ class State:
     def write_slice(self, pairs: Records, bodies: Records) -> None:
         """Write changed records of the slice back into the state.
 
-        On a line the records are not copies, and nothing has to be done. On a ring, the motion of the first body is
-        also copied to the last body.
+        Only on a ring are they copies. The motion of the first body is then also copied to the last body.
         """
         if not self.ring:
             return
@@ -312,7 +311,7 @@ class State:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
-        """Return the velocities (m/s) and the gaps (m, never negative) at the time `tau`.
+        """Return velocities (m/s) and gaps (m, never negative) at the time `tau`.
 
         `tau` is in s since the epoch. For pendula, the first array contains the rates of the gaps instead. The state
         is not changed.
@@ -377,10 +376,9 @@ def initial_records(scene: Scene) -> tuple[Records, Records]:
 
 
 def gaps(pairs: Records, u: Array, tau: float, pulled: bool) -> Array:
-    """Return the gaps in m (never negative) of all pairs at the time `tau`.
+    """Return the gaps (m, never negative) of all pairs at `tau` (s since the epoch).
 
-    `u` are the fall velocities of the bodies (m/s). `pulled` is False only if no gap has an acceleration. `tau` is in s
-    since the epoch.
+    `u` are the fall velocities of the bodies (m/s). `pulled` is False only if no gap has an acceleration.
     """
     gap_then, at, pull = columns(pairs, "gap", "at", "closing_acceleration")
     rate, dt = u[1:] - u[:-1], tau - at

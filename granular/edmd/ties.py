@@ -81,7 +81,7 @@ def collide_as_one(s: State, physics: Physics, fit: Fit, log: Log | None) -> tup
     The tie rule of `physics` gives the impulses. `fit` specialises kernels, and `log` receives the log rows. Returns
     `TOUCHING` if the group has collided. Otherwise the return value is the reason of a pause: `UNTIL` if the stop
     contact is in the group, or `BUDGET` if too few events are left. Nothing has changed then. The other two values are
-    the first and the last pair that have to be predicted again.
+    the first and the last pair to predict again.
     """
     return (_collide_on_ring if s.ring else _collide_on_line)(s, physics, fit, log)
 

@@ -3,7 +3,7 @@
 A ball on a shaken plate can fly for longer than a window. The event loop therefore moves the epoch itself, at the same
 times as `State.shift_to` would.
 
-Work and heat of each wall, and the dissipated energy, are compensated sums in J. In a collision with the impulse J, a
+Work and heat of each wall, and the dissipated energy, are compensated sums. In a collision with the impulse J, a
 wall with the velocity ẋ_w does the work J·ẋ_w. While a ball of mass m under a force f rests on a wall at the position
 x_w, the work of the wall is the increase of ½mẋ_w² + (mg - f) x_w since the ball came to rest. A ball that moves with
 its wall therefore needs no events.
