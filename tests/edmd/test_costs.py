@@ -118,7 +118,7 @@ def test_what_a_scene_remembers_no_run_changes(n, engine) -> None:
                          for of in (scene, scene, scene.replace()))
     few = n < 64
     assert ("state" in vars(once)) is not few
-    assert ("_first" in vars(scene)) is few
+    assert ("_initial_records" in vars(scene)) is few
     for run in (again, anew, copy(once), pickle.loads(pickle.dumps(once))):
         assert run.contacts.tobytes() == once.contacts.tobytes()
         assert run.state.keys() == once.state.keys()

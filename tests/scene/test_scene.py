@@ -131,10 +131,10 @@ def test_scenes_with_the_same_numbers_are_equal():
 def test_copies_know_nothing_yet_and_cannot_be_written_into(made):
     scene = floor_and_two()
     edmd.simulate(scene, ConstantRestitution(0.5), t_end=0.1)
-    assert "_first" in vars(scene)
+    assert "_initial_records" in vars(scene)
     again = made(scene)
     assert again == scene
-    assert not [name for name in vars(again) if name in ("_first", "_scales", "_check_scene")]
+    assert not [name for name in vars(again) if name in ("_initial_records", "_scales", "_check_scene")]
     with pytest.raises(ValueError, match="read-only"):
         again.velocity[:] = 3.0
 
