@@ -50,7 +50,7 @@ INTRODUCTION = """# The engines without special scenes
 The functions below are the core of both engines. They are cut from the source, without the branches for driven and
 thermal walls, external forces, pendula and rings, by `python bench/plain_engines.py`. A test runs three scenes with
 these functions in place of the originals and compares the results bit by bit. Symbols and signs are those of the
-[notation](notation.md). A complete program of a hundred lines without the package is `examples/from_scratch.py`.
+[notation](../guide/notation.md). A complete program of a hundred lines without the package is `examples/from_scratch.py`.
 """
 
 

@@ -12,6 +12,7 @@ from typing import Any
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
 
+import api_index  # noqa: E402
 import gallery  # noqa: E402
 import pages  # noqa: E402
 
@@ -130,9 +131,18 @@ def _escaped(line: str) -> str:
     return bullet + "".join(parts)
 
 
+def without_internal_values(
+    app: Any, what: str, name: str, obj: Any, options: Any, signature: str | None, returns: str | None
+) -> tuple[str | None, str | None]:
+    """Write `…` for defaults that are limits of the computer, such as the largest integer."""
+    return (signature.replace(str(sys.maxsize), "…") if signature else signature), returns
+
+
 def setup(app: Any) -> None:
     """Connect the helpers above."""
     app.connect("doctree-resolved", gallery.describe)
+    app.connect("autodoc-process-signature", without_internal_values)
+    api_index.setup(app)
     if QUICK:
         app.connect("builder-inited", lambda app: setattr(app.builder, "search", False))
     app.connect("autodoc-process-docstring", spell_for_sphinx, priority=400)

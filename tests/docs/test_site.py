@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import granular
+
 ROOT = Path(__file__).parents[2]
 MADE = shutil.ignore_patterns("_build", "_examples", "_made", "gallery", "jupyter_execute", "sg_execution_times.rst")
 BLOCKS = """[...document.querySelectorAll('article :is(h1, h2, h3, p, li, td, th, pre, figcaption, summary)')]
@@ -28,7 +30,8 @@ def test_the_site(tmp_path, subtests):
     """One build serves all: it is the dearest part."""
     site, html = built(tmp_path)
     for claim in (nothing_is_fetched, what_is_named_is_there, the_start_page_leads_on, the_recorded_run_hops,
-                  every_picture_is_described, formulas_are_mathml, long_tables_are_folded,
+                  every_picture_is_described, formulas_are_mathml, the_index_of_the_reference_is_whole,
+                  long_tables_are_folded,
                   sheets_are_printed_without_loss):
         with subtests.test(msg=claim.__name__):
             claim(site, html)
@@ -98,6 +101,15 @@ def formulas_are_mathml(site, html):
     set_apart = {"theory/index": 6, "theory/viscoelastic": 2, "theory/adiabatic": 2, "guide/driven": 3,
                  "guide/concepts": 2}
     assert {name: html[site / f"{name}.html"].count('<math display="block"') for name in set_apart} == set_apart
+
+
+def the_index_of_the_reference_is_whole(site, html):
+    """Every public name is in it, with a link and a line."""
+    table = html[site / "api" / "index.html"]
+    linked = set(re.findall(r'<a [^>]*href="[^"]+#[^"]+"[^>]*><code[^>]*>(?:<span[^>]*>)?(gr\.[\w.]+)', table))
+    functions = {f"gr.{name}" for name in granular.__all__}
+    assert functions - linked - {"gr.edmd", "gr.md"} == set()
+    assert "9223372036854775807" not in "".join(text for page, text in html.items() if page.parent.name == "api")
 
 
 def long_tables_are_folded(site, html):
