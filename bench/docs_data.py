@@ -106,7 +106,7 @@ def frontier_rows(report: Any) -> Any:
 
 
 def stability() -> Any:
-    """Verdicts of the default methods on some cells per axis of docs/guide/stability.md."""
+    """Verdicts of the default methods on some cells per axis of stability.md."""
     from bench.stability import stability
 
     return verdicts(stability(methods=("located", "edmd"), quick=True))

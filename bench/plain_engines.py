@@ -27,11 +27,12 @@ SECTIONS = (
     ("Hard spheres: the event loop", "granular.edmd.sorted_queue", ("loop",),
      "The queue holds one entry per pair: the time of its next collision. The loop takes the first entry, applies the "
      "collision, and predicts the pair and its two neighbours again."),
-    ("Hard spheres: one collision", "granular.edmd.collision", ("event",),
+    ("Hard spheres: one collision", "granular.edmd.collision", ("collide_pair",),
      "`rate` and `w` are rates of change of a gap, negative while two balls approach. A pair stores its gap at the "
      "time `at` of its last event, so balls that take part in no event are never touched."),
-    ("Hard spheres: prediction and velocities after a collision", "granular.edmd.motion", ("predicted", "collide"), ""),
-    ("Soft spheres: the event loop", "granular.md.located.blocks", ("advance", "take_next", "end_piece"),
+    ("Hard spheres: prediction and velocities after a collision", "granular.edmd.motion",
+     ("next_event_time", "apply_collision"), ""),
+    ("Soft spheres: the event loop", "granular.md.located.blocks", ("advance", "apply_next_event", "end_piece"),
      "Balls in contact form an island, which is advanced by polynomial pieces. The queue holds the end of the current "
      "piece of every island, and the onset of contact of every other pair. A contact of two balls without neighbours "
      "in contact is solved as one event; all others go through `end_piece`."),
@@ -50,7 +51,7 @@ INTRODUCTION = """# The engines without special scenes
 The functions below are the core of both engines. They are cut from the source, without the branches for driven and
 thermal walls, external forces, pendula and rings, by `python bench/plain_engines.py`. A test runs three scenes with
 these functions in place of the originals and compares the results bit by bit. Symbols and signs are those of the
-[notation](../guide/notation.md). A complete program of a hundred lines without the package is `examples/from_scratch.py`.
+[notation](../guide/notation.md). `examples/from_scratch.py` does the same in a hundred lines without the package.
 """
 
 

@@ -25,11 +25,11 @@ import granular as gr
 GRAVITY, HEIGHT, MIN_ENERGY, MAX_ENERGY = 9.81, 9.5, 1e-3, 100.0
 SCHEMES = {"explicit Euler": (True, True), "semi-implicit Euler, put back": (False, True),
            "semi-implicit Euler, not put back": (False, False)}
-"""Whether the position uses the old velocity, and whether the ball is put back on the floor."""
+"""Use of the old velocity for the position, and return of the ball to the floor."""
 
 
 def energies(scheme, dt, bounces):
-    """Energy after each bounce in units of the first one, until it is out of range."""
+    """Energy after each bounce in units of the first energy."""
     explicit, put_back = SCHEMES[scheme]
     x, v, found = HEIGHT, 0.0, []
     while len(found) < bounces and (not found or MIN_ENERGY < found[-1] < MAX_ENERGY):

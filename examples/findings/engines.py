@@ -39,7 +39,7 @@ def row(speed=1.0):
 
 
 def hard_speeds(ties):
-    """Final velocities of hard spheres under a tie rule, in units of the initial speed."""
+    """Final velocities of hard spheres in units of the initial speed."""
     return gr.edmd.simulate(row(), gr.ConstantRestitution(1.0), ties=ties).velocity[-1]
 
 

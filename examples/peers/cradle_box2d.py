@@ -1,4 +1,6 @@
-"""Five touching balls in Box2D, the first of which moves, and how far the result is from both models.
+"""Five touching balls in Box2D, compared with both models.
+
+The first ball moves, and all balls are elastic.
 
     pip install Box2D && python examples/peers/cradle_box2d.py
 """
@@ -11,7 +13,10 @@ RADIUS, STEP, COUNT = 1.0, 1.0 / 60.0, 5
 
 
 def velocities(speed: float) -> list[float]:
-    """Velocities in m/s of five touching balls 2 s after the first one starts with `speed` in m/s."""
+    """Velocities in m/s of five touching balls after 2 s.
+
+    The first ball starts with `speed` in m/s.
+    """
     world = b2World(gravity=(0.0, 0.0))
     ball = b2FixtureDef(shape=b2CircleShape(radius=RADIUS), density=1.0, friction=0.0, restitution=1.0)
     bodies = [world.CreateDynamicBody(position=(2.0 * RADIUS * i, 0.0), fixtures=ball, fixedRotation=True)

@@ -1,4 +1,6 @@
-"""Five touching balls in MuJoCo, the first of which moves, and how far the result is from both models.
+"""Five touching balls in MuJoCo, compared with both models.
+
+The first ball moves, and all balls are elastic.
 
     pip install mujoco && python examples/peers/cradle_mujoco.py
 """
@@ -13,9 +15,9 @@ BALL = ('<body pos="{} 0 0"><joint type="slide" axis="1 0 0"/>'
 
 
 def velocities(speed: float) -> list[float]:
-    """Velocities in m/s of five touching balls 0.05 s after the first one starts with `speed` in m/s.
+    """Velocities in m/s of five touching balls after 0.05 s.
 
-    The contacts are direct springs without damping (negative `solref`).
+    The first ball starts with `speed` in m/s. The contacts are direct springs without damping (negative `solref`).
     """
     balls = "".join(BALL.format(2.0 * RADIUS * i, RADIUS, -STIFFNESS) for i in range(COUNT))
     model = mujoco.MjModel.from_xml_string(

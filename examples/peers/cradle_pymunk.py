@@ -1,4 +1,6 @@
-"""Five touching balls in pymunk, the first of which moves, and how far the result is from both models.
+"""Five touching balls in pymunk, compared with both models.
+
+The first ball moves, and all balls are elastic.
 
     pip install pymunk && python examples/peers/cradle_pymunk.py
 """
@@ -11,7 +13,10 @@ RADIUS, STEP, COUNT = 0.05, 1e-3, 5
 
 
 def velocities(speed: float, radius: float = RADIUS) -> list[float]:
-    """Velocities in m/s of five touching balls 0.2 s after the first one starts with `speed` in m/s."""
+    """Velocities in m/s of five touching balls after 0.2 s.
+
+    The first ball starts with `speed` in m/s.
+    """
     space = pymunk.Space()
     bodies = [pymunk.Body(1.0, float("inf")) for _ in range(COUNT)]
     for i, body in enumerate(bodies):

@@ -192,7 +192,7 @@ def static_overlaps(soft: Trajectory) -> Array:
     never[log["pair"][np.isnan(log["t_end"])]] = True
     if scene.endless or not never.any():
         return still
-    from granular.laws.springs import overlap_under
+    from granular.laws.springs import static_overlap
 
     laws = resolved(soft.law or (), scene)
     force = scene.external_force if scene.external_force is not None else np.zeros(scene.n)
@@ -207,7 +207,7 @@ def static_overlaps(soft: Trajectory) -> Array:
         load = -np.cumsum(down[a:b]) if held[1] else np.cumsum((down + m * lift)[b:a:-1])[::-1]
         for c, bears in zip(range(a, b), load.tolist(), strict=True):
             with suppress(ValueError):
-                still[c] = overlap_under(laws[c], bears) if bears > 0.0 and not laws[c].memory else math.nan
+                still[c] = static_overlap(laws[c], bears) if bears > 0.0 and not laws[c].memory else math.nan
     return still
 
 

@@ -17,11 +17,11 @@ import math
 
 from granular._engine.kernels import FORCED, HUNG, RING, kernel, rare
 from granular._engine.records import Record, Records
-from granular.edmd.driven import presses, rate_of
+from granular.edmd.driven import is_pressed_on_wall, rate_of
 from granular.edmd.hanging import swing_together
-from granular.edmd.motion import COLLISION_NOISE, carry, total
+from granular.edmd.motion import COLLISION_NOISE, advance_pair, total_mass
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, Walls
-from granular.edmd.wall_state import borne, enter
+from granular.edmd.wall_state import account_impulse, account_rest
 from granular.scene.walls.hits import pressing_bounds
 from granular.scene.walls.path import moved
 
@@ -85,15 +85,15 @@ def join_clusters(
     b, e = cluster_limits(pairs, bodies, c)
     for k in (b - 1, c, e):  # all pairs between are stuck
         k = k % n if RING else min(max(k, 0), n - 1)
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+        advance_pair(pairs[k], bodies[k], bodies[k + 1], now, walls)
     pairs[c].gap = 0.0
     on_floor, on_ceiling = bodies[c].is_free == 0.0, bodies[c + 1].is_free == 0.0
     # The wall has infinite mass: only the bodies on the other side take part in the impulse.
     if on_floor or on_ceiling:
-        mass = total(bodies, c + 1, e) if on_floor else total(bodies, b, c)
+        mass = total_mass(bodies, c + 1, e) if on_floor else total_mass(bodies, b, c)
         exchanged = -mass * w
         if FORCED and not (on_floor and on_ceiling):
-            enter(bodies[c], bodies[c + 1], exchanged, 0.5 * mass * w * w, walls)
+            account_impulse(bodies[c], bodies[c + 1], exchanged, 0.5 * mass * w * w, walls)
         if on_floor:
             stop_bodies(run, pairs, bodies, c, e, now, FLOOR, walls)
         else:
@@ -103,7 +103,7 @@ def join_clusters(
     first, last = max(b - 1, 0), min(e, n - 1)
     if RING and (b < 0 or e > n):
         first, last = 0, n - 1
-    first, last = press_again(run, pairs, bodies, first, last, walls)
+    first, last = recompute_closing(run, pairs, bodies, first, last, walls)
     return first, last, exchanged
 
 
@@ -143,7 +143,7 @@ def stop_bodies(
         body = bodies[i]
         if FORCED and body.is_free > 0.0:
             body.force_acceleration = 0.0
-            borne(run, body, wall - 1, now, support.fall_velocity, -1.0, walls)
+            account_rest(run, body, wall - 1, now, support.fall_velocity, -1.0, walls)
         if not FORCED or body.mass < math.inf:
             body.fall_velocity, body.noise = support.fall_velocity, support.noise
         body.is_free = 0.0
@@ -159,13 +159,13 @@ def join_in_flight(bodies: Records, b: int, c: int, e: int, now: float, w: float
     Their clusters meet in pair `c` with the rate `w` (m/s, not positive) at time `now`. Momentum is conserved. Returns
     the momentum in kg m/s that pair `c` exchanged.
     """
-    lower, upper = total(bodies, b, c), total(bodies, c + 1, e)
+    lower, upper = total_mass(bodies, b, c), total_mass(bodies, c + 1, e)
     part = upper / (lower + upper)
     u, exchanged = bodies[c].fall_velocity + part * w, -(lower * part) * w
     if FORCED:
-        push = common(bodies, b, e)
+        push = common_acceleration(bodies, b, e)
         u = (bodies[c].fall_velocity + (bodies[c].force_acceleration - push) * now) + part * w
-        enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
+        account_impulse(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
         noise = COLLISION_NOISE * (u * u)
         for i in range(b, e + 1):  # the mean by mass: a maximum would grow with every hit
             noise += bodies[i].mass / (lower + upper) * bodies[i].noise
@@ -240,7 +240,7 @@ def will_stick_to_wall(pairs: Records, bodies: Records, c: int, now: float, w: f
 
 @rare
 @kernel
-def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
+def bring_to_rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
     """Bring the bodies of pair `c` to rest if they are pressed together.
 
     The pair has no next event. With forces or driven walls, the bodies have to touch with rate 0 and to be pressed
@@ -252,7 +252,7 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
     if not FORCED:
         top = min(c + 1, len(pairs) - 1)
         if top > c:
-            carry(pairs[top], bodies[top], bodies[top + 1], pair.at, walls)
+            advance_pair(pairs[top], bodies[top], bodies[top + 1], pair.at, walls)
         # Counts the balls whose remaining relative velocity is a rounding error.
         run.settled += upper.fall_velocity - pair.closing_acceleration * pair.at != lower.fall_velocity
         upper.is_free, upper.fall_velocity, upper.noise = 0.0, lower.fall_velocity, lower.noise
@@ -261,7 +261,7 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
     if pair.stuck > FREE or pair.gap != 0.0 or rate_of(pair, lower, upper) != 0.0:
         return c + 1, c
     a = pair.closing_acceleration
-    if lower.is_free == upper.is_free == 0.0 or not (presses(pair, walls) if pair.wall >= 0 else a > 0.0):
+    if lower.is_free == upper.is_free == 0.0 or not (is_pressed_on_wall(pair, walls) if pair.wall >= 0 else a > 0.0):
         return c + 1, c
     w = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
     run.settled += w != 0.0
@@ -270,7 +270,7 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
 
 
 @kernel
-def press_again(
+def recompute_closing(
     run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls
 ) -> tuple[int, int]:
     """Recompute the closing accelerations of pairs `first` to `last`.
@@ -318,19 +318,19 @@ def closing_under_forces(run: Record, pairs: Records, bodies: Records, c: int, w
         top = c + 1
         while top < len(pairs) and pairs[top].stuck == FLOOR:
             top += 1
-        return run.gravity - common(bodies, c + 1, top)  # type: ignore[no-any-return]
+        return run.gravity - common_acceleration(bodies, c + 1, top)  # type: ignore[no-any-return]
     if pair.stuck == CEILING:
         # All bodies below that rest on the ceiling through this pair.
         low = c
         while low > 0 and pairs[low - 1].stuck == CEILING:
             low -= 1
-        return common(bodies, low, c) - run.gravity  # type: ignore[no-any-return]
+        return common_acceleration(bodies, low, c) - run.gravity  # type: ignore[no-any-return]
     return run.gravity * (upper.is_free - lower.is_free) - (upper.force_acceleration - lower.force_acceleration)  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
-def common(bodies: Records, b: int, e: int) -> float:
+def common_acceleration(bodies: Records, b: int, e: int) -> float:
     """Return the common acceleration (m/s²) of bodies `b` to `e` by forces.
 
     It is the mean of their own accelerations, weighted by mass.

@@ -1,6 +1,7 @@
 """Detection of inelastic collapse: infinitely many collisions in a finite time.
 
-After a suspicious collision, the neighbouring pairs (the *slice*) are followed in relative coordinates, see `zoom`.
+After a suspicious collision, the neighbouring pairs (the *slice*) are followed in relative
+coordinates (`advance_relative`).
 The collisions are then classified by a `Verdict`, or the suspicion is rejected and the run continues.
 """
 
@@ -15,12 +16,12 @@ import numpy as np
 from granular._engine.check import Array
 from granular._engine.flight import time_to_contact
 from granular._engine.records import Records, column
-from granular.edmd.clusters import press_again
+from granular.edmd.clusters import recompute_closing
 from granular.edmd.physics import Physics
 from granular.edmd.records import APART, BUDGET, LATER, RELATIVE_FIELDS, RESTS, SPENT, TINY, UNTIL, Log
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
-from granular.edmd.zoom import soonest, write_back, zoom
+from granular.edmd.zoom import advance_relative, next_collision, write_back
 from granular.scene import Scene
 
 SLICE_REACH = 64
@@ -114,9 +115,9 @@ def advance_slice(
     run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
     run.edge, run.budget = limit, budget if rows is None else len(rows)
     slices = state.slices()
-    end: int = queue.specialise(zoom)(run, near, *slices, physics.rule, rows, state.walls)
+    end: int = queue.specialise(advance_relative)(run, near, *slices, physics.rule, rows, state.walls)
     state.write_slice(*slices)
-    wait = queue.specialise(soonest)(run, near, slices[0])[1] if end == UNTIL else 0.0
+    wait = queue.specialise(next_collision)(run, near, slices[0])[1] if end == UNTIL else 0.0
     run.now = run.began + (run.elapsed + wait)
     if log is not None and rows is not None:
         log.append(queue.filled_rows(rows[: run.events - seen]))
@@ -139,13 +140,13 @@ def advance_slice(
                 run.allowance *= 2
     if verdict is not None and verdict.kind == "bounded":
         verdict = _proved_verdict(state, physics, verdict)
-    finish(state, queue)
+    end_slice(state, queue)
     if end == RESTS and state.walls is not None:
-        queue.specialise(press_again)(run, state.pairs, state.bodies, 0, len(state.pairs) - 1, state.walls)
+        queue.specialise(recompute_closing)(run, state.pairs, state.bodies, 0, len(state.pairs) - 1, state.walls)
     return UNTIL if run.stop_pair == APART and queue.all_recede() else end, verdict
 
 
-def finish(state: State, queue: SortedQueue) -> None:
+def end_slice(state: State, queue: SortedQueue) -> None:
     """End relative coordinates and write the slice back into the state.
 
     Rates that the fall velocities cannot represent are counted in `clock.lost`.

@@ -12,24 +12,33 @@ from granular._engine.records import Record, Records
 from granular.edmd.clusters import (
     at_rest,
     ball_is_stuck,
-    common,
+    common_acceleration,
     is_pressed,
     is_stuck,
-    press_again,
+    recompute_closing,
     set_closing,
     stick,
     will_stick,
 )
-from granular.edmd.driven import place, take_wall_velocity
+from granular.edmd.driven import take_wall_velocity, wall_displacement
 from granular.edmd.hanging import swing_off
-from granular.edmd.motion import COLLISION_NOISE, across, add, carry, collide, impulse, rate_at_touch, velocities
+from granular.edmd.motion import (
+    COLLISION_NOISE,
+    add_compensated,
+    advance_pair,
+    apply_collision,
+    copy_seam_ball,
+    impulse,
+    rate_at_touch,
+    velocities,
+)
 from granular.edmd.physics import Restitution
 from granular.edmd.records import CEILING, FLOOR, FREE, Walls
-from granular.edmd.wall_state import book, borne, enter
+from granular.edmd.wall_state import account_collision, account_impulse, account_rest
 from granular.scene.walls.thermal import drawn
 
 SUSPICIOUS_STREAK = 8
-"""Value of the field `streak` of a pair from which a collapse is suspected."""
+"""Suspicion streak of a pair from which a collapse is suspected."""
 MIN_RELATIVE_REBOUND = 2.0**-26
 """Rebound rate below which a collapse is suspected immediately.
 
@@ -45,7 +54,7 @@ This is done only in runs of at most `MAX_REBASED` pairs, because all pairs have
 
 
 @kernel
-def event(
+def collide_pair(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
     walls: Walls,
 ) -> tuple[int, int, float]:
@@ -64,14 +73,14 @@ def event(
     pair, lower, upper, first, last = pairs[c], bodies[c], bodies[c + 1], c, c
     if RING and (c == 0 or c + 1 == len(pairs)):
         k = len(pairs) - 1 - c  # the neighbour across the seam
-        run.clamps += carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+        run.clamps += advance_pair(pairs[k], bodies[k], bodies[k + 1], now, walls)
     w = rate_at_touch(pair, lower, upper, walls)
     e = pair.eps if rule is None else rule(c, -w)
     # A call only for scenes with a remedy.
     if run.tc > 0.0 or run.elastic_below > 0.0:
-        e = remedied(run, pairs, c, -w, e, now)
+        e = remedied_restitution(run, pairs, c, -w, e, now)
     if FORCED and pair.wall >= 0:
-        carry(pair, lower, upper, now, walls)  # sets the velocity of the wall at `now`
+        advance_pair(pair, lower, upper, now, walls)  # sets the velocity of the wall at `now`
     if row is not None:
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
@@ -82,32 +91,32 @@ def event(
     else:
         # The first factor is a cheap test: without gravity and mergers nothing is stuck.
         if (FORCED or run.gravity > 0.0 or run.merged > 0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
-            first, last = wake(run, pairs, bodies, c, now, walls)
+            first, last = release_cluster(run, pairs, bodies, c, now, walls)
         else:  # carry the neighbours to `now`
             if c > 0:
                 first = c - 1
-                run.clamps += carry(pairs[first], bodies[first], lower, now, walls)
+                run.clamps += advance_pair(pairs[first], bodies[first], lower, now, walls)
             if c + 1 < len(pairs):
                 last = c + 1
-                run.clamps += carry(pairs[last], upper, bodies[last + 1], now, walls)
+                run.clamps += advance_pair(pairs[last], upper, bodies[last + 1], now, walls)
         if HUNG:
             swing_off(pairs, bodies, c, now, w, e, row)
         else:
-            collide(pair, lower, upper, now, w, e)
-        exchanged = book(lower, upper, w, e, walls) if FORCED else impulse(lower, upper, (1.0 + e) * w)
+            apply_collision(pair, lower, upper, now, w, e)
+        exchanged = account_collision(lower, upper, w, e, walls) if FORCED else impulse(lower, upper, (1.0 + e) * w)
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, now)
         row.impulse = exchanged
     pair.contacts += 1
-    pair.streak = streak(run, pair.streak, lower, upper, now, pair.last, -w, e) if 0.0 < e < 1.0 else 0
+    pair.streak = suspicion_streak(run, pair.streak, lower, upper, now, pair.last, -w, e) if 0.0 < e < 1.0 else 0
     pair.last = now
     if RING:
-        across(bodies, c)
+        copy_seam_ball(bodies, c)
     return first, last, -e * w
 
 
 @kernel
-def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: float) -> float:
+def remedied_restitution(run: Record, pairs: Records, c: int, speed: float, e: float, now: float) -> float:
     """Return ε of a collision, which is 1 if `tc` or `elastic_below` applies.
 
     The result is 1 if `speed` (m/s), the approach speed of pair `c`, is below `elastic_below`. It is also 1 if one of
@@ -127,10 +136,10 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
 
 
 @kernel
-def streak(
+def suspicion_streak(
     run: Record, count: int, lower: Record, upper: Record, now: float, last: float, speed: float, e: float
 ) -> int:
-    """Return the new value of the field `streak` of a pair after a collision.
+    """Return the new suspicion streak of a pair after a collision.
 
     The streak counts consecutive collisions that look like an inelastic collapse. `count` is its value before. A
     collision slower than `run.slow` adds 3. A collision within `run.short` after `last`, the previous collision of the
@@ -166,7 +175,7 @@ def leave_thermal_wall(
 ) -> tuple[int, int, float]:
     """Reflect the ball of pair `c` from a thermal wall, with a random speed.
 
-    Parameters and return values are those of `event`. Such a hit is never part of a touching group or of a slice in
+    Parameters and return values are those of `collide_pair`. Such a hit is never part of a touching group or a slice in
     `zoom`, and its bodies never merge. The drawn speed depends on the number of earlier hits of the pair. Every queue
     and a resumed run therefore draw the same speed.
 
@@ -179,7 +188,7 @@ def leave_thermal_wall(
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, g, now)
     pair.gap, pair.at = 0.0, now
-    start, end = wake(run, pairs, bodies, c, now, walls)
+    start, end = release_cluster(run, pairs, bodies, c, now, walls)
     ball = upper if pair.heat == 0 else lower
     # A function of the contact count, not of a generator state: every queue draws the same speed.
     s = drawn(side.temperature, side.seed, pair.heat, pair.contacts, ball.mass)
@@ -189,9 +198,9 @@ def leave_thermal_wall(
         lower.fall_velocity = upper.fall_velocity - (pair.closing_acceleration * now + s)
     ball.noise = COLLISION_NOISE * (ball.fall_velocity * ball.fall_velocity + s * s)
     transferred = impulse(lower, upper, w - s)
-    enter(lower, upper, transferred, 0.0, walls)
-    side.heat, side.heat_low = add(side.heat, side.heat_low, 0.5 * (s + w) * transferred)
-    side.given, side.given_low = add(side.given, side.given_low, transferred)
+    account_impulse(lower, upper, transferred, 0.0, walls)
+    side.heat, side.heat_low = add_compensated(side.heat, side.heat_low, 0.5 * (s + w) * transferred)
+    side.given, side.given_low = add_compensated(side.given, side.given_low, transferred)
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, g, now)
         row.impulse = transferred
@@ -202,7 +211,7 @@ def leave_thermal_wall(
 
 @rare
 @kernel
-def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+def release_cluster(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
     """Release the bodies of colliding pair `c`, and the balls that rest on them.
 
     Balls that forces press against these bodies are released as well. `now` is the time. Returns the first and the last
@@ -223,14 +232,14 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
             low = c
     first, last = max(low - 1, 0), min(top, len(pairs) - 1)
     for k in range(first, last + 1):
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
-    release(run, pairs, bodies, low, top, now, walls)
-    return press_again(run, pairs, bodies, first, last, walls)
+        advance_pair(pairs[k], bodies[k], bodies[k + 1], now, walls)
+    release_bodies(run, pairs, bodies, low, top, now, walls)
+    return recompute_closing(run, pairs, bodies, first, last, walls)
 
 
 @rare
 @kernel
-def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls) -> None:
+def release_bodies(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls) -> None:
     """Release the stuck bodies `low` to `high` at time `now`.
 
     From then onwards each body moves under its own forces. The closing accelerations and stuck marks of their pairs are
@@ -268,17 +277,17 @@ def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, w
     if at_rest(body):
         which = CEILING - 1 if (i < len(pairs) and pairs[i].stuck == CEILING) else FLOOR - 1
         if walls.sides[which].panels > 0:
-            body.fall_velocity = place(walls, which, now)[1]
-        borne(run, body, which, now, body.fall_velocity, 1.0, walls)
+            body.fall_velocity = wall_displacement(walls, which, now)[1]
+        account_rest(run, body, which, now, body.fall_velocity, 1.0, walls)
         body.is_free = 1.0
-        accelerate(body, (run.gravity - body.own_acceleration) * now, body.own_acceleration, walls)
+        set_acceleration(body, (run.gravity - body.own_acceleration) * now, body.own_acceleration, walls)
     elif is_pressed(body):
-        accelerate(body, (body.force_acceleration - body.own_acceleration) * now, body.own_acceleration, walls)
+        set_acceleration(body, (body.force_acceleration - body.own_acceleration) * now, body.own_acceleration, walls)
 
 
 @rare
 @kernel
-def accelerate(body: Record, velocity_change: float, push: float, walls: Walls) -> None:
+def set_acceleration(body: Record, velocity_change: float, push: float, walls: Walls) -> None:
     """Set the acceleration of a ball by forces to `push` (m/s²).
 
     The fall velocity changes by `velocity_change` (m/s), so that the current velocity stays the same.
@@ -291,7 +300,7 @@ def accelerate(body: Record, velocity_change: float, push: float, walls: Walls) 
 
 @rare
 @kernel
-def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+def leave_wall(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
     """Release the balls that rest on a wall beyond stuck pair `c`.
 
     This is the event in which the bodies of pair `c` separate at time `now`. All balls on the side of the pair that
@@ -312,18 +321,19 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
         while low > 0 and pairs[low - 1].stuck == wall:
             low -= 1
         b, e, opening_pair = low, high, high
-    side, push = walls.sides[wall - 1], common(bodies, b, e)
-    v = place(walls, wall - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of the wall velocity
+    side, push = walls.sides[wall - 1], common_acceleration(bodies, b, e)
+    # the wall velocity before a jump
+    v = wall_displacement(walls, wall - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]
     first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
     for k in range(first, last + 1):
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+        advance_pair(pairs[k], bodies[k], bodies[k + 1], now, walls)
         if low <= k <= high:
             pairs[k].stuck, pairs[k].gap, pairs[k].at = FREE, 0.0, now
     for i in range(b, e + 1):
         body = bodies[i]
-        borne(run, body, wall - 1, now, v, 1.0, walls)
+        account_rest(run, body, wall - 1, now, v, 1.0, walls)
         body.is_free, body.fall_velocity = 1.0, v
-        accelerate(body, (run.gravity - push) * now, push, walls)
+        set_acceleration(body, (run.gravity - push) * now, push, walls)
     set_closing(run, pairs, bodies, first, last, walls)
     take_wall_velocity(pairs[opening_pair], bodies[opening_pair], bodies[opening_pair + 1], walls)
-    return press_again(run, pairs, bodies, first, last, walls)
+    return recompute_closing(run, pairs, bodies, first, last, walls)

@@ -28,8 +28,8 @@ import numpy as np
 
 from granular._engine.kernels import FORCED, compiled, kernel, specialised
 from granular._engine.records import Record, Records, copied, leaf, one, packed, raw, replay, tournament
-from granular.edmd.clusters import rest
-from granular.edmd.motion import predicted
+from granular.edmd.clusters import bring_to_rest
+from granular.edmd.motion import next_event_time
 from granular.edmd.physics import LEFT, MASK, RANDOM, rank
 from granular.edmd.records import BUDGET, LATER, LOG_ROW, NEVER, RUN_FIELDS, Log, Walls
 from granular.edmd.sorted_queue import SortedQueue
@@ -68,13 +68,13 @@ def refresh(
     c = first
     while c <= last:
         pair = pairs[c]
-        due = predicted(pair, bodies[c], bodies[c + 1], walls)
+        due = next_event_time(pair, bodies[c], bodies[c + 1], walls)
         leaf(queue, c).due = due
         if run.order != LEFT:  # otherwise the rank is the pair number, which the tree holds
             leaf(queue, c).key = rank(c, run.order, run.seed, pair.contacts)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
         if pressed and due == math.inf and (not FORCED or pair.gap == 0.0):  # tested here: a call costs time
-            low, high = rest(run, pairs, bodies, c, walls)
+            low, high = bring_to_rest(run, pairs, bodies, c, walls)
             first, last = min(first, low), max(last, high)
             c = low
         else:
@@ -123,7 +123,7 @@ class TreeQueue(SortedQueue):
         return min(float(part.min(initial=math.inf)) for part in (due[wrapped_end:first], due[last + 1 :]))
 
 
-def in_order(rows: Any, sizes: list[int]) -> Any:
+def rows_by_time(rows: Any, sizes: list[int]) -> Any:
     """Return the log rows of all blocks sorted by time, in chunks, or None.
 
     `rows` are the rows block by block, and `sizes` the numbers of rows in each part. Rows of one part with equal times
@@ -203,7 +203,7 @@ class BlockQueue(TreeQueue):
             if done * len(ends) > budget * k:  # extrapolated to all blocks
                 return False
         if log is not None and done:
-            rows = in_order(self.spare[: sum(sizes)], sizes)
+            rows = rows_by_time(self.spare[: sum(sizes)], sizes)
             if rows is None:
                 return False
             log += rows

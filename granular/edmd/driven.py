@@ -83,10 +83,10 @@ def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> fl
 
 @rare
 @kernel
-def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
+def gap_at_wall(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
     """Return the gap (m) and rate (m/s) at time `now` of a pair next to a driven wall."""
     if pair.wall == BOTH:
-        return apart(pair, walls, now)
+        return gap_between_walls(pair, walls, now)
     side, rate = walls.sides[pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
     return after(side, walls.panels, t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)
@@ -100,14 +100,14 @@ def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls)
     This body is the wall or a ball that rests on it. It gets the velocity of the wall at the time `at` of the pair.
     """
     if pair.wall == AT_FLOOR or pair.wall == BOTH:
-        _, lower.fall_velocity = place(walls, 0, pair.at)
+        _, lower.fall_velocity = wall_displacement(walls, 0, pair.at)
     if pair.wall == AT_CEILING or pair.wall == BOTH:
-        _, upper.fall_velocity = place(walls, 1, pair.at)
+        _, upper.fall_velocity = wall_displacement(walls, 1, pair.at)
 
 
 @rare
 @kernel
-def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
+def wall_displacement(walls: Walls, which: int, now: float) -> tuple[float, float]:
     """Return the displacement (m) since the start and the velocity (m/s) of a wall.
 
     `which` is 0 for the floor and 1 for the ceiling, and `now` is the time in s since the epoch.
@@ -124,20 +124,21 @@ def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
 
 @rare
 @kernel
-def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
+def gap_between_walls(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
     """Return gap (m) and rate (m/s) at time `now` of a pair between two driven walls.
 
     The bodies of the pair are the walls or balls that rest on them.
     """
-    below, floor = place(walls, 0, now)
-    above, ceiling = place(walls, 1, now)
-    gap = pair.gap + ((above - place(walls, 1, pair.at)[0]) - (below - place(walls, 0, pair.at)[0]))
+    below, floor = wall_displacement(walls, 0, now)
+    above, ceiling = wall_displacement(walls, 1, now)
+    above_before, below_before = wall_displacement(walls, 1, pair.at)[0], wall_displacement(walls, 0, pair.at)[0]
+    gap = pair.gap + ((above - above_before) - (below - below_before))
     return gap, ceiling - floor
 
 
 @rare
 @kernel
-def presses(pair: Record, walls: Walls) -> bool:
+def is_pressed_on_wall(pair: Record, walls: Walls) -> bool:
     """Return whether the ball of a pair is pressed on the driven wall that it touches.
 
     The acceleration is evaluated at the time `at` of the pair.
@@ -148,7 +149,7 @@ def presses(pair: Record, walls: Walls) -> bool:
 
 
 @kernel
-def synchronise(pairs: Records, bodies: Records, walls: Walls) -> None:
+def update_wall_velocities(pairs: Records, bodies: Records, walls: Walls) -> None:
     """Update the velocities of driven walls, and of balls on them, in all pairs.
 
     Each velocity is evaluated at the time `at` of its pair. This is needed after the epoch has moved.

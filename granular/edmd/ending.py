@@ -19,7 +19,7 @@ VERDICT_REASONS = {
 """Parts of the message that explain a collapse, by the kind of its `Verdict`."""
 
 
-def sentence(run: Any, status: Status, run_numbers: dict[str, Any], now: float) -> str:
+def end_message(run: Any, status: Status, run_numbers: dict[str, Any], now: float) -> str:
     """Return the message of a run that ends at the time `now` in s.
 
     `run_numbers` contains the numbers of the run by name, see `State.numbers`.

@@ -22,7 +22,7 @@ import numpy as np
 from granular._engine.check import Array
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records, column
-from granular.edmd.motion import carry, total
+from granular.edmd.motion import advance_pair, total_mass
 from granular.edmd.records import Walls
 from granular.scene import positions
 
@@ -77,19 +77,19 @@ def swing_together(
     to predict again, and the momentum in kg m/s that pair `c` exchanged.
     """
     n, b, e = len(pairs), c, c + 1
-    while b > 0 and bodies[b - 1].mass < math.inf and stands(run, pairs[b - 1], now, walls):
+    while b > 0 and bodies[b - 1].mass < math.inf and touches_at_rest(run, pairs[b - 1], now, walls):
         b -= 1
-    while e < n and bodies[e + 1].mass < math.inf and stands(run, pairs[e], now, walls):
+    while e < n and bodies[e + 1].mass < math.inf and touches_at_rest(run, pairs[e], now, walls):
         e += 1
-    lower, upper = total(bodies, b, c), total(bodies, c + 1, e)
+    lower, upper = total_mass(bodies, b, c), total_mass(bodies, c + 1, e)
     # A wall takes the whole change, and inf/inf is not a number.
     part = 1.0 if upper == math.inf else upper / (lower + upper)
     up, down = part * w, w - part * w
     if b > 0:
-        run.clamps += carry(pairs[b - 1], pairs[b - 1], pairs[b - 1], now, walls)
+        run.clamps += advance_pair(pairs[b - 1], pairs[b - 1], pairs[b - 1], now, walls)
         pairs[b - 1].rate += up
     if e < n:
-        run.clamps += carry(pairs[e], pairs[e], pairs[e], now, walls)
+        run.clamps += advance_pair(pairs[e], pairs[e], pairs[e], now, walls)
         pairs[e].rate += down
     pair = pairs[c]
     cosine, sine = math.cos(pair.omega * now), math.sin(pair.omega * now)
@@ -101,13 +101,13 @@ def swing_together(
 
 @rare
 @kernel
-def stands(run: Record, pair: Record, now: float, walls: Walls) -> bool:
+def touches_at_rest(run: Record, pair: Record, now: float, walls: Walls) -> bool:
     """Advance a pair to time `now` and return whether it touches with rate 0."""
-    run.clamps += carry(pair, pair, pair, now, walls)
+    run.clamps += advance_pair(pair, pair, pair, now, walls)
     return pair.gap == 0.0 and pair.rate == 0.0  # type: ignore[no-any-return]
 
 
-def begin(pairs: Any, bodies: Any, scene: Any) -> None:
+def begin_pendula(pairs: Any, bodies: Any, scene: Any) -> None:
     """Set the fields of a new state that only pendula have."""
     pairs["rate"], pairs["rest"] = scene.across(scene.velocity), scene.rest_gap
     pairs["omega"] = bodies["omega"] = scene.pendulum
@@ -127,7 +127,7 @@ def row(pairs: Any, tau: float) -> tuple[Array, Array]:
     return (rate * (1.0 - t * t) + 2.0 * omega * (rest - gap) * t) * factor, gap_now.clip(0.0)
 
 
-def settle(s: Any, scene: Any, row: Any) -> None:
+def set_swing(s: Any, scene: Any, row: Any) -> None:
     """Set `fall_velocity` and `sway` of all bodies from the sample `row`.
 
     The sample `row` shows the current time. `s` is the state of the run.
@@ -139,7 +139,7 @@ def settle(s: Any, scene: Any, row: Any) -> None:
         body["fall_velocity"], body["sway"] = v * cosine + y * sine, y * cosine - v * sine
 
 
-def strike(s: Any, first: int, rates: list[float], changes: list[float]) -> None:
+def collide_pendula(s: Any, first: int, rates: list[float], changes: list[float]) -> None:
     """Apply the simultaneous collisions of a touching group of pendula.
 
     `rates` are the rates of the pairs before the collision, and `first` is the number of the first pair. `changes` are

@@ -11,7 +11,7 @@ from typing import Any
 
 from granular._engine.records import plain
 from granular.edmd.motion import velocities
-from granular.edmd.zoom import soonest
+from granular.edmd.zoom import next_collision
 from granular.run.levels import shown
 from granular.run.until import Level, Speed
 
@@ -22,7 +22,7 @@ def calm(run: Any) -> tuple[float, float]:
     if state.near is None:
         return run.time(), float(state.time(queue.soonest()))
     r, (pairs, _) = state.run, state.slices()  # in relative coordinates
-    dt = queue.fit(soonest)(r, plain(state.near), plain(pairs))[1]
+    dt = queue.fit(next_collision)(r, plain(state.near), plain(pairs))[1]
     outside = queue.soonest(r.first, r.first + len(pairs) - 1)
     return run.time(), float(state.time(min(r.began + r.elapsed + dt, outside)))
 

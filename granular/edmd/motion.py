@@ -26,7 +26,7 @@ import math
 from granular._engine.flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact, time_to_contact
 from granular._engine.kernels import FORCED, HUNG, RING, kernel
 from granular._engine.records import Record, Records
-from granular.edmd.driven import beside, next_wall_hit, opening, rate_at_wall, rate_of, take_wall_velocity
+from granular.edmd.driven import gap_at_wall, next_wall_hit, opening, rate_at_wall, rate_of, take_wall_velocity
 from granular.edmd.records import FREE, Walls
 
 COLLISION_NOISE = 2.0**-96
@@ -71,7 +71,7 @@ def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[floa
 
 
 @kernel
-def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
+def next_event_time(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the time of the next event of a pair, or inf if it has no event.
 
     The event is the next collision, under the assumption that no event of another pair acts earlier. With forces or
@@ -113,7 +113,7 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
 
 
 @kernel
-def after(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
+def gap_and_rate(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> tuple[float, float]:
     """Return the gap (m) and rate (m/s) of a pair at time `now` in free flight.
 
     Rounding can make the gap of an approaching pair negative.
@@ -121,7 +121,7 @@ def after(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
     if HUNG:
         return hung_after(pair.gap, pair.rate, pair.omega, pair.rest, now - pair.at)
     if FORCED and pair.wall >= 0:
-        return beside(pair, lower, upper, now, walls)
+        return gap_at_wall(pair, lower, upper, now, walls)
     a, at, rate = pair.closing_acceleration, pair.at, upper.fall_velocity - lower.fall_velocity
     return gap_after(pair.gap, rate - a * at, a, now - at), rate - a * now
 
@@ -149,28 +149,29 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
             return False
         if pair.stuck > FREE:
             return True
-    if HUNG and predicted(pair, lower, upper, walls) <= now:
+    if HUNG and next_event_time(pair, lower, upper, walls) <= now:
         return True
-    return after(pair, lower, upper, now, walls)[0] <= 0.0
+    return gap_and_rate(pair, lower, upper, now, walls)[0] <= 0.0
 
 
 @kernel
-def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
+def advance_pair(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
     """Advance the gap of a pair to time `now` in free flight.
 
     Returns 1 if rounding made the gap negative, so that it was set to 0. Otherwise returns 0.
     """
     if HUNG or (FORCED and (pair.wall >= 0 or pair.stuck > FREE)):
-        return carry_led(pair, lower, upper, now, walls)
+        return advance_special_pair(pair, lower, upper, now, walls)
     a, at = pair.closing_acceleration, pair.at
-    d = gap_after(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * at, a, now - at)  # `after`, inlined
+    # `gap_and_rate`, inlined
+    d = gap_after(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * at, a, now - at)
     pair.at = now
     pair.gap = d if d > 0.0 else 0.0
     return 1 if d < 0.0 else 0
 
 
 @kernel
-def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
+def advance_special_pair(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
     """Advance a pair of pendula, or a pair at a driven wall, to time `now`.
 
     A stuck pair is not changed. It keeps its time `at`, because `opening` has to find every later jump of the wall
@@ -179,7 +180,7 @@ def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Wal
     # The gap of a stuck pair stays 0, and `opening` needs the time of its closing.
     if FORCED and pair.stuck > FREE:
         return 0
-    d, rate = after(pair, lower, upper, now, walls)
+    d, rate = gap_and_rate(pair, lower, upper, now, walls)
     pair.at = now
     pair.gap = d if d > 0.0 else 0.0
     if HUNG:
@@ -190,7 +191,7 @@ def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Wal
 
 
 @kernel
-def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e: float) -> None:
+def apply_collision(pair: Record, lower: Record, upper: Record, now: float, w: float, e: float) -> None:
     """Apply a collision to a pair at time `now`: its rate changes from `w` to -ε·`w`.
 
     `w` ≤ 0 is in m/s, and `e` is ε. The function updates the fall velocities and the noise of both bodies, and sets
@@ -214,7 +215,7 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
         lower.fall_velocity = upper.fall_velocity - part
     pair.gap = 0.0
     pair.at = now
-    blur(pair, lower, upper, w, e)
+    spread_noise(pair, lower, upper, w, e)
 
 
 @kernel
@@ -232,7 +233,7 @@ def impulse(lower: Record, upper: Record, jump: float) -> float:
 
 
 @kernel
-def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None:
+def spread_noise(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None:
     """Update the noise of both bodies of a pair after a collision.
 
     `w` is the rate (m/s) before the collision, and `e` is ε. The noise is quadratic in the velocities, so m₁ noise₁ +
@@ -254,11 +255,11 @@ def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
     """Return the rate (m/s) of a pair at time `now`, which is 0 for a stuck pair."""
     if FORCED and pair.stuck > FREE:
         return 0.0
-    return after(pair, lower, upper, now, walls)[1]
+    return gap_and_rate(pair, lower, upper, now, walls)[1]
 
 
 @kernel
-def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: Walls) -> int:
+def approaching_pair_from(pairs: Records, bodies: Records, first: int, now: float, walls: Walls) -> int:
     """Return the number of a pair that approaches at time `now`, or -1 if none does.
 
     The search starts at pair `first` and wraps around. A rate below its noise is not an approach if the closing
@@ -269,7 +270,7 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: 
         c = first + k if first + k < n else first + k - n
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
         rate = rate_at(pair, lower, upper, now, walls)
-        # As in `predicted`: without an acceleration, a rate below the noise is not an approach.
+        # As in `next_event_time`: without an acceleration, a rate below the noise is not an approach.
         if rate < 0.0 and (pair.closing_acceleration != 0.0 or rate * rate >= lower.noise + upper.noise):
             return c
     return -1
@@ -284,7 +285,7 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
     """
     for c in range(len(pairs)):
         pair = pairs[c]
-        run.clamps += carry(pair, bodies[c], bodies[c + 1], shift, walls)
+        run.clamps += advance_pair(pair, bodies[c], bodies[c + 1], shift, walls)
         # Stuck pairs keep the time of their closing.
         pair.at = pair.at - shift if FORCED and pair.stuck > FREE else 0.0
         pair.last -= shift
@@ -304,11 +305,11 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
                 body.fall_velocity -= body.is_free * (run.gravity * shift)
                 body.noise += body.is_free * REBASING_NOISE * (body.fall_velocity * body.fall_velocity)
     else:
-        cut(bodies)
+        limit_noise(bodies)
     if (HUNG or RING) and run.gap_sum > 0.0:
-        reimpose(run, pairs)
+        restore_gap_sum(run, pairs)
     if RING:
-        centre(bodies)
+        remove_drift(bodies)
     speed = 0.0
     for c in range(len(pairs)):
         if HUNG:
@@ -319,7 +320,7 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
 
 
 @kernel
-def cut(bodies: Records) -> None:
+def limit_noise(bodies: Records) -> None:
     """Limit the noise of all bodies relative to the largest velocity.
 
     The limit is `MAX_RELATIVE_NOISE` times the largest squared velocity. In a gas that loses energy, velocities
@@ -334,7 +335,7 @@ def cut(bodies: Records) -> None:
 
 
 @kernel
-def span(length: float, speed: float, g: float) -> float:
+def window_length(length: float, speed: float, g: float) -> float:
     """Return the length of the window (s): a power of two near 64 mean flight times.
 
     The mean flight time is `length`/`speed`, where `length` is the mean gap (m) and `speed` the scale of speeds (m/s).
@@ -352,7 +353,7 @@ def span(length: float, speed: float, g: float) -> float:
 
 
 @kernel
-def add(value: float, low: float, more: float) -> tuple[float, float]:
+def add_compensated(value: float, low: float, more: float) -> tuple[float, float]:
     """Add `more` to a compensated sum, whose main part is `value`.
 
     `low` is the rounding error accumulated so far. Returns the new main part and the new accumulated rounding error.
@@ -364,7 +365,7 @@ def add(value: float, low: float, more: float) -> tuple[float, float]:
 
 
 @kernel
-def reimpose(run: Record, pairs: Records) -> None:
+def restore_gap_sum(run: Record, pairs: Records) -> None:
     """Correct the largest gap so that the sum of all gaps keeps its initial value.
 
     The initial value is `run.gap_sum` in m. For pendula, the rate of this pair is corrected as well, so that the sum
@@ -372,7 +373,7 @@ def reimpose(run: Record, pairs: Records) -> None:
     """
     widest, sum_high, low = 0, 0.0, 0.0
     for c in range(len(pairs)):
-        sum_high, low = add(sum_high, low, pairs[c].gap)
+        sum_high, low = add_compensated(sum_high, low, pairs[c].gap)
         if pairs[c].gap > pairs[widest].gap:
             widest = c
     # The relative change is smallest in the largest gap, which also cannot become negative.
@@ -380,12 +381,12 @@ def reimpose(run: Record, pairs: Records) -> None:
     if HUNG:
         sum_high, low = 0.0, 0.0
         for c in range(len(pairs)):
-            sum_high, low = add(sum_high, low, pairs[c].rate)
+            sum_high, low = add_compensated(sum_high, low, pairs[c].rate)
         pairs[widest].rate -= sum_high + low
 
 
 @kernel
-def centre(bodies: Records) -> None:
+def remove_drift(bodies: Records) -> None:
     """Subtract the velocity of the centre of mass from all balls of a ring.
 
     This is done only if this velocity exceeds `MIN_REMOVED_DRIFT` times the largest speed. Velocities relative to the
@@ -393,7 +394,7 @@ def centre(bodies: Records) -> None:
     """
     n, momentum, low, mass, fastest = len(bodies) - 1, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        momentum, low = add(momentum, low, bodies[i].mass * bodies[i].fall_velocity)
+        momentum, low = add_compensated(momentum, low, bodies[i].mass * bodies[i].fall_velocity)
         mass += bodies[i].mass
         fastest = max(fastest, abs(bodies[i].fall_velocity))
     mean = (momentum + low) / mass
@@ -414,7 +415,7 @@ def copy_ball(body: Record, other: Record) -> None:
 
 
 @kernel
-def across(bodies: Records, c: int) -> None:
+def copy_seam_ball(bodies: Records, c: int) -> None:
     """Copy the seam ball of a ring to its other record after a collision of pair `c`.
 
     The seam ball is stored as the first and as the last body. The function does nothing if pair `c` contains neither of
@@ -428,7 +429,7 @@ def across(bodies: Records, c: int) -> None:
 
 
 @kernel
-def total(bodies: Records, b: int, e: int) -> float:
+def total_mass(bodies: Records, b: int, e: int) -> float:
     """Return the total mass (kg) of bodies `b` to `e`, counted modulo n on a ring."""
     mass = 0.0
     for i in range(b, e + 1):

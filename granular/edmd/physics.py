@@ -92,11 +92,11 @@ def rank(c: int, order: int, seed: int, contacts: int) -> int:
     if order == RIGHT:
         return ((MASK - c) << 24) | c
     # RANDOM
-    return (mixed(mixed(mixed(seed & 0x7FFFFFFF) ^ c) ^ (contacts & 0x7FFFFFFF)) << 24) | c
+    return (hash_bits(hash_bits(hash_bits(seed & 0x7FFFFFFF) ^ c) ^ (contacts & 0x7FFFFFFF)) << 24) | c
 
 
 @kernel
-def mixed(x: int) -> int:
+def hash_bits(x: int) -> int:
     """Return a hash of `x` with 31 bits.
 
     For 0 ≤ `x` < 2³¹ no product exceeds 63 bits, so compiled and interpreted code agree.
@@ -188,7 +188,7 @@ def _check_combination(eps: check.Array, options: dict[str, Any], scene: Scene) 
                          "makes balls stick; use a small number, such as 0.01.")
 
 
-def felt_gravity(scene: Scene) -> float:
+def frame_gravity(scene: Scene) -> float:
     """Return the gravity (m/s²) in the frame of a run.
 
     Without a wall the frame falls with the balls, and the result is 0. Velocities then keep their digits.
@@ -226,7 +226,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
         mean_gap = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else it depends on Ω only
         return max(speed, fall), fall, GAP_SHARE * mean_gap, scene.pendulum / WINDOW_TURNS * max(speed, fall)
     # Touching balls have no mean gap; their radius sets the length then.
-    length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), felt_gravity(scene)
+    length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), frame_gravity(scene)
     if scene.external_force is not None:
         strength = float(np.abs(scene.lift - np.where(scene.is_wall, 0.0, strength)).max())
     fall = math.sqrt(2.0 * strength * length)
@@ -237,7 +237,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
     return max(speed, fall), fall, length, strength
 
 
-def shares(scene: Scene) -> tuple[check.Array, check.Array]:
+def mass_fractions(scene: Scene) -> tuple[check.Array, check.Array]:
     """Return the mass ratios m_eff/m_lower and m_eff/m_upper of each pair.
 
     They are the fractions of a change of the relative velocity that the lower and the upper body receive. The smaller

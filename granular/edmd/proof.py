@@ -65,7 +65,7 @@ def forever(pairs: Records, gap: Array, rate: Array) -> Forever | None:
         # The exponent range holds rates far below the smallest double.
         context.prec, context.Emin, context.Emax = DECIMAL_DIGITS, -(10**9), 10**9
         shares = np.array([[Decimal(x) for x in column(pairs, name).tolist()] for name in ("low", "high", "eps")])
-        group, count = Group(exact(gap), exact(rate), shares, []), 128
+        group, count = Group(exact_decimals(gap), exact_decimals(rate), shares, []), 128
         while len(group.word) < MAX_PROOF_COLLISIONS and group.go_on(count):
             # Doubles the number of collisions, so that the tests cost little.
             count = min(len(group.word), MAX_PERIOD)
@@ -81,7 +81,7 @@ def forever(pairs: Records, gap: Array, rate: Array) -> Forever | None:
     return None
 
 
-def exact(numbers: Array) -> Any:
+def exact_decimals(numbers: Array) -> Any:
     """Convert floats to decimal numbers with exactly the same values."""
     return np.array([Decimal(x) for x in numbers.tolist()])
 
@@ -252,7 +252,7 @@ def rate_matrices(word: list[int], shares: Any) -> tuple[Any, Any]:
 
     The second value is R, the matrix of the whole period `word`.
     """
-    turn, turns = exact(np.eye(shares.shape[1]).ravel()).reshape(shares.shape[1], -1), []
+    turn, turns = exact_decimals(np.eye(shares.shape[1]).ravel()).reshape(shares.shape[1], -1), []
     for c in word:
         turns.append(turn.copy())
         collide(turn, c, shares)
@@ -264,7 +264,7 @@ def gap_matrices(word: list[int], rates: Any) -> Any:
 
     `rates` are the rates before each collision of the period `word`. The last matrix is G.
     """
-    gap, gaps = exact(np.eye(rates.shape[1]).ravel()).reshape(rates.shape[1], -1), []
+    gap, gaps = exact_decimals(np.eye(rates.shape[1]).ravel()).reshape(rates.shape[1], -1), []
     for w, c in zip(rates, word, strict=True):
         gap = gap - np.outer(w / w[c], gap[c])
         gap[c] = Decimal(0)

@@ -130,20 +130,22 @@ A pair is next to a wall if one of its bodies is this wall or rests on it. The v
 """
 
 
-def more(of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]) -> tuple[np.dtype[Any], np.dtype[Any]]:
+def extended_types(
+    of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]
+) -> tuple[np.dtype[Any], np.dtype[Any]]:
     """Return the record types of pairs and bodies with additional fields."""
     return np.dtype(PAIR_FIELDS.descr + of_pair, align=True), np.dtype(BODY_FIELDS.descr + of_body, align=True)
 
 
 PLAIN_RECORDS = PAIR_FIELDS, BODY_FIELDS
-FORCED_RECORDS = more(
+FORCED_RECORDS = extended_types(
     # The driven wall next to the pair (0 floor, 1 ceiling, 2 both, -1 none); 0 free, 1 or 2 stuck while its bodies rest
     # on the floor or the ceiling; time (s) from `at` to its next hit; the thermal wall next to it (-1 none).
     [("wall", int), ("stuck", int), ("wait", float), ("heat", int)],
     # m/s², by all forces, and by its own force alone.
     [("force_acceleration", float), ("own_acceleration", float)],
 )
-PENDULUM_RECORDS = more(
+PENDULUM_RECORDS = extended_types(
     [("rate", float), ("rest", float), ("omega", float)],  # m/s, at `at`; m, gap at rest; Ω in rad/s
     # Ω times the displacement at time 0, extrapolated without the later collisions (m/s), and Ω.
     [("sway", float), ("omega", float)],
@@ -200,7 +202,7 @@ Arrays that are not listed can have any finite entries.
 INTEGER_ARRAYS = ("contacts", "streak", "wall", "stuck")
 OPTIONAL_ARRAYS = ("noise",)
 """Names of arrays that earlier releases did not save."""
-NEW_NAMES = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
+PRESENT_NAMES = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
            "hits": "contacts", "shut": "stuck"}
 """Present names of saved arrays by the names that earlier releases used."""
 

@@ -16,7 +16,7 @@ from granular._engine.check import EDITED_STATE
 from granular._engine.kernels import fitted, worth
 from granular._engine.records import SMALL_RECORD_COUNT, column, packed
 from granular.edmd import hanging, wall_state
-from granular.edmd.ending import counters, sentence
+from granular.edmd.ending import counters, end_message
 from granular.edmd.motion import LATEST_TIME
 from granular.edmd.physics import GROUP, TIE_ORDERS, Physics, scales
 from granular.edmd.records import APART, BUDGET, EACH, LATER, LOG_ROW, NEVER, SUSPECT, UNTIL
@@ -93,7 +93,7 @@ class Run:
         n = len(self.scene.gap)  # setting up a ball costs as much as a collision, a sample of it 1/16
         sample_work = 0 if request.samples is None else n * np.size(request.samples) // 16
         work = n + min(EXPECTED_PER_PAIR * n, request.max_events) + sample_work
-        is_compiled = engine == "compiled" or (self.may_compile and pays(work, physics.has))
+        is_compiled = engine == "compiled" or (self.may_compile and compilation_pays(work, physics.has))
         self._replace_queue(self._compiled_queue() if is_compiled else SortedQueue)
         self.event_limit = 1 if request.singly else request.max_events
         self.tail_start = state.clock.last_event - request.max_events // TAIL_DIVISOR
@@ -301,7 +301,7 @@ class Run:
         the reason of the pause.
         """
         state = self.state
-        if self.may_compile and pays(self._expected_work(), self.physics.has):
+        if self.may_compile and compilation_pays(self._expected_work(), self.physics.has):
             self._replace_queue(self._compiled_queue())
         goal = self.tail_start if self.events < self.tail_start else state.clock.last_event
         budget, begun, before = min(self.queue.chunk, self.event_limit, goal - self.events), process_time(), self.events
@@ -383,7 +383,7 @@ class Run:
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
-        ledger = wall_state.ledger(state, now) if self.scene.driven or self.scene.heated else None
+        ledger = wall_state.energy_account(state, now) if self.scene.driven or self.scene.heated else None
         if state.hung:  # rates of gaps, not velocities of balls
             velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
             return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
@@ -402,9 +402,9 @@ class Run:
             stop > seen or (seen == self.request.start and self.events > 0)))  # at the start: the initial state
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
         if self.scene.pendulum > 0.0 and not self.keeps_rows:
-            hanging.settle(self.state, self.scene, self.row(now))
+            hanging.set_swing(self.state, self.scene, self.row(now))
         when = now if math.isnan(self.ended) else self.ended
-        message, stats, more = sentence(self, status, numbers, when), counters(self, numbers), self.physics.options
+        message, stats, more = end_message(self, status, numbers, when), counters(self, numbers), self.physics.options
         if self.at_rest and self.verdict is not None:
             more = more | {"collapse_time": self.ended, "collapse_pair": self.verdict.first}
         if self.watch is not None:
@@ -415,7 +415,7 @@ class Run:
         return End(row, status, message, stats, state if self.scene.n <= SMALL_RECORD_COUNT else state())
 
 
-def pays(work: float, has: tuple[str, ...]) -> bool:
+def compilation_pays(work: float, has: tuple[str, ...]) -> bool:
     """Return whether compiled code saves time for an amount of work, in collisions.
 
     `has` are the kernel flags of the scene. The compiler is imported only if `work` is at least `LOADING_WORK`.

@@ -17,9 +17,9 @@ from sortedcontainers import SortedList
 
 from granular._engine.kernels import FORCED, RING, fitted, interpreted, kernel
 from granular._engine.records import SMALL_RECORD_COUNT, Record, Records, plain, plain_class
-from granular.edmd.clusters import rest
-from granular.edmd.collision import SUSPICIOUS_STREAK, event, leave
-from granular.edmd.motion import approaching, predicted, velocities
+from granular.edmd.clusters import bring_to_rest
+from granular.edmd.collision import SUSPICIOUS_STREAK, collide_pair, leave_wall
+from granular.edmd.motion import approaching_pair_from, next_event_time, velocities
 from granular.edmd.physics import GROUP, MASK, RANDOM, Physics, Restitution, rank
 from granular.edmd.records import APART, BUDGET, FREE, LATER, LOG_ROW, SUSPECT, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
@@ -61,15 +61,15 @@ def loop(
             return BUDGET
         run.now = now
         if opens:
-            first, last = leave(run, pairs, bodies, c, now, walls)
+            first, last = leave_wall(run, pairs, bodies, c, now, walls)
             refresh(run, pairs, bodies, queue, first, last, walls)
             continue
-        # Before `event`: a group is solved as a whole by `collide_as_one`.
+        # Before `collide_pair`: a group is solved as a whole by `collide_as_one`.
         if together and is_touched(pairs, bodies, c, now, walls):
             run.suspect = c
             return TOUCHING
         row = None if rows is None else rows[done]
-        first, last, rebound = event(run, pairs, bodies, c, now, rule, row, walls)
+        first, last, rebound = collide_pair(run, pairs, bodies, c, now, rule, row, walls)
         run.events += 1
         done += 1
         if fastest is not None:
@@ -79,7 +79,7 @@ def loop(
         if RING:
             refresh_across(run, pairs, bodies, queue, first, last, walls)
         if stop == APART:
-            approaching_pair = approaching(pairs, bodies, approaching_pair, now, walls)
+            approaching_pair = approaching_pair_from(pairs, bodies, approaching_pair, now, walls)
             if approaching_pair < 0:
                 return UNTIL
         # Last, so that the queue is consistent when the loop returns.
@@ -110,7 +110,7 @@ def refresh(
         entry[due] = (math.inf, order.pop(0)[1])
     while c <= last:
         old, pair = entry[c], pairs[c]
-        time = predicted(pair, bodies[c], bodies[c + 1], walls)
+        time = next_event_time(pair, bodies[c], bodies[c + 1], walls)
         new = (time, rank(c, RANDOM, run.seed, pair.contacts) if run.order == RANDOM else old[1])
         if new != old:
             if old[0] < math.inf:
@@ -120,7 +120,7 @@ def refresh(
                 add(new)
         pressed = pair.closing_acceleration > 0.0 or (FORCED and pair.wall >= 0)
         if pressed and time == math.inf and (not FORCED or pair.gap == 0.0):  # tested here: a call costs time
-            low, high = rest(run, pairs, bodies, c, walls)
+            low, high = bring_to_rest(run, pairs, bodies, c, walls)
             last = max(last, high)
             c = low
         else:
@@ -240,7 +240,7 @@ class SortedQueue:
     def all_recede(self) -> bool:
         """Return whether no pair approaches at the current time."""
         s = self.state
-        return bool(self.specialise(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
+        return bool(self.specialise(approaching_pair_from)(s.pairs, s.bodies, 0, s.run.now, s.walls) < 0)
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Process events up to and including `edge` (s since the epoch), and log them.

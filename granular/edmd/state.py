@@ -23,15 +23,15 @@ from granular._engine.records import (
     taken,
 )
 from granular.edmd import hanging, wall_state
-from granular.edmd.motion import rebase, span
-from granular.edmd.physics import TIE_ORDERS, Physics, felt_gravity, frame_velocity, scales, shares
+from granular.edmd.motion import rebase, window_length
+from granular.edmd.physics import TIE_ORDERS, Physics, frame_gravity, frame_velocity, mass_fractions, scales
 from granular.edmd.records import (
     CLOCK_FIELDS,
     FORCED_RECORDS,
     NEVER,
-    NEW_NAMES,
     PENDULUM_RECORDS,
     PLAIN_RECORDS,
+    PRESENT_NAMES,
     RELATIVE_FIELDS,
     RUN_FIELDS,
     Walls,
@@ -116,9 +116,9 @@ class State:
         tc, elastic_below, merge_below = options["tc"], options["elastic_below"], options["merge_below"]
         no_collapse = scene.driven or scene.pendulum > 0.0 or max(tc, elastic_below, merge_below) > 0.0 or (
             physics.eps.min() == 1.0)
-        window = span(length, speed, strength)
+        window = window_length(length, speed, strength)
         run = _new_record(
-            RUN_FIELDS, pairs=len(pairs), gravity=felt_gravity(scene), tc=tc, elastic_below=elastic_below,
+            RUN_FIELDS, pairs=len(pairs), gravity=frame_gravity(scene), tc=tc, elastic_below=elastic_below,
             merge_below=merge_below, order=TIE_ORDERS[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
             short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=-1,  # -1: no pair has collided
             allowance=FIRST_ALLOWANCE, slow=-1.0 if no_collapse else math.ldexp(speed, SLOW_BITS),  # -1: none is slow
@@ -129,7 +129,7 @@ class State:
         if state.walls is not None:
             wall_state.begin(state, scene)
         if state.hung:
-            hanging.begin(pairs, bodies, scene)
+            hanging.begin_pendula(pairs, bodies, scene)
         if scene.ring or (state.hung and scene.is_wall[[0, -1]].all()):
             run.gap_sum = math.fsum(scene.gap.tolist())
         return state
@@ -142,7 +142,7 @@ class State:
         those at the epoch in the frame of the scene. They are converted to the frame that falls from the start of the
         run. Raises `ValueError` if the state is inconsistent.
         """
-        saved = {NEW_NAMES.get(name, name): value for name, value in saved.items()}
+        saved = {PRESENT_NAMES.get(name, name): value for name, value in saved.items()}
         check_numbers(saved, physics)
         state = cls.of(physics, float(saved["start"]))
         of_pairs, of_bodies = state._changing()
@@ -294,7 +294,7 @@ class State:
         clock.length, clock.window = shrink * clock.length, shrink * clock.window
         before, by = math.nan if whole else self.time(tau), tau - math.fmod(tau, clock.window) * whole
         if self.walls is not None:
-            compiler(wall_state.shift)(self.run, self.pairs, self.bodies, by, self.walls)
+            compiler(wall_state.shift_epoch)(self.run, self.pairs, self.bodies, by, self.walls)
             return
         speed = compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
         total = clock.epoch + by
@@ -308,7 +308,7 @@ class State:
         self.run["now"] -= by
         self.scale(max(speed, clock.fall))
         if clock.speed > 0.0:
-            clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
+            clock.window = max(clock.window, window_length(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities (m/s) and gaps (m, never negative) at the time `tau`.
@@ -324,7 +324,7 @@ class State:
         if g > 0.0:
             velocity -= is_free * (g * tau)
         if self.walls is not None:
-            wall_state.show(self, tau, velocity, gap)
+            wall_state.add_to_sample(self, tau, velocity, gap)
         return velocity, gap
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -362,7 +362,7 @@ def initial_records(scene: Scene) -> tuple[Records, Records]:
 
     The restitutions of the pairs are not set.
     """
-    kind, n, g = scene._flags, scene.n, felt_gravity(scene)
+    kind, n, g = scene._flags, scene.n, frame_gravity(scene)
     of_pair, of_body = FORCED_RECORDS if "FORCED" in kind else PENDULUM_RECORDS if "HUNG" in kind else PLAIN_RECORDS
     pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
     for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
@@ -371,7 +371,7 @@ def initial_records(scene: Scene) -> tuple[Records, Records]:
         bodies[-1] = bodies[0]
     pairs["gap"], pairs["last"] = scene.gap, -math.inf
     pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
-    pairs["low"], pairs["high"] = shares(scene)
+    pairs["low"], pairs["high"] = mass_fractions(scene)
     return pairs, bodies
 
 

@@ -27,12 +27,12 @@ from typing import Any
 from granular._engine.kernels import FORCED, RING, kernel, rare
 from granular._engine.records import Records, plain_class
 from granular.edmd import hanging
-from granular.edmd.collision import release
-from granular.edmd.motion import COLLISION_NOISE, carry, copy_ball, predicted, touches, velocities
+from granular.edmd.collision import release_bodies
+from granular.edmd.motion import COLLISION_NOISE, advance_pair, copy_ball, next_event_time, touches, velocities
 from granular.edmd.physics import Physics
 from granular.edmd.records import BUDGET, LOG_ROW, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
-from granular.edmd.wall_state import enter
+from granular.edmd.wall_state import account_impulse
 
 Row = list[float]
 Floats = Sequence[float]
@@ -100,7 +100,8 @@ def _collide_on_line(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple
     velocities_before = _velocities(first, last, s, fit)
     if s.hung:
         inverse_mass = [1.0 / body.mass for body in s.bodies[first : last + 2]]
-        hanging.strike(s, first, [_rate(k, s) for k in range(first, last + 1)], velocity_changes(inverse_mass, p))
+        before = [_rate(k, s) for k in range(first, last + 1)]
+        hanging.collide_pendula(s, first, before, velocity_changes(inverse_mass, p))
     else:
         _apply(first, last, p, s)
     velocities_after = _velocities(first, last, s, fit)
@@ -109,7 +110,7 @@ def _collide_on_line(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple
             range(first, last + 1), p, pairwise(velocities_before), pairwise(velocities_after), strict=True
         ):
             rates = (closing[1] - closing[0]) + (opening[1] - opening[0])
-            enter(s.bodies[k], s.bodies[k + 1], x, -0.5 * x * rates, s.walls)
+            account_impulse(s.bodies[k], s.bodies[k + 1], x, -0.5 * x * rates, s.walls)
     for k in colliding:
         s.pairs[k].contacts, s.pairs[k].last = s.pairs[k].contacts + 1, now
     if log is not None:
@@ -117,7 +118,7 @@ def _collide_on_line(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple
                     for i, x in enumerate(p) if x > 0.0])
     run.events += len(colliding)
     # Without an impulse the same event would repeat forever.
-    if not colliding and fit(predicted)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
+    if not colliding and fit(next_event_time)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
         raise convergence_error(physics.options["ties"])
     return TOUCHING, max(first - 1, 0), min(last + 1, len(s.pairs) - 1)
 
@@ -131,7 +132,7 @@ def _collide_on_ring(s: State, physics: Physics, fit: Fit, log: Log | None) -> t
     run, n, rows = s.run, len(s.pairs), None if log is None else list[Any]()
     widest = int(s.row(run.now)[1].argmax())
     k = (widest + 1) % n
-    run.clamps += fit(carry)(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
+    run.clamps += fit(advance_pair)(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
     scene_numbers = run.suspect, run.stop_pair
     run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in scene_numbers)
     pair_rule: Any = physics.rule
@@ -158,10 +159,10 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
     """
     ties, rule, bodies = physics.options["ties"], physics.rule, s.bodies[first : last + 2]
     for k in range(max(first - 1, 0), min(last + 2, len(s.pairs))):
-        s.run.clamps += fit(carry)(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now, s.walls)
+        s.run.clamps += fit(advance_pair)(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now, s.walls)
     # The suspect collides now; its gap can differ from 0 by rounding.
     s.pairs[s.run.suspect].gap = 0.0
-    fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
+    fit(release_bodies)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
     rate = [_closing_rate(k, s) for k in range(first, last + 1)]
     eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
     walls_approach = bodies[-1].fall_velocity < bodies[0].fall_velocity
@@ -229,7 +230,7 @@ def newton(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     The rule is repeated while pairs approach. It requires the same ε for all pairs, because different values can
     multiply the energy.
     """
-    return _repeated_impulses("newton", inverse_mass, rate, lambda now, _: complementary(
+    return _repeated_impulses("newton", inverse_mass, rate, lambda now, _: complementary_impulses(
         inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)]))
 
 
@@ -239,10 +240,11 @@ def poisson(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     The compression stops all approach. The expansion returns ε times its impulses. The rule accepts any ε per pair and
     never increases the energy.
     """
-    compression = complementary(inverse_mass, rate)
-    left = zip(compression, after(inverse_mass, rate, compression), strict=True)
+    compression = complementary_impulses(inverse_mass, rate)
+    left = zip(compression, rates_after(inverse_mass, rate, compression), strict=True)
     expansion = [e * p for e, p in zip(eps, compression, strict=True)]
-    remaining = complementary(inverse_mass, after(inverse_mass, [0.0 if p > 0.0 else r for p, r in left], expansion))
+    rates = rates_after(inverse_mass, [0.0 if p > 0.0 else r for p, r in left], expansion)
+    remaining = complementary_impulses(inverse_mass, rates)
     return [a + b + c for a, b, c in zip(compression, expansion, remaining, strict=True)]
 
 
@@ -258,7 +260,7 @@ def reflect(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
         inverse_mass, [-2.0 * r for r in now], approaching))
     if e == 1.0:
         return elastic
-    return [e * a + (1.0 - e) * b for a, b in zip(elastic, complementary(inverse_mass, rate), strict=True)]
+    return [e * a + (1.0 - e) * b for a, b in zip(elastic, complementary_impulses(inverse_mass, rate), strict=True)]
 
 
 def _repeated_impulses(
@@ -275,7 +277,7 @@ def _repeated_impulses(
         if not any(approaching):
             return total
         p = impulses(now, approaching)
-        now = after(inverse_mass, now, p)
+        now = rates_after(inverse_mass, now, p)
         total = [a + b for a, b in zip(total, p, strict=True)]
     raise convergence_error(name)
 
@@ -283,12 +285,12 @@ def _repeated_impulses(
 TIE_RULES: dict[str, Solver] = {"newton": newton, "poisson": poisson, "reflect": reflect}
 
 
-def complementary(inverse_mass: Floats, q: Floats) -> Row:
+def complementary_impulses(inverse_mass: Floats, q: Floats) -> Row:
     """Solve 0 ≤ p ⟂ W p + q ≥ 0 for p, with a growing set of active pairs."""
     active, tiny, pinned = [x < 0.0 for x in q], rounding_bound(q), inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
     while True:
         p = solve(inverse_mass, [-x for x in q], active)
-        grown = [a or r < -tiny for a, r in zip(active, after(inverse_mass, q, p), strict=True)]
+        grown = [a or r < -tiny for a, r in zip(active, rates_after(inverse_mass, q, p), strict=True)]
         # Between two walls the rates sum to 0. If all pairs are active, the last one is rounding.
         if grown == active or (pinned and all(grown)):
             return p
@@ -313,7 +315,7 @@ def solve(inverse_mass: Floats, right: Floats, active: Sequence[bool]) -> Row:
     return p[:m]
 
 
-def after(inverse_mass: Floats, rate: Floats, p: Floats) -> Row:
+def rates_after(inverse_mass: Floats, rate: Floats, p: Floats) -> Row:
     """Return the rates (m/s) after impulses `p`: rate + W p."""
     change = pairwise(velocity_changes(inverse_mass, p))
     return [r + (upper - lower) for r, (lower, upper) in zip(rate, change, strict=True)]

@@ -19,8 +19,8 @@ import numpy as np
 from granular._engine.check import Array
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records, column, plain
-from granular.edmd.driven import beside, place, synchronise
-from granular.edmd.motion import COLLISION_NOISE, add, impulse, rebase, span
+from granular.edmd.driven import gap_at_wall, update_wall_velocities, wall_displacement
+from granular.edmd.motion import COLLISION_NOISE, add_compensated, impulse, rebase, window_length
 from granular.edmd.physics import frame_velocity
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, WALL_FIELDS, Walls
 from granular.scene import Scene
@@ -69,7 +69,7 @@ def begin(state: Any, scene: Scene) -> None:
             pairs["heat"][-which] = which
         if sides["panels"][which]:
             pairs["wall"][-which] = which
-            bodies["fall_velocity"][-which] = place(records, which, 0.0)[1]
+            bodies["fall_velocity"][-which] = wall_displacement(records, which, 0.0)[1]
             speed = float(sides["speed"][which])
             # The velocity of a driven wall is computed, and so has a rounding error.
             bodies["noise"][-which] = COLLISION_NOISE * speed * speed
@@ -81,7 +81,7 @@ def set_epoch(state: Any) -> None:
         side["epoch"], side["low"] = state.clock.epoch, state.clock.epoch_low
 
 
-def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
+def add_to_sample(state: Any, tau: float, velocity: Array, gap: Array) -> None:
     """Add the effects of forces and walls to a sample at time `tau`.
 
     The arrays `velocity` (m/s) and `gap` (m) are changed in place. `tau` is in s since the epoch.
@@ -93,13 +93,13 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
     for c in np.flatnonzero((wall >= 0) & (stuck == 0)).tolist():
         (pair,), (lower, upper) = plain(state.pairs[c : c + 1]), plain(state.bodies[c : c + 2])
         # Rounding can make a closing gap negative.
-        gap[c] = max(0.0, beside(pair, lower, upper, tau, records)[0])
+        gap[c] = max(0.0, gap_at_wall(pair, lower, upper, tau, records)[0])
     for i, which in at_walls(state):
         if records.sides[which].panels:
-            velocity[i] = place(records, which, tau)[1]
+            velocity[i] = wall_displacement(records, which, tau)[1]
 
 
-def ledger(state: Any, tau: float) -> Array:
+def energy_account(state: Any, tau: float) -> Array:
     """Return work, heat and dissipated energy in J from the start to time `tau`.
 
     The five entries are the work of the floor and of the ceiling, the heat of both, and the dissipated energy. `tau`
@@ -110,7 +110,7 @@ def ledger(state: Any, tau: float) -> Array:
     for i, which in at_walls(state):
         body = plain(state.bodies[i : i + 1])[0]
         if body.mass < math.inf:
-            x, v = place(records, which, tau)
+            x, v = wall_displacement(records, which, tau)
             done[which] += body.mass * (0.5 * v * v + (state.run.gravity - body.own_acceleration) * x)
     heat = [side.heat + side.heat_low for side in records.sides]
     return np.array([*done, *heat, records.sides[0].lost + records.sides[0].lost_low])
@@ -166,7 +166,7 @@ def advance_epoch(
         return False
     date_rows(clock, rows, done)
     # By whole windows, as `State.shift_to` does.
-    shift(run, pairs, bodies, now - now % clock.window, walls)
+    shift_epoch(run, pairs, bodies, now - now % clock.window, walls)
     run.edge = min((clock.goal - clock.epoch) - clock.epoch_low, clock.window * NEXT_BELOW_FACTOR)
     return True
 
@@ -184,7 +184,7 @@ def date_rows(clock: Record, rows: Records | None, done: int) -> None:
 
 
 @kernel
-def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls) -> None:
+def shift_epoch(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls) -> None:
     """Move the epoch forward by `by` s and adapt the window to the speeds.
 
     The new epoch must not be earlier than the last change of any pair.
@@ -200,7 +200,7 @@ def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls)
     run.now -= by
     for which in range(2):
         walls.sides[which].epoch, walls.sides[which].low = clock.epoch, clock.epoch_low
-    synchronise(pairs, bodies, walls)
+    update_wall_velocities(pairs, bodies, walls)
     for c in range(n):
         total += pairs[c].gap
         speed = max(speed, abs(bodies[c + 1].fall_velocity - bodies[c].fall_velocity))
@@ -209,24 +209,24 @@ def shift(run: Record, pairs: Records, bodies: Records, by: float, walls: Walls)
         # The same factor as `state.SLOW_BITS`.
         run.slow = speed * 2.0**-16
     if speed > 0.0:
-        clock.window = max(clock.window, span(clock.length, speed, clock.strength))
+        clock.window = max(clock.window, window_length(clock.length, speed, clock.strength))
 
 
 @kernel
-def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> float:
+def account_collision(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> float:
     """Add a collision to the energy balance and return its impulse in N s (≥ 0).
 
     `w` ≤ 0 is the rate (m/s) before the collision, and `e` is ε. The records of walls must have their velocities at
     the time of the collision.
     """
     exchanged = impulse(lower, upper, (1.0 + e) * w)
-    enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
+    account_impulse(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
     return exchanged
 
 
 @rare
 @kernel
-def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
+def account_impulse(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
     """Add an impulse and an energy loss of a collision to the energy balance.
 
     `exchanged` (N s) acts upwards on the upper body and downwards on the lower body. `lost` is in J. The impulse does
@@ -237,22 +237,22 @@ def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Wa
     if upper.is_free == 0.0:
         work(walls.sides[1], -exchanged * upper.fall_velocity)
     side = walls.sides[0]
-    side.lost, side.lost_low = add(side.lost, side.lost_low, lost)
+    side.lost, side.lost_low = add_compensated(side.lost, side.lost_low, lost)
 
 
 @kernel
 def work(side: Record, done: float) -> None:
     """Add `done` (J) to the work of a wall."""
-    side.work, side.work_low = add(side.work, side.work_low, done)
+    side.work, side.work_low = add_compensated(side.work, side.work_low, done)
 
 
 @rare
 @kernel
-def borne(run: Record, body: Record, which: int, now: float, v: float, sign: float, walls: Walls) -> None:
+def account_rest(run: Record, body: Record, which: int, now: float, v: float, sign: float, walls: Walls) -> None:
     """Add the work of a wall on a ball that comes to rest on it or leaves it.
 
     `sign` is -1 if the ball comes to rest, and 1 if it leaves. `which` is 0 for the floor and 1 for the ceiling, and
     `v` (m/s) is the velocity of the wall. The contributions of both events add to the work in between.
     """
-    x, _ = place(walls, which, now)
+    x, _ = wall_displacement(walls, which, now)
     work(walls.sides[which], sign * (body.mass * (0.5 * v * v + (run.gravity - body.own_acceleration) * x)))

@@ -1,8 +1,8 @@
 """Motion of a few neighbouring pairs in relative coordinates, down to 1e-200.
 
 A difference of two velocities has no digits if it is below 1e-16 of the velocities. The rates of gaps keep their
-digits. A suspected inelastic collapse is therefore decided in gaps and rates. `zoom` advances a slice of consecutive
-pairs alone until an event outside the slice is due, without any approximation.
+digits. A suspected inelastic collapse is therefore decided in gaps and rates. `advance_relative` advances a slice of
+consecutive pairs alone until an event outside the slice is due, without any approximation.
 
 Pair j of the slice and its bodies j and j + 1 have their records in `pairs` and `bodies`, which are parts of the
 records of the state. The current gap and rate of the pair are in `near`.
@@ -16,16 +16,16 @@ from granular._engine.flight import gap_after, rate_at_contact, time_to_contact
 from granular._engine.kernels import FORCED, RING, kernel
 from granular._engine.records import Record, Records
 from granular.edmd.clusters import ball_is_stuck
-from granular.edmd.motion import across, impulse, total, velocities
+from granular.edmd.motion import copy_seam_ball, impulse, total_mass, velocities
 from granular.edmd.physics import GROUP, Restitution, rank
 from granular.edmd.records import APART, BUDGET, CEILING, FLOOR, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
-from granular.edmd.wall_state import book, enter
+from granular.edmd.wall_state import account_collision, account_impulse
 
 NO_OBSTACLE = -1
 
 
 @kernel
-def zoom(
+def advance_relative(
     run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None,
     walls: Walls,
 ) -> int:
@@ -36,7 +36,7 @@ def zoom(
     """
     done = 0
     while True:
-        j, dt = soonest(run, near, pairs)
+        j, dt = next_collision(run, near, pairs)
         reason = obstacle(run, near, pairs, bodies, j, dt, walls)
         if reason != NO_OBSTACLE or done == run.budget:
             return BUDGET if reason == NO_OBSTACLE else reason
@@ -54,7 +54,7 @@ def zoom(
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         collide_in_slice(near, pairs, bodies, j, w, e)
         if FORCED:
-            book(lower, upper, w, e, walls)
+            account_collision(lower, upper, w, e, walls)
         if rows is not None:
             row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
             row.impulse = impulse(lower, upper, (1.0 + e) * w)
@@ -67,7 +67,8 @@ def zoom(
             if FORCED:
                 # Impulse of all remaining bounces, including the weight of the ball.
                 remaining_impulse = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
-                enter(lower, upper, remaining_impulse, 0.5 * min(lower.mass, upper.mass) * own.rate * own.rate, walls)
+                energy = 0.5 * min(lower.mass, upper.mass) * own.rate * own.rate
+                account_impulse(lower, upper, remaining_impulse, energy, walls)
             settle_on_wall(near, pairs, bodies, j)
             return RESTS
         reason = end_after_bounce(run, near, pairs, j, w, e, dt)
@@ -127,7 +128,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
 
 
 @kernel
-def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
+def next_collision(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
     """Return the pair of the slice that collides first, and the time until then in s.
 
     The rank decides between simultaneous collisions. The result is (0, inf) if no pair collides.
@@ -219,7 +220,7 @@ def collide_in_slice(near: Records, pairs: Records, bodies: Records, j: int, w: 
     elif RING and j == end:
         near[0].rate += pair.high * jump
     if RING:
-        across(bodies, j)
+        copy_seam_ball(bodies, j)
 
 
 @kernel
@@ -305,7 +306,7 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
             bodies[j].noise = 0.0
     if has_free_ends:
         # Conserves the momentum of the slice.
-        shift = (before - momentum(bodies, top)) / total(bodies, 0, top)
+        shift = (before - momentum(bodies, top)) / total_mass(bodies, 0, top)
         for i in range(top + 1):
             bodies[i].fall_velocity += shift
     if top < n:

@@ -181,12 +181,12 @@ def _quadrature() -> tuple[Array, Array]:
 def _power_form(law: Any, pair: Pair) -> Form | None:
     """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇ from the traits of a law, or None.
 
-    A law without the traits `power` and `linear` has a form if `_traced` proves that it is linear.
+    A law without the traits `power` and `linear` has a form if `_linear_form` proves that it is linear.
     """
     if hasattr(law, "power"):
         k, p, gamma, d = map(float, law.power(pair))
         return k, p, gamma, d
-    linear = law.linear(pair) if hasattr(law, "linear") else _traced(law, pair)
+    linear = law.linear(pair) if hasattr(law, "linear") else _linear_form(law, pair)
     if linear is None:
         return None
     k, gamma = map(float, linear)
@@ -230,7 +230,7 @@ class _Linear:
     __bool__ = __eq__ = __hash__ = None  # type: ignore[assignment] # a symbol is neither true nor false
 
 
-def _traced(law: Any, pair: Pair) -> tuple[float, float] | None:
+def _linear_form(law: Any, pair: Pair) -> tuple[float, float] | None:
     """Return (k, γ) if `force` is proved to be k ξ + γ ξ̇, else None.
 
     The proof also requires k > 0 and γ ≥ 0.

@@ -118,7 +118,7 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     floats = {number: _law_floats(law) for number, law in distinct_laws.items()}
     if None in floats.values():
         return _laws_by_kind(given, pairs)
-    cached = _remembered(tuple(map(floats.__getitem__, map(id, given))), pairs.m_eff.tobytes(), pairs.r_eff.tobytes(),
+    cached = _cached_laws(tuple(map(floats.__getitem__, map(id, given))), pairs.m_eff.tobytes(), pairs.r_eff.tobytes(),
                         pairs.ends)
     result = SceneLaws(given, pairs, cached.kind, cached.each)
     result.sound, result.notes = cached.sound, cached.notes
@@ -137,7 +137,7 @@ def _law_floats(law: Any) -> tuple[type, tuple[str, ...], bytes] | None:
 
 
 @lru_cache(maxsize=CACHED_SCENES)
-def _remembered(
+def _cached_laws(
     floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: bytes, r_eff: bytes, ends: tuple[str, str]
 ) -> SceneLaws:
     """Return the laws of a small scene, cached by the bytes of their values and sizes."""

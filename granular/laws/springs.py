@@ -181,7 +181,7 @@ class MatchedEnd:
         return self.load * xi
 
 
-def overlap_under(law: PairLaw, force: float) -> float:
+def static_overlap(law: PairLaw, force: float) -> float:
     """Return the overlap in m at which the force of a contact at rest is `force` in N.
 
     It is (F/k)^(1/p) for a power law. For other laws it is computed by bisection to the last digit. If the force does

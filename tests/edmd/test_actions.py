@@ -72,7 +72,7 @@ class Acting:
             collapse.begin(s, self.queue)
             collapse.advance_slice(s, self.physics, self.queue, self.edge(), int(self.random.integers(0, 30)), [])
             if s.near is not None:
-                collapse.finish(s, self.queue)
+                collapse.end_slice(s, self.queue)
         elif action == "change":
             self.queue = self.queues[int(self.random.integers(len(self.queues)))](s, self.physics)
         elif action == "copy":

@@ -50,10 +50,10 @@ def test_rows_of_blocks_come_in_the_order_of_their_times() -> None:
         return made
 
     below = rows((1, 0.5), (0, 0.5), (1, 2.0))
-    both = np.concatenate(blocks.in_order(np.concatenate([below, rows((7, 0.25), (8, 1.0))]), [3, 2]))
+    both = np.concatenate(blocks.rows_by_time(np.concatenate([below, rows((7, 0.25), (8, 1.0))]), [3, 2]))
     assert both["pair"].tolist() == [7, 1, 0, 8, 1]
     assert both["t_begin"].tolist() == [0.25, 0.5, 0.5, 1.0, 2.0]
-    assert blocks.in_order(np.concatenate([below, rows((7, 0.25), (8, 0.5))]), [3, 2]) is None
+    assert blocks.rows_by_time(np.concatenate([below, rows((7, 0.25), (8, 0.5))]), [3, 2]) is None
 
 
 def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
@@ -115,7 +115,8 @@ def test_a_closer_look_in_a_large_scene_keeps_a_log_of_bounded_size(monkeypatch)
 def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_enough(monkeypatch) -> None:
     """Unless no more are asked for."""
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or work >= 500 * runs.EXPECTED_PER_PAIR)
+    limit = 500 * runs.EXPECTED_PER_PAIR
+    monkeypatch.setattr(runs, "compilation_pays", lambda work, has: asked.append(work) or work >= limit)
     for n, most, engine in ((100, 10**6, "sorted"), (600, 10**6, "compiled"), (600, 1, "sorted")):
         run = edmd.simulate(gas(n, n), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
         assert run.stats["engine"] == engine
@@ -125,7 +126,7 @@ def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_e
 def test_auto_goes_over_as_soon_as_the_pace_tells_that_it_pays(monkeypatch) -> None:
     """Not only when as much has been done; and never for what `max_events` does not leave."""
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or work >= 100_000)
+    monkeypatch.setattr(runs, "compilation_pays", lambda work, has: asked.append(work) or work >= 100_000)
     scene, rule = gas(100, 100), ConstantRestitution(1.0)
     whole = edmd.simulate(scene, rule, t_end=2000.0, log=False, max_events=10**9)
     assert whole.stats["engine"] == "compiled"

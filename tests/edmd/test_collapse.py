@@ -131,7 +131,7 @@ def test_forced_closer_looks_change_nothing(monkeypatch) -> None:
     scene = Scene([math.inf] + [1.0] * n, np.zeros(n + 1), gap, velocity)
     plain = run(scene, 0.97, t_end=6.0)
     monkeypatch.setattr("granular.edmd.sorted_queue.SUSPICIOUS_STREAK", 1)
-    monkeypatch.setattr("granular.edmd.collision.streak", lambda *_: 1)
+    monkeypatch.setattr("granular.edmd.collision.suspicion_streak", lambda *_: 1)
     monkeypatch.setattr(collapses, "SLICE_REACH", 5)
     forced = run(scene, 0.97, t_end=6.0)
     assert forced.stats["zooms"] > 40

@@ -65,7 +65,7 @@ def test_a_run_of_two_collisions_calls_little_of_this_package(engine, most) -> N
 def test_what_a_scene_has_not_is_not_asked_for(monkeypatch) -> None:
     """No walls that move, no pendula; kernels are fitted once for all runs of a kind; few rows are made for few."""
     found, rows, made = calls("sorted"), SortedQueue.rows, []
-    idle = (kernels.fitted, kernels.no_compiler, gr.Scene.heat.fget, hanging.swing_off, wall_state.ledger,
+    idle = (kernels.fitted, kernels.no_compiler, gr.Scene.heat.fget, hanging.swing_off, wall_state.energy_account,
             wall_state.walls)
     assert {place(function.__code__) for function in idle}.isdisjoint(found)
     monkeypatch.setattr(SortedQueue, "rows", lambda self, n: made.append(rows(self, n)) or made[-1])
@@ -128,7 +128,7 @@ def test_what_a_scene_remembers_no_run_changes(n, engine) -> None:
 
 def test_auto_counts_samples_too(monkeypatch) -> None:
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or False)
+    monkeypatch.setattr(runs, "compilation_pays", lambda work, has: asked.append(work) or False)
     scene = gr.Scene(np.ones(33), np.zeros(33), np.ones(32), np.zeros(33))
     gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=1.0, samples=1000, max_events=1)
     assert asked[0] == 32 + 1 + 2 * 1000
@@ -137,7 +137,7 @@ def test_auto_counts_samples_too(monkeypatch) -> None:
 def test_auto_counts_the_balls_that_are_set_up(monkeypatch) -> None:
     """However few collisions are asked for."""
     asked = []
-    monkeypatch.setattr(runs, "pays", lambda work, has: asked.append(work) or False)
+    monkeypatch.setattr(runs, "compilation_pays", lambda work, has: asked.append(work) or False)
     scene = gr.Scene(np.ones(300), np.zeros(300), np.ones(299), np.zeros(300))
     gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), max_events=1)
     assert asked[0] == 300

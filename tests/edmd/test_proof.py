@@ -163,8 +163,8 @@ def test_all_collisions_take_the_time_that_is_left() -> None:
     found = proof.forever(pairs, gap, rate)
     assert found is not None
     assert found[:2] == (0, 2)
-    shares = np.array([proof.exact(pairs[name]) for name in ("low", "high", "eps")])
-    group = proof.Group(proof.exact(gap), proof.exact(rate), shares, [])
+    shares = np.array([proof.exact_decimals(pairs[name]) for name in ("low", "high", "eps")])
+    group = proof.Group(proof.exact_decimals(gap), proof.exact_decimals(rate), shares, [])
     assert group.go_on(400)
     assert 0.999 * found.left < float(group.elapsed) <= found.left
 

@@ -8,7 +8,7 @@ import pytest
 
 from granular import edmd
 from granular.edmd import ties as grouped
-from granular.edmd.physics import RANDOM, mixed, rank
+from granular.edmd.physics import RANDOM, hash_bits, rank
 from granular.laws.rules import ConstantRestitution
 from granular.run.trajectory import Status
 from granular.scene import Scene
@@ -62,7 +62,7 @@ def test_random_ties_are_reproducible_and_depend_on_the_seed() -> None:
 def test_hashes_are_spread_evenly() -> None:
     bits = np.array([[(rank(c, RANDOM, 1, h) >> 24 >> k) & 1 for k in range(31)] for c in range(60) for h in range(60)])
     assert np.abs(bits.mean(axis=0) - 0.5).max() < 0.05
-    assert len({mixed(x) for x in range(10_000)}) == 10_000
+    assert len({hash_bits(x) for x in range(10_000)}) == 10_000
 
 
 def test_groups_apart_from_touching_are_ordinary_collisions() -> None:
@@ -116,11 +116,11 @@ def test_the_growing_set_finds_what_enumeration_finds() -> None:
     for _ in range(150):
         m = int(random.integers(1, 6))
         inverse_mass, q = np.exp(random.uniform(-2, 2, m + 1)).tolist(), random.normal(size=m).tolist()
-        got = grouped.complementary(inverse_mass, q)
+        got = grouped.complementary_impulses(inverse_mass, q)
         found = []
         for active in itertools.product([False, True], repeat=m):
             p = grouped.solve(inverse_mass, [-x for x in q], active)
-            if min(p) >= -1e-12 and min(grouped.after(inverse_mass, q, p)) >= -1e-12:
+            if min(p) >= -1e-12 and min(grouped.rates_after(inverse_mass, q, p)) >= -1e-12:
                 found.append(p)
         assert any(np.allclose(got, p, atol=1e-10) for p in found)
 

@@ -174,7 +174,7 @@ def test_same_where_a_run_would_be_made_in_blocks_and_from_sorted_to_compiled(mo
     once = watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, engine="sorted"))
     monkeypatch.setattr(blocks, "BLOCKS_ABOVE", 10)
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, engine="compiled", log=False)), once)
-    monkeypatch.setattr(run, "pays", lambda work, has: work > 500)
+    monkeypatch.setattr(run, "compilation_pays", lambda work, has: work > 500)
     monkeypatch.setattr(run, "EXTRAPOLATION_WORK", 600)
     monkeypatch.setattr(run, "EXPECTED_PER_PAIR", 1)
     assert same(watched(gr.edmd.simulate(scene, ELASTIC, t_end=30.0, watch=law, max_events=3000)), once)

@@ -199,7 +199,7 @@ assert have_numba()
 
 
 def test_what_never_happens_is_left_out_of_machine_code():
-    plain, forced = motion.predicted, kernels.fitted(motion.predicted, FORCED=True)
+    plain, forced = motion.next_event_time, kernels.fitted(motion.next_event_time, FORCED=True)
     left = [set(kernels._globals_read(kernels.without_dead_branches(one))) for one in (plain, forced)]
     assert left[1] - left[0] >= {"opening", "next_wall_hit"}
     assert not (left[0] | left[1]) & {"FORCED", "HUNG", "hung"}
@@ -207,7 +207,7 @@ def test_what_never_happens_is_left_out_of_machine_code():
 
 @pytest.mark.parametrize("source", ["edited", "missing"])
 def test_code_stays_as_it_was_loaded_where_its_source_is_no_longer_that(source, monkeypatch):
-    forced = kernels.fitted(motion.predicted, FORCED=True)
+    forced = kernels.fitted(motion.next_event_time, FORCED=True)
     lines, first = inspect.getsourcelines(forced.__code__)
 
     def read(code):

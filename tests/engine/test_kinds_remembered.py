@@ -31,7 +31,7 @@ def test_what_is_remembered_of_laws_is_of_these_very_numbers(make):
             laws.append(make(*map(kind, numbers)))
     alone = []
     for law in laws:
-        of_laws._remembered.cache_clear()
+        of_laws._cached_laws.cache_clear()
         alone.append(result(law))
     for i in rng.integers(0, len(laws), 12).tolist():
         assert result(laws[i]) == alone[i]
@@ -70,7 +70,7 @@ def test_records_remembered_with_laws_are_those_of_the_scene(seed):
 
     alone = []
     for one, how in asked:
-        of_laws._remembered.cache_clear()
+        of_laws._cached_laws.cache_clear()
         alone.append(result(one, how))
     for i in rng.integers(0, len(asked), 30).tolist():
         assert result(*asked[i]) == alone[i]

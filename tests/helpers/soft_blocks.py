@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from granular._engine.records import leaf
-from granular.md.located.contacts import pushes
+from granular.md.located.contacts import needs_series
 from granular.md.located.records import ACTIVE, DORMANT
 from granular.md.located.system import to_plain
 
@@ -39,5 +39,6 @@ def check_blocks(s: Any) -> None:
             assert not member.going_on or member.mode in (ACTIVE, DORMANT), "a contact has a force"
             assert pair.due >= pool[start.slot].t, "nothing is due in the past"
             below, above = (c > 0, c + 1 < n) if not shadows else (size < n, size < n)
-            borders = below and pair is start and pushes(member), above and place + 1 == size and pushes(member)
+            needed = needs_series(member)
+            borders = below and pair is start and needed, above and place + 1 == size and needed
             assert s.run[0].waits or not any(borders), "islands end where pairs fly"

@@ -7,7 +7,7 @@ import numpy as np
 
 from granular._engine.records import packed, plain
 from granular.edmd.compiled_queue import BlockQueue
-from granular.edmd.motion import predicted
+from granular.edmd.motion import next_event_time
 from granular.edmd.physics import rank
 from granular.edmd.records import Walls
 from granular.edmd.sorted_queue import LAST_ENTRY
@@ -32,7 +32,7 @@ def check_queue(queue):
     walls = queue.state.walls
     walls = None if walls is None else Walls(plain(walls.sides), plain(walls.panels), walls.clock)
     for c, (time, key) in enumerate(events_of(queue)):
-        due = queue.fit(predicted)(pairs[c], bodies[c], bodies[c + 1], walls)
+        due = queue.fit(next_event_time)(pairs[c], bodies[c], bodies[c + 1], walls)
         assert key == rank(c, run.order, run.seed, pairs[c].contacts), c
         assert math.isclose(time, due, rel_tol=1e-9, abs_tol=1e-12), (c, time, due)
     if isinstance(queue, BlockQueue):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.laws.contact_law import _traced as traced
+from granular.laws.contact_law import _linear_form as traced
 from tests.helpers.own_laws import OwnDashpot
 
 PAIR = gr.Pair(0.5, 0.01, 0)

@@ -127,7 +127,7 @@ def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], mo
     asked = Collocation(laws, scene.ring) if s.kinds[0].kind == GENERAL else None
     with monkeypatch.context() as patch:
         patch.setattr(blocks, "solve_as_one_event", watching)
-        blocks.launch(s, asked)
+        blocks.form_first_blocks(s, asked)
         plan_all_due(s, asked)
         while blocks.advance(s, 1.0, contacts - len(met), asked) == WANTS_TABLE:
             s = with_room_for_a_table(s)

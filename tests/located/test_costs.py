@@ -60,7 +60,7 @@ def test_samples_and_balls_cost_calls_of_their_own_only():
 def test_laws_of_scenes_alike_are_asked_once(monkeypatch):
     asked = Counter()
     monkeypatch.setattr(kinds, "resolve", lambda *given: asked.update(laws=1) or contact_law.resolve(*given))
-    kinds._remembered.cache_clear()
+    kinds._cached_laws.cache_clear()
     for speed in (1.0, 2.0, 3.0):
         law = gr.ViscoelasticHertz(1e8, 1e3)
         gr.md.simulate(SCENE.replace(velocity=[0.0, -speed, -speed]), law, t_end=1e-3, engine="plain")
@@ -75,7 +75,7 @@ def test_laws_of_scenes_alike_are_asked_once(monkeypatch):
 def test_nobody_looks_whether_a_scene_in_motion_rests(p, d, tol, monkeypatch):
     """Piece ends at turning points of contacts, where all stands still for a moment, are no reason to look."""
     looks = []
-    monkeypatch.setattr(many, "looked_at", lambda *given: looks.append(given) or pytest.fail("a look"))
+    monkeypatch.setattr(many, "test_current_block", lambda *given: looks.append(given) or pytest.fail("a look"))
     gap = np.stack([np.zeros(6), np.geomspace(1e-5, 1e-3, 6)], axis=1)
     law = np.broadcast_to([1e8, p, 2e3, d], (6, 2, 4))
     scenes = many.Scenes(np.array([np.inf, 0.6, 0.06]), gap, np.array([0.0, -3.0, -3.0]), law, np.float64(9.81))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from granular._engine.roots import workspace
-from granular.md.located.pieces import heading, summit, value
+from granular.md.located.pieces import largest_local_maximum, monotonic_sign, value
 from granular.md.located.records import SERIES_ORDER
 
 WORK = workspace(SERIES_ORDER)
@@ -25,19 +25,19 @@ def drawn(seed: int) -> tuple[list[float], float]:
 
 
 def test_a_heading_is_never_wrong_and_a_summit_is_the_largest_that_is_no_end():
-    """A row with a heading is monotone; where it turns down, `summit` is the largest; both cases are met."""
+    """A row with a heading is monotone; where it turns down, the largest value is found; both cases are met."""
     met = set()
     for seed in range(300):
         row, tau = drawn(seed)
         slope = np.polynomial.Polynomial(row).deriv()
         at = slope.roots()
         turns = np.sort(at.real[(np.abs(at.imag) < 1e-9) & (at.real > 1e-9 * tau) & (at.real < tau)])
-        way = heading(row, tau)
+        way = monotonic_sign(row, tau)
         met.add((way, len(turns) > 0))
         if way != 0.0:
             assert len(turns) == 0
             assert (slope(np.linspace(0.0, tau, 9)) * way > 0.0).all()
         tops = [value(row, x) for x in turns if slope.deriv()(x) < 0.0]
-        highest = summit(row, [*slope.coef.tolist(), 0.0], tau, WORK)
+        highest = largest_local_maximum(row, [*slope.coef.tolist(), 0.0], tau, WORK)
         np.testing.assert_allclose(highest, max(tops, default=-math.inf), rtol=1e-12, atol=1e-14)
     assert met == {(1.0, False), (-1.0, False), (0.0, False), (0.0, True)}

@@ -9,7 +9,7 @@ import granular as gr
 from granular.laws.kinds import checked
 from granular.md import isolation
 from granular.md.located import Run, pace, system
-from granular.md.located.islands import reimpose
+from granular.md.located.islands import correct_sum_of_gaps
 from granular.run.drive import Pause, requested
 from tests.helpers.soft_blocks import check_blocks
 from tests.helpers.soft_twin import distance, twin
@@ -149,7 +149,7 @@ def test_the_free_length_is_given_back_what_rounding_takes():
     one.to(0.005, False)
     one.s.pairs[1].xi += 1e-9
     assert one.row(0.005).gap.sum() - 0.4999 == pytest.approx(-1e-9, abs=1e-15)
-    one.fit(reimpose)(one.s)
+    one.fit(correct_sum_of_gaps)(one.s)
     assert one.row(0.005).gap.sum() == pytest.approx(0.4999, abs=1e-15)
     check_blocks(one.s)
 

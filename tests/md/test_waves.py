@@ -10,7 +10,7 @@ import granular as gr
 from bench.reference import solve
 from granular import cases, waves
 from granular.laws.contact_law import resolve
-from granular.laws.springs import overlap_under, stiffness_at
+from granular.laws.springs import static_overlap, stiffness_at
 from tests.helpers.steel_chains import FORCE, RADIUS, laws_of, steel
 
 
@@ -54,7 +54,7 @@ def test_overlap_and_stiffness_undo_force_and_its_slope(seed):
     pair = gr.Pair(0.01, 0.005, 0)
     k, s, load = 10.0 ** random.uniform(4, 9), 10.0 ** random.uniform(-8, -4), 10.0 ** random.uniform(-6, 3)
     law = resolve(Stiffening(k, s), pair)
-    xi = overlap_under(law, load)
+    xi = static_overlap(law, load)
     assert xi == pytest.approx(2.0 * load / k / (1.0 + math.sqrt(1.0 + 4.0 * load / (k * s))), rel=4e-15)
     assert stiffness_at(law, xi) == pytest.approx(k * (1.0 + 2.0 * xi / s), rel=1e-10)
     assert stiffness_at(law, 0.0) == 0.0

@@ -192,10 +192,10 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     if callable(law) and not hasattr(law, "force"):
         check.takes("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
-    from granular.laws.springs import overlap_under
+    from granular.laws.springs import static_overlap
 
     laws = resolved(check.per_pair("law", law, scene.n_pairs), scene)
-    gap = -laws.column(lambda one: overlap_under(one, load))
+    gap = -laws.column(lambda one: static_overlap(one, load))
     gap[:first] = 0.0
     return in_order(scene.replace(gap=gap + 0.0))
 

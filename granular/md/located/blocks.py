@@ -17,14 +17,21 @@ from typing import Any
 
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
 from granular._engine.records import play
-from granular.md.located.contacts import TOUCH_ONLY, act, activate, count_isolated, strike
-from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
-from granular.md.located.jumps import CHANGED, ENDS, SAME, pass_edge
-from granular.md.located.ledger import LOST, add, run_off
+from granular.md.located.contacts import TOUCH_ONLY, activate, apply_contact_event, count_isolated, mark_struck
+from granular.md.located.islands import (
+    add_pair_to_pool,
+    advance_block,
+    correct_sum_of_gaps,
+    extend_event,
+    form_event_blocks,
+    include_block,
+)
+from granular.md.located.jumps import BLOCKS_CHANGED, RUN_ENDS, SAME_BLOCKS, pass_edge
+from granular.md.located.ledger import DISSIPATED, add_to_account, residual_loss
 from granular.md.located.modes import is_clipped
-from granular.md.located.one_contact.inside import expose, restore_record
+from granular.md.located.one_contact.inside import join_current_event, restart_contact
 from granular.md.located.one_contact.meet import solve_as_one_event
-from granular.md.located.pieces import FLOAT_SPACING, arrive, in_contact, piece_time
+from granular.md.located.pieces import FLOAT_SPACING, advance_flight_to_event, in_contact, piece_time
 from granular.md.located.plan import advance_island, follow_contact, plan_all_due, series_of_piece
 from granular.md.located.records import (
     ACTIVE,
@@ -46,31 +53,31 @@ from granular.md.located.records import (
     REST,
     SPARE_PLACES,
     STOPPED,
-    WANTS_LOOK,
+    WANTS_REST_TEST,
     WORK_LIMIT,
 )
-from granular.md.located.rest.overdamped import expand_slowly
+from granular.md.located.rest.overdamped import expand_creep
 from granular.md.located.rest.proof import may_rest, write_still_piece
-from granular.md.located.system import count_of, join
-from granular.md.located.walls import carry_walls, foresee_walls, rate_at
+from granular.md.located.system import join_pool, pair_count
+from granular.md.located.walls import expand_paths, rate_at, update_walls
 
 
 @kernel
-def launch(s: Any, laws: Any) -> bool:
+def form_first_blocks(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run at its start.
 
     Pairs that overlap, or touch while they close, are moved to the pool. The pieces of islands remain to be planned
     (`plan_all_due`). Returns false if the run has to stop at its start.
     """
-    run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
+    run, pairs, pool, n = s.run[0], s.pairs, s.pool, pair_count(s.pairs)
     for c in range(n):
         pair = pairs[c]
         # a ball at rest on a thermal wall is pressed to it by gravity and is thrown back
         is_pressed_to_wall = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
         if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or is_pressed_to_wall)):
-            enlist(s, c)
+            add_pair_to_pool(s, c)
             if HEATED and pair.wall < 0:
-                if not strike(run, pairs, pool, c):
+                if not mark_struck(run, pairs, pool, c):
                     return False
             elif is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
@@ -81,24 +88,24 @@ def launch(s: Any, laws: Any) -> bool:
     for c in range(n):
         if pairs[c].first == c:
             if pairs[c].slot < 0:
-                enlist(s, c)
+                add_pair_to_pool(s, c)
             run.lo, run.hi, run.last_step = c, pairs[c].hi, pool[pairs[c].slot].last_step
-            code = regroup(s, laws)
+            code = form_event_blocks(s, laws)
             while code == EXTEND:
-                extend_by(s, run.wanted)
-                code = regroup(s, laws)
+                include_block(s, run.wanted)
+                code = form_event_blocks(s, laws)
             if code == STOPPED:
                 return False
     return True
 
 
 @kernel
-def set_out(s: Any, laws: Any) -> bool:
+def start_blocks(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run, and plan their pieces.
 
     Returns false if the run has to stop at its start.
     """
-    return launch(s, laws) and plan_all_due(s, laws)
+    return form_first_blocks(s, laws) and plan_all_due(s, laws)
 
 
 @kernel
@@ -121,12 +128,12 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 return code
         run.waits = 0
         if code == EXTEND:
-            code = regroup(s, laws)
+            code = form_event_blocks(s, laws)
         while code == EXTEND:
             if not extend_event(s, run.wanted, laws):
                 run.waits = 1
                 return CRAMPED
-            code = regroup(s, laws)
+            code = form_event_blocks(s, laws)
         if not plan_all_due(s, laws):
             return STOPPED
         if code != MORE and code != GOES_ON:
@@ -143,7 +150,7 @@ def reason_to_return(s: Any, limit: float) -> int:
     """
     run, queue = s.run[0], s.queue
     if RING and run.steps >= run.look:
-        reimpose(s)
+        correct_sum_of_gaps(s)
     if run.separated == 1 and run.contacts > 0 and all_recede(s) and last_contact_end(s) <= limit:
         run.t, run.tail = last_contact_end(s), 0.0
         return STOPPED
@@ -179,11 +186,11 @@ def apply_next_event(s: Any, limit: float, laws: Any) -> int:
         if code != BY_PIECES:
             return code
         xi = pair.xi
-        arrive(pair, s.field)
+        advance_flight_to_event(pair, s.field)
         if WORKED:
             # a clipped pair dissipates its elastic energy as its overlap decreases
-            add(s.ledger[0], LOST, run_off(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
-        join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, lo)
+            add_to_account(s.ledger[0], DISSIPATED, residual_loss(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
+        join_pool(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, lo)
     return end_piece(s, lo, limit, laws)
 
 
@@ -196,21 +203,21 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     is advanced.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
-    block, edge_result = pool[pairs[lo].slot], SAME
+    block, edge_result = pool[pairs[lo].slot], SAME_BLOCKS
     advance_island(s, lo, block.tau, piece_time(block), laws)
     run.t, run.tail, run.last_step, run.lo, run.hi = block.t, block.tail, block.last_step, lo, pairs[lo].hi
     if DRIVEN:
-        carry_walls(s.field, s)
+        update_walls(s.field, s)
         if block.event == EDGE:
             edge_result = pass_edge(s.field, s, laws)
-            if edge_result == ENDS:
+            if edge_result == RUN_ENDS:
                 return STOPPED
     if block.fired >= 0:
-        return EXTEND if act(run, pairs, pool, bodies, s.log, block, laws) else STOPPED
-    if edge_result == CHANGED:
+        return EXTEND if apply_contact_event(run, pairs, pool, bodies, s.log, block, laws) else STOPPED
+    if edge_result == BLOCKS_CHANGED:
         return EXTEND
     if not (HUNG or RING) and laws is None and may_rest(run, pairs, pool, bodies, lo, limit):
-        return WANTS_LOOK
+        return WANTS_REST_TEST
     pairs[lo].due = DUE_TO_PLAN
     play(s.queue, lo, pairs[lo].due)
     return GOES_ON
@@ -223,7 +230,7 @@ def all_recede(s: Any) -> bool:
     The rates are those at `last_contact_end`. Pairs in islands count as not separated.
     """
     t = last_contact_end(s)
-    for c in range(count_of(s.pairs)):
+    for c in range(pair_count(s.pairs)):
         pair = s.pairs[c]
         if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.field, pair, t) > 0.0:
             return False
@@ -237,7 +244,7 @@ def last_contact_end(s: Any) -> float:
     It is at least the time of the current event, and is rounded up so that no contact lasts beyond it.
     """
     t: float = s.run[0].t
-    for c in range(count_of(s.pairs)):
+    for c in range(pair_count(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0 and pair.lasts > 0.0:
             # rounded up to the next float, so that no contact lasts beyond it
@@ -246,12 +253,12 @@ def last_contact_end(s: Any) -> float:
 
 
 @kernel
-def all_apart(s: Any, t: float) -> bool:
+def is_all_apart(s: Any, t: float) -> bool:
     """Return whether no pair touches at the end of a run and the log buffer is empty.
 
     `t` is the end in s.
     """
-    for c in range(count_of(s.pairs)):
+    for c in range(pair_count(s.pairs)):
         pair = s.pairs[c]
         if in_contact(pair, t, 0.0) or (pair.slot >= 0 and s.pool[pair.slot].mode != OPEN):
             return False
@@ -259,7 +266,7 @@ def all_apart(s: Any, t: float) -> bool:
 
 
 @kernel
-def expose_all(s: Any, t: float, laws: Any) -> bool:
+def continue_contacts_by_pieces(s: Any, t: float, laws: Any) -> bool:
     """Integrate by pieces every contact solved as one event that lasts beyond `t`.
 
     `t` in s is the end of the run. The pairs become islands, so that contacts unfinished at the end have their state
@@ -267,13 +274,13 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
     """
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
-    for c in range(count_of(pairs)):
+    for c in range(pair_count(pairs)):
         if in_contact(pairs[c], t, 0.0):
             if run.members + SPARE_PLACES >= len(pool):
                 return False
-            restore_record(s, c, t, 0.0)
+            restart_contact(s, c, t, 0.0)
             follow_contact(s, laws)
-            expose(s, c)
+            join_current_event(s, c)
             if pool[pairs[c].slot].mode == ACTIVE:
                 play(s.queue, c, DUE_TO_PLAN)
                 plan_all_due(s, laws)
@@ -281,25 +288,25 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
 
 
 @kernel
-def gather(s: Any, t: float, laws: Any) -> None:
+def advance_islands_to_end(s: Any, t: float, laws: Any) -> None:
     """Advance every island to the end of the run, and compute its series there.
 
     `t` is the end in s. The states of all pairs in islands at `t` follow from these series. Resting and creeping
-    islands are left to `gather_slowly`.
+    islands are left to `expand_resting_blocks`.
     """
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
-    for c in range(count_of(pairs)):
+    for c in range(pair_count(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0:
-            bring(s, c, t, 0.0, laws)
+            advance_block(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0 and pool[pair.slot].manner == MOVES:
-                reach = foresee_walls(s.field, pairs, pool, c) if DRIVEN else math.inf
+                reach = expand_paths(s.field, pairs, pool, c) if DRIVEN else math.inf
                 series_of_piece(s, c, laws, reach)
 
 
 @kernel
-def gather_slowly(s: Any) -> None:
+def expand_resting_blocks(s: Any) -> None:
     """Compute the series of all resting and creeping islands at the end of the run."""
     pairs, pool = s.pairs, s.pool
     for c in range(len(pairs)):
@@ -308,7 +315,7 @@ def gather_slowly(s: Any) -> None:
             block = pool[pair.slot]
             if block.manner == LIES:
                 write_still_piece(pairs, pool, s.bodies, c)
-            elif block.manner == CREEPS and not expand_slowly(pairs, pool, s.bodies, c):
+            elif block.manner == CREEPS and not expand_creep(pairs, pool, s.bodies, c):
                 block.manner = MOVES
                 series_of_piece(s, c, None, math.inf)
 

@@ -77,7 +77,7 @@ class Checkpoint(Mapping[str, Any]):
         return self._arrays
 
 
-class Untouched:
+class RecordsBeforeEnd:
     """Copy of the records of a run before its end is evaluated.
 
     For a large run, only the records that the evaluation changes are copied. `put_back` restores them.

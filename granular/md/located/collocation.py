@@ -17,9 +17,9 @@ from numpy.polynomial import Legendre, Polynomial, legendre
 
 from granular._engine.check import Array
 from granular._engine.roots import first_up_crossing
-from granular.md.located.pieces import FLOAT_SPACING, shifted, value
+from granular.md.located.pieces import FLOAT_SPACING, shifted_crossing, value
 from granular.md.located.records import ACTIVE, BEGIN, END, PART, RELOAD, SERIES_ORDER, TURN
-from granular.md.located.step_size import amplitude
+from granular.md.located.step_size import stopping_overlap
 
 GAUSS_POINTS = 16
 """Number of Gauss points per step."""
@@ -91,7 +91,7 @@ def next_event_of_law(
     if pair.memory and pair.loading:
         branch_end = first_up_crossing(pair.e, search_end, scratch, -1.0)
     elif pair.memory:
-        branch_end = shifted(pair.x, -pair.xi_peak, search_end, scratch, 1.0)
+        branch_end = shifted_crossing(pair.x, -pair.xi_peak, search_end, scratch, 1.0)
     if branch_end < math.inf:
         return branch_end, TURN if pair.loading else RELOAD
     return (end, END) if end < math.inf else (separates_at, PART)
@@ -103,7 +103,7 @@ def end_of_force(pair: Any, is_repulsive: ForceSign, doubt: float, span: float, 
     If the pair separates at `span` (`separates`), its force just before is smaller than any uncertainty. There the law
     is evaluated at ever smaller distances.
     """
-    positive_at, crossing = 0.0, shifted(pair.g, doubt, span, scratch, -1.0)
+    positive_at, crossing = 0.0, shifted_crossing(pair.g, doubt, span, scratch, -1.0)
     if not separates and (crossing == math.inf or is_repulsive(crossing)):
         crossing = span  # a force that is 0 on a whole interval never crosses zero
     if crossing < math.inf and not is_repulsive(crossing):
@@ -156,7 +156,7 @@ def return_of_force(pair: Any, is_repulsive: ForceSign, doubt: float, span: floa
     points up to the τ where the interpolant becomes positive. After a kink of the law this τ can be too early, so later
     points are evaluated as well.
     """
-    crossing = shifted(pair.g, -doubt, span, scratch, 1.0)
+    crossing = shifted_crossing(pair.g, -doubt, span, scratch, 1.0)
     if crossing == math.inf and not is_repulsive(span, True):
         return math.inf
     crossing, zero_at = min(crossing, span), math.inf
@@ -182,7 +182,7 @@ def _own_speeds(pairs: list[Any]) -> Array:
     return np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
 
 
-def _errors(pairs: list[Any], force: Array, deviations: Array, noise: Array) -> tuple[Array, float]:
+def _force_errors(pairs: list[Any], force: Array, deviations: Array, noise: Array) -> tuple[Array, float]:
     """Return the mean error of each pair's force, and the largest relative error.
 
     The mean over the step is in N. The second result is relative to the largest force of the contact, and is computed
@@ -193,13 +193,13 @@ def _errors(pairs: list[Any], force: Array, deviations: Array, noise: Array) -> 
     last_terms, deviations = (
         np.where(last_terms > noise, last_terms, 0.0), np.where(deviations > noise[:, None], deviations, 0.0)
     )
-    scales = [v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
+    scales = [v * v / (p.inverse * stopping_overlap(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
     strength = np.maximum(np.array(scales), abs(force).max(axis=1))
     relative = np.maximum(last_terms, deviations.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
     return np.maximum(last_terms / GAUSS_POINTS, (deviations * CHECK_POINT_SHARES).max(axis=1)), float(relative.max())
 
 
-def _beside(force: Array, closed: bool) -> Array:
+def _forces_with_neighbours(force: Array, closed: bool) -> Array:
     """Return forces (pairs, nodes) with one more row before and after all pairs.
 
     These rows are 0, or on a whole ring (`closed`) the forces of the last and the first pair.
@@ -207,13 +207,13 @@ def _beside(force: Array, closed: bool) -> Array:
     return np.concatenate([force[-1:], force, force[:1]]) if closed else np.pad(force, ((1, 1), (0, 0)))
 
 
-def _integrate(pairs: list[Any], wall_paths: Any, square: float, closed: bool) -> None:
+def _integrate_forces(pairs: list[Any], wall_paths: Any, square: float, closed: bool) -> None:
     """Write the coefficients of rates and overlaps from the coefficients of forces.
 
     The accelerations of driven walls (`wall_paths`: number of the pair in the island, and path) and Ω² of pendula
     (`square`) are included.
     """
-    q, rows = pairs[0].clock, _beside(np.array([p.f for p in pairs]), closed).tolist()
+    q, rows = pairs[0].clock, _forces_with_neighbours(np.array([p.f for p in pairs]), closed).tolist()
     sigma = q * pairs[0].h ** q
     for below, p, above in zip(rows, pairs, rows[2:], strict=False):
         p.x, p.e = [p.xi] + [0.0] * SERIES_ORDER, [p.eta] + [0.0] * SERIES_ORDER
@@ -230,7 +230,7 @@ def _integrate(pairs: list[Any], wall_paths: Any, square: float, closed: bool) -
             p.x[n + q] = sigma * p.e[n] / (n + q)
 
 
-def shown(wall_paths: Any, holds: float, q: int) -> float:
+def valid_series_time(wall_paths: Any, holds: float, q: int) -> float:
     """Return a time up to `holds` (s) in which a series represents the wall paths.
 
     The series has order 20 in τ, with t = (hτ)^q. `wall_paths` lists the pairs at driven walls and their paths.
@@ -246,7 +246,7 @@ def shown(wall_paths: Any, holds: float, q: int) -> float:
     return holds
 
 
-def _shaking(wall_paths: Any, count: int, times: Array) -> Array:
+def _wall_accelerations(wall_paths: Any, count: int, times: Array) -> Array:
     """Return the accelerations in m/s² of driven walls towards the balls.
 
     The shape is (`count` pairs, times). `times` are in s from the start of the step. The values at the start are

@@ -31,7 +31,7 @@ from typing import Any
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, kernel
 from granular.md.located.log import begin_contact, end_contact
 from granular.md.located.modes import change_mode
-from granular.md.located.pieces import DRIFT_NOISE_FACTOR, ROUNDING_OVERLAP_SHARE, direction, power, since
+from granular.md.located.pieces import DRIFT_NOISE_FACTOR, ROUNDING_OVERLAP_SHARE, direction, power, time_since
 from granular.md.located.records import (
     ACTIVE,
     BEGIN,
@@ -47,12 +47,12 @@ from granular.md.located.records import (
     STRUCK,
     TURN,
 )
-from granular.md.located.system import beside, count_of, is_closed, nth
+from granular.md.located.system import is_closed, neighbour_pairs, pair_count, wrapped_number
 
 ZERO_FORCE_SHARE = 1e-9
 """Fraction of its elastic force up to which the force of a pair counts as 0."""
-NONE, SOME, AWAITED = range(3)
-"""Results of `engage`: no new dormant pair, at least one, or the run has to stop."""
+NO_CHANGE, MODE_CHANGED, STOP_AWAITED = range(3)
+"""Results of `make_dormant`: no new dormant pair, at least one, or a stop."""
 TOUCH_ONLY, CONTACT = 0, 1
 """Numbers of contacts that `count_isolated` adds: 0 for an overlap without force."""
 NOT_ISOLATED = -1
@@ -60,7 +60,7 @@ NOT_ISOLATED = -1
 
 
 @kernel
-def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
+def apply_contact_event(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
     """Apply the event that ends the piece of `block`.
 
     Returns false if the run has to stop before this event: at its stop condition, or before the first disturbed
@@ -69,7 +69,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     c, event = block.fired, block.event
     pair = pool[pairs[c].slot]
     if event == BEGIN:
-        return begin(run, pairs, pool, bodies, c, block.speed, laws)
+        return begin_force(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
     if event in (TURN, RELOAD):
         change_mode(pair, event)
@@ -86,7 +86,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
 
 
 @kernel
-def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
+def begin_force(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
     """Start the force of pair `c` after a touch or after its residual phase.
 
     `speed` is the typical speed of its island in m/s. If the balls only graze each other, no force starts. Returns
@@ -94,7 +94,7 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
     """
     pair = pool[pairs[c].slot]
     if HEATED and pair.wall < 0:
-        return strike(run, pairs, pool, c)
+        return mark_struck(run, pairs, pool, c)
     if pair.mode == OPEN:
         pair.xi = 0.0
         if is_rate_noise(pair) or pair.eta < 0.0:  # grazing, or touching at rest
@@ -147,7 +147,7 @@ def has_jumped(pair: Any) -> bool:
 
 
 @kernel
-def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
+def mark_struck(run: Any, pairs: Any, pool: Any, c: int) -> bool:
     """Mark pair `c` at a thermal wall as STRUCK: its ball is about to be thrown back.
 
     A ball that already moves away is ignored. Returns false if the run has to stop before this contact.
@@ -174,9 +174,9 @@ def count_isolated(run: Any, pairs: Any, pool: Any, c: int, count: int) -> bool:
     before are subtracted. Returns false if the run has to stop because two neighbouring pairs overlap.
     """
     is_alone = True
-    below, above = beside(pairs, c)
+    below, above = neighbour_pairs(pairs, c)
     for f in (below, above):
-        if 0 <= f < count_of(pairs) and is_overlapping(pairs[f], pool, run):
+        if 0 <= f < pair_count(pairs) and is_overlapping(pairs[f], pool, run):
             is_alone = False
             # earlier contacts of the neighbour are disturbed now; `NOT_ISOLATED` is negative and subtracts nothing
 
@@ -204,11 +204,11 @@ def is_overlapping(pair: Any, pool: Any, run: Any) -> bool:
     """
     if pair.slot >= 0:
         return bool(pool[pair.slot].mode != OPEN)
-    return bool(pair.mode == RESIDUAL or (pair.lasts > 0.0 and since(pair, run.t, run.tail) < 0.0))
+    return bool(pair.mode == RESIDUAL or (pair.lasts > 0.0 and time_since(pair, run.t, run.tail) < 0.0))
 
 
 @kernel
-def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
+def activate_pressed(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
     """Activate the dormant linear pairs of an island that the series presses together.
 
     The island consists of the pairs lo … hi-1. Returns false if the run has to stop before one of these contacts.
@@ -219,14 +219,14 @@ def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> b
             pair.mode == DORMANT
             and pair.kind == LINEAR
             and direction(pair.x) > 0.0
-            and not activate(run, pairs, pool, bodies, nth(pairs, c))
+            and not activate(run, pairs, pool, bodies, wrapped_number(pairs, c))
         ):
             return False
     return True
 
 
 @kernel
-def pushes(pair: Any) -> bool:
+def needs_series(pair: Any) -> bool:
     """Return whether the motion of a pair has to be integrated by a power series.
 
     The alternative is free flight in closed form, until a closed-form event. It applies to open pairs, to clipped pairs
@@ -244,7 +244,7 @@ def pushes(pair: Any) -> bool:
 
 
 @kernel
-def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
+def make_dormant(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     """Make all pairs of the current event dormant that touch at rest and are pressed.
 
     A pair is pressed together by gravity or by the force of a neighbouring pair. A pair at a driven wall is included if
@@ -252,7 +252,7 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     immediately, unless gravity separates the balls. Returns NONE, SOME, or AWAITED if the run has to stop before one of
     these contacts.
     """
-    result, lo, hi = NONE, run.lo, run.hi
+    result, lo, hi = NO_CHANGE, run.lo, run.hi
     closed = RING and is_closed(pairs, lo, hi)
     # upwards and downwards, because a pair that becomes dormant can press the next one in either direction
     for sweep in range(2):
@@ -263,22 +263,22 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
                 continue
             if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
                 pair.pull > 0.0
-                # a driven wall can press later, so the series decides (`judge`)
+                # a driven wall can press later, so the series decides (`correct_modes`)
                 or (DRIVEN and pair.pull == 0.0 and pair.wall > 0)
-                or ((c > lo or closed) and pushes(pool[pairs[nth(pairs, c - 1)].slot]))
-                or ((c + 1 < hi or closed) and pushes(pool[pairs[nth(pairs, c + 1)].slot]))
+                or ((c > lo or closed) and needs_series(pool[pairs[wrapped_number(pairs, c - 1)].slot]))
+                or ((c + 1 < hi or closed) and needs_series(pool[pairs[wrapped_number(pairs, c + 1)].slot]))
             ):
-                c = nth(pairs, c)
-                # a pair that gravity separates may open again without a contact (`judge`)
+                c = wrapped_number(pairs, c)
+                # a pair that gravity separates may open again without a contact (`correct_modes`)
                 if is_awaited(run, pairs, c) and pair.pull >= 0.0:
-                    return AWAITED
+                    return STOP_AWAITED
                 begin_contact(run, pairs, pool, bodies, c)
-                pair.mode, result = DORMANT, SOME
+                pair.mode, result = DORMANT, MODE_CHANGED
     return result
 
 
 @kernel
-def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
+def correct_modes(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
     """Make the modes of pairs that touch at rest consistent with the computed series.
 
     Pairs lo … hi-1 are examined. Pairs that the series separates become OPEN, and pairs that it presses together become
@@ -351,13 +351,13 @@ def cancel_rate(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     impulse, closed = pair.eta / pair.inverse, is_closed(pairs, lo, hi)
     pair.eta = 0.0
     bodies[c].v -= pair.lower * impulse
-    bodies[nth(pairs, c + 1)].v += pair.upper * impulse
+    bodies[wrapped_number(pairs, c + 1)].v += pair.upper * impulse
     if RING and c < lo:
-        c += count_of(pairs)
+        c += pair_count(pairs)
     if c > lo or closed:
-        pool[pairs[nth(pairs, c - 1)].slot].eta += pair.lower * impulse
+        pool[pairs[wrapped_number(pairs, c - 1)].slot].eta += pair.lower * impulse
     if c + 1 < hi or closed:
-        pool[pairs[nth(pairs, c + 1)].slot].eta += pair.upper * impulse
+        pool[pairs[wrapped_number(pairs, c + 1)].slot].eta += pair.upper * impulse
 
 
 @kernel

@@ -15,7 +15,7 @@ import numpy as np
 from granular._engine.check import Array
 from granular._engine.records import column, plain
 from granular.md.located.records import ACTIVE, DORMANT, GENERAL
-from granular.md.located.rest.equilibrium import overlap_under
+from granular.md.located.rest.equilibrium import static_overlap
 from granular.run.contact_log import CONTACT_ROW, Rows
 from granular.run.drive import Pause
 from granular.run.trajectory import Status
@@ -29,14 +29,14 @@ MAX_STATIC_TESTS = 4096
 If the overlaps are not static then, they decay more slowly than floats can resolve."""
 
 
-def settle(run: Any) -> None:
+def settle_overlaps(run: Any) -> None:
     """Advance a run that is proved to rest until all overlaps are static.
 
     `run` is a `located.run.Run`.
     """
     # under general laws, rest is proved when all forces balance: the overlaps are static already
     loaded = [p for p in island_members(run) if p.mode == ACTIVE and p.load > 0.0 and p.kind != GENERAL]
-    pair, static = [p.number for p in loaded], np.array([overlap_under(p, p.load) for p in loaded])
+    pair, static = [p.number for p in loaded], np.array([static_overlap(p, p.load) for p in loaded])
     # the period of a contact is the shortest meaningful time in a run that rests from its start
     shortest = max((math.sqrt(xi / (p.load * p.inverse)) for p, xi in zip(loaded, static.tolist(), strict=True)),
                    default=0.0)
@@ -139,12 +139,12 @@ def island_members(run: Any) -> list[Any]:
     return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
 
 
-def rest_of_log(run: Any, end: float) -> Rows | None:
+def unlogged_contacts(run: Any, end: float) -> Rows | None:
     """Return the contacts at the end of a run that are not yet in the log, or None.
 
     `end` is the end in s on the clock of the run. Contacts that have not ended have nan as their end time.
     """
-    blocks = [*run.rows(), *(run.dated(rows) for rows in _unfinished_contacts(run))]
+    blocks = [*run.rows(), *(run.with_scene_times(rows) for rows in _unfinished_contacts(run))]
     if not blocks:
         return None
     rows = np.concatenate(blocks)

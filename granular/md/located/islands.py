@@ -1,6 +1,6 @@
 """Formation of islands at an event, and correction of the sum of gaps on a ring.
 
-The sum of the gaps on a ring is constant. Its rounding errors are corrected from time to time (`reimpose`).
+The sum of the gaps on a ring is constant. Its rounding errors are corrected from time to time (`correct_sum_of_gaps`).
 """
 
 from __future__ import annotations
@@ -10,15 +10,31 @@ from typing import Any
 
 from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
 from granular._engine.records import play
-from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
-from granular.md.located.jumps import throw_back
-from granular.md.located.ledger import LOST, add, run_off
-from granular.md.located.one_contact.inside import expose, restore_record
-from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
+from granular.md.located.contacts import MODE_CHANGED, NO_CHANGE, STOP_AWAITED, make_dormant, needs_series
+from granular.md.located.jumps import throw_struck_balls_back
+from granular.md.located.ledger import DISSIPATED, add_to_account, residual_loss
+from granular.md.located.one_contact.inside import join_current_event, restart_contact
+from granular.md.located.pieces import (
+    advance_flight,
+    advance_flight_forward,
+    in_contact,
+    predict_flight,
+    tau_at,
+    time_since,
+    value,
+)
 from granular.md.located.plan import advance_island, follow_contact
 from granular.md.located.records import DUE_TO_PLAN, EXTEND, MORE, MOVES, OPEN, SPARE_PLACES, STOPPED
-from granular.md.located.system import count_of, is_closed, join, leave, lengthen, neighbours, nth
-from granular.md.located.walls import carry_walls, flown
+from granular.md.located.system import (
+    is_closed,
+    island_neighbours,
+    join_pool,
+    leave_pool,
+    lengthen_island,
+    pair_count,
+    wrapped_number,
+)
+from granular.md.located.walls import free_flight, update_walls
 
 MIN_CORRECTION_STEPS = 1 << 16
 """Minimum number of steps between two corrections of the sum of gaps.
@@ -31,7 +47,7 @@ The larger of both numbers applies, so that corrections take negligible time."""
 
 
 @kernel
-def regroup(s: Any, laws: Any) -> int:
+def form_event_blocks(s: Any, laws: Any) -> int:
     """Divide the pairs of the current event into blocks again.
 
     Their next pieces have to be planned, or their next flights are predicted. Returns MORE if the blocks are formed.
@@ -39,35 +55,35 @@ def regroup(s: Any, laws: Any) -> int:
     that the run has to stop before a contact.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
-    result = SOME
+    result = MODE_CHANGED
     # a pair that becomes dormant pushes, so the extent of the event has to be determined again
-    while result == SOME:
+    while result == MODE_CHANGED:
         below, above = run.lo - 1, run.hi
         if RING:
-            below, above = neighbours(run, pairs)
+            below, above = island_neighbours(run, pairs)
         # a force at the edge of the event accelerates the next pair, and a contact beside it is disturbed
-        if below >= 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
+        if below >= 0 and (needs_series(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
             run.wanted = pairs[below].first
             return EXTEND
         if above < len(pairs) and (
-            pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[above], run.t, run.tail)
+            needs_series(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[above], run.t, run.tail)
         ):
             run.wanted = above
             return EXTEND
-        result = engage(run, pairs, pool, bodies)
-        if HEATED and result == NONE:
-            result = throw_back(s, laws)
-    if result == AWAITED:
+        result = make_dormant(run, pairs, pool, bodies)
+        if HEATED and result == NO_CHANGE:
+            result = throw_struck_balls_back(s, laws)
+    if result == STOP_AWAITED:
         run.waits = 1
         return STOPPED
     if RING and is_closed(pairs, run.lo, run.hi):
         cut_ring(run, pairs, pool)
     a = run.lo
     for c in range(run.lo + 1, run.hi + 1):
-        if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
+        if c == run.hi or not (needs_series(pool[pairs[c - 1].slot]) or needs_series(pool[pairs[c].slot])):
             form_block(run, pairs, pool, s.queue, a, c)
-            is_single, a = c == a + 1, nth(pairs, a)
-            if is_single and not pushes(pool[pairs[a].slot]):
+            is_single, a = c == a + 1, wrapped_number(pairs, a)
+            if is_single and not needs_series(pool[pairs[a].slot]):
                 release_pair(run, pairs, pool, s.kinds, a, s.field)
             else:
                 pairs[a].due = DUE_TO_PLAN
@@ -87,8 +103,8 @@ def release_pair(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
     pair.exact, pair.wake, pair.t, pair.tail, pair.last_step = member.exact, member.wake, run.t, run.tail, run.last_step
-    leave(run, pairs, pool, c)
-    predict(pair, kinds[pair.kind_of], field)
+    leave_pool(run, pairs, pool, c)
+    predict_flight(pair, kinds[pair.kind_of], field)
 
 
 @kernel
@@ -99,9 +115,9 @@ def cut_ring(run: Any, pairs: Any, pool: Any) -> None:
     them.
     """
     for c in range(run.lo, run.hi):
-        if not (pushes(pool[pairs[nth(pairs, c - 1)].slot]) or pushes(pool[pairs[c].slot])):
-            run.lo = nth(pairs, c)
-            run.hi = run.lo + count_of(pairs)
+        if not (needs_series(pool[pairs[wrapped_number(pairs, c - 1)].slot]) or needs_series(pool[pairs[c].slot])):
+            run.lo = wrapped_number(pairs, c)
+            run.hi = run.lo + pair_count(pairs)
             return
 
 
@@ -116,40 +132,40 @@ def extend_event(s: Any, lo: int, laws: Any) -> bool:
     if pairs[lo].slot < 0 and run.members + SPARE_PLACES >= len(s.pool):
         return False
     if in_contact(pairs[lo], run.t, run.tail):
-        restore_record(s, lo, run.t, run.tail)
+        restart_contact(s, lo, run.t, run.tail)
         follow_contact(s, laws)
-        expose(s, lo)
+        join_current_event(s, lo)
     else:
-        bring(s, lo, run.t, run.tail, laws)
-    extend_by(s, lo)
+        advance_block(s, lo, run.t, run.tail, laws)
+    include_block(s, lo)
     return True
 
 
 @kernel
-def enlist(s: Any, c: int) -> None:
+def add_pair_to_pool(s: Any, c: int) -> None:
     """Move pair `c` into the pool, and update the driven walls to the current time."""
-    join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
+    join_pool(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
     if DRIVEN:
-        carry_walls(s.field, s)
+        update_walls(s.field, s)
 
 
 @kernel
-def extend_by(s: Any, lo: int) -> None:
+def include_block(s: Any, lo: int) -> None:
     """Include the block that starts with pair `lo` in the current event.
 
     The block is already at the time of the event.
     """
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0:
-        enlist(s, lo)
+        add_pair_to_pool(s, lo)
     if RING:
-        lengthen(run, pairs, lo)
+        lengthen_island(run, pairs, lo)
     else:
         run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
 
 
 @kernel
-def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
+def advance_block(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail in s.
 
     A pair whose clock is ahead, because its contact was solved as one event, returns along its asymptote.
@@ -158,27 +174,27 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     xi = pair.xi
     if pair.slot < 0 and pair.ahead == 1:
         # a clock that is ahead goes back along the asymptote
-        fly(pair, since(pair, t, tail), s.field)
+        advance_flight(pair, time_since(pair, t, tail), s.field)
     elif pair.slot < 0:
-        glide(pair, since(pair, t, tail), s.field)
+        advance_flight_forward(pair, time_since(pair, t, tail), s.field)
         if WORKED:
-            add(s.ledger[0], LOST, run_off(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
+            add_to_account(s.ledger[0], DISSIPATED, residual_loss(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
     else:  # the clock of the block is then t + tail, up to the rounding of dt
         block = s.pool[pair.slot]
-        dt = since(block, t, tail)
+        dt = time_since(block, t, tail)
         advance_island(s, lo, tau_at(block, t, tail), dt, laws)
 
 
 @kernel
 def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make the pairs lo … hi-1 one block at the time of the current event."""
-    if RING and lo >= count_of(pairs):
-        lo, hi = lo - count_of(pairs), hi - count_of(pairs)
+    if RING and lo >= pair_count(pairs):
+        lo, hi = lo - pair_count(pairs), hi - pair_count(pairs)
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
     block.t, block.tail, block.last_step, block.manner = run.t, run.tail, run.last_step, MOVES
     block.doubts = 0
     for i in range(lo, hi):
-        c = nth(pairs, i)
+        c = wrapped_number(pairs, i)
         pairs[c].first, pairs[c].lasts, pairs[c].ahead = lo, 0.0, 0
         if c != lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
@@ -186,14 +202,14 @@ def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) ->
 
 
 @kernel
-def reimpose(s: Any) -> None:
+def correct_sum_of_gaps(s: Any) -> None:
     """Correct the sum of gaps on a ring for its rounding error.
 
     The widest gap in free flight is changed. The function does nothing at the start, where the sum is exact. It also
     sets the number of steps until the next correction. The asymptotes of contacts solved as one event have the same sum
     as the gaps themselves.
     """
-    run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
+    run, pairs, pool, n = s.run[0], s.pairs, s.pool, pair_count(s.pairs)
     at_start = run.look == 0
     run.look = run.steps + max(MIN_CORRECTION_STEPS, CORRECTION_STEPS_PER_PAIR * n)
     # the gaps are exact at the start
@@ -205,7 +221,7 @@ def reimpose(s: Any) -> None:
         if pair.slot >= 0:
             gap = -value(pool[pair.slot].x, tau_at(pool[pairs[pair.first].slot], run.t, run.tail))
         else:
-            gap = -flown(s.field, pair, since(pair, run.t, run.tail))[0]
+            gap = -free_flight(s.field, pair, time_since(pair, run.t, run.tail))[0]
             if pair.mode == OPEN and pair.lasts == 0.0 and gap > widest_gap:
                 widest_gap, widest = gap, c
         next_total = total + gap  # in two floats (Neumaier 1974)
@@ -214,6 +230,6 @@ def reimpose(s: Any) -> None:
     if widest >= 0:
         pair = pairs[widest]
         pair.xi += (total - run.length) + low
-        predict(pair, s.kinds[pair.kind_of], s.field)
+        predict_flight(pair, s.kinds[pair.kind_of], s.field)
         play(s.queue, widest, pair.due)
 

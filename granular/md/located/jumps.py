@@ -16,20 +16,20 @@ import math
 from typing import Any
 
 from granular._engine.kernels import kernel
-from granular.md.located.contacts import AWAITED, NONE, SOME, activate, pushes
-from granular.md.located.ledger import CEILING, FLOOR, add
+from granular.md.located.contacts import MODE_CHANGED, NO_CHANGE, STOP_AWAITED, activate, needs_series
+from granular.md.located.ledger import CEILING, FLOOR, add_to_account
 from granular.md.located.log import end_contact, velocity_now
 from granular.md.located.modes import FORCE_BEGINS, FORCE_ENDS, clip
 from granular.md.located.pieces import FLOAT_SPACING
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, OPEN, STRUCK
-from granular.md.located.walls import jump_at
+from granular.md.located.walls import rate_jump
 from granular.scene.walls.thermal import drawn
 
 FLOOR_HEAT_INDEX = 2
 """Index of the heat from the floor in the energy balance.
 
 The heat from the ceiling has the next index."""
-SAME, CHANGED, ENDS = range(3)
+SAME_BLOCKS, BLOCKS_CHANGED, RUN_ENDS = range(3)
 """Results of `pass_edge`: keep the blocks, form them again, or stop the run."""
 
 
@@ -54,9 +54,9 @@ def count_hit(s: Any, c: int, v: float, v2: float) -> None:
     book.contacts[side] += 1
     mass, wall = book.mass[side], s.bodies[c + side]
     # a product, because the difference of the squares would lose digits
-    add(book, FLOOR_HEAT_INDEX + side, 0.5 * mass * (v2 - v) * (v2 + v))
+    add_to_account(book, FLOOR_HEAT_INDEX + side, 0.5 * mass * (v2 - v) * (v2 + v))
     if wall.v != 0.0:
-        add(book, CEILING if side else FLOOR, mass * (v + v2) * (-wall.v if side else wall.v))
+        add_to_account(book, CEILING if side else FLOOR, mass * (v + v2) * (-wall.v if side else wall.v))
 
 
 @kernel
@@ -94,13 +94,13 @@ def pass_edge(walls: Any, s: Any, laws: Any) -> int:
     run, pairs, pool, needs_next_piece = s.run[0], s.pairs, s.pool, False
     for c in range(run.lo, run.hi):
         member = pool[pairs[c].slot]
-        jump, stored_jump = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
+        jump, stored_jump = rate_jump(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
         member.eta += stored_jump
         member.e[0] = member.eta
         if jump != 0.0 and not apply_velocity_jump(s, c, jump, laws):
-            return ENDS
-        needs_next_piece = needs_next_piece or (jump == 0.0 and pushes(member))
-    return SAME if needs_next_piece else CHANGED
+            return RUN_ENDS
+        needs_next_piece = needs_next_piece or (jump == 0.0 and needs_series(member))
+    return SAME_BLOCKS if needs_next_piece else BLOCKS_CHANGED
 
 
 @kernel
@@ -130,22 +130,22 @@ def apply_velocity_jump(s: Any, c: int, jump: float, laws: Any) -> bool:
 
 
 @kernel
-def throw_back(s: Any, laws: Any) -> int:
+def throw_struck_balls_back(s: Any, laws: Any) -> int:
     """Throw back the balls of STRUCK pairs at both ends of the current island.
 
     The neighbouring pairs are in the island too. Returns SOME if a ball was thrown back, because a force can then act
     in the neighbouring pair. Otherwise returns NONE, or AWAITED if the run has to stop before a contact of that pair.
     """
-    run, pairs, pool, result = s.run[0], s.pairs, s.pool, NONE
+    run, pairs, pool, result = s.run[0], s.pairs, s.pool, NO_CHANGE
     for side in range(2):
         c = 0 if side == 0 else len(pairs) - 1
         f = c + 1 - 2 * side
         if run.lo <= c < run.hi and pool[pairs[c].slot].mode == STRUCK:
-            velocity_change, result = throw_ball_back(s, c), SOME
+            velocity_change, result = throw_ball_back(s, c), MODE_CHANGED
             if 0 <= f < len(pairs):
                 pool[pairs[f].slot].eta += velocity_change
                 # the new rate has the rounding error of the jump
                 pool[pairs[f].slot].noise += FLOAT_SPACING * velocity_change
                 if not apply_velocity_jump(s, f, velocity_change, laws):
-                    return AWAITED
+                    return STOP_AWAITED
     return result

@@ -6,9 +6,9 @@ from typing import Any
 
 from granular._engine.flight import swung
 from granular._engine.kernels import HUNG, RING, kernel
-from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
+from granular.md.located.pieces import elapsed_time, integral, time_since, two_sum, update_peaks
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, PEAKS
-from granular.md.located.system import is_closed, nth
+from granular.md.located.system import is_closed, wrapped_number
 
 
 @kernel
@@ -20,11 +20,11 @@ def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """
     pair = pool[pairs[c].slot]
     pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
+    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[wrapped_number(pairs, c + 1)], run)
 
 
 @kernel
-def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -> None:
+def add_to_contacts(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -> None:
     """Add the part [0, τ] of the current piece to the contacts of an island.
 
     Duration, impulse and peaks of each contact are updated, and the impulse exchanged while a neighbouring pair is
@@ -32,7 +32,7 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
     """
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q = block.h, block.clock
-    dt, scale, closed = elapsed(h, q, tau), elapsed(h, q, 1.0), RING and is_closed(pairs, lo, hi)
+    dt, scale, closed = elapsed_time(h, q, tau), elapsed_time(h, q, 1.0), RING and is_closed(pairs, lo, hi)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         pair.push = scale * integral(pair.f, q, tau) if pair.mode == ACTIVE else 0.0
@@ -40,14 +40,14 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
             continue
         if pair.mode == ACTIVE:
             pair.impulse += pair.push
-            if ((c > lo or closed) and pool[pairs[nth(pairs, c - 1)].slot].mode == ACTIVE) or (
-                (c + 1 < hi or closed) and pool[pairs[nth(pairs, c + 1)].slot].mode == ACTIVE
+            if ((c > lo or closed) and pool[pairs[wrapped_number(pairs, c - 1)].slot].mode == ACTIVE) or (
+                (c + 1 < hi or closed) and pool[pairs[wrapped_number(pairs, c + 1)].slot].mode == ACTIVE
             ):
                 # two floats, because small impulses are added to a large sum
                 run.shared, rest = two_sum(run.shared, pair.push)
                 run.shared_low += rest
             if run.log_level == PEAKS:
-                peaks(pair, tau, scratch)
+                update_peaks(pair, tau, scratch)
         # the duration includes the time at rest without a resolved force
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
@@ -64,7 +64,7 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
     run.rows += 1
     row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
     row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
-    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
+    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[wrapped_number(pairs, c + 1)], run)
     # the integral of a vanishing force can be negative by rounding
     row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
 
@@ -73,12 +73,12 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
 def velocity_now(body: Any, run: Any) -> float:
     """Return the velocity of a body in m/s at the time of the current event."""
     if HUNG:
-        return swung(body, run.omega, since(body, run.t, run.tail))[0]
-    return float(body.v - body.fall * since(body, run.t, run.tail))
+        return swung(body, run.omega, time_since(body, run.t, run.tail))[0]
+    return float(body.v - body.fall * time_since(body, run.t, run.tail))
 
 
 @kernel
-def keep_unsettled(s: Any, t: float) -> None:
+def drop_settled_rows(s: Any, t: float) -> None:
     """Remove all rows from the log buffer except contacts that end after time `t`.
 
     `t` is in s. The caller has already collected the other rows. Rows that were withdrawn are removed as well.

@@ -14,14 +14,13 @@ from granular._engine.check import Array
 from granular._engine.compiler_state import REFERENCE_WORDS, by_reference
 from granular._engine.kernels import compiled, interpreted, kernel
 from granular._engine.records import play
-from granular.md.located.blocks import advance, expose_all, gather, set_out
-from granular.md.located.log import keep_unsettled
+from granular.md.located.blocks import advance, advance_islands_to_end, continue_contacts_by_pieces, start_blocks
+from granular.md.located.log import drop_settled_rows
 from granular.md.located.one_contact.inside import write_states
-from granular.md.located.pace import MAX_PIECES_COMPILED, PAUSE_REASONS, looked_at, seldom
+from granular.md.located.pace import MAX_PIECES_COMPILED, PAUSE_REASONS, rarely_called_kernel, test_current_block
 from granular.md.located.plan import make_table
-from granular.md.located.power_form import kind_and_q, mapped
+from granular.md.located.power_form import kind_and_q, set_contact_maps
 from granular.md.located.records import (
-    ASKS,
     BINDING,
     CRAMPED,
     CREEPS,
@@ -29,16 +28,17 @@ from granular.md.located.records import (
     LAW_KIND_RECORD,
     LINEAR,
     MORE,
+    NEEDS_CREEP_TEST,
     QUIET,
     REACHED,
     REST,
     ROWS,
     SPEED_OCTAVES,
     STOPPED,
-    WANTS_LOOK,
+    WANTS_REST_TEST,
     WANTS_TABLE,
 )
-from granular.md.located.system import Fields, System, new_system, to_plain, with_room_for_a_table
+from granular.md.located.system import System, SystemFields, new_system, to_plain, with_room_for_a_table
 from granular.run import until as stop
 from granular.run.trajectory import Status
 
@@ -175,15 +175,15 @@ def _solve_batch(s: System, end: Array, engine: str) -> Many:
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
         arguments, kernels = (end.tolist(), MAX_PIECES_COMPILED, *rows, seen.tolist()), interpreted
     while (i := kernels(solve_rows)(many, room, *arguments, i)) < len(result):
-        if result["why"][i] == WANTS_LOOK:
-            rare_kernel: Any = kernels if kernels is interpreted else partial(seldom, kernels=kernels)
-            result["why"][i] = looked_at(
+        if result["why"][i] == WANTS_REST_TEST:
+            rare_kernel: Any = kernels if kernels is interpreted else partial(rarely_called_kernel, kernels=kernels)
+            result["why"][i] = test_current_block(
                 System._make(scene_records(many, i, None)), float(end[i]), kernels, rare_kernel
             )
             continue
         many = with_room_for_a_table(many, i)
         make_table(System._make(scene_records(many, i, None)), None, kernels)
-    status = np.array([STATUS_CODES.get(code, -1) for code in range(WANTS_LOOK + 1)])[result["why"]]
+    status = np.array([STATUS_CODES.get(code, -1) for code in range(WANTS_REST_TEST + 1)])[result["why"]]
     status[(result["why"] == QUIET) & (end < math.inf)] = STATUS_CODES[REACHED]
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
 
@@ -197,7 +197,7 @@ def _kind_records(law: Array, m_eff: Array) -> Any:
     for i, name in enumerate(("k", "p", "gamma", "d")):
         kinds[name] = law[..., i]
     with np.errstate(all="ignore"):  # invalid laws are rejected later
-        mapped(kinds, np.broadcast_to(m_eff, kinds.shape))
+        set_contact_maps(kinds, np.broadcast_to(m_eff, kinds.shape))
     kinds["elastic"] = elastic = kinds["gamma"] == 0.0
     kinds["d"] = np.where(elastic, np.where(kinds["p"] == 1.5, 0.5, 0.0), kinds["d"])
     kinds["s"] = kinds["p"] - kinds["d"]
@@ -217,7 +217,7 @@ def scene_records(many: Any, i: int, room: Any) -> Any:
     """
     own_records = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
     shared_records = many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None
-    return by_reference(Fields(*own_records, *shared_records), room)
+    return by_reference(SystemFields(*own_records, *shared_records), room)
 
 
 @kernel
@@ -240,7 +240,7 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
             for c in range(len(s.pairs)):
                 play(many.queue, c, math.inf)
         solve(s, t_end[i], chunk, result[i], last[i], seen)
-        if result[i].why in (WANTS_TABLE, WANTS_LOOK):
+        if result[i].why in (WANTS_TABLE, WANTS_REST_TEST):
             return i
     return len(t_end)
 
@@ -257,7 +257,7 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
         for c in range(n):
             if s.kinds[c].kind == GENERAL:
                 return
-        if not set_out(s, None):
+        if not start_blocks(s, None):
             result.why = STOPPED
         collect_results(s, last, 0.0)
     code = result.why if result.why in (STOPPED, REST, BINDING) else MORE
@@ -265,19 +265,19 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
         code = advance(s, t_end, chunk, None)
         collect_results(s, last, run.t)
     result.why, result.time = code, run.t
-    if code in (WANTS_TABLE, WANTS_LOOK):
+    if code in (WANTS_TABLE, WANTS_REST_TEST):
         return
     if code == REACHED or (code == QUIET and t_end < math.inf):
         result.time = t_end
-    expose_all(s, result.time, None)
-    gather(s, result.time, None)
+    continue_contacts_by_pieces(s, result.time, None)
+    advance_islands_to_end(s, result.time, None)
     collect_results(s, last, result.time)
     write_states(s, result.time, seen[0], seen[1], seen[2], None, None)
     for c in range(n):
         pair = s.pairs[c]
         last[c].counts, last[c].rate = pair.contacts, -seen[1][c]
         last[c].ongoing = pair.slot >= 0 and s.pool[pair.slot].going_on == 1
-        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner in (CREEPS, ASKS):
+        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner in (CREEPS, NEEDS_CREEP_TEST):
             result.why = CRAMPED  # left to a single run
 
 
@@ -294,5 +294,5 @@ def collect_results(s: Any, last: Any, t: float) -> None:
             pair.t_end, pair.v_lower, pair.v_upper = row.t_end, row.lower_out, row.upper_out
             if not pair.longest >= row.duration:
                 pair.longest = row.duration
-    keep_unsettled(s, t)
+    drop_settled_rows(s, t)
 

@@ -31,18 +31,18 @@ from granular.md.located.collocation import (
     TO_CHECK_POINTS,
     TO_LEGENDRE,
     TO_POWERS,
-    _beside,
-    _errors,
-    _integrate,
+    _force_errors,
+    _forces_with_neighbours,
+    _integrate_forces,
     _own_speeds,
-    _shaking,
+    _wall_accelerations,
     next_event_of_law,
-    shown,
+    valid_series_time,
 )
 from granular.md.located.pieces import FLOAT_SPACING, value, write_flight
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, RESIDUAL, REST_PIECE_SCALE, SERIES_ORDER
 from granular.md.located.rest.proof import STILL_DEVIATION
-from granular.md.located.step_size import amplitude
+from granular.md.located.step_size import stopping_overlap
 
 MAX_PICARD_ITERATIONS = 40
 SMALLEST_COLLOCATION_TOL = 2e-15
@@ -141,7 +141,7 @@ class Collocation:
         self._check_forces(pairs, [0.0])
         if not (self.shaken or self.square) and write_resting_piece(pairs, self.force, self.closed):
             return 0.0
-        reach = min(reach, shown(self.shaken, holds, block.clock))
+        reach = min(reach, valid_series_time(self.shaken, holds, block.clock))
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             self.trials += 1
@@ -199,7 +199,7 @@ class Collocation:
 
     def pushes_at_touch(self, p: Any) -> bool:
         """Return whether a pair that touches at a closing rate is repelled immediately."""
-        depth = amplitude(p, p.eta * p.eta)
+        depth = stopping_overlap(p, p.eta * p.eta)
         force = self.force(p, 1e-9 * depth, p.eta)
         # close to the touch a force can underflow to 0
         return force > 0.0 or (force == 0.0 and self.force(p, 1e-3 * depth, p.eta) > 0.0)
@@ -256,7 +256,7 @@ class Collocation:
         pace = q * h**q * GAUSS_NODES ** (q - 1)
         eta = eta0 + pull * (h * GAUSS_NODES) ** q
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * GAUSS_NODES) ** q
-        pull = pull + _shaking(self.shaken, len(pairs), (h * GAUSS_NODES) ** q)
+        pull = pull + _wall_accelerations(self.shaken, len(pairs), (h * GAUSS_NODES) ** q)
         force, last_change = np.zeros_like(eta), math.inf
         is_active = np.array([p.mode == ACTIVE for p in pairs])
         roundings = self._force_roundings(pairs, xi, eta)
@@ -266,7 +266,7 @@ class Collocation:
             # the Picard iteration diverges: the step is too long
             if not change < 1e300 or change > 1e3 * last_change:
                 break
-            outer = _beside(np.where(is_active[:, None], force, 0.0), self.closed)
+            outer = _forces_with_neighbours(np.where(is_active[:, None], force, 0.0), self.closed)
             push = pull + lower * outer[:-2] - own * outer[1:-1] + upper * outer[2:] - self.square * xi
             eta = eta0 + (push * pace) @ INTEGRATE_TO_NODES.T
             xi = xi0 + (eta * pace) @ INTEGRATE_TO_NODES.T
@@ -281,7 +281,7 @@ class Collocation:
                 noise = np.maximum(
                     4.0 * roundings, np.where(is_active, 0.0, UNCERTAIN_FORCE_SHARE * abs(force).max(axis=1))
                 )
-                force_errors, relative_error = _errors(
+                force_errors, relative_error = _force_errors(
                     pairs, force, abs(force @ TO_CHECK_POINTS.T - self._forces(pairs, *check_states)), noise
                 )
                 return force, force_errors * own[:, 0] * h**q, relative_error
@@ -339,14 +339,14 @@ class Collocation:
             p.deepest = 0.0 if p.mode == OPEN else max(p.deepest, p.xi)
             p.doubt = max(doubt, ROUNDING_CLIPPED_FORCE * p.largest) if p.mode == RESIDUAL else doubt
             p.f, p.g = row if p.mode == ACTIVE else [0.0] * (SERIES_ORDER + 1), row.copy()
-        _integrate(pairs, self.shaken, self.square, self.closed)
+        _integrate_forces(pairs, self.shaken, self.square, self.closed)
         has_jump = [
             self._replace_jump(p)
             for p in pairs
             if p.mode == ACTIVE and reach * p.own_speed < JUMP_SHARE * p.own_length
         ]
         if any(has_jump):
-            _integrate(pairs, self.shaken, self.square, self.closed)
+            _integrate_forces(pairs, self.shaken, self.square, self.closed)
 
     def _replace_jump(self, p: Any) -> bool:
         """Return whether the force of a pair jumps within a very short step.

@@ -17,20 +17,20 @@ from granular._engine.records import column
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
 from granular.md.located.records import (
-    ASKS,
     BINDING,
     MORE,
+    NEEDS_CREEP_TEST,
     OPEN,
     QUIET,
     REACHED,
     REST,
     STOPPED,
-    WANTS_LOOK,
+    WANTS_REST_TEST,
     WORK_LIMIT,
 )
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
-from granular.md.located.rest.overdamped import turn_to_asking, verdict_until
-from granular.md.located.system import readable
+from granular.md.located.rest.overdamped import examine_island, select_island_to_test
+from granular.md.located.system import record_views
 from granular.run.drive import Pause, portion
 
 MAX_PIECES_GENERAL, MAX_PIECES_INTERPRETED, MAX_PIECES_COMPILED = 8, 100, 20_000
@@ -74,7 +74,7 @@ class Pace:
         self.begun = 0.0  # processor time in s at the end of the last incomplete portion, else 0
         self.seen = -math.inf  # time in s at the last test
 
-    def advanced(self, limit: float, last: bool) -> int:
+    def advance_portion(self, limit: float, last: bool) -> int:
         """Advance the run by a portion of pieces, up to the time `limit` at most.
 
         `limit` is in s on the clock of the run. Blocks that may rest or creep are tested. Returns the return code of
@@ -93,11 +93,11 @@ class Pace:
         # every test for rest or creep returns here: the limit keeps a portion short
         for _ in range(MAX_PIECES_INTERPRETED):
             code = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
-            if code == WANTS_LOOK:
-                code = looked_at(run.s, limit, run.kernels, self.rare_kernel)
-            if code != WANTS_LOOK:
+            if code == WANTS_REST_TEST:
+                code = test_current_block(run.s, limit, run.kernels, self.rare_kernel)
+            if code != WANTS_REST_TEST:
                 break
-        if code in (MORE, WANTS_LOOK):
+        if code in (MORE, WANTS_REST_TEST):
             previous, self.begun = self.begun, process_time()
             if previous > 0.0:
                 self.chunk = portion(self.chunk, self.begun - previous)
@@ -109,11 +109,11 @@ class Pace:
                 return WORK_LIMIT
         return code
 
-    def look_at_all(self) -> None:
+    def test_all_for_creep(self) -> None:
         """Test all blocks that have to be tested for creep, and plan their next pieces."""
         run = self.run
-        while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(turn_to_asking)(run.s):
-            looked_at(run.s, 0.0, run.kernels, self.rare_kernel)
+        while (column(run.s.pool, "manner") == NEEDS_CREEP_TEST).any() and run.kernels(select_island_to_test)(run.s):
+            test_current_block(run.s, 0.0, run.kernels, self.rare_kernel)
 
     def rare_kernel(self, kernel: Any) -> Any:
         """Return the compiled or the interpreted version of a rarely called kernel.
@@ -121,7 +121,7 @@ class Pace:
         In a compiled run it is interpreted until compilation pays off.
         """
         run = self.run
-        return run.kernels(kernel) if run.is_plain else seldom(run.fit(kernel), compiled)
+        return run.kernels(kernel) if run.is_plain else rarely_called_kernel(run.fit(kernel), compiled)
 
     def stalls(self) -> bool:
         """Return whether a run under general laws makes no progress.
@@ -155,20 +155,20 @@ def period_and_island_count(s: Any) -> tuple[float, int]:
     return min((p.own_length / p.own_speed for _, p in touching), default=0.0), len({first for first, _ in touching})
 
 
-def looked_at(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:
+def test_current_block(s: Any, limit: float, kernels: Any, rare_kernel: Any) -> int:
     """Test the current block, which starts with pair `run.lo`, for rest and creep.
 
     `kernels` and `rare_kernel` return the version of a kernel that is called often or rarely. `limit` is the time in s
     up to which the run is advanced. Returns REST or BINDING if the run ends, STOPPED if it stops before a contact, or
     WANTS_LOOK to continue.
     """
-    result = rare_kernel(verdict_until)(s, limit)
+    result = rare_kernel(examine_island)(s, limit)
     if result != NOT_YET:
         return REST if result == RESTS else BINDING
-    return WANTS_LOOK if kernels(plan_all_due)(s, None) else STOPPED
+    return WANTS_REST_TEST if kernels(plan_all_due)(s, None) else STOPPED
 
 
-def seldom(kernel: Any, kernels: Any) -> Any:
+def rarely_called_kernel(kernel: Any, kernels: Any) -> Any:
     """Return the version of a kernel that is called rarely in a compiled run.
 
     It is interpreted until this process has spent as much time on it as compilation takes. Then `kernels` compiles it.
@@ -178,7 +178,7 @@ def seldom(kernel: Any, kernels: Any) -> Any:
         return kernels(kernel)
 
     def interpreted_kernel(s: Any, *more: Any) -> Any:
-        result = kernel(readable(s), *more)
+        result = kernel(record_views(s), *more)
         toll.lap()
         return result
 

@@ -18,18 +18,18 @@ from typing import Any
 
 from granular._engine.flight import swung
 from granular._engine.kernels import kernel
-from granular.md.located.ledger import ENERGY_NODE_COUNT, ENERGY_NODES, ENERGY_WEIGHTS, pace
-from granular.md.located.pieces import elapsed, since, tick, value
+from granular.md.located.ledger import ENERGY_NODE_COUNT, ENERGY_NODES, ENERGY_WEIGHTS, clock_rate
+from granular.md.located.pieces import advance_clock, elapsed_time, time_since, value
 from granular.md.located.records import ACTIVE
 
 
 @kernel
-def shift(run: Any, body: Any, pair: Any, displacement: float) -> None:
+def displace_pendulum(run: Any, body: Any, pair: Any, displacement: float) -> None:
     """Set the acceleration `fall` of a body to its value at the clock of `pair`.
 
     The body is also displaced upwards by `displacement` in m. The caller sets its velocity and its clock.
     """
-    fall = swung(body, run.omega, since(body, pair.t, pair.tail))[1]
+    fall = swung(body, run.omega, time_since(body, pair.t, pair.tail))[1]
     body.fall = fall + run.omega * run.omega * displacement
 
 
@@ -48,7 +48,7 @@ def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
 
 
 @kernel
-def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt: float) -> None:
+def advance_pendula(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt: float) -> None:
     """Advance the pendula of an island to τ, a time `dt` (s) into its piece.
 
     Velocity, `fall` and clock are updated. Bodies on which no force acts keep their clock.
@@ -59,11 +59,11 @@ def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt:
         if c < hi and pool[pairs[c].slot].mode == ACTIVE:
             above, fall_above = force_integrals(pool[pairs[c].slot], block, run.omega, tau, dt)
         if below != 0.0 or above != 0.0:
-            v, fall = swung(body, run.omega, since(body, block.t, block.tail) + dt)
+            v, fall = swung(body, run.omega, time_since(body, block.t, block.tail) + dt)
             body.v = v + body.inverse_mass * (below - above)
             body.fall = fall + body.inverse_mass * (fall_below - fall_above)
             body.t, body.tail = block.t, block.tail
-            tick(body, dt)
+            advance_clock(body, dt)
         below, fall_below = above, fall_above
 
 
@@ -74,16 +74,16 @@ def force_integrals(member: Any, block: Any, omega: float, tau: float, dt: float
     They are ∫ F cos(Ω(dt - s)) ds in N s and ∫ F Ω sin(Ω(dt - s)) ds in N. `member` is the pair, and τ is the time `dt`
     into its piece.
     """
-    impulse, sine_integral, scale = 0.0, 0.0, pace(block, tau)
+    impulse, sine_integral, scale = 0.0, 0.0, clock_rate(block, tau)
     for i in range(ENERGY_NODE_COUNT):
         # elapsed(x, q, 1)/x is x^(q-1): the factor from dt/dx at the node
         push = (
             ENERGY_WEIGHTS[i]
             * value(member.f, tau * ENERGY_NODES[i])
-            * elapsed(ENERGY_NODES[i], block.clock, 1.0)
+            * elapsed_time(ENERGY_NODES[i], block.clock, 1.0)
             / ENERGY_NODES[i]
         )
-        turn = omega * (dt - elapsed(block.h * tau * ENERGY_NODES[i], block.clock, 1.0))
+        turn = omega * (dt - elapsed_time(block.h * tau * ENERGY_NODES[i], block.clock, 1.0))
         impulse += push * math.cos(turn)
         sine_integral += push * math.sin(turn)
     return scale * impulse, scale * omega * sine_integral

@@ -45,8 +45,8 @@ from granular.md.located.records import (
     RESIDUAL,
     SERIES_ORDER,
 )
-from granular.md.located.system import nth
-from granular.md.located.walls import flown, next_touch, touching_rate
+from granular.md.located.system import wrapped_number
+from granular.md.located.walls import free_flight, next_touch, touching_rate
 
 DRIFT_NOISE_FACTOR = 4.0
 """Closing speed below which two balls count as moving together, in units of noise.
@@ -82,7 +82,7 @@ def two_sum(a: float, b: float) -> tuple[float, float]:
 
 
 @kernel
-def tick(block: Any, dt: float) -> None:
+def advance_clock(block: Any, dt: float) -> None:
     """Advance the clock t + tail of a block or body by `dt` in s.
 
     The tail keeps the digits that a single float would lose, so that gaps are equally accurate at late times.
@@ -91,7 +91,7 @@ def tick(block: Any, dt: float) -> None:
 
 
 @kernel
-def since(block: Any, t: float, tail: float) -> float:
+def time_since(block: Any, t: float, tail: float) -> float:
     """Return the time in s from the clock of a record to the time t + tail.
 
     `block` is the record of a block, pair or body.
@@ -106,11 +106,11 @@ def in_contact(pair: Any, t: float, tail: float) -> bool:
 
     Such a pair is in a contact that was solved as one event, or in the residual phase after this contact.
     """
-    return bool(pair.slot < 0 and pair.lasts > 0.0 and since(pair, t, tail) < 0.0)
+    return bool(pair.slot < 0 and pair.lasts > 0.0 and time_since(pair, t, tail) < 0.0)
 
 
 @kernel
-def elapsed(h: float, q: int, tau: float) -> float:
+def elapsed_time(h: float, q: int, tau: float) -> float:
     """Return (hτ)^q: the time in s from the start of a piece to τ."""
     u = h * tau
     t = u
@@ -127,7 +127,7 @@ def piece_time(block: Any) -> float:
     """
     if DRIVEN and block.event == EDGE:
         return float(block.holds)
-    return elapsed(block.h, block.clock, block.tau)
+    return elapsed_time(block.h, block.clock, block.tau)
 
 
 @kernel
@@ -136,7 +136,7 @@ def tau_at(block: Any, t: float, tail: float) -> float:
 
     The result is 0 before the piece and at most the τ of its end.
     """
-    dt = since(block, t, tail)
+    dt = time_since(block, t, tail)
     if dt <= 0.0 or block.tau == 0.0:
         return 0.0
     if block.h == 0.0:  # shorter than the spacing of floats
@@ -204,7 +204,7 @@ def direction(x: Any) -> float:
 
 
 @kernel
-def peaks(pair: Any, tau: float, scratch: Any) -> None:
+def update_peaks(pair: Any, tau: float, scratch: Any) -> None:
     """Update `xi_max` and `force_max` of a pair after its piece up to `tau`.
 
     The pair already has its overlap and rate at the end of the piece, and its coefficients `g` are overwritten.
@@ -216,22 +216,22 @@ def peaks(pair: Any, tau: float, scratch: Any) -> None:
     """
     deepest = max(float(pair.x[0]), float(pair.xi))
     # closing at first and opening at the end: the overlap has a maximum inside the piece
-    if pair.e[0] > 0.0 > pair.eta or heading(pair.x, tau) == 0.0:
+    if pair.e[0] > 0.0 > pair.eta or monotonic_sign(pair.x, tau) == 0.0:
         for j in range(SERIES_ORDER + 1):
             pair.g[j] = pair.e[j]
-        deepest = max(deepest, summit(pair.x, pair.g, tau, scratch))
+        deepest = max(deepest, largest_local_maximum(pair.x, pair.g, tau, scratch))
     pair.xi_max = max(pair.xi_max, deepest)
     xi = max(0.0, deepest)
     if pair.kind == ELASTIC:
         pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
         return
-    force_sign = heading(pair.f, tau)
+    force_sign = monotonic_sign(pair.f, tau)
     force = float(pair.f[0]) if force_sign < 0.0 else max(float(pair.f[0]), value(pair.f, tau))
     if force_sign == 0.0:
         pair.g[SERIES_ORDER] = 0.0
         for j in range(SERIES_ORDER):
             pair.g[j] = (j + 1) * pair.f[j + 1]
-        force = max(force, summit(pair.f, pair.g, tau, scratch))
+        force = max(force, largest_local_maximum(pair.f, pair.g, tau, scratch))
     if pair.kind == DAMPED:
         rate = max(abs(pair.e[0]), abs(pair.eta))
         force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
@@ -239,7 +239,7 @@ def peaks(pair: Any, tau: float, scratch: Any) -> None:
 
 
 @kernel
-def heading(row: Any, tau: float) -> float:
+def monotonic_sign(row: Any, tau: float) -> float:
     """Return 1 if a polynomial increases on [0, τ], -1 if it decreases, or 0.
 
     The result follows from a bound of the slope, and 0 means that the bound does not decide.
@@ -253,13 +253,13 @@ def heading(row: Any, tau: float) -> float:
 
 
 @kernel
-def summit(row: Any, rate: Any, tau: float, scratch: Any) -> float:
+def largest_local_maximum(row: Any, rate: Any, tau: float, scratch: Any) -> float:
     """Return the largest local maximum of a polynomial on (0, τ), or -inf without one.
 
     `row` has its coefficients. `rate` has the coefficients of a polynomial with the sign of its slope, and is
     overwritten. `scratch` is the storage of the root finder.
     """
-    at, largest, sign, rate_sign = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, heading(rate, tau)
+    at, largest, sign, rate_sign = 0.0, -math.inf, -1.0 if rate[0] > 0.0 else 1.0, monotonic_sign(rate, tau)
     # a row of order ORDER has fewer than ORDER extrema
     for _ in range(SERIES_ORDER):
         step = first_up_crossing(rate, tau - at, scratch, sign)
@@ -291,7 +291,7 @@ def write_flight(pair: Any, h: float, push: float, force: float) -> None:
 
 
 @kernel
-def predict(pair: Any, law: Any, field: Any) -> None:
+def predict_flight(pair: Any, law: Any, field: Any) -> None:
     """Compute the next event of a pair in free flight: `event`, `wait` and `due`.
 
     The event is BEGIN or, for a residual pair, possibly PART. `wait` is the time in s from the clock of the pair, `due`
@@ -312,7 +312,7 @@ def predict(pair: Any, law: Any, field: Any) -> None:
     if pair.mode == RESIDUAL:
         # the overlap vanishes like a gap with opposite signs
         wait, event = time_to_contact(pair.xi, pair.eta, -pair.pull), PART
-        return_time = force_returns(pair, law) if law.s == 1.0 else math.inf
+        return_time = force_return_time(pair, law) if law.s == 1.0 else math.inf
         if return_time < wait:
             wait, event = return_time, BEGIN
     pair.wait, pair.event = wait, event
@@ -320,7 +320,7 @@ def predict(pair: Any, law: Any, field: Any) -> None:
 
 
 @kernel
-def force_returns(pair: Any, law: Any) -> float:
+def force_return_time(pair: Any, law: Any) -> float:
     """Return the time in s until φ = kξ + γη of a clipped pair increases to zero.
 
     The law has s = 1. In free flight -φ has a constant acceleration, so the formula for a closing gap applies. The
@@ -332,25 +332,25 @@ def force_returns(pair: Any, law: Any) -> float:
 
 
 @kernel
-def glide(pair: Any, dt: float, field: Any) -> None:
+def advance_flight_forward(pair: Any, dt: float, field: Any) -> None:
     """Advance a pair in free flight by `dt` in s. A negative `dt` is ignored."""
     if dt > 0.0:
-        fly(pair, dt, field)
+        advance_flight(pair, dt, field)
 
 
 @kernel
-def fly(pair: Any, dt: float, field: Any) -> None:
+def advance_flight(pair: Any, dt: float, field: Any) -> None:
     """Advance a pair in free flight by `dt` in s.
 
     A negative `dt` follows the asymptote of the pair backwards: its free motion extended into the contact before it.
     """
-    pair.xi, pair.eta = flown(field, pair, dt)
+    pair.xi, pair.eta = free_flight(field, pair, dt)
     pair.exact = 0
-    tick(pair, dt)
+    advance_clock(pair, dt)
 
 
 @kernel
-def arrive(pair: Any, field: Any) -> None:
+def advance_flight_to_event(pair: Any, field: Any) -> None:
     """Advance a pair in free flight to its next event.
 
     An open pair then has exactly ξ = 0. Its rate is computed from its state and not from the rounded time.
@@ -358,13 +358,13 @@ def arrive(pair: Any, field: Any) -> None:
     if pair.mode == OPEN:
         pair.eta = touching_rate(field, pair, pair.wait)
         pair.xi = 0.0
-        tick(pair, pair.wait)
+        advance_clock(pair, pair.wait)
     else:
-        glide(pair, pair.wait, field)
+        advance_flight_forward(pair, pair.wait, field)
 
 
 @kernel
-def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, laws: Any) -> None:
+def locate_event(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, laws: Any) -> None:
     """Find the first event of the pairs lo … hi-1 of a block on τ in [0, span].
 
     The piece ends at that event, or at `span` without an event. `tau`, `event` and `fired` (the pair, or -1) of the
@@ -377,13 +377,13 @@ def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, l
         # only an event before the earliest one so far matters: the interval shrinks from pair to pair
         tau, event = next_event(pair, block.tau, scratch, laws)
         if tau <= block.tau:
-            block.tau, block.fired, block.event = tau, nth(pairs, c), event
+            block.tau, block.fired, block.event = tau, wrapped_number(pairs, c), event
             if tau == 0.0:  # no event can be earlier
                 return
         if laws is None:
             tau, event = turning_point(pair, block.tau, scratch)
             if tau < block.tau:
-                block.tau, block.fired, block.event = tau, nth(pairs, c) if event == PART else -1, event
+                block.tau, block.fired, block.event = tau, wrapped_number(pairs, c) if event == PART else -1, event
 
 
 @kernel
@@ -425,17 +425,17 @@ def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, 
         # a linear pair that has not left the overlap at which it woke separates like a dormant pair
         wake_gap = SEPARATION_WAKE_FACTOR * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
-            return shifted(pair.x, wake_gap, span, scratch, -1.0), PART
+            return shifted_crossing(pair.x, wake_gap, span, scratch, -1.0), PART
         if pair.kind == LINEAR:
-            return shifted(pair.f, pair.k * wake_gap, span, scratch, -1.0), END
-        return shifted(pair.g, 0.0, span, scratch, -1.0), END
-    separates_at = shifted(pair.x, separation_gap, span, scratch, -1.0)
-    begins_at = shifted(row, -wake, min(separates_at, span), scratch, 1.0)
+            return shifted_crossing(pair.f, pair.k * wake_gap, span, scratch, -1.0), END
+        return shifted_crossing(pair.g, 0.0, span, scratch, -1.0), END
+    separates_at = shifted_crossing(pair.x, separation_gap, span, scratch, -1.0)
+    begins_at = shifted_crossing(row, -wake, min(separates_at, span), scratch, 1.0)
     return (begins_at, BEGIN) if begins_at < math.inf else (separates_at, PART)
 
 
 @kernel
-def shifted(row: Any, shift: float, span: float, scratch: Any, sign: float) -> float:
+def shifted_crossing(row: Any, shift: float, span: float, scratch: Any, sign: float) -> float:
     """Return the first τ in [0, span] at which a polynomial plus `shift` crosses zero.
 
     The crossing is upwards if `sign` is 1 and downwards if `sign` is -1. The result is inf without a crossing.

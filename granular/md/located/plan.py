@@ -11,40 +11,40 @@ from typing import Any
 
 from granular._engine.kernels import DRIVEN, HUNG, RING, WORKED, kernel
 from granular._engine.records import play
-from granular.md.located.contacts import confirm, judge
-from granular.md.located.ledger import book_piece
-from granular.md.located.log import follow
-from granular.md.located.one_contact.inside import goes_on, has_piece
-from granular.md.located.one_contact.tables import OWN_SPEED, fit, note, request_contact
-from granular.md.located.pendula import swing
-from granular.md.located.pieces import FLOAT_SPACING, locate, piece_time, power, since, tick, value
+from granular.md.located.contacts import activate_pressed, correct_modes
+from granular.md.located.ledger import account_for_piece
+from granular.md.located.log import add_to_contacts
+from granular.md.located.one_contact.inside import end_contact_piece, start_next_piece
+from granular.md.located.one_contact.tables import OWN_SPEED, fit_table, request_contact, store_contact
+from granular.md.located.pendula import advance_pendula
+from granular.md.located.pieces import FLOAT_SPACING, advance_clock, locate_event, piece_time, power, time_since, value
 from granular.md.located.records import (
-    ASKS,
     CHECKS_PER_OCTAVE,
+    CREEP_TESTED,
     DUE_TO_PLAN,
     EDGE,
     GENERAL,
-    LOOKED,
     MOVES,
+    NEEDS_CREEP_TEST,
     NOTHING,
     POINTS_PER_OCTAVE,
     REST_PIECE_SCALE,
 )
-from granular.md.located.rest.proof import may_creep, postpones
-from granular.md.located.series import expand, expand_two
+from granular.md.located.rest.proof import may_creep, postpones_creep_test
+from granular.md.located.series import expand_series, expand_two_linear
 from granular.md.located.step_size import (
     LINEAR_STEP_REACH,
     choose_clock,
+    coefficient_growth,
     fastest_rate,
-    growth,
-    left_out,
-    measure,
-    run_off_time,
-    scale,
-    trusted,
+    residual_step_time,
+    series_scale,
+    set_scales,
+    truncation_error,
+    trusted_tau,
 )
-from granular.md.located.system import is_closed, nth
-from granular.md.located.walls import beside_edge, foresee_walls, speed_at
+from granular.md.located.system import is_closed, wrapped_number
+from granular.md.located.walls import expand_paths, speed_at, time_to_wall_edge
 
 
 @kernel
@@ -68,9 +68,9 @@ def follow_contact(s: Any, laws: Any) -> None:
     `one_contact.inside.request_integration` has requested this integration.
     """
     run = s.run[0]
-    while has_piece(s, laws):
+    while start_next_piece(s, laws):
         plan_piece(s, run.solo, laws)
-        if not goes_on(s, laws):
+        if not end_contact_piece(s, laws):
             break
     run.solo = -1
 
@@ -85,20 +85,20 @@ def plan_piece(s: Any, lo: int, laws: Any) -> bool:
     run, pairs, pool, bodies, field = s.run[0], s.pairs, s.pool, s.bodies, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     log_growth, span = -math.inf, 1.0
-    if block.manner == LOOKED:  # it was tested and does not creep
+    if block.manner == CREEP_TESTED:  # it was tested and does not creep
         block.manner = MOVES
     else:
         run.steps += 1
         if not (HUNG or RING) and laws is None and run.solo < 0 and (
-                may_creep(pairs, pool, bodies, lo) and not postpones(pairs, pool, lo)):
+                may_creep(pairs, pool, bodies, lo) and not postpones_creep_test(pairs, pool, lo)):
             request_creep_test(pairs, pool, lo)
             return True
-    reach = foresee_walls(field, pairs, pool, lo) if DRIVEN else math.inf
+    reach = expand_paths(field, pairs, pool, lo) if DRIVEN else math.inf
     reach = choose_scale(s, lo, reach)
     series_of_piece(s, lo, laws, reach)
     if block.linear == 0 and laws is None:
-        log_growth = growth(pairs, pool, lo, hi, run.tol)
-        span = trusted(log_growth, run.tol)
+        log_growth = coefficient_growth(pairs, pool, lo, hi, run.tol)
+        span = trusted_tau(log_growth, run.tol)
         if block.clock == 1:
             # `last_step` is a step on the plain clock
             block.last_step = block.h * span
@@ -106,13 +106,13 @@ def plan_piece(s: Any, lo: int, laws: Any) -> bool:
     if DRIVEN and reach < math.inf:
         edge_tau = power(reach, 1.0 / block.clock) / block.h
         span = min(span, edge_tau)
-    if not confirm(run, pairs, pool, bodies, lo, hi):
+    if not activate_pressed(run, pairs, pool, bodies, lo, hi):
         block.fired, block.event, block.tau = -1, NOTHING, 0.0  # planned again if the run is continued
         pairs[lo].due = block.t + block.tail
         return False
-    locate(pairs, pool, lo, hi, span, s.scratch, laws)
+    locate_event(pairs, pool, lo, hi, span, s.scratch, laws)
     if log_growth > -math.inf:
-        run.error += left_out(log_growth, block.tau)
+        run.error += truncation_error(log_growth, block.tau)
     if DRIVEN and block.tau == edge_tau and block.fired < 0 and block.event == NOTHING and reach == block.holds:
         block.event = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
@@ -135,13 +135,13 @@ def choose_scale(s: Any, lo: int, reach: float) -> float:
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
-            reach = run_off_time(pairs, pool, lo, hi)
+            reach = residual_step_time(pairs, pool, lo, hi)
         # REACH bounds the truncation error of a linear step by rounding error
         block.h = LINEAR_STEP_REACH / fastest if fastest * reach > LINEAR_STEP_REACH else reach
     else:
-        measure(pairs, pool, lo, hi)
+        set_scales(pairs, pool, lo, hi)
         block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
-        block.h = scale(pairs, pool, lo, hi)
+        block.h = series_scale(pairs, pool, lo, hi)
         if DRIVEN:
             block.h = min(block.h, power(reach, 1.0 / block.clock))
     return reach
@@ -151,7 +151,7 @@ def choose_scale(s: Any, lo: int, reach: float) -> float:
 def request_creep_test(pairs: Any, pool: Any, lo: int) -> None:
     """Make a block due immediately without a piece, so that it is tested for creep."""
     block = pool[pairs[lo].slot]
-    block.manner, block.fired, block.event, block.tau = ASKS, -1, NOTHING, 0.0
+    block.manner, block.fired, block.event, block.tau = NEEDS_CREEP_TEST, -1, NOTHING, 0.0
     pairs[lo].due = block.t + block.tail
     for c in range(lo, pairs[lo].hi):
         member = pool[pairs[c].slot]
@@ -163,7 +163,7 @@ def series_of_piece(s: Any, lo: int, laws: Any, reach: float) -> None:
     """Compute the power series of the next piece of the island that starts with `lo`.
 
     If pairs touch at rest, the series is computed again until it agrees with the modes of these pairs. `reach` (s) and
-    the series of driven walls were computed by `foresee_walls`.
+    the series of driven walls were computed by `expand_paths`.
     """
     pairs, pool, field = s.pairs, s.pool, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
@@ -172,10 +172,10 @@ def series_of_piece(s: Any, lo: int, laws: Any, reach: float) -> None:
         if laws is not None:
             s.run[0].error += laws.fill(pairs, pool, lo, s.run[0].tol, field, reach)
         elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not (HUNG or RING):
-            expand_two(block, pool[pairs[lo + 1].slot], block.h)
+            expand_two_linear(block, pool[pairs[lo + 1].slot], block.h)
         else:
-            expand(pairs, pool, lo, hi, block.h, block.clock, field)
-        if not judge(pairs, pool, lo, hi):
+            expand_series(pairs, pool, lo, hi, block.h, block.clock, field)
+        if not correct_modes(pairs, pool, lo, hi):
             break
 
 
@@ -194,22 +194,22 @@ def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
         member = pool[pairs[c].slot]
         member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
     # log and energy balance need the piece; x_0 and e_0 become the new state only below
-    follow(run, pairs, pool, s.scratch, lo, tau)
+    add_to_contacts(run, pairs, pool, s.scratch, lo, tau)
     if WORKED:
-        book_piece(s, laws, lo, tau)
+        account_for_piece(s, laws, lo, tau)
     if HUNG:
-        swing(run, pairs, pool, bodies, lo, tau, dt)
+        advance_pendula(run, pairs, pool, bodies, lo, tau, dt)
     else:
         advance_velocities(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         member.x[0], member.e[0] = member.xi, member.eta
         member.noise += step_error(run.tol, pairs, pool, c, lo)
-    tick(block, dt)
+    advance_clock(block, dt)
     if DRIVEN and block.event == EDGE and tau == block.tau:
         # dt is a single float: the clock is moved exactly to the edge, so that the next panel starts there
-        tick(block, beside_edge(s.field, pairs[lo], block))
-        tick(block, beside_edge(s.field, pairs[hi - 1], block))
+        advance_clock(block, time_to_wall_edge(s.field, pairs[lo], block))
+        advance_clock(block, time_to_wall_edge(s.field, pairs[hi - 1], block))
     if RING:
         if is_closed(pairs, lo, hi):
             correct_sum_of_rates(pairs, pool, lo, hi, 0.0)
@@ -271,11 +271,11 @@ def advance_velocities(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -
     if RING and is_closed(pairs, lo, hi):
         below, last = pool[pairs[hi - 1].slot].push, hi
     for c in range(lo, last):
-        body, above = bodies[nth(pairs, c)], pool[pairs[c].slot].push if c < hi else 0.0
+        body, above = bodies[wrapped_number(pairs, c)], pool[pairs[c].slot].push if c < hi else 0.0
         if below != 0.0 or above != 0.0:
-            body.v += body.inverse_mass * (below - above) - body.fall * (since(body, block.t, block.tail) + dt)
+            body.v += body.inverse_mass * (below - above) - body.fall * (time_since(body, block.t, block.tail) + dt)
             body.t, body.tail = block.t, block.tail
-            tick(body, dt)
+            advance_clock(body, dt)
         below = above
 
 
@@ -288,12 +288,12 @@ def make_table(s: Any, laws: Any, kernels: Any) -> None:
     for j in range(POINTS_PER_OCTAVE + CHECKS_PER_OCTAVE):
         kernels(request_contact)(s, j, laws)
         kernels(follow_contact)(s, laws)
-        if not kernels(note)(s, j):
+        if not kernels(store_contact)(s, j):
             break
-    kernels(fit)(s)
+    kernels(fit_table)(s)
 
 
-def answer(s: Any, laws: Any, kernels: Any) -> None:
+def integrate_wanted_contact(s: Any, laws: Any, kernels: Any) -> None:
     """Integrate alone the contact that the run has requested (`run.wanted`).
 
     It is integrated at its own speed, and the result is stored for `one_contact.meet`. `kernels` returns the compiled
@@ -301,4 +301,4 @@ def answer(s: Any, laws: Any, kernels: Any) -> None:
     """
     kernels(request_contact)(s, OWN_SPEED, laws)
     kernels(follow_contact)(s, laws)
-    kernels(note)(s, OWN_SPEED)
+    kernels(store_contact)(s, OWN_SPEED)

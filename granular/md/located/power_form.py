@@ -54,7 +54,7 @@ STRONG_DAMPING_RATIO = 0.3
 Below this ratio, it is computed as a half period minus the missing part."""
 
 
-def mapped(kinds: Any, m_eff: Array) -> None:
+def set_contact_maps(kinds: Any, m_eff: Array) -> None:
     """Set the contact maps of power laws, and the shapes of their contacts.
 
     `kinds` are records `LAW_KIND_RECORD` with their coefficients, and `m_eff` effective masses in kg, of the same
@@ -80,7 +80,7 @@ def mapped(kinds: Any, m_eff: Array) -> None:
         kinds[name] = values
 
 
-def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
+def law_kinds(laws: SceneLaws, scene: Scene) -> Any:
     """Return the laws of a scene as records of `LAW_KIND_RECORD`.
 
     The records are cached in `laws` if all laws have power forms.
@@ -108,7 +108,7 @@ def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
 
     A damped self-similar map requires the same damping ratio, hence the same effective mass, in all pairs of a kind.
     """
-    mapped(kinds, np.array([law.pair.m_eff for law in laws.each]))
+    set_contact_maps(kinds, np.array([law.pair.m_eff for law in laws.each]))
     kinds["map"][kinds["kind"] == GENERAL] = NO_MAP
     damped = (kinds["map"] == SELF_SIMILAR) & (kinds["gamma"] > 0.0)
     if damped.any():

@@ -31,7 +31,7 @@ NO_MAP, DASHPOT, SELF_SIMILAR, VISCOELASTIC = range(4)
 """Contact maps: closed forms of the results of isolated contacts.
 
 The kinds are: none, dashpot, self-similar contacts of a power law, viscoelastic spheres (see `one_contact.maps`)."""
-MOVES, LIES, CREEPS, ASKS, LOOKED = range(5)
+MOVES, LIES, CREEPS, NEEDS_CREEP_TEST, CREEP_TESTED = range(5)
 """How a block is integrated.
 
 MOVES: by its equation of motion. LIES: it is at rest. CREEPS: by its slow motion (see `rest.overdamped`). ASKS: not
@@ -42,7 +42,9 @@ NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events that can end the piece or flight of a pair, see the table in `pieces`.
 
 NOTHING is the end of a piece without an event. EDGE is the end of a panel of the path of a driven wall."""
-REACHED, MORE, STOPPED, QUIET, WORK_LIMIT, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK = range(11)
+(
+    REACHED, MORE, STOPPED, QUIET, WORK_LIMIT, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_REST_TEST,
+) = range(11)
 """Reasons why `blocks.advance` returns.
 
 In this order: time limit, chunk done or log full, stop condition, no event can follow, work limit, every ball rests

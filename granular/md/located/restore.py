@@ -15,12 +15,12 @@ from granular._engine.check import EDITED_STATE, saved_array
 from granular._engine.records import column, copied, tournament
 from granular.md.located.checkpoint import CHECKPOINT_RECORDS
 from granular.md.located.records import (
-    ASKS,
+    CREEP_TESTED,
     EDGE,
     ENERGY_ACCOUNT_RECORD,
-    LOOKED,
     MAX_CLOCK_EXPONENT,
     MAX_WORK_LIMIT,
+    NEEDS_CREEP_TEST,
     SPARE_PLACES,
     STRUCK,
 )
@@ -131,7 +131,7 @@ def _is_within_ranges(state: Mapping[str, Any]) -> bool:
         (state["log"]["pair"], -1, n - 1), (state["maps"]["table"], -1, len(state["tables"])),
         (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["event"], 0, EDGE),
         (members["fired"], -1, n - 1), (members["head"], -1, n - 1), (members["piled"], 0, n),
-        (members["manner"], 0, LOOKED), (members["doubts"], 0, np.inf),
+        (members["manner"], 0, CREEP_TESTED), (members["doubts"], 0, np.inf),
         (members["clock"], 1, MAX_CLOCK_EXPONENT), (record["first"], -1, n - 1),
         (record["wanted"], 0, n - 1), (record["solo"], -1, n - 1), (record["lo"], 0, len(pairs)),
         (record["hi"], 0, len(pairs)),
@@ -144,7 +144,7 @@ def _is_within_ranges(state: Mapping[str, Any]) -> bool:
         and np.array_equal(pairs["slot"][n:], pairs["slot"][: len(pairs) - n])
         and np.array_equal(members["number"], np.flatnonzero(pairs["slot"][:n] >= 0))
         and record["rows"] == rows and record["tables"] == len(state["tables"])
-        and not (members["manner"] == ASKS).any()
+        and not (members["manner"] == NEEDS_CREEP_TEST).any()
     )
 
 
@@ -192,7 +192,7 @@ def with_fields_of(records: Any, dtype: np.dtype[Any]) -> Any:
     return out
 
 
-def restored(s: System, state: Mapping[str, Any]) -> System:
+def restored_records(s: System, state: Mapping[str, Any]) -> System:
     """Return the records of a checkpoint with the limits and stop conditions of `s`.
 
     `s` are the records of the scene at its start. The limits on contacts and steps are counted from the checkpoint

@@ -12,12 +12,12 @@ from granular._engine.kernels import Toll, compiled, fitted
 from granular._engine.records import column, copied, packed, plain, play, replay
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
-from granular.md.located.checkpoint import MAX_FULL_COPY_PAIRS, Checkpoint, Untouched
-from granular.md.located.ending import message_of, rest_of_log, settle, stats_of
-from granular.md.located.log import keep_unsettled
-from granular.md.located.one_contact.inside import request_state, seen, write_and_request_states
+from granular.md.located.checkpoint import MAX_FULL_COPY_PAIRS, Checkpoint, RecordsBeforeEnd
+from granular.md.located.ending import message_of, settle_overlaps, stats_of, unlogged_contacts
+from granular.md.located.log import drop_settled_rows
+from granular.md.located.one_contact.inside import request_state, write_and_request_states, write_integrated_state
 from granular.md.located.pace import PAUSE_REASONS, Pace
-from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
+from granular.md.located.plan import follow_contact, integrate_wanted_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
     BINDING,
@@ -112,9 +112,9 @@ class Run:
 
             self.collocation = Collocation(laws, scene.ring)
         if state is not None:
-            from granular.md.located.restore import restored
+            from granular.md.located.restore import restored_records
 
-            s = restored(s, state)
+            s = restored_records(s, state)
             codes.append(int(np.asarray(state["run"])["disturbing"][0]))
         self.s: Any = s
         self.special = {flag: True for flag in scene._flags if flag != "DRIVEN" or s.field is not None}  # a wall moves
@@ -135,7 +135,7 @@ class Run:
 
         Returns false if the run has to stop at its start.
         """
-        return bool(self.kernels(blocks.set_out)(self.s, self.collocation))
+        return bool(self.kernels(blocks.start_blocks)(self.s, self.collocation))
 
     def continue_from_checkpoint(self, state: Mapping[str, Any]) -> None:
         """Continue from the records of the checkpoint `state`."""
@@ -203,7 +203,7 @@ class Run:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if limit == math.inf and self.counters["rests"] == 1:
             return Pause.resting  # proved before: a resumed run ends at the same state
-        code, counters = self.pace.advanced(limit, last), self.counters
+        code, counters = self.pace.advance_portion(limit, last), self.counters
         reached = code == REACHED or (code == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
         if self.closing is not None and self.now < math.inf:
@@ -213,7 +213,7 @@ class Run:
             make_table(self.s, self.collocation, self.kernels)
             return Pause.full
         if code == WANTS_CONTACT:
-            answer(self.s, self.collocation, self.kernels)
+            integrate_wanted_contact(self.s, self.collocation, self.kernels)
         elif code == CRAMPED:
             self.s = with_more_room(self.s)
         if code in (WANTS_CONTACT, CRAMPED):
@@ -248,7 +248,7 @@ class Run:
         if is_finished.all():
             counters["rows"] = 0
         else:
-            self.kernels(keep_unsettled)(self.s, self.now)
+            self.kernels(drop_settled_rows)(self.s, self.now)
             rows = rows[is_finished]
         log_length = len(self.s.log)
         # longer if half of the rows belong to contacts that continue, or if a short buffer is full
@@ -256,9 +256,9 @@ class Run:
             self.s = with_longer_log(self.s)
         if self.request.on_event is not None:
             rows = rows[np.argsort(rows["t_end"], kind="stable")]
-        return [self.dated(rows)]
+        return [self.with_scene_times(rows)]
 
-    def dated(self, rows: Rows) -> Rows:
+    def with_scene_times(self, rows: Rows) -> Rows:
         """Convert the times of log rows from the clock of the run to the scene's time.
 
         `rows` is modified.
@@ -284,7 +284,7 @@ class Run:
         c = self.kernels(write_and_request_states)(self.s, elapsed, *rows, sums, self.collocation)
         while c < n:
             self.kernels(follow_contact)(self.s, self.collocation)
-            self.kernels(seen)(self.s, c, *rows, sums)
+            self.kernels(write_integrated_state)(self.s, c, *rows, sums)
             c = self.kernels(request_state)(self.s, c + 1, elapsed)
         state = np.asarray(rows)
         if not np.isfinite(state[:2]).all():  # interpreted code raises earlier
@@ -301,40 +301,40 @@ class Run:
         needed in any case.
         """
         if pause is Pause.resting:
-            settle(self)
+            settle_overlaps(self)
         if self.engine == "auto":
             self.toll.lap()
         end = self.request.end - self.start if pause is Pause.reached else max(float(self.counters["t"]), self.seen)
-        all_apart = bool(self.kernels(blocks.all_apart)(self.s, end))
+        all_apart = bool(self.kernels(blocks.is_all_apart)(self.s, end))
         if not all_apart:
-            self.pace.look_at_all()
+            self.pace.test_all_for_creep()
         row, needs_row = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
         if needs_row and pause is Pause.reached:  # bitwise identical to a sample there
             row = self.row(self.request.end)
         untouched = None if all_apart else self.gather(end)
         if needs_row and row is None:
             row = self.row_after(end, self.start + end)
-        running, r = rest_of_log(self, end) if self.request.log and not all_apart else None, plain(self.s.run)[0]
+        running, r = unlogged_contacts(self, end) if self.request.log and not all_apart else None, plain(self.s.run)[0]
         stats, message = stats_of(self, r), message_of(self, pause.value, r, self.start + end)
         before, self.s, self.pace.run = self.s, None, None  # frees memory for the log
         before = untouched.put_back() if untouched else before
         state = Checkpoint(before, {"origin": self.start}) if self.launched else {}
         return End(row, pause.value, message, stats, state, running)
 
-    def gather(self, end: float) -> Untouched:
+    def gather(self, end: float) -> RecordsBeforeEnd:
         """Advance every pair to the time `end` in s on the clock of the run.
 
         Returns the records as they were before.
         """
-        untouched = Untouched(self.s, end)
-        while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
+        untouched = RecordsBeforeEnd(self.s, end)
+        while not self.kernels(blocks.continue_contacts_by_pieces)(self.s, end, self.collocation):
             self.s = with_more_room(self.s)
-        self.pace.look_at_all()
+        self.pace.test_all_for_creep()
         if len(self.s.queue) > MAX_FULL_COPY_PAIRS:  # no event follows
             self.s = self.s._replace(queue=copied(self.s.queue[:1]))
-        self.kernels(blocks.gather)(self.s, end, self.collocation)
+        self.kernels(blocks.advance_islands_to_end)(self.s, end, self.collocation)
         if column(self.s.pool, "manner").any():
-            self.pace.rare_kernel(blocks.gather_slowly)(self.s)
+            self.pace.rare_kernel(blocks.expand_resting_blocks)(self.s)
         self.now = math.inf  # rows of contacts that continue are void: all others are over
         return untouched
 

@@ -20,7 +20,7 @@ import math
 from typing import Any
 
 from granular._engine.kernels import DRIVEN, HUNG, RING, kernel
-from granular.md.located.pieces import elapsed, power
+from granular.md.located.pieces import elapsed_time, power
 from granular.md.located.records import (
     ACTIVE,
     DORMANT,
@@ -37,7 +37,7 @@ from granular.md.located.walls import drive
 
 
 @kernel
-def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any) -> None:
+def expand_series(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any) -> None:
     """Compute the series of overlap, rate and force of the pairs lo … hi-1.
 
     They are `x`, `e` and `f` of each pair record, on the clock t = (hτ)^q. Pairs that are not open also get `g`, the
@@ -48,7 +48,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
         prepare_series(pool[pairs[c].slot], q)
     if DRIVEN:
         drive(field, pairs, lo, hi, h, q)
-    scale, last = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
+    scale, last = q * elapsed_time(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
     for n in range(SERIES_ORDER - q + 1):
         step, below = scale / (n + q), 0.0
         for c in range(lo, hi):
@@ -161,11 +161,11 @@ def has_force(pair: Any) -> float:
 
 
 @kernel
-def expand_two(a: Any, b: Any, h: float) -> None:
-    """Compute the series of two linear pairs on the plain clock, as `expand` does.
+def expand_two_linear(a: Any, b: Any, h: float) -> None:
+    """Compute the series of two linear pairs on the plain clock.
 
-    This is the most frequent island. The sums are the same as in `expand`, but in one loop for both pairs. This halves
-    the time of the series in an interpreted run.
+    This is the most frequent island. The sums are the same as in `expand_series`, but in one loop for both pairs. This
+    halves the time of the series in an interpreted run.
     """
     xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
     of_a, of_b = has_force(a), has_force(b)

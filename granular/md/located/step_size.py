@@ -21,7 +21,7 @@ from typing import Any
 
 from granular._engine.flight import time_to_contact
 from granular._engine.kernels import RING, kernel
-from granular.md.located.pieces import DRIFT_NOISE_FACTOR, elapsed, force_returns, power
+from granular.md.located.pieces import DRIFT_NOISE_FACTOR, elapsed_time, force_return_time, power
 from granular.md.located.records import (
     ACTIVE,
     DAMPED,
@@ -91,7 +91,7 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
 
 
 @kernel
-def run_off_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
+def residual_step_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
     """Return a duration in s for the piece of a linear island without forces.
 
     The piece covers the end of the first residual phase. The pull is assumed to be constant, as at a driven wall
@@ -101,13 +101,13 @@ def run_off_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.mode == RESIDUAL:
-            t = min(t, time_to_contact(pair.xi, pair.eta, -pair.pull), force_returns(pair, pair))
+            t = min(t, time_to_contact(pair.xi, pair.eta, -pair.pull), force_return_time(pair, pair))
     # twice the time of the event, so that the step certainly contains it
     return 2.0 * t if 0.0 < t < math.inf else 1.0
 
 
 @kernel
-def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
+def set_scales(pairs: Any, pool: Any, lo: int, hi: int) -> None:
     """Compute the typical speed V and overlap X of an island and of each of its pairs.
 
     They are stored as `speed` and `length` of the block, and `own_speed` and `own_length` of each pair, in m/s and m.
@@ -141,9 +141,9 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
         pair = pool[pairs[c].slot]
         if pair.own_speed == 0.0:
             pair.own_speed = speed
-        pair_length = pair.own_length = amplitude(pair, pair.own_speed * pair.own_speed)
+        pair_length = pair.own_length = stopping_overlap(pair, pair.own_speed * pair.own_speed)
         if pair.mode != OPEN:
-            length = max(length, pair_length if pair.own_speed == speed else amplitude(pair, speed * speed))
+            length = max(length, pair_length if pair.own_speed == speed else stopping_overlap(pair, speed * speed))
     block = pool[pairs[lo].slot]
     block.speed, block.length = speed, length
 
@@ -160,7 +160,7 @@ def raise_speed(neighbour: Any, pair: Any, w: float) -> None:
 
 
 @kernel
-def amplitude(pair: Any, square: float) -> float:
+def stopping_overlap(pair: Any, square: float) -> float:
     """Return the overlap in m at which an elastic pair alone would stop.
 
     `square` is its squared rate in m²/s² at overlap 0.
@@ -216,7 +216,7 @@ def is_curved(pair: Any) -> bool:
 
 
 @kernel
-def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
+def series_scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
     """Return the scale h with which the series of a nonlinear island is computed.
 
     It is in s^(1/q) for the clock t = (hτ)^q. It is reduced where powers of h relative to the time of a contact would
@@ -240,7 +240,7 @@ def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
 
 
 @kernel
-def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
+def coefficient_growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
     """Return ln a, the growth of the coefficients of an island per order.
 
     The module docstring defines a. The result is -inf if all examined coefficients are zero. The bracket `g` of a pair
@@ -270,7 +270,7 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
             log_growth = max(log_growth, row_growth(pair.x, 1, SERIES_ORDER, 0, pair.own_length))
         examine_bracket = pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0
         if pair.mode == RESIDUAL and pair.s != 1.0:
-            examine_bracket = not stays_clipped(pair, trusted(log_growth, tol))
+            examine_bracket = not stays_clipped(pair, trusted_tau(log_growth, tol))
             if not examine_bracket:
                 for j in range(SERIES_ORDER + 1):
                     # φ is proved negative on the piece: replace it by a constant without roots
@@ -321,7 +321,7 @@ def stays_clipped(pair: Any, theta: float) -> bool:
 
 
 @kernel
-def trusted(log_growth: float, tol: float) -> float:
+def trusted_tau(log_growth: float, tol: float) -> float:
     """Return the τ up to which a series with ln a = `log_growth` is accurate to `tol`.
 
     It is at most `MAX_STEP_PER_SCALE`.
@@ -330,12 +330,12 @@ def trusted(log_growth: float, tol: float) -> float:
 
 
 @kernel
-def left_out(log_growth: float, tau: float) -> float:
+def truncation_error(log_growth: float, tau: float) -> float:
     """Return the truncation error of a piece up to τ, relative to its typical speed.
 
-    `log_growth` is ln a from `growth`.
+    `log_growth` is ln a from `coefficient_growth`.
     """
     ratio = tau * math.exp(log_growth)
     # 0.5: guard against a ratio close to 1, where the geometric series diverges
-    return elapsed(ratio, SERIES_ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
+    return elapsed_time(ratio, SERIES_ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
 

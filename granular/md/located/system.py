@@ -19,7 +19,7 @@ from granular._engine.kernels import RING, kernel
 from granular._engine.records import NODE, packed, plain, tournament
 from granular._engine.roots import MAX_SUBDIVISIONS, workspace
 from granular.laws.kinds import SceneLaws, number_distinct_rows
-from granular.md.located.power_form import kinds_of
+from granular.md.located.power_form import law_kinds
 from granular.md.located.records import (
     CONTACT_TABLE_RECORD,
     DASHPOT,
@@ -42,27 +42,28 @@ from granular.md.located.records import (
     SOFT_RUN_RECORD,
     SPARE_PLACES,
 )
-from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
+from granular.md.located.walls import Pendula, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.run import until as stop
 from granular.run.contact_log import CONTACT_ROW
 from granular.scene.state import Scene
 
-Fields = namedtuple("Fields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
+SystemFields = namedtuple(
+    "SystemFields", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger"
+)
 """Fields of a `System`, in this order."""
 
 
-class System(ByReference, Fields):
+class System(ByReference, SystemFields):
     """All records of a run.
 
     `run` has one record with counters and limits, `pairs` one per pair, `bodies` one per body and `kinds` one per force
     law. `pool` has the records of pairs in islands. `queue` is the tournament tree of blocks, ordered by the times of
     their next events. `log` is the buffer of the contact log. `maps` and `tables` are tables of isolated contacts,
     `answer` is the last contact integrated alone for `one_contact.meet`. `scratch` is temporary storage of the root
-    finder. `field` describes free flight: driven `Walls`, `Hung` pendula, or None. `ledger` is the energy balance, or
-    None.
+    finder. `field` describes free flight: driven `Walls`, `Pendula`, or None. `ledger` is the energy balance, or None.
     """
 
-    _plain = Fields
+    _plain = SystemFields
 
 
 def to_plain(s: System) -> System:
@@ -98,7 +99,7 @@ def to_compiled(s: System) -> System:
     return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.field), ledger])
 
 
-def readable(s: System) -> System:
+def record_views(s: System) -> System:
     """Return views of numpy records that interpreted code can use, slowly.
 
     The memory is shared, not copied.
@@ -250,7 +251,7 @@ def _new_records(
     # the sum of two inverse masses has to be finite
     if not 2.0 * float(scene.inverse_mass.max()) < math.inf:
         raise OverflowError("the inverse of a mass")
-    kinds = kinds_of(laws, scene)
+    kinds = law_kinds(laws, scene)
     walls, lift = walls_of(scene, start, ROW_LENGTH) if scene.driven else None, None
     if scene.external_force is not None:
         lift = scene.lift
@@ -289,7 +290,7 @@ def _with_pendula(s: System, scene: Scene) -> System:
     assert scene.rest_gap is not None
     s.bodies["fall"] = square * scene.displacement
     s.pairs["pull"], s.pairs["map"], s.run["omega"] = -square * scene.rest_gap, -1, scene.pendulum
-    return s._replace(field=Hung(scene.pendulum, square))
+    return s._replace(field=Pendula(scene.pendulum, square))
 
 
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
@@ -306,7 +307,7 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
 
 
 @kernel
-def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
+def join_pool(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
     """Move pair `c` from free flight into the pool.
 
     Its record in the pool receives its state, its law and its clock.
@@ -315,7 +316,7 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
     pair.slot = pool[run.members].spare
     run.members += 1
     if RING:
-        pairs[c + count_of(pairs)].slot = pair.slot
+        pairs[c + pair_count(pairs)].slot = pair.slot
     member = pool[pair.slot]
     if pair.mode == OPEN:
         pair.isolated = 0
@@ -334,22 +335,22 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
 
 
 @kernel
-def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
+def leave_pool(run: Any, pairs: Any, pool: Any, c: int) -> None:
     """Free the place of pair `c` in the pool."""
     run.members -= 1
     pool[run.members].spare, pairs[c].slot = pairs[c].slot, -1
     if RING:
-        pairs[c + count_of(pairs)].slot = -1
+        pairs[c + pair_count(pairs)].slot = -1
 
 
 @kernel
-def count_of(pairs: Any) -> int:
+def pair_count(pairs: Any) -> int:
     """Return the number of pairs. On a ring it is half the length of `pairs`."""
     return len(pairs) // 2 if RING else len(pairs)
 
 
 @kernel
-def nth(pairs: Any, c: int) -> int:
+def wrapped_number(pairs: Any, c: int) -> int:
     """Return the number of pair or body `c`, on a ring modulo the number of pairs."""
     return c % (len(pairs) // 2) if RING else c
 
@@ -361,7 +362,7 @@ def is_closed(pairs: Any, lo: int, hi: int) -> bool:
 
 
 @kernel
-def beside(pairs: Any, c: int) -> tuple[int, int]:
+def neighbour_pairs(pairs: Any, c: int) -> tuple[int, int]:
     """Return the numbers of the pairs below and above pair `c`.
 
     At the ends of a line they are -1 and the number of pairs. A ring of two balls has only one other pair: it is
@@ -374,27 +375,27 @@ def beside(pairs: Any, c: int) -> tuple[int, int]:
 
 
 @kernel
-def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
+def island_neighbours(run: Any, pairs: Any) -> tuple[int, int]:
     """Return the pairs below and above the island of the current event on a ring.
 
     If the island consists of all pairs, the result is -1 and the length of `pairs`, as for an island that fills a line.
     """
     if is_closed(pairs, run.lo, run.hi):
         return -1, len(pairs)
-    return nth(pairs, run.lo - 1), nth(pairs, run.hi)
+    return wrapped_number(pairs, run.lo - 1), wrapped_number(pairs, run.hi)
 
 
 @kernel
-def lengthen(run: Any, pairs: Any, lo: int) -> None:
+def lengthen_island(run: Any, pairs: Any, lo: int) -> None:
     """Extend the island of the current event on a ring by a block next to it.
 
     The block starts with pair `lo`, directly above or below the island.
     """
     size = pairs[lo].hi - lo
-    if lo == nth(pairs, run.hi):
+    if lo == wrapped_number(pairs, run.hi):
         run.hi += size
         return
     run.lo -= size
     if run.lo < 0:
-        run.lo, run.hi = run.lo + count_of(pairs), run.hi + count_of(pairs)
+        run.lo, run.hi = run.lo + pair_count(pairs), run.hi + pair_count(pairs)
 

@@ -38,7 +38,7 @@ Walls = namedtuple("Walls", "start wall panels path push")
 `start` is the time in s at which the run's own clock is 0. `wall` and `panels` are records `WALL_DTYPE` and
 `PANEL_DTYPE`. `path` and `push` are temporary storage per wall. `path` has the power series of the displacement side·m
 in m, in powers of the time in s. `push` has the series of the acceleration in powers of τ."""
-Hung = namedtuple("Hung", "omega square")
+Pendula = namedtuple("Pendula", "omega square")
 """Parameters of pendula in free flight: Ω in 1/s, and Ω² in 1/s².
 
 They are the `field` of a run with pendula, in place of `Walls`."""
@@ -114,7 +114,7 @@ def caller_time(walls: Any, t: float, tail: float) -> tuple[float, float]:
 
 
 @kernel
-def flown(field: Any, pair: Any, dt: float) -> tuple[float, float]:
+def free_flight(field: Any, pair: Any, dt: float) -> tuple[float, float]:
     """Return the overlap (m) and rate (m/s) of a pair in free flight after `dt` (s).
 
     `dt` starts at the clock of the pair. If it is negative, the result belongs to its asymptote: its free motion
@@ -138,7 +138,7 @@ def rest_gap(field: Any, pair: Any) -> float:
 def rate_at(field: Any, pair: Any, t: float) -> float:
     """Return the rate of the overlap in m/s of a pair in free flight at time `t` in s."""
     if HUNG or (DRIVEN and pair.wall > 0):
-        return float(flown(field, pair, (t - pair.t) - pair.tail)[1])
+        return float(free_flight(field, pair, (t - pair.t) - pair.tail)[1])
     return float(pair.eta + pair.pull * (t - pair.t))
 
 
@@ -161,7 +161,7 @@ def touching_rate(field: Any, pair: Any, wait: float) -> float:
     The touch is a time `wait` in s after the clock of the pair.
     """
     if DRIVEN and pair.wall > 0:
-        return flown(field, pair, wait)[1]
+        return free_flight(field, pair, wait)[1]
     if HUNG:
         return -hung_rate_at_contact(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
     # an open pair can have a positive overlap by rounding
@@ -196,7 +196,7 @@ def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
 
 
 @kernel
-def carry_walls(walls: Any, s: Any) -> None:
+def update_walls(walls: Any, s: Any) -> None:
     """Set the velocities of driven walls, and the pulls at them, at the current event.
 
     Only pairs in islands have a pull that includes the acceleration of the wall.
@@ -262,7 +262,7 @@ def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, 
 
 
 @kernel
-def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
+def expand_paths(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
     """Prepare the series of driven walls for the next piece of an island.
 
     The paths are expanded about the clock of the block that starts with pair `lo`. Returns the longest permitted
@@ -347,7 +347,7 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
 
 
 @kernel
-def beside_edge(walls: Any, pair: Any, block: Any) -> float:
+def time_to_wall_edge(walls: Any, pair: Any, block: Any) -> float:
     """Return the signed time in s from the clock of a block to the edge of a panel.
 
     The result is 0 if the edge is farther away than rounding, if the path is periodic, or if `pair` is not at a driven
@@ -360,7 +360,7 @@ def beside_edge(walls: Any, pair: Any, block: Any) -> float:
 
 
 @kernel
-def jump_at(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]:
+def rate_jump(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]:
     """Return the jump in m/s of the rate of a pair at an edge of its wall's path.
 
     The second number is the same jump between the two panels as stored, with their rounding errors. Both are 0 if t +

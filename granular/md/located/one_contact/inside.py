@@ -3,8 +3,8 @@
 A contact that was solved as one event has no state between its onset and its end. If such a state is needed, the
 contact is integrated again from its onset, while its neighbours stay in free flight. There are three uses:
 
-* a sample during the contact (`request_state`, `seen`)
-* an event of a neighbouring pair that may disturb the contact (`restore_record`, `expose`)
+* a sample during the contact (`request_state`, `write_integrated_state`)
+* an event of a neighbouring pair that may disturb the contact (`restart_contact`, `join_current_event`)
 * the contact map of a law without a closed form (`tables`)
 
 `request_integration` starts the integration, and `plan.follow_contact` performs it.
@@ -17,21 +17,31 @@ from typing import Any
 
 from granular._engine.flight import swung, time_to_contact
 from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
-from granular.md.located.contacts import pushes
+from granular.md.located.contacts import needs_series
 from granular.md.located.ledger import (
-    LOST,
-    begin,
-    book,
-    book_at_once,
-    keep_part_until_now,
-    read,
-    run_off,
-    tally,
-    tally_island,
+    DISSIPATED,
+    account_for_isolated_contact,
+    add_island_energy,
+    add_pair_energy,
+    add_sums_to_account,
+    clear_sums,
+    read_energy_account,
+    replace_whole_contact,
+    residual_loss,
 )
-from granular.md.located.log import follow
+from granular.md.located.log import add_to_contacts
 from granular.md.located.modes import FORCE_BEGINS, FORCE_ENDS, change_mode, clip
-from granular.md.located.pieces import fly, force_returns, in_contact, piece_time, power, since, tau_at, tick, value
+from granular.md.located.pieces import (
+    advance_clock,
+    advance_flight,
+    force_return_time,
+    in_contact,
+    piece_time,
+    power,
+    tau_at,
+    time_since,
+    value,
+)
 from granular.md.located.records import (
     ACTIVE,
     AT_LEAST_ONE,
@@ -43,8 +53,8 @@ from granular.md.located.records import (
     PART,
     RESIDUAL,
 )
-from granular.md.located.system import count_of, join, leave, nth
-from granular.md.located.walls import beside_edge, flown, jump_at
+from granular.md.located.system import join_pool, leave_pool, pair_count, wrapped_number
+from granular.md.located.walls import free_flight, rate_jump, time_to_wall_edge
 
 MAX_CONTACT_PIECES = 2000
 """Number of pieces after which a contact is assumed never to end."""
@@ -58,7 +68,7 @@ def occupy_record(s: Any, c: int, v: float) -> Any:
     """
     pair = s.pairs[c]
     isolated = pair.isolated
-    join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
+    join_pool(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
     member, pair.isolated = s.pool[pair.slot], isolated
     member.xi, member.eta, member.mode, member.exact, member.going_on = 0.0, v, ACTIVE, 0, 1
     member.t, member.tail = pair.t, pair.tail
@@ -83,11 +93,11 @@ def request_integration(s: Any, c: int, left: float) -> None:
     run.solo, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
     run.over, run.parting = math.nan, math.nan
     if WORKED:
-        begin(s.ledger[0].solo)
+        clear_sums(s.ledger[0].solo)
 
 
 @kernel
-def has_piece(s: Any, laws: Any) -> bool:
+def start_next_piece(s: Any, laws: Any) -> bool:
     """Start the next piece of the contact that is integrated alone, if one is needed.
 
     Returns False if the integration is complete. Free flight of a residual pair whose force does not return completes
@@ -101,25 +111,25 @@ def has_piece(s: Any, laws: Any) -> bool:
     ):
         return False
     run.pieces += 1
-    if member.mode != RESIDUAL or pushes(member):
+    if member.mode != RESIDUAL or needs_series(member):
         return True
     wait, xi = time_to_contact(member.xi, member.eta, -member.pull), member.xi
     if run.passed + wait > run.left:
-        fly(member, run.left - run.passed, s.field)
+        advance_flight(member, run.left - run.passed, s.field)
         run.passed = run.left
         if WORKED:
-            s.ledger[0].solo[LOST] += run_off(member, laws, member, xi, member.xi)
-    elif member.s != 1.0 or not force_returns(member, member) < wait:
-        fly(member, wait, s.field)
+            s.ledger[0].solo[DISSIPATED] += residual_loss(member, laws, member, xi, member.xi)
+    elif member.s != 1.0 or not force_return_time(member, member) < wait:
+        advance_flight(member, wait, s.field)
         if WORKED:
-            s.ledger[0].solo[LOST] += run_off(member, laws, member, xi, 0.0)
+            s.ledger[0].solo[DISSIPATED] += residual_loss(member, laws, member, xi, 0.0)
         member.xi, member.mode = 0.0, OPEN
         run.passed += wait
     return False
 
 
 @kernel
-def goes_on(s: Any, laws: Any) -> bool:
+def end_contact_piece(s: Any, laws: Any) -> bool:
     """Advance the contact that is integrated alone to the end of its piece.
 
     The event at this end is applied. Returns False if this was the last piece.
@@ -133,18 +143,18 @@ def goes_on(s: Any, laws: Any) -> bool:
         # rounding must not move τ beyond the end of the piece
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
-        tally(s, laws, c, member, tau, s.ledger[0].solo)
+        add_pair_energy(s, laws, c, member, tau, s.ledger[0].solo)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
     if run.log_level != NO_LOG:
-        follow(run, s.pairs, s.pool, s.scratch, c, tau)
-    tick(member, dt)
+        add_to_contacts(run, s.pairs, s.pool, s.scratch, c, tau)
+    advance_clock(member, dt)
     run.passed += dt
     if not run.passed < run.left:
         run.at = tau
         return False
     if DRIVEN and member.event == EDGE and member.wall > 0:
-        tick(member, beside_edge(s.field, member, member))
-        jump, slip = jump_at(s.field, member, member.t, member.tail)
+        advance_clock(member, time_to_wall_edge(s.field, member, member))
+        jump, slip = rate_jump(s.field, member, member.t, member.tail)
         member.eta += slip
         if jump != 0.0:
             update_mode_after_jump(run, member, laws)
@@ -171,33 +181,33 @@ def update_mode_after_jump(run: Any, member: Any, laws: Any) -> None:
 
 
 @kernel
-def restore_record(s: Any, c: int, t: float, tail: float) -> None:
+def restart_contact(s: Any, c: int, t: float, tail: float) -> None:
     """Start to integrate the contact of pair `c`, which was solved as one event.
 
     It is integrated from its onset up to the time t + tail. The pair moves into the pool and becomes an island of its
     own.
     """
     pair = s.pairs[c]
-    left = pair.lasts + since(pair, t, tail)
+    left = pair.lasts + time_since(pair, t, tail)
     member = occupy_record(s, c, pair.speed)
-    tick(member, -pair.lasts)
+    advance_clock(member, -pair.lasts)
     member.t_begin = member.t
     request_integration(s, c, left)
 
 
 @kernel
-def expose(s: Any, c: int) -> None:
+def join_current_event(s: Any, c: int) -> None:
     """Let a contact that was solved as one event take part in the current event.
 
-    The event may disturb the contact of pair `c`, which has been integrated up to now after `restore_record`. Balls,
+    The event may disturb the contact of pair `c`, which has been integrated up to now after `restart_contact`. Balls,
     flanks, contact log and energy balance contained the result of the whole contact. They are set to the present state.
     """
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
-    back = since(pair, run.t, run.tail)
+    back = time_since(pair, run.t, run.tail)
     if WORKED:  # replace the account of the whole contact by the account up to now
-        book_at_once(s.ledger, s, c, -1.0)
-        book(s.ledger[0], s.ledger[0].solo)
-    xi, eta = flown(s.field, pair, back)
+        account_for_isolated_contact(s.ledger, s, c, -1.0)
+        add_sums_to_account(s.ledger[0], s.ledger[0].solo)
+    xi, eta = free_flight(s.field, pair, back)
     if member.mode != ACTIVE:  # a residual contact already follows its asymptote
         member.xi = xi if member.mode == RESIDUAL else min(0.0, xi)
         member.eta, member.going_on = eta, 0
@@ -233,15 +243,16 @@ def correct_balls_and_flanks(s: Any, c: int, xi: float, eta: float) -> None:
     run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
     low, high = member.lower / member.inverse, member.upper / member.inverse
     for side in range(2):
-        body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
+        body, f = bodies[wrapped_number(s.pairs, c + side)], wrapped_number(s.pairs, c - 1 + 2 * side)
+        share = high if side else low
         if HUNG:
-            body.v, body.fall = swung(body, run.omega, since(body, run.t, run.tail))
+            body.v, body.fall = swung(body, run.omega, time_since(body, run.t, run.tail))
             body.v += (share if side else -share) * eta
             body.fall += s.field.square * (share if side else -share) * xi
         else:
-            body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
+            body.v += -body.fall * time_since(body, run.t, run.tail) + (share if side else -share) * eta
         body.t, body.tail = run.t, run.tail
-        if 0 <= f < count_of(s.pairs):
+        if 0 <= f < pair_count(s.pairs):
             correct_flank(s, f, share * xi, share * eta)
 
 
@@ -256,7 +267,7 @@ def correct_flank(s: Any, f: int, xi: float, eta: float) -> None:
         s.pool[flank.slot].xi += xi
         s.pool[flank.slot].eta += eta
         return
-    fly(flank, since(flank, run.t, run.tail), s.field)
+    advance_flight(flank, time_since(flank, run.t, run.tail), s.field)
     flank.xi += xi
     flank.eta += eta
 
@@ -266,24 +277,25 @@ def write_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, law
     """Write overlap, rate and force of every pair at a time `t` in the current pieces.
 
     `xi`, `eta` and `force` are arrays with one entry per pair. For a contact solved as one event, they receive the free
-    motion after the contact, see `seen`. `sums` receives the sums of the energy balance, if there is one.
+    motion after the contact, see `write_integrated_state`. `sums` receives the sums of the energy balance, if there is
+    one.
     """
     if WORKED:
-        read(s.ledger, sums)
-    for c in range(count_of(s.pairs)):
+        read_energy_account(s.ledger, sums)
+    for c in range(pair_count(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0:
-            dt = since(pair, t, 0.0)
+            dt = time_since(pair, t, 0.0)
             dt = dt if pair.ahead == 1 else max(0.0, dt)
-            deep, fast = flown(s.field, pair, dt)
+            deep, fast = free_flight(s.field, pair, dt)
             xi[c], eta[c], force[c] = deep, fast, 0.0
             if WORKED:
-                sums[LOST] += run_off(s.kinds[pair.kind_of], laws, pair, pair.xi, deep)
+                sums[DISSIPATED] += residual_loss(s.kinds[pair.kind_of], laws, pair, pair.xi, deep)
         else:
             member = s.pool[pair.slot]
             tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
             if WORKED and pair.first == c:
-                tally_island(s, laws, c, tau, sums)
+                add_island_energy(s, laws, c, tau, sums)
             xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
             force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
 
@@ -292,15 +304,15 @@ def write_states(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, law
 def request_state(s: Any, c: int, t: float) -> int:
     """Start to integrate the next contact that was solved as one event, up to `t`.
 
-    The search begins at pair `c`. Returns the number of the pair, to be passed to `seen`, or the number of pairs if no
-    such contact is left.
+    The search begins at pair `c`. Returns the number of the pair, to be passed to `write_integrated_state`, or
+    the number of pairs if no such contact is left.
     """
-    run, n = s.run[0], count_of(s.pairs)
+    run, n = s.run[0], pair_count(s.pairs)
     while c < n and not in_contact(s.pairs[c], t, 0.0):
         c += 1
     if c < n:
         run.before_due, run.before_steps, run.before_error = s.pairs[c].due, run.steps, run.error
-        restore_record(s, c, t, 0.0)
+        restart_contact(s, c, t, 0.0)
         run.pieces = AT_LEAST_ONE
     return c
 
@@ -316,7 +328,7 @@ def write_and_request_states(s: Any, t: float, xi: Any, eta: Any, force: Any, su
 
 
 @kernel
-def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
+def write_integrated_state(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
     """Write overlap, rate and force of pair `c`, whose contact was integrated alone.
 
     They replace the free motion after the contact, see `write_states`. The entries of the flanks and the energy sums
@@ -326,15 +338,15 @@ def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
     deeper, faster = xi[c] - member.xi, eta[c] - member.eta
     xi[c], eta[c] = member.xi, member.eta
     force[c] = max(0.0, value(member.f, run.at)) if member.mode == ACTIVE else 0.0
-    below, above = nth(s.pairs, c - 1), nth(s.pairs, c + 1)
+    below, above = wrapped_number(s.pairs, c - 1), wrapped_number(s.pairs, c + 1)
     if below >= 0:
         xi[below] += member.lower / member.inverse * deeper
         eta[below] += member.lower / member.inverse * faster
-    if above < count_of(s.pairs):
+    if above < pair_count(s.pairs):
         xi[above] += member.upper / member.inverse * deeper
         eta[above] += member.upper / member.inverse * faster
     if WORKED:
-        keep_part_until_now(s.ledger, s, c, sums)
-    leave(run, s.pairs, s.pool, c)
+        replace_whole_contact(s.ledger, s, c, sums)
+    leave_pool(run, s.pairs, s.pool, c)
     pair.due, run.steps, run.error = run.before_due, run.before_steps, run.before_error
 

@@ -17,7 +17,7 @@ contact force changes the relative position at t2 by v t2 + G t2²/2, and its im
 | viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2, t2 = t1 + γ/k |
 
 Here η = ξ̇ and ω² = k/m. For other laws and states t1 is nan. A dashpot between pendula whose surfaces are a distance d
-apart at rest, ξ̈ = -Ω² (ξ + d) - F/m, also has a map (`of_pendula`). Its overlap oscillates with the squared
+apart at rest, ξ̈ = -Ω² (ξ + d) - F/m, also has a map (`map_of_pendula`). Its overlap oscillates with the squared
 frequency k/m + Ω², and its force ends where kξ + γη = 0.
 """
 
@@ -47,7 +47,7 @@ NO_CLOSED_FORM = (math.nan, math.nan, math.nan, math.nan)
 
 
 @kernel
-def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
+def closed_form_map(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
     """Return (t1, t2, v1, v2) of a contact with approach speed `v`, nan without a map.
 
     The module docstring defines these quantities. `inverse` is 1/m in 1/kg, and `pull` is G in m/s².
@@ -152,7 +152,7 @@ def state_before_end(
     t, dt, xi, eta, push = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
     # Newton's method ends earlier by `NEWTON_TOL`, and 20 is a guard
     for _ in range(20):
-        xi, eta, push = swing(omega, zeta, pull, v, t)
+        xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
         rise = eta + relax * push
         if not rise < 0.0:
             return t, math.inf, xi, eta, push
@@ -164,7 +164,7 @@ def state_before_end(
 
 
 @kernel
-def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -> tuple[float, float, float, float]:
+def map_of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -> tuple[float, float, float, float]:
     """Return (t1, t2, v1, v2) of a contact of a dashpot between two pendula.
 
     `square` is Ω² in 1/s², and `pull` is -Ω² d, where d is the gap at rest. `inverse` is 1/m.
@@ -188,7 +188,7 @@ def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -
 
 
 @kernel
-def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[float, float, float]:
+def dashpot_state(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[float, float, float]:
     """Return overlap, rate and acceleration of a dashpot at time t after its touch.
 
     The contact began with approach speed v. The force is not clipped at zero.
@@ -205,10 +205,10 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 
 
 @kernel
-def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
-    """Return the largest overlap and force of a contact of `encounter`.
+def closed_form_peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
+    """Return the largest overlap and force of a contact of `closed_form_map`.
 
-    They are in m and N. `t1` and `v1` are the results of `encounter`.
+    They are in m and N. `t1` and `v1` are the results of `closed_form_map`.
     """
     if law.map == SELF_SIMILAR:
         length = overlap_scale(law, inverse, v)
@@ -228,7 +228,7 @@ def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float)
 def peaks_of_pendula(law: Any, inverse: float, square: float, pull: float, v: float, t1: float) -> tuple[float, float]:
     """Return the largest overlap in m and force in N of a dashpot between pendula.
 
-    `square` and `pull` are as in `of_pendula`, and `t1` is its result.
+    `square` and `pull` are as in `map_of_pendula`, and `t1` is its result.
     """
     omega = math.sqrt(law.k * inverse + square)
     return peaks_under_pull(law, omega, 0.5 * law.gamma * inverse / omega, pull, v, t1)
@@ -260,21 +260,21 @@ def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float,
     t = 0.5 * t1
     # the start is off by about pull/(v ω) < 1/`MIN_SPEED_PER_PULL`, so four quadratic steps reach rounding
     for _ in range(4):
-        xi, eta, push = swing(omega, zeta, pull, v, t)
+        xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
         t -= eta / push
-    deep = swing(omega, zeta, pull, v, t)[0]
+    deep = dashpot_state(omega, zeta, pull, v, t)[0]
     if law.gamma == 0.0:
         return deep, law.k * deep
     relax, t = law.gamma / law.k, 0.0
     if zeta < 0.5:
         t = (3.0 * math.acos(zeta) - math.pi) / (omega * math.sqrt((1.0 - zeta) * (1.0 + zeta)))
     for _ in range(6):
-        xi, eta, push = swing(omega, zeta, pull, v, t)
+        xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
         bend = push - relax * omega * omega * (eta + relax * push)
         # the force is not concave here: its maximum is at the touch
         if not bend < 0.0:
             break
         t = max(0.0, t - (eta + relax * push) / bend)
-    xi, eta, push = swing(omega, zeta, pull, v, t)
+    xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
     return deep, max(law.gamma * v, law.k * xi + law.gamma * eta)
 

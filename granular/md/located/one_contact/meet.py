@@ -32,12 +32,12 @@ from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
 from granular._engine.records import leaf, replay
 from granular.md.located.contacts import NOT_ISOLATED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
-from granular.md.located.ledger import book_at_once, keep_solo
+from granular.md.located.ledger import account_for_isolated_contact, store_contact_energy
 from granular.md.located.log import velocity_now
-from granular.md.located.one_contact.maps import encounter, of_pendula, peaks, peaks_of_pendula
-from granular.md.located.one_contact.tables import WANTED, table_of, tabled, tabled_peaks
-from granular.md.located.pendula import impulse_of_pendula, shift
-from granular.md.located.pieces import DRIFT_NOISE_FACTOR, FLOAT_SPACING, predict, since, tick
+from granular.md.located.one_contact.maps import closed_form_map, closed_form_peaks, map_of_pendula, peaks_of_pendula
+from granular.md.located.one_contact.tables import TABLE_WANTED, table_of, tabled_map, tabled_peaks
+from granular.md.located.pendula import displace_pendulum, impulse_of_pendula
+from granular.md.located.pieces import DRIFT_NOISE_FACTOR, FLOAT_SPACING, advance_clock, predict_flight, time_since
 from granular.md.located.records import (
     BEGIN,
     BY_PIECES,
@@ -50,16 +50,16 @@ from granular.md.located.records import (
     WANTS_CONTACT,
     WANTS_TABLE,
 )
-from granular.md.located.system import beside, count_of, nth
+from granular.md.located.system import neighbour_pairs, pair_count, wrapped_number
 from granular.md.located.walls import (
-    carry_walls,
     convexity,
     flight_at_wall,
-    flown,
+    free_flight,
     gap_later,
     rate_later,
     rest_gap,
     touching_rate,
+    update_walls,
     velocity_of_wall,
 )
 
@@ -95,13 +95,13 @@ def solve_as_one_event(s: Any, c: int) -> int:
     t1, t2, v1, v2, source = contact_map(s, c, v)
     if not t1 > 0.0 and source != THERMAL_WALL:
         run.wanted = c
-        return WANTS_TABLE if source == WANTED else WANTS_CONTACT if source == NOT_INTEGRATED else BY_PIECES
+        return WANTS_TABLE if source == TABLE_WANTED else WANTS_CONTACT if source == NOT_INTEGRATED else BY_PIECES
     over = pair.wait + t2
     moment, rate_change = flight_after_touch(s.field, pair, v, t2)
     # from here on mass times displacement, equal and opposite for both bodies
     moment /= s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
     lower_v, upper_v = separation_velocities(s, c, pair, over, rate_change + v2, v2)
-    lower, upper = beside(pairs, c)
+    lower, upper = neighbour_pairs(pairs, c)
     below, certain_below, rate_below, time_left_below = flank_below(s, c, t2, moment, lower_v)
     above, certain_above, rate_above, time_left_above = flank_above(s, c, t2, moment, lower_v, upper_v)
     isolated = below > 0.0 and above > 0.0 and certain_below and certain_above
@@ -115,10 +115,10 @@ def solve_as_one_event(s: Any, c: int) -> int:
     count_contact(run, pair, isolated, c if below > 0.0 and certain_below else lower, t2)
     set_pair_asymptote(s, c, v, t2, v2, moment, source)
     set_velocity(s.bodies[c], pair, lower_v)
-    set_velocity(s.bodies[nth(pairs, c + 1)], pair, upper_v)
+    set_velocity(s.bodies[wrapped_number(pairs, c + 1)], pair, upper_v)
     if lower >= 0:
         set_flank_asymptote(s, lower, pair, below, rate_below, time_left_below)
-    if upper < count_of(pairs):
+    if upper < pair_count(pairs):
         set_flank_asymptote(s, upper, pair, above, rate_above, time_left_above)
     update_queue(s, lower, c, upper)
     return DONE
@@ -150,12 +150,12 @@ def flank_below(s: Any, c: int, t2: float, moment: float, lower_v: float) -> tup
         Gap in m, and `certain` of `final_flank_gap`. Rate of the gap in m/s after the contact of pair `c`, and
         remaining time in s of the contact at the far end. Without a flank the gap is inf.
     """
-    pairs, pair, lower = s.pairs, s.pairs[c], beside(s.pairs, c)[0]
+    pairs, pair, lower = s.pairs, s.pairs[c], neighbour_pairs(s.pairs, c)[0]
     if lower < 0:
         return math.inf, True, 0.0, 0.0
     over = pair.wait + t2
-    rate = lower_v - velocity_without_contacts(s, nth(pairs, c - 1), pair, over)
-    time_left = remaining_contact_time(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
+    rate = lower_v - velocity_without_contacts(s, wrapped_number(pairs, c - 1), pair, over)
+    time_left = remaining_contact_time(pairs[wrapped_number(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
     narrowing = s.bodies[c].inverse_mass * moment
     gap, certain = final_flank_gap(s.field, pairs[lower], pair, t2, narrowing, rate, time_left)
     return gap, certain, rate, time_left
@@ -170,12 +170,12 @@ def flank_above(
     Parameters and return values are as in `flank_below`. `upper_v` is the velocity of the upper ball after the contact.
     On a ring of two balls both flanks are one gap. It is evaluated here, and `flank_below` reports no flank.
     """
-    pairs, bodies, pair, n, upper = s.pairs, s.bodies, s.pairs[c], count_of(s.pairs), beside(s.pairs, c)[1]
+    pairs, bodies, pair, n, upper = s.pairs, s.bodies, s.pairs[c], pair_count(s.pairs), neighbour_pairs(s.pairs, c)[1]
     if upper >= n:
         return math.inf, True, 0.0, 0.0
     over = pair.wait + t2
-    rate = velocity_without_contacts(s, nth(pairs, c + 2), pair, over) - upper_v
-    time_left = remaining_contact_time(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
+    rate = velocity_without_contacts(s, wrapped_number(pairs, c + 2), pair, over) - upper_v
+    time_left = remaining_contact_time(pairs[wrapped_number(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
     narrowing = bodies[c + 1].inverse_mass * moment
     if RING and n == 2:
         rate, time_left = lower_v - upper_v, 0.0
@@ -191,11 +191,11 @@ def advance_to_onset(s: Any, c: int, v: float, t1: float, v1: float, source: int
     The parameters are explained in `contact_map`.
     """
     run, pair = s.run[0], s.pairs[c]
-    tick(pair, pair.wait)
+    advance_clock(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log_level != NO_LOG:
         if DRIVEN:
-            carry_walls(s.field, s)
+            update_walls(s.field, s)
         write_log_row(s, c, v, t1, v1, source)
 
 
@@ -207,19 +207,19 @@ def set_pair_asymptote(s: Any, c: int, v: float, t2: float, v2: float, moment: f
     because their acceleration depends on position. For the other parameters see `contact_map`.
     """
     pair, bodies = s.pairs[c], s.bodies
-    tick(pair, t2)
+    advance_clock(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.ahead, pair.speed, pair.exact = 0.0, -v2, t2, 1 if t2 > 0.0 else 0, v, 0
     pair.noise += FLOAT_SPACING * v
     if HEATED and source == THERMAL_WALL:
         count_hit(s, c, v, v2)
     elif WORKED:
-        keep_solo(s.ledger, s, c)
-        book_at_once(s.ledger, s, c, 1.0)
-    predict(pair, s.kinds[pair.kind_of], s.field)
+        store_contact_energy(s.ledger, s, c)
+        account_for_isolated_contact(s.ledger, s, c, 1.0)
+    predict_flight(pair, s.kinds[pair.kind_of], s.field)
     leaf(s.queue, c).due = pair.due
     if HUNG:
-        shift(s.run[0], bodies[c], pair, -bodies[c].inverse_mass * moment)
-        shift(s.run[0], bodies[c + 1], pair, bodies[c + 1].inverse_mass * moment)
+        displace_pendulum(s.run[0], bodies[c], pair, -bodies[c].inverse_mass * moment)
+        displace_pendulum(s.run[0], bodies[c + 1], pair, bodies[c + 1].inverse_mass * moment)
 
 
 @kernel
@@ -231,7 +231,7 @@ def update_queue(s: Any, lower: int, c: int, upper: int) -> None:
         replay(s.queue, upper, upper)
         replay(s.queue, max(0, lower), max(0, lower))
     else:
-        replay(s.queue, max(0, c - 1), min(c + 1, count_of(s.pairs) - 1))
+        replay(s.queue, max(0, c - 1), min(c + 1, pair_count(s.pairs) - 1))
 
 
 @kernel
@@ -270,7 +270,7 @@ def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, i
     """Return (t1, t2, v1, v2) of a contact of pair `c`, and the source of this map.
 
     `v` is the approach speed. The map is defined in `maps`, and t1 is nan if it is unknown. The source is the index of
-    a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `WANTED` if a table has to be computed, and
+    a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `TABLE_WANTED` if a table has to be computed, and
     NOT_INTEGRATED if this contact has to be integrated first.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
@@ -280,15 +280,15 @@ def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, i
     t1 = t2 = v1 = v2 = math.nan
     if HUNG:
         inverse = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
-        t1, t2, v1, v2 = of_pendula(law, inverse, s.field.square, pair.pull, v)
+        t1, t2, v1, v2 = map_of_pendula(law, inverse, s.field.square, pair.pull, v)
     elif not DRIVEN or pair.wall == 0:
-        t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
+        t1, t2, v1, v2 = closed_form_map(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
         return t1, t2, v1, v2, CLOSED_FORM
     source = table_of(s, c, v) if pair.map >= 0 else CLOSED_FORM
     if source >= 0:
-        t1, t2, v1, v2 = tabled(s.tables[source], law.elastic, v)
-    elif source != WANTED and s.run[0].disturbing == IGNORE:
+        t1, t2, v1, v2 = tabled_map(s.tables[source], law.elastic, v)
+    elif source != TABLE_WANTED and s.run[0].disturbing == IGNORE:
         source = INTEGRATED if s.run[0].answered else NOT_INTEGRATED
         s.run[0].answered = 0
         if source == INTEGRATED:
@@ -311,15 +311,15 @@ def final_flank_gap(
         Gap in m after both contacts. `certain` is true if a positive gap proves that the flank was positive throughout.
         The gap is -inf for a flank that is not in free flight.
     """
-    start = since(flank, pair.t, pair.tail) + pair.wait
+    start = time_since(flank, pair.t, pair.tail) + pair.wait
     if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
         return -math.inf, False
-    gap = -flown(field, flank, start + t2)[0] - narrowing
+    gap = -free_flight(field, flank, start + t2)[0] - narrowing
     if time_left > 0.0:
         gap = gap_later(field, flank, start + t2, gap, rate, time_left)
     bulge = convexity(field, flank, start, t2 + time_left)
     if bulge > 0.0 and gap > 0.0:
-        root = math.sqrt(max(0.0, -flown(field, flank, start)[0])) + math.sqrt(gap)
+        root = math.sqrt(max(0.0, -free_flight(field, flank, start)[0])) + math.sqrt(gap)
         return gap, bool(time_left == 0.0 and root * root > 0.5 * bulge * t2 * t2)
     return gap, True
 
@@ -330,7 +330,7 @@ def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
 
     The parameters are explained in `contact_map`. The row is deleted if an island takes over the contact.
     """
-    run, pair, lower, upper = s.run[0], s.pairs[c], s.bodies[c], s.bodies[nth(s.pairs, c + 1)]
+    run, pair, lower, upper = s.run[0], s.pairs[c], s.bodies[c], s.bodies[wrapped_number(s.pairs, c + 1)]
     row, pair.row = s.log[run.rows], run.rows
     run.rows += 1
     inverse = lower.inverse_mass + upper.inverse_mass
@@ -344,8 +344,9 @@ def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
     row.impulse, row.xi_max, row.force_max = impulse, 0.0, 0.0
     if HUNG:
         momentum = (flight_after_touch(s.field, pair, v, t1)[1] + v1) / inverse
-        row.lower_out = swung(lower, run.omega, since(lower, run.t, run.tail) + t1)[0] - lower.inverse_mass * momentum
-        row.upper_out = swung(upper, run.omega, since(upper, run.t, run.tail) + t1)[0] + upper.inverse_mass * momentum
+        lower_time, upper_time = time_since(lower, run.t, run.tail) + t1, time_since(upper, run.t, run.tail) + t1
+        row.lower_out = swung(lower, run.omega, lower_time)[0] - lower.inverse_mass * momentum
+        row.upper_out = swung(upper, run.omega, upper_time)[0] + upper.inverse_mass * momentum
     if HEATED and source == THERMAL_WALL:
         row.force_max = math.nan
         if pair.wall == -1:
@@ -357,7 +358,7 @@ def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
         if HUNG:
             row.xi_max, row.force_max = peaks_of_pendula(law, inverse, s.field.square, pair.pull, v, t1)
         elif source == CLOSED_FORM:
-            row.xi_max, row.force_max = peaks(law, inverse, pair.pull, v, t1, v1)
+            row.xi_max, row.force_max = closed_form_peaks(law, inverse, pair.pull, v, t1, v1)
         elif source == INTEGRATED:
             row.xi_max, row.force_max = s.answer[4], s.answer[5]
         else:
@@ -388,12 +389,12 @@ def velocity_without_contacts(s: Any, b: int, pair: Any, dt: float) -> float:
 
     The time is `dt` after the clock of `pair`. For a driven wall it is the velocity of the wall.
     """
-    body = s.bodies[nth(s.pairs, b)]
+    body = s.bodies[wrapped_number(s.pairs, b)]
     if DRIVEN and body.wall > 0.0:
         return velocity_of_wall(s.field, int(body.wall) - 1, pair.t, pair.tail + dt)[0]
     if HUNG:
-        return swung(body, s.run[0].omega, since(body, pair.t, pair.tail) + dt)[0]
-    v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
+        return swung(body, s.run[0].omega, time_since(body, pair.t, pair.tail) + dt)[0]
+    v: float = body.v - body.fall * (time_since(body, pair.t, pair.tail) + dt)
     return v
 
 
@@ -404,7 +405,7 @@ def remaining_contact_time(beyond: Any, pair: Any, dt: float) -> float:
     The time in s of pair `beyond` is counted from `dt` after the clock of `pair`. It is 0 if no contact solved as one
     event is in progress.
     """
-    left: float = -(since(beyond, pair.t, pair.tail) + dt)
+    left: float = -(time_since(beyond, pair.t, pair.tail) + dt)
     return left if beyond.lasts > 0.0 and left > 0.0 and beyond.slot < 0 else 0.0
 
 
@@ -427,7 +428,7 @@ def set_flank_asymptote(s: Any, f: int, pair: Any, gap: float, rate: float, time
     flank.lasts, flank.ahead, flank.exact = 0.0, 1, 0
     flank.noise += FLOAT_SPACING * pair.speed
     if time_left > 0.0:
-        tick(flank, time_left)
-    predict(flank, s.kinds[flank.kind_of], s.field)
+        advance_clock(flank, time_left)
+    predict_flight(flank, s.kinds[flank.kind_of], s.field)
     leaf(s.queue, f).due = flank.due
 

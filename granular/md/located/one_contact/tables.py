@@ -16,7 +16,7 @@ from typing import Any
 
 from granular._engine.kernels import kernel
 from granular.md.located.one_contact.inside import occupy_record, request_integration
-from granular.md.located.pieces import tick
+from granular.md.located.pieces import advance_clock
 from granular.md.located.records import (
     CHECKS_PER_OCTAVE,
     CONTACT_QUANTITIES,
@@ -26,7 +26,7 @@ from granular.md.located.records import (
     POINTS_PER_OCTAVE,
     SPEED_OCTAVES,
 )
-from granular.md.located.system import leave
+from granular.md.located.system import leave_pool
 from granular.md.located.walls import touching_rate
 
 CONTACTS_BEFORE_TABLE = 32
@@ -40,7 +40,7 @@ TIME_QUANTITIES = 2
 """Number of stored quantities that are times.
 
 The other quantities are stored in units of the speed."""
-REFUSED, WANTED = -1, -2
+TABLE_REFUSED, TABLE_WANTED = -1, -2
 """Results of `table_of` without a table: integrate the contact, or request one."""
 OWN_SPEED = -1
 """Value of `j` that stands for the actual speed of the contact, not for a point."""
@@ -50,18 +50,18 @@ OWN_SPEED = -1
 def table_of(s: Any, c: int, v: float) -> int:
     """Return the index of the table for a contact of pair `c` at approach speed `v`.
 
-    Without a table the result is `REFUSED` or `WANTED`. A contact without a table is counted.
+    Without a table the result is `TABLE_REFUSED` or `TABLE_WANTED`. A contact without a table is counted.
     """
     known, octave = s.maps[s.pairs[c].map], math.frexp(v)[1]
     i = octave - MIN_SPEED_EXPONENT
     if not 0 <= i < SPEED_OCTAVES:
-        return REFUSED
+        return TABLE_REFUSED
     if known.table[i] != 0:
-        return int(known.table[i]) - 1 if known.table[i] > 0 else REFUSED
+        return int(known.table[i]) - 1 if known.table[i] > 0 else TABLE_REFUSED
     if known.met[i] + 1 < CONTACTS_BEFORE_TABLE:
         known.met[i] += 1
-        return REFUSED
-    return WANTED
+        return TABLE_REFUSED
+    return TABLE_WANTED
 
 
 @kernel
@@ -80,12 +80,12 @@ def request_contact(s: Any, j: int, laws: Any) -> None:
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log_level
     run.speed, run.log_level, run.error = v, PEAKS, 0.0
     member = occupy_record(s, c, v)
-    tick(member, pair.wait)
+    advance_clock(member, pair.wait)
     request_integration(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
 
 
 @kernel
-def note(s: Any, j: int) -> bool:
+def store_contact(s: Any, j: int) -> bool:
     """Store the map of the contact that was integrated alone, and restore the run.
 
     The map of point `j` of an octave is stored in the table. For `OWN_SPEED` it is stored in `answer`. Returns False if
@@ -114,12 +114,12 @@ def note(s: Any, j: int) -> bool:
 def restore_run_state(s: Any) -> None:
     """Restore the run to its state before a contact was integrated alone."""
     run, pair = s.run[0], s.pairs[s.run[0].wanted]
-    leave(run, s.pairs, s.pool, run.wanted)
+    leave_pool(run, s.pairs, s.pool, run.wanted)
     pair.due, run.steps, run.error, run.log_level = run.before_due, run.before_steps, run.before_error, run.before_log
 
 
 @kernel
-def fit(s: Any) -> None:
+def fit_table(s: Any) -> None:
     """Compute the table of an octave from its contacts, or mark the octave as refused."""
     run, known = s.run[0], s.maps[s.pairs[s.run[0].wanted].map]
     i = math.frexp(run.speed)[1] - MIN_SPEED_EXPONENT
@@ -188,7 +188,7 @@ def table_value(table: Any, q: int, z: float) -> float:
 
 
 @kernel
-def tabled(table: Any, elastic: int, v: float) -> tuple[float, float, float, float]:
+def tabled_map(table: Any, elastic: int, v: float) -> tuple[float, float, float, float]:
     """Return (t1, t2, v1, v2) of a contact at approach speed `v` from its table.
 
     These quantities are defined in `maps`.

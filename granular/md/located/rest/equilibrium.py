@@ -53,7 +53,7 @@ def end_of_group(pairs: Any, pool: Any, c: int) -> int:
 
 
 @kernel
-def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
+def prove_group(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
     """Try to prove that no contact of the group of pairs a … b-1 can end.
 
     Returns RESTS, BOUND or NOT_YET. The energy of the group and the smallest barrier of its pairs, both in J, are
@@ -63,7 +63,7 @@ def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
     find_equilibrium(pairs, pool, bodies, a, b)
     if head.opening <= 0.0:
         return NOT_YET
-    energy, damped = kinetic(pairs, pool, bodies, a, b), RESTS
+    energy, damped = kinetic_energy(pairs, pool, bodies, a, b), RESTS
     if energy >= head.opening:
         return NOT_YET
     for c in range(b - 1, a - 1, -1):
@@ -80,7 +80,7 @@ def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
 
 
 @kernel
-def is_known(pairs: Any, pool: Any, a: int, b: int) -> bool:
+def has_stored_equilibrium(pairs: Any, pool: Any, a: int, b: int) -> bool:
     """Return whether the equilibrium of the group a … b-1 is already stored.
 
     The group must consist of the same pairs as at the time of the computation.
@@ -106,7 +106,7 @@ def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None
     unchanged group nothing is computed.
     """
     head, least = pool[pairs[a].slot], math.inf
-    if is_known(pairs, pool, a, b):
+    if has_stored_equilibrium(pairs, pool, a, b):
         return
     for c in range(a, b):
         pool[pairs[c].slot].head = a
@@ -202,7 +202,7 @@ def add_common_force(pairs: Any, pool: Any, a: int, b: int) -> bool:
         middle, taken = 0.5 * (low + high), 0.0
         for c in range(a, b):
             pair = pool[pairs[c].slot]
-            taken += overlap_under(pair, max(0.0, middle + pair.load))
+            taken += static_overlap(pair, max(0.0, middle + pair.load))
         low, high = (middle, high) if taken < total else (low, middle)
     for c in range(a, b):
         pool[pairs[c].slot].load += low
@@ -210,7 +210,7 @@ def add_common_force(pairs: Any, pool: Any, a: int, b: int) -> bool:
 
 
 @kernel
-def kinetic(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
+def kinetic_energy(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
     """Return the kinetic energy in J of the group a … b-1 in the frame of its wall.
 
     Without a wall it is relative to the mass centre.
@@ -233,7 +233,7 @@ def kinetic(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
 
 
 @kernel
-def overlap_under(pair: Any, load: float) -> float:
+def static_overlap(pair: Any, load: float) -> float:
     """Return the static overlap in m of a pair under a load in N."""
     return power(load / pair.k, 1.0 / pair.p)
 
@@ -244,7 +244,7 @@ def energy_above_rest(pair: Any, xi: float) -> float:
 
     The load of the pair is F°, and ξ° is its static overlap.
     """
-    rest = overlap_under(pair, pair.load)
+    rest = static_overlap(pair, pair.load)
     if pair.kind == LINEAR:
         return float(0.5 * pair.k * (xi - rest) * (xi - rest))
     stored = xi * power(xi, pair.p) - rest * power(rest, pair.p) if xi > 0.0 else -rest * power(rest, pair.p)
@@ -263,7 +263,7 @@ def smallest_vanishing_overlap(pair: Any) -> float:
         return 0.0
     ratio = pair.gamma / pair.k
     least = power(ratio * ratio * pair.pull / pair.s, 1.0 / exponent)
-    return least if least > overlap_under(pair, pair.load) else 0.0
+    return least if least > static_overlap(pair, pair.load) else 0.0
 
 
 @kernel
@@ -284,7 +284,7 @@ def energy_barrier(pair: Any) -> float:
 
     This is the barrier of the module docstring.
     """
-    rest, least = overlap_under(pair, pair.load), smallest_vanishing_overlap(pair)
+    rest, least = static_overlap(pair, pair.load), smallest_vanishing_overlap(pair)
     if pair.kind == ELASTIC or pair.gamma == 0.0 or least > 0.0:
         return energy_of_vanishing_force(pair, least)
     stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)

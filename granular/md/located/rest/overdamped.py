@@ -10,7 +10,7 @@ With given forces,
 is an equation of first order, whose series has steps as long as the time scale of creep. Its rates give the
 accelerations a and thus the next forces. Each iteration reduces the error by the ratio of both time scales.
 
-`verdict_until` tests an island that may be at rest. It returns whether rest is proved, and computes the piece of an
+`examine_island` tests an island that may be at rest. It returns whether rest is proved, and computes the piece of an
 island that lies still or creeps. The event loop stops for this test (`WANTS_LOOK`), so that this module is compiled
 only when it is needed.
 """
@@ -22,15 +22,15 @@ from typing import Any
 
 from granular._engine.kernels import kernel
 from granular._engine.records import play
-from granular.md.located.pieces import locate, piece_time, power, write_flight
+from granular.md.located.pieces import locate_event, piece_time, power, write_flight
 from granular.md.located.records import (
     ACTIVE,
-    ASKS,
+    CREEP_TESTED,
     CREEPS,
     DUE_TO_PLAN,
     LIES,
-    LOOKED,
     MOVES,
+    NEEDS_CREEP_TEST,
     RESIDUAL,
     REST_PIECE_SCALE,
     SERIES_ORDER,
@@ -38,17 +38,17 @@ from granular.md.located.records import (
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, find_equilibrium
 from granular.md.located.rest.proof import (
     MIN_CREEP_RATIO,
-    between,
+    gap_between_hulls,
     is_in_free_flight,
     is_overdamped,
     move_to_equilibrium,
-    postpones,
-    verdict,
-    whole_verdict,
+    postpones_creep_test,
+    prove_island,
+    prove_scene,
     write_still_piece,
 )
 from granular.md.located.series import power_term
-from granular.md.located.step_size import growth, left_out, trusted
+from granular.md.located.step_size import coefficient_growth, truncation_error, trusted_tau
 
 CREEP_FORCE_SHARE = 0.1
 """Largest difference between force and load of a pair that creeps.
@@ -67,7 +67,7 @@ It is relative to 2 F°/(γ ξ^d) + |η|. Ordinary steps leave a rate of this si
 
 
 @kernel
-def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+def expand_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Compute the series of an island whose pairs creep or fly, and its scale `h`.
 
     `lo` is the first pair of the island. `h` in s is the scale of its piece. Returns False if a pair moves in another
@@ -245,7 +245,7 @@ def write_flight_between_groups(pairs: Any, pool: Any, bodies: Any, lo: int, c: 
     overlaps of the groups change the gap between them. Integrating the forces in these groups would accumulate their
     rounding errors.
     """
-    pair, (_, rate, pull) = pool[pairs[c].slot], between(pairs, pool, bodies, lo, c)
+    pair, (_, rate, pull) = pool[pairs[c].slot], gap_between_hulls(pairs, pool, bodies, lo, c)
     write_flight(pair, h, pull, 0.0)
     pair.x[1], pair.e[0] = -h * rate, -rate
     for direction in (-1, 1):
@@ -285,7 +285,7 @@ def subtract_group(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, direct
 
 
 @kernel
-def verdict_until(s: Any, limit: float) -> int:
+def examine_island(s: Any, limit: float) -> int:
     """Test the current island for rest and creep, and return whether the run can end.
 
     `limit` is the end time of the run. Returns RESTS or BOUND of `equilibrium` if the run has no end time and the scene
@@ -294,21 +294,21 @@ def verdict_until(s: Any, limit: float) -> int:
     """
     run, pairs, pool, bodies, lo = s.run[0], s.pairs, s.pool, s.bodies, s.run[0].lo
     block = pool[pairs[lo].slot]
-    if block.manner != ASKS:
-        proved = RESTS if run.rests == 1 else verdict(pairs, pool, bodies, lo)
+    if block.manner != NEEDS_CREEP_TEST:
+        proved = RESTS if run.rests == 1 else prove_island(pairs, pool, bodies, lo)
         if proved != NOT_YET and run.rests == 0:
-            scene_proof = whole_verdict(run, pairs, pool, bodies)
+            scene_proof = prove_scene(run, pairs, pool, bodies)
             if scene_proof != NOT_YET and limit == math.inf:
                 return scene_proof
         if proved == RESTS and block.manner != LIES:
             move_to_equilibrium(pairs, pool, bodies, lo)
         run.steps += 1
-    if block.manner == MOVES and postpones(pairs, pool, lo):
-        block.manner = LOOKED
+    if block.manner == MOVES and postpones_creep_test(pairs, pool, lo):
+        block.manner = CREEP_TESTED
     elif block.manner != LIES:
-        block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else LOOKED
+        block.manner = CREEPS if expand_creep(pairs, pool, bodies, lo) else CREEP_TESTED
     pairs[lo].due = DUE_TO_PLAN
-    if block.manner != LOOKED:
+    if block.manner != CREEP_TESTED:
         write_piece(s, lo)
     play(s.queue, lo, pairs[lo].due)
     return NOT_YET
@@ -326,24 +326,24 @@ def write_piece(s: Any, lo: int) -> None:
     if block.manner == LIES:
         write_still_piece(pairs, pool, s.bodies, lo)
     else:
-        worst = growth(pairs, pool, lo, hi, run.tol)
-        span = trusted(worst, run.tol)
-    locate(pairs, pool, lo, hi, span, s.scratch, None)
-    run.error += left_out(worst, block.tau)
+        worst = coefficient_growth(pairs, pool, lo, hi, run.tol)
+        span = trusted_tau(worst, run.tol)
+    locate_event(pairs, pool, lo, hi, span, s.scratch, None)
+    run.error += truncation_error(worst, block.tau)
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= REST_PIECE_SCALE:
         pairs[lo].due = math.inf
 
 
 @kernel
-def turn_to_asking(s: Any) -> bool:
+def select_island_to_test(s: Any) -> bool:
     """Make the first island that has to be tested for creep (ASKS) the current island.
 
     Returns False if there is none.
     """
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
-        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner == ASKS:
+        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner == NEEDS_CREEP_TEST:
             s.run[0].lo = c
             return True
     return False

@@ -19,16 +19,16 @@ from typing import Any
 
 from granular._engine.flight import time_to_contact
 from granular._engine.kernels import kernel
-from granular.md.located.pieces import in_contact, power, since, write_flight
+from granular.md.located.pieces import in_contact, power, time_since, write_flight
 from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LIES, LINEAR, MOVES, OPEN, RESIDUAL, REST_PIECE_SCALE
 from granular.md.located.rest.equilibrium import (
     NOT_YET,
     RESTS,
-    bound,
     end_of_group,
-    is_known,
-    kinetic,
-    overlap_under,
+    has_stored_equilibrium,
+    kinetic_energy,
+    prove_group,
+    static_overlap,
     weight,
 )
 
@@ -63,7 +63,7 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
         if b > c:
             if exceeds_barrier(pairs, pool, bodies, c, b):
                 return False  # too much energy
-            active, known = True, known and is_known(pairs, pool, c, b)
+            active, known = True, known and has_stored_equilibrium(pairs, pool, c, b)
             for i in range(c, b):
                 damped = damped and pool[pairs[i].slot].gamma > 0.0
         c = max(b, c + 1)
@@ -85,8 +85,8 @@ def exceeds_barrier(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
     U(r) - U'(r) (ξ - r), and r_c are its overlaps at rest. Smaller r_c give more energy, and r_c is at most the overlap
     under the whole weight of the group.
     """
-    energy = kinetic(pairs, pool, bodies, a, b)
-    if is_known(pairs, pool, a, b):
+    energy = kinetic_energy(pairs, pool, bodies, a, b)
+    if has_stored_equilibrium(pairs, pool, a, b):
         return not energy < pool[pairs[a].slot].opening
     if bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0:
         return not energy < math.inf
@@ -112,7 +112,7 @@ def energy_bound(pair: Any, load: float) -> float:
     """
     if pair.kind == GENERAL or not pair.k > 0.0:
         return 0.0
-    rest = overlap_under(pair, load)
+    rest = static_overlap(pair, load)
     if not pair.xi > 1.001 * rest:
         return 0.0
     p = pair.p + 1.0
@@ -128,7 +128,7 @@ def barrier_bound(pair: Any, load: float) -> float:
     """
     if pair.kind == GENERAL or not pair.k > 0.0:
         return 0.0
-    rest, exponent, most = overlap_under(pair, load), 2.0 * pair.s - 1.0, 0.0
+    rest, exponent, most = static_overlap(pair, load), 2.0 * pair.s - 1.0, 0.0
     if pair.kind != ELASTIC and pair.gamma > 0.0 and pair.pull > 0.0 and exponent > 0.0:
         ratio = pair.gamma / pair.k
         turn = power(ratio * ratio * pair.pull / pair.s, 1.0 / exponent)
@@ -145,7 +145,7 @@ def is_still(pairs: Any, pool: Any, lo: int) -> bool:
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
         if pair.mode == ACTIVE:
-            rest = overlap_under(pair, pair.load)
+            rest = static_overlap(pair, pair.load)
             rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
             if abs(pair.xi - rest) > STILL_DEVIATION * rest or abs(pair.eta) > STILL_DEVIATION * rest * rate:
                 return False
@@ -172,7 +172,7 @@ def may_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 
 @kernel
-def postpones(pairs: Any, pool: Any, lo: int) -> bool:
+def postpones_creep_test(pairs: Any, pool: Any, lo: int) -> bool:
     """Return whether an ordinary step precedes the test of an island for creep.
 
     This is only the case if all pairs are linear. The fast motion of n balls takes about n² times as many steps to
@@ -208,7 +208,7 @@ def is_in_free_flight(pair: Any) -> bool:
 
 
 @kernel
-def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
+def prove_island(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
     """Try to prove that no contact of the island that starts with pair `lo` can end.
 
     Returns RESTS, BOUND or NOT_YET of `equilibrium`. The proof holds as long as no other ball hits the island. In a
@@ -221,7 +221,7 @@ def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
         mode, b = pool[pairs[c].slot].mode, c + 1
         if mode == ACTIVE:
             b = end_of_group(pairs, pool, c)
-            group_proof = bound(pairs, pool, bodies, c, b)
+            group_proof = prove_group(pairs, pool, bodies, c, b)
             if group_proof == NOT_YET:
                 return NOT_YET
             proved = max(proved, group_proof)
@@ -232,7 +232,7 @@ def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
 
 
 @kernel
-def whole_verdict(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
+def prove_scene(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     """Try to prove that no contact of the scene can end, and that no gap can close.
 
     Returns RESTS, BOUND or NOT_YET of `equilibrium`. Energy and barrier of the group nearest to opening are stored in
@@ -243,7 +243,7 @@ def whole_verdict(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     while True:
         island_proof = RESTS
         if pairs[c].slot >= 0:
-            island_proof = verdict(pairs, pool, bodies, c)
+            island_proof = prove_island(pairs, pool, bodies, c)
         if island_proof == NOT_YET or can_close(run, pairs, pool, bodies, c):
             run.doubted = c
             return NOT_YET
@@ -279,14 +279,14 @@ def can_close(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
         return bool(pairs[lo].due < math.inf or in_contact(pairs[lo], run.t, run.tail))
     for c in range(lo, pairs[lo].hi):
         if pool[pairs[c].slot].mode == OPEN:
-            gap, rate, pull = between(pairs, pool, bodies, lo, c)
+            gap, rate, pull = gap_between_hulls(pairs, pool, bodies, lo, c)
             if not (gap > 0.0 and time_to_contact(gap, rate, pull) == math.inf):
                 return True
     return False
 
 
 @kernel
-def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float, float, float]:
+def gap_between_hulls(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float, float, float]:
     """Return gap, rate and closing acceleration of the hulls next to open pair `c`.
 
     They are in m, m/s and m/s². `lo` is the first pair of the island.
@@ -324,13 +324,13 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, direction: int)
         return reach, float(bodies[b].v), 0.0, 0.0
     if b == first:
         body = bodies[b]
-        return 0.0, float(body.v - body.fall * since(body, block.t, block.tail)), float(body.fall), 0.0
+        return 0.0, float(body.v - body.fall * time_since(body, block.t, block.tail)), float(body.fall), 0.0
     mass = momentum = falls = size = reach = 0.0
     for i in range(abs(b - first) + 1):
         body = bodies[b - direction * i]
         own = 1.0 / body.inverse_mass
         mass += own
-        momentum += own * (body.v - body.fall * since(body, block.t, block.tail))
+        momentum += own * (body.v - body.fall * time_since(body, block.t, block.tail))
         falls += own * body.fall
         size += own * abs(body.fall)
         if b - direction * i != first:  # the pair towards the open one
@@ -349,9 +349,9 @@ def move_to_equilibrium(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
         if pair.mode == ACTIVE:
-            pair.xi, pair.eta = overlap_under(pair, pair.load), 0.0
+            pair.xi, pair.eta = static_overlap(pair, pair.load), 0.0
         else:
-            pair.eta = -between(pairs, pool, bodies, lo, c)[1]
+            pair.eta = -gap_between_hulls(pairs, pool, bodies, lo, c)[1]
     pool[pairs[lo].slot].manner = LIES
     return True
 
@@ -368,12 +368,12 @@ def write_still_piece(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
         if pair.mode == OPEN:
-            pull = between(pairs, pool, bodies, lo, c)[2]
+            pull = gap_between_hulls(pairs, pool, bodies, lo, c)[2]
             block.h = min(block.h, 2.0 * time_to_contact(max(0.0, -pair.xi), -pair.eta, pull))
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
         if pair.mode == ACTIVE:
             write_flight(pair, block.h, 0.0, pair.load)
         else:
-            write_flight(pair, block.h, between(pairs, pool, bodies, lo, c)[2], 0.0)
+            write_flight(pair, block.h, gap_between_hulls(pairs, pool, bodies, lo, c)[2], 0.0)
 
