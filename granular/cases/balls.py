@@ -1,9 +1,11 @@
 """Real balls: masses, radii, contact durations on a hard floor and restitutions.
 
-A contact duration is what a film of a single bounce shows. With the restitution it determines the stiffness of a
-spring and dashpot, k = m (2f(ζ)/t_c)², and γ. **Masses, radii and restitutions are measured. Contact durations are
-estimates**, accurate to ±20 % at best (from inflation pressures, Hertz's theory and static compression), for a
-superball to a factor of 2: `Ball.spread`. All speeds are near 4.4 m/s, a drop from 1 m.
+A contact duration is measured from a film of a single bounce. With the restitution it determines the stiffness of a
+linear spring and dashpot, k = m (2f(ζ)/t_c)², and its damping γ. `granular.laws.dashpot` defines f(ζ).
+
+**Masses, radii and restitutions are measured. Contact durations are estimates** from inflation pressures, Hertz's
+theory and static compression. They are accurate to ±20 % at best, for a superball to a factor of 2: `Ball.spread`.
+All values hold for approach speeds near 4.4 m/s, a drop from 1 m.
 
 Sources: rules of the sports (ITF, ITTF, FIFA, basketball); bounces on hard floors and steel plates; Cross, Am. J. Phys.
 67, 222 (1999) and Sports Eng. 2, 23 (1999); Hertz's theory for steel and glass on a thick steel plate. The contact of
@@ -34,11 +36,11 @@ class Ball:
     duration : float
         Contact duration t_c of a bounce in s.
     restitution : float
-        ε in (0, 1].
+        Coefficient of restitution ε of a bounce, in (0, 1].
     filled : bool
         Whether the stiffness of the ball comes from the air inside, not from its wall.
     spread : float
-        Factor by which `duration` may be wrong in either direction.
+        Uncertainty factor of `duration`: the true value is between `duration` / `spread` and `duration` · `spread`.
     """
 
     mass: float
@@ -57,9 +59,9 @@ class Ball:
 
     @property
     def stiffness(self) -> float:
-        """Stiffness k = m (2f(ζ)/t_c)² in N/m of a dashpot with this duration and ε."""
-        rate = scaled_duration(damping_ratio(self.restitution)) / self.duration
-        return self.mass * rate * rate
+        """Stiffness k = m (2f(ζ)/t_c)² in N/m of a dashpot with this duration t_c and ε."""
+        frequency = scaled_duration(damping_ratio(self.restitution)) / self.duration
+        return self.mass * frequency * frequency
 
 
 BALLS = {
@@ -85,10 +87,10 @@ PRESETS = (
     ("golf ball", "table-tennis ball", 3e-3), ("superball", "small superball", 0.02),
     ("steel ball", "small steel ball", 1e-3),
 )
-"""Lower ball, upper ball, and a gap in m for which hard spheres are valid.
+"""Lower ball, upper ball, and a gap in m at which hard spheres are accurate.
 
-The error is at most 1 % of the impact speed after a drop from 1 m. On a basketball 0.7 to 1.8 % remain at any gap,
-because its contact is long enough for gravity to matter.
+After a drop from 1 m, the error of the hard-sphere model is at most 1 % of the impact speed. With a basketball as the
+lower ball, an error of 0.7 to 1.8 % remains at any gap. Its contact is so long that gravity matters.
 """
 
 RULES = ("lens", "series")
@@ -98,7 +100,7 @@ RULES = ("lens", "series")
 @check.face
 @dataclass(frozen=True)
 class Contact:
-    """Stiffness in N/m and restitution of the contact of two balls."""
+    """Stiffness in N/m and coefficient of restitution of the contact of two balls."""
 
     stiffness: float
     restitution: float
@@ -106,9 +108,9 @@ class Contact:
 
 @check.face
 def named(ball: str | Ball, what: str = "ball") -> Ball:
-    """Return a ball of `BALLS` by its name, or the ball itself.
+    """Return a ball of `BALLS` by its name. A `Ball` is returned unchanged.
 
-    `what` names the argument in error messages.
+    `what` is the name of the argument in error messages.
     """
     return ball if isinstance(ball, Ball) else BALLS[check.choice(what, ball, list(BALLS))]
 
@@ -117,23 +119,25 @@ def named(ball: str | Ball, what: str = "ball") -> Ball:
 def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact:
     """Return the contact of two balls, estimated from their bounces on a floor.
 
-    Each ball loses its share of the stored energy, 1 - ε₁₂² = Σ (1 - ε_i²)/k_i / Σ 1/k_i. There are two rules for the
-    stiffness. Neither is measured. They agree for two balls of equal pressure.
+    The contact stores energy in both balls, in proportion to 1/k_i. Each ball dissipates the fraction 1 - ε_i² of its
+    part: 1 - ε₁₂² = Σ (1 - ε_i²)/k_i / Σ 1/k_i. There are two rules for the stiffness k₁₂. Neither rule has been
+    tested by measurements. The rules agree for two air-filled balls of equal pressure.
 
     Parameters
     ----------
     lower, upper : str or Ball
         Names in `BALLS`, or your own balls.
     rule : {"lens", "series"}
-        "series": springs in series, 1/k₁₂ = 1/k₁ + 1/k₂. "lens", for an air-filled lower ball: a small ball touches a
-        smaller area of it than a floor does, k₁ R₂/(R₁ + R₂), in series with k₂ unless the upper ball is filled with
-        air, too. For other lower balls it equals "series".
+        "series": two springs in series, 1/k₁₂ = 1/k₁ + 1/k₂. "lens": on an air-filled lower ball, the contact area
+        with the upper ball is smaller than with a floor. This reduces k₁ to k₁ R₂/(R₁ + R₂), in series with k₂. If
+        both balls are air-filled, k₂ is left out. If the lower ball is not air-filled, "lens" equals "series".
     """
-    one, two = named(lower, "lower"), named(upper, "upper")
-    soft_one, soft_two = 1.0 / one.stiffness, 1.0 / two.stiffness
-    lost = (1.0 - one.restitution**2) * soft_one + (1.0 - two.restitution**2) * soft_two
-    eps = math.sqrt(1.0 - lost / (soft_one + soft_two))
-    if check.choice("rule", rule, RULES) == "lens" and one.filled:
-        patch = soft_one * (one.radius + two.radius) / two.radius
-        return Contact(1.0 / (patch if two.filled else patch + soft_two), eps)
-    return Contact(1.0 / (soft_one + soft_two), eps)
+    lower_ball, upper_ball = named(lower, "lower"), named(upper, "upper")
+    lower_compliance, upper_compliance = 1.0 / lower_ball.stiffness, 1.0 / upper_ball.stiffness
+    energy_loss = ((1.0 - lower_ball.restitution**2) * lower_compliance
+                   + (1.0 - upper_ball.restitution**2) * upper_compliance)
+    eps = math.sqrt(1.0 - energy_loss / (lower_compliance + upper_compliance))
+    if check.choice("rule", rule, RULES) == "lens" and lower_ball.filled:
+        lens_compliance = lower_compliance * (lower_ball.radius + upper_ball.radius) / upper_ball.radius
+        return Contact(1.0 / (lens_compliance if upper_ball.filled else lens_compliance + upper_compliance), eps)
+    return Contact(1.0 / (lower_compliance + upper_compliance), eps)

@@ -1,7 +1,7 @@
 """Constructors of scenes, walls, laws and rules from the keys of a table.
 
-The set of keys selects the constructor. User-defined functions have names: ``"motion.py:shake"`` for a file beside the
-table's file, or ``"module:shake"``.
+The set of keys selects the constructor. User-defined functions are given by a name: ``"motion.py:shake"`` for a file in
+the folder of the TOML file, or ``"module:shake"`` for an importable module.
 """
 
 from __future__ import annotations
@@ -24,17 +24,20 @@ from granular.laws import rules
 from granular.scene import Pair, walls
 
 on_running: list[Callable[[str], object]] = []
-"""Functions to call with the place of Python code before a file runs it."""
+"""Functions to call before user-defined Python code is run.
+
+The argument is the path of the file or the name of the module.
+"""
 CONSTRUCTOR_NAMES = ("from_restitution", "from_material", "from_acceleration")
-"""Alternative constructors of classes."""
+"""Class methods that are alternative constructors of laws and of wall motions."""
 LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__ if is_dataclass(getattr(laws, name))}
 RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
 WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
 WALL_MOTION_KEYS = ("floor", "ceiling", "plate")
 """Keys of a scene that contain the motion of a wall."""
-Way = Callable[..., Any]
+Constructor = Callable[..., Any]
 parameters = cache(parameters_of)
-"""Return the parameters of a constructor."""
+"""Return the parameters of a constructor (cached)."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,44 +51,44 @@ class Named:
     name : str
         ``"file.py:function"``, or ``"package.module:function"`` for an importable module.
     folder : str
-        Folder of the file if `name` has none.
+        Folder that contains the file, if `name` names a file.
     """
 
     name: str
     folder: str = ""
 
     @property
-    def place(self) -> str:
-        """Path of the file, or name of the module, whose code the lookup runs."""
-        place = self.name.partition(":")[0]
-        return os.path.join(self.folder, place) if place.endswith(".py") else place
+    def location(self) -> str:
+        """Path of the file, or name of the module, that contains the function."""
+        location = self.name.partition(":")[0]
+        return os.path.join(self.folder, location) if location.endswith(".py") else location
 
-    def __call__(self, *given: Any) -> Any:
-        """Call the function. Its exceptions are marked as its own."""
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function. Exceptions that it raises get its name as an attribute."""
         function = self.function
-        with _marked(self.name):
-            return function(*given)
+        with _attributing_errors(self.name):
+            return function(*arguments)
 
     @cached_property
     def function(self) -> Any:
-        """The function itself.
+        """The imported function. The first access runs the code of the file or module.
 
         Raises
         ------
         ValueError
             If the file, the module or the function does not exist.
         """
-        place, word = self.place, self.name.partition(":")[2]
+        location, attribute = self.location, self.name.partition(":")[2]
         try:
-            with _marked(self.name):
-                module = _of_file(place) if place.endswith(".py") else import_module(place)
-            found = getattr(module, word)
+            with _attributing_errors(self.name):
+                module = _module_of_file(location) if location.endswith(".py") else import_module(location)
+            function = getattr(module, attribute)
         except (AttributeError, ImportError, OSError, ValueError) as error:
             raise ValueError(f"`function` must be 'file.py:name' of a file beside this one, or 'module:name' of an "
                              f"importable module, got {self.name!r}, which was not found ({error}).") from None
-        if not callable(found):
-            raise ValueError(f"`function` must name a function m(t), got {self.name!r}, which is {found!r}.")
-        return found
+        if not callable(function):
+            raise ValueError(f"`function` must name a function m(t), got {self.name!r}, which is {function!r}.")
+        return function
 
     def __repr__(self) -> str:
         return self.name
@@ -97,17 +100,17 @@ class Named:
 def sentence_of(error: BaseException) -> str:
     """Return the message of an exception in one line.
 
-    The name of a user-defined function that raised it is included.
+    If a user-defined function raised it, the message begins with the name of the function.
     """
-    said = " ".join(str(error).split())
+    message = " ".join(str(error).split())
     owner = getattr(error, "raised_by", None)
-    return said if owner is None else f"The function {owner} raised {type(error).__name__}: {said}"
+    return message if owner is None else f"The function {owner} raised {type(error).__name__}: {message}"
 
 
 def name_of(function: Any) -> str:
-    """Return the name by which a file can refer to `function`.
+    """Return the name by which a TOML file can refer to `function`.
 
-    Raises `TypeError` if the function cannot be imported.
+    Raises `TypeError` if the function cannot be imported by its name.
     """
     if isinstance(function, Named):
         return function.name
@@ -120,10 +123,10 @@ def name_of(function: Any) -> str:
 
 
 @contextmanager
-def _marked(name: str) -> Iterator[None]:
-    """Mark exceptions as `raised_by` the function `name`.
+def _attributing_errors(name: str) -> Iterator[None]:
+    """Set the attribute `raised_by` of exceptions to `name`, a user-defined function.
 
-    The mark survives the transfer from other processes.
+    The attribute is kept when an exception is sent to another process.
     """
     try:
         yield
@@ -132,7 +135,7 @@ def _marked(name: str) -> Iterator[None]:
         raise
 
 
-def _of_file(path: str) -> Any:
+def _module_of_file(path: str) -> Any:
     """Run a Python file and return its module."""
     module = ModuleType(Path(path).stem)
     module.__file__ = path
@@ -141,94 +144,113 @@ def _of_file(path: str) -> Any:
 
 
 def law(table: Mapping[str, Any], pair: Pair) -> Any:
-    """Return a force law for a table with ``type`` and coefficients.
+    """Return a force law for a pair, from a table with ``type`` and coefficients.
 
-    The keys can also be arguments of `from_restitution` or `from_material`. ``material``, a name of
-    `granular.materials` or two (lower, upper), replaces ``young`` and ``poisson``.
+    The keys can also be arguments of `from_restitution` or `from_material`. The key ``material`` replaces ``young`` and
+    ``poisson``. It is a name of `granular.materials`, or a list of two names (lower, upper).
     """
-    given = dict(table)
-    if "material" in given:
-        if clash := {"young", "poisson"} & given.keys():
+    arguments = dict(table)
+    if "material" in arguments:
+        if clash := {"young", "poisson"} & arguments.keys():
             raise ValueError(f"Only one of the keys material and {min(clash)} can be given, got both.")
         of_material = [name for name, kind in LAWS.items() if hasattr(kind, "from_material")]
-        check.choice("the type of a law of a material", given.get("type"), of_material)
-        one = given.pop("material")
-        names = one if isinstance(one, list) else [one, one]
+        check.choice("the type of a law of a material", arguments.get("type"), of_material)
+        entry = arguments.pop("material")
+        names = entry if isinstance(entry, list) else [entry, entry]
         if len(names) != 2:
             raise ValueError(f"`material` must have one entry, or two (lower, upper), got {len(names)}.")
-        given["young"], given["poisson"] = materials.both(*names)
-    return of_type(LAWS, given, pair=pair)
+        arguments["young"], arguments["poisson"] = materials.both(*names)
+    return of_type(LAWS, arguments, pair=pair)
 
 
 def rule(table: Mapping[str, Any]) -> Any:
-    """Return a collision rule for a table with ``type`` and values."""
+    """Return a collision rule from a table with ``type`` and values."""
     return of_type(RULES, table)
 
 
 def wall(table: Any, folder: str = "") -> Any:
-    """Return the motion of a wall for a table with ``type`` (default Sine) and values.
+    """Return the motion of a wall from a table with ``type`` (default Sine).
 
-    The values can also be arguments of `from_acceleration`. A function has a name.
+    The other keys are fields of the type, or arguments of `from_acceleration`. A user-defined function is given by its
+    name, and `folder` is the folder of its file. A value that is not a table is returned unchanged.
     """
     if not isinstance(table, Mapping):
         return table
     values = {"type": "Sine", **table}
     if isinstance(function := values.get("function"), str):
-        values["function"] = named = Named(function, folder)
-        for tell in on_running:
-            tell(named.place)
-        named.function  # noqa: B018  says now what cannot be found
+        values["function"] = named_function = Named(function, folder)
+        for observe in on_running:
+            observe(named_function.location)
+        named_function.function  # noqa: B018  raises here if the function does not exist
     elif isinstance(function, Mapping):
         values["function"] = wall(function)
     return of_type(WALLS, values)
 
 
 def walled(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
-    """Return the keys of a scene with tables of walls replaced by motions."""
-    made = dict(table)
+    """Return a [scene] table in which each table of a wall is replaced by its motion.
+
+    `folder` is the folder of files with user-defined functions.
+    """
+    values = dict(table)
     for name in table.keys() & set(WALL_MOTION_KEYS):
         with place(name):
-            made[name] = wall(table[name], folder)
-    return made
+            values[name] = wall(table[name], folder)
+    return values
 
 
 def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
-    """Return the rule with the constant ε by which all laws are given, or None."""
+    """Return the collision rule with the restitution of the [law] tables, or None.
+
+    The rule has a constant ε, or one constant ε per pair. It is None if a table has no ``restitution``, or if its
+    restitution holds at one ``speed`` only.
+    """
     if any("restitution" not in table or "speed" in table for table in tables):
         return None
     eps = [float(table["restitution"]) for table in tables]
     return rules.ConstantRestitution(eps[0] if len(set(eps)) == 1 else eps)
 
 
-def each_pair(make: Callable[[Any, Pair], Any], given: Iterable[Any], pairs: Iterable[Pair]) -> tuple[Any, ...]:
-    """Return one law per pair. Equal pairs share a law."""
-    known: dict[Any, Any] = {}
-    keys = []
-    for one, pair in zip(given, pairs, strict=True):
-        keys.append((id(one), pair.m_eff, pair.r_eff))
-        if keys[-1] not in known:
-            known[keys[-1]] = make(one, pair)
-    return tuple(known[key] for key in keys)
+def each_pair(make: Callable[[Any, Pair], Any], entries: Iterable[Any], pairs: Iterable[Pair]) -> tuple[Any, ...]:
+    """Return one law per pair, with one common law for equal pairs.
 
-
-def call(ways: Sequence[Way], values: Mapping[str, Any], **held: Any) -> Any:
-    """Call the first of `ways` whose parameters match the keys of `values`.
-
-    `held` has further arguments, which only some of the functions take.
+    Parameters
+    ----------
+    make : callable
+        Returns the law of an entry and a pair.
+    entries : iterable
+        One entry per pair, such as a table. Pairs with the same entry, m_eff and r_eff have the same law.
+    pairs : iterable of Pair
+        The pairs.
     """
-    keys = [[p for p in parameters(way) if p.name not in held] for way in ways]
-    needed = [[p.name for p in each if p.default is p.empty] for each in keys]
-    for way, each, least in zip(ways, keys, needed, strict=True):
-        if set(least) <= values.keys() <= {p.name for p in each}:
-            return way(**values, **{p.name: held[p.name] for p in parameters(way) if p.name in held})
-    check.known(values, dict.fromkeys(p.name for each in keys for p in each), "key")
-    sets = " or ".join("(" + ", ".join(least) + ")" for least in needed)
+    laws: dict[Any, Any] = {}
+    keys = []
+    for entry, pair in zip(entries, pairs, strict=True):
+        keys.append((id(entry), pair.m_eff, pair.r_eff))
+        if keys[-1] not in laws:
+            laws[keys[-1]] = make(entry, pair)
+    return tuple(laws[key] for key in keys)
+
+
+def call(functions: Sequence[Constructor], values: Mapping[str, Any], **extra: Any) -> Any:
+    """Call the first of `functions` whose parameters match the keys of `values`.
+
+    `extra` has additional arguments. Each function receives only the additional arguments that it accepts. Raises
+    `ValueError` if no function matches.
+    """
+    keys = [[p for p in parameters(way) if p.name not in extra] for way in functions]
+    needed = [[p.name for p in accepted if p.default is p.empty] for accepted in keys]
+    for way, accepted, required in zip(functions, keys, needed, strict=True):
+        if set(required) <= values.keys() <= {p.name for p in accepted}:
+            return way(**values, **{p.name: extra[p.name] for p in parameters(way) if p.name in extra})
+    check.known(values, dict.fromkeys(p.name for accepted in keys for p in accepted), "key")
+    sets = " or ".join("(" + ", ".join(required) + ")" for required in needed)
     raise ValueError(f"The keys must be {sets}, got ({', '.join(values)}).")
 
 
 @contextmanager
 def place(where: str) -> Iterator[None]:
-    """Put a place, such as a file or a table, before the message of misuse."""
+    """Prefix the messages of `TypeError` and `ValueError` with a file or table name."""
     try:
         yield
     except (TypeError, ValueError) as error:
@@ -236,10 +258,14 @@ def place(where: str) -> Iterator[None]:
         raise kind(f"{where}: {error}") from None
 
 
-def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> Any:
-    """Return the object that ``type`` of a table names, from its other keys."""
+def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **extra: Any) -> Any:
+    """Return an object of the class that the key ``type`` of a table names.
+
+    The other keys, and the additional arguments `extra`, are arguments of the class or of one of its alternative
+    constructors.
+    """
     if "type" not in table:
         raise ValueError(f"The key 'type' is missing. It must be one of {', '.join(types)}.")
-    kind = types[check.choice("type", table["type"], list(types))]
-    ways = [kind] + [getattr(kind, name) for name in CONSTRUCTOR_NAMES if hasattr(kind, name)]
-    return call(ways, {key: value for key, value in table.items() if key != "type"}, **held)
+    cls = types[check.choice("type", table["type"], list(types))]
+    constructors = [cls] + [getattr(cls, name) for name in CONSTRUCTOR_NAMES if hasattr(cls, name)]
+    return call(constructors, {key: value for key, value in table.items() if key != "type"}, **extra)

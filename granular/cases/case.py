@@ -30,7 +30,7 @@ class Option:
     Attributes
     ----------
     name, kind, about : str
-        The parameter, its annotation as written ("float", "Sequence[float] | None", ...), and its description.
+        The parameter's name, its annotation as written ("float", "Sequence[float] | None", ...), and its description.
     default : object
         Its default value.
     """
@@ -47,7 +47,7 @@ def parameters_of(function: Callable[..., Any]) -> tuple[inspect.Parameter, ...]
 
 
 def options_of(function: Callable[..., Any]) -> list[Option]:
-    """Return the parameters of `function` with defaults, and their descriptions.
+    """Return the parameters of `function` with a default, and their descriptions.
 
     The descriptions come from its NumPy-style docstring.
     """
@@ -64,16 +64,17 @@ def whole(function: Callable[..., Any]) -> frozenset[str]:
 def descriptions(function: Callable[..., Any]) -> dict[str, str]:
     """Return the description of each parameter in a NumPy-style docstring.
 
-    Each has one line. A type that lists choices, such as ``{"left", "right"}``, comes first.
+    The keys are names of parameters. Each description is joined into one line. If the type of the parameter lists
+    choices, such as ``{"left", "right"}``, the description begins with them.
     """
     text = inspect.getdoc(function) or ""
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
     entry_of_names = r"^(\w[\w, ]*) : (.*)\n((?:[ \t]+.*\n?|\n)*)"
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for names, kind, about in re.findall(entry_of_names, section[1] if section else "", re.MULTILINE):
         choices = kind.partition("}")[0] + "}: " if kind.startswith("{") else ""
-        found |= dict.fromkeys(names.split(", "), choices + " ".join(about.split()))
-    return found
+        result |= dict.fromkeys(names.split(", "), choices + " ".join(about.split()))
+    return result
 
 
 @cache
@@ -94,9 +95,11 @@ class Case:
     law : force law, sequence of force laws, or None
         Force law for `granular.md`, one for all pairs or one per pair. None for a case of hard spheres only.
     rule : collision rule, sequence of collision rules, or None
-        Collision rule for `granular.edmd`. None takes the restitution of the force laws.
-    until, t_end : stop condition or None, float or None
-        End of the run. The earlier one counts.
+        Collision rule for `granular.edmd`. If None, the restitution of the force laws is used.
+    until : stop condition or None
+        Condition at which a run ends.
+    t_end : float or None
+        End time of a run in s. With both `until` and `t_end`, a run ends at whichever comes first.
     run : mapping
         Further options of ``edmd.simulate`` or ``md.simulate`` (method, dt, samples, ties, ...). Each engine uses the
         options that it has.
@@ -125,7 +128,7 @@ class Case:
         Parameters
         ----------
         engine : {"edmd", "md"}
-            Hard or soft spheres.
+            "edmd" for hard spheres, "md" for soft spheres.
         **changes
             Options of the engine's ``simulate`` that replace options of the case.
 
@@ -139,15 +142,20 @@ class Case:
         return simulate(self.scene, self.physics(engine), **self.options(simulate) | changes)
 
     def options(self, run: Callable[..., Any]) -> dict[str, Any]:
-        """Return the end of the run and the options that `simulate` functions have.
+        """Return the end of a run and its further options, as arguments of `run`.
 
-        Only options that the function `run` has are included.
+        `run` is a function such as ``md.simulate``. The result has the keys `until` and `t_end`, and each option of
+        the case that `run` accepts.
         """
-        known = keyword_options(run)
-        return {"until": self.until, "t_end": self.t_end} | {k: v for k, v in self.run.items() if k in known}
+        accepted = keyword_options(run)
+        return {"until": self.until, "t_end": self.t_end} | {k: v for k, v in self.run.items() if k in accepted}
 
     def physics(self, engine: str) -> Any:
-        """Return the force laws for ``"md"``, or the collision rule for ``"edmd"``."""
+        """Return the force law for ``"md"``, or the collision rule for ``"edmd"``.
+
+        Without a rule, the collision rule is derived from the force law. Raises `ValueError` if a law is needed and
+        missing.
+        """
         if engine == "edmd" and self.rule is not None:
             return self.rule
         if self.law is None:
@@ -160,7 +168,10 @@ class Case:
 
 
 def checked_run(run: Any) -> Mapping[str, Any]:
-    """Return engine options unchanged; raise if neither engine has one of them."""
+    """Return engine options unchanged.
+
+    Raises `TypeError` if neither engine has an option of that name.
+    """
     if check.of_kind("run", run, Mapping, "a mapping of options to values"):
         check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINE_NAMES)),
                      "option", TypeError)
@@ -168,7 +179,7 @@ def checked_run(run: Any) -> Mapping[str, Any]:
 
 
 def engine_named(engine: str) -> Callable[..., Trajectory]:
-    """Return the `simulate` of one engine."""
+    """Return the function `simulate` of ``"edmd"`` or ``"md"``."""
     simulate: Callable[..., Trajectory] = import_module(
         f"granular.{check.choice('engine', engine, ENGINE_NAMES)}"
     ).simulate

@@ -40,7 +40,7 @@ class Material:
     density : float
         Density in kg/m³.
     young_range : (float, float)
-        Least and largest Young's modulus of this kind of material in Pa.
+        Smallest and largest Young's modulus in Pa of this kind of material.
     """
 
     young: float
@@ -58,15 +58,15 @@ class Material:
 
 
 steel = Material(200e9, 0.29, 7850.0, (190e9, 210e9))
-"""Carbon steel. Bearing balls (AISI 52100) have 205 to 210, stainless 193 GPa."""
+"""Carbon steel. Bearing balls (AISI 52100) have 205 to 210 GPa, stainless 193 GPa."""
 glass = Material(70e9, 0.22, 2500.0, (48e9, 83e9))
 """Soda-lime glass, with ν from 0.17 to 0.27. Lead glass is softer and denser."""
 brass = Material(100e9, 0.34, 8500.0, (96e9, 110e9))
 """Brass with 60 to 80 % copper."""
 aluminium = Material(70e9, 0.33, 2700.0, (70e9, 79e9))
-"""Aluminium alloys. Those with copper and zinc have 72 to 73 GPa."""
+"""Aluminium alloys. Alloys with copper or zinc have 72 to 73 GPa."""
 nylon = Material(2.8e9, 0.40, 1100.0, (2.1e9, 3.4e9))
-"""Dry nylon 6-6 at room temperature. If moist and warm, E is less than half of it."""
+"""Dry nylon 6-6 at room temperature. E of moist, warm nylon is less than half."""
 rubber = Material(2e6, 0.48, 1100.0, (0.7e6, 4e6))
 """Soft rubber under slow strain. Hard sorts have up to 100 MPa.
 
@@ -78,16 +78,17 @@ MATERIALS = {"steel": steel, "glass": glass, "brass": brass, "aluminium": alumin
 
 @check.face
 def named(material: str | Material) -> Material:
-    """Return a material of `MATERIALS` by its name, or the material itself."""
+    """Return a material of `MATERIALS` by name. A `Material` is returned unchanged."""
     return material if isinstance(material, Material) else MATERIALS[
         check.choice("material", material, list(MATERIALS))]
 
 
 @check.face
 def both(lower: str | Material, upper: str | Material) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return (young, poisson) for the contact of two materials.
+    """Return the Young's moduli and Poisson's ratios for the contact of two materials.
 
-    Both are pairs (lower, upper), as `from_material` of laws takes them.
+    The result has two items: the moduli in Pa as (lower, upper), and Poisson's ratios as (lower, upper). This is the
+    form that `from_material` of laws accepts.
     """
-    one, two = named(lower), named(upper)
-    return (one.young, two.young), (one.poisson, two.poisson)
+    lower_material, upper_material = named(lower), named(upper)
+    return (lower_material.young, upper_material.young), (lower_material.poisson, upper_material.poisson)

@@ -1,4 +1,4 @@
-"""Ready-made cases: scenes of `granular.scenes` with default law, rule and end."""
+"""Ready-made cases: scenes of `granular.scenes` with a default law, rule and end."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ STEEL_CONTACT = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 
 
 def first_impact_speed(scene: Scene) -> float:
-    """Largest speed in m/s of the first impact of each pair on its own.
+    """Return the largest speed in m/s at which a pair collides for the first time.
 
-    Walls have their largest speed. v² = v_0² + 2 a gap under the acceleration a, and v² = v_0² + Ω² ((gap - rest)² -
-    rest²) for pendula. 0 if no pair collides.
+    The first impact of each pair is computed as if no other pair collided. Its speed is v² = v_0² + 2 a gap under the
+    acceleration a, plus Ω² ((gap - rest)² - rest²) for pendula. The largest speed of a driven wall is added to v. The
+    result is 0 if no pair collides.
     """
     closing = -scene.across(scene.velocity)
     gap = np.maximum(scene.gap, 0.0)
@@ -48,10 +49,12 @@ def of_restitution(
     scene: Scene, restitution: float | Sequence[float] = 0.7, stiffness: float = 5e7, law: str = "LinearDashpot",
     material: str | None = None,
 ) -> tuple[tuple[Any, ...], Any]:
-    """Return force laws and the collision rule of equal restitution for a scene.
+    """Return force laws and a collision rule with the same coefficient of restitution.
 
     Parameters
     ----------
+    scene : Scene
+        The scene that the laws are made for.
     restitution : float or floats
         Coefficient of restitution in (0, 1]: one for all pairs, or one per pair bottom to top.
     stiffness : float
@@ -65,26 +68,26 @@ def of_restitution(
     Returns
     -------
     tuple of laws, rule or None
-        The rule is None if the restitution depends on the speed. It then has to be taken from the laws.
+        The rule is None if the restitution depends on the speed. It then has to be derived from the laws.
     """
-    known = list(LAW_CONSTRUCTORS) if material is None else [name for name in LAW_CONSTRUCTORS if "Hertz" in name]
-    way = LAW_CONSTRUCTORS[check.choice("law" if material is None else "the law of a material", law, known)]
-    needs = {parameter.name for parameter in build.parameters(way)}
+    choices = list(LAW_CONSTRUCTORS) if material is None else [name for name in LAW_CONSTRUCTORS if "Hertz" in name]
+    constructor = LAW_CONSTRUCTORS[check.choice("law" if material is None else "the law of a material", law, choices)]
+    accepted = {parameter.name for parameter in build.parameters(constructor)}
     k, speed = check.number("stiffness", stiffness, above=0.0), first_impact_speed(scene)
-    eps = list(restitution) if isinstance(restitution, Sequence) else restitution
-    of = None if material is None else materials.named(material)
+    restitutions = list(restitution) if isinstance(restitution, Sequence) else restitution
+    chosen_material = None if material is None else materials.named(material)
 
-    def made(e: float, pair: Pair) -> Any:
-        stiff = k if of is None else hertz_stiffness(of.young, of.poisson, pair)
-        values = {"restitution": e, "k": stiff, "k_load": stiff, "speed": speed}
-        return build.call([way], {key: value for key, value in values.items() if key in needs}, pair=pair)
+    def law_of_pair(eps: float, pair: Pair) -> Any:
+        k_pair = k if chosen_material is None else hertz_stiffness(chosen_material.young, chosen_material.poisson, pair)
+        values = {"restitution": eps, "k": k_pair, "k_load": k_pair, "speed": speed}
+        return build.call([constructor], {key: value for key, value in values.items() if key in accepted}, pair=pair)
 
-    laws = build.each_pair(made, check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
-    return laws, None if "speed" in needs else ConstantRestitution(eps)
+    laws = build.each_pair(law_of_pair, check.per_pair("restitution", restitutions, scene.n_pairs), scene.pairs)
+    return laws, None if "speed" in accepted else ConstantRestitution(restitutions)
 
 
 def _elastic_hertz(restitution: float, k: float) -> Hertz:
-    """Return Hertz's law, for restitution 1 only."""
+    """Return Hertz's law. Raise `ValueError` for a restitution other than 1."""
     check.number("restitution", restitution, at_least=1.0, at_most=1.0,
                   fix="Hertz's law is elastic. For damping use TsujiHertz or ViscoelasticHertz.")
     return Hertz(k)
@@ -92,47 +95,50 @@ def _elastic_hertz(restitution: float, k: float) -> Hertz:
 
 LAW_CONSTRUCTORS = {"Hertz": _elastic_hertz} | {
     name: kind.from_restitution for name, kind in build.LAWS.items() if hasattr(kind, "from_restitution")}
-"""Laws of `of_restitution`, and their constructors."""
+"""Constructors of the laws that `of_restitution` accepts, by name."""
 
 
 def of_balls(
     scene: Scene, lower: str | balls.Ball = "basketball", upper: str | balls.Ball | None = "tennis ball",
     pair_rule: str = "lens",
 ) -> tuple[tuple[Any, ...], Any]:
-    """Return force laws and the collision rule of real balls, see `granular.balls`.
+    """Return force laws and a collision rule for real balls, see `granular.balls`.
 
     Parameters
     ----------
+    scene : Scene
+        Scene of a floor and one or two balls.
     lower, upper : str or Ball
-        The balls of the scene.
+        The balls of the scene. `upper` is None if the lower ball falls alone.
     pair_rule : {"lens", "series"}
         Rule for the contact of the two balls.
     """
     check.choice("pair_rule", pair_rule, balls.RULES)
     floor = balls.named(lower, "lower")
-    each = [floor, floor if upper is None else balls.contact(lower, upper, pair_rule)][: scene.n_pairs]
-    laws = [LinearDashpot.from_restitution(one.restitution, one.stiffness, pair)
-            for one, pair in zip(each, scene.pairs, strict=True)]
-    return tuple(laws), ConstantRestitution([one.restitution for one in each])
+    contacts = [floor, floor if upper is None else balls.contact(lower, upper, pair_rule)][: scene.n_pairs]
+    laws = [LinearDashpot.from_restitution(contact.restitution, contact.stiffness, pair)
+            for contact, pair in zip(contacts, scene.pairs, strict=True)]
+    return tuple(laws), ConstantRestitution([contact.restitution for contact in contacts])
 
 
 @dataclass(frozen=True)
 class Template:
-    """Recipe for a case from a scene.
+    """Ready-made case whose options have not been chosen: functions and defaults.
 
     Attributes
     ----------
     make : callable
-        The function of `granular.scenes`.
+        Function of `granular.scenes` that returns the scene.
     until : stop condition or None
         The stop condition.
     t_end : callable
-        Function of the scene that returns the end time in s. None if the stop condition is certain to be met.
+        Function of the scene that returns the end time in s. It returns None if the stop condition is certain to be
+        met.
     contact : mapping
-        Defaults of `touch` that differ for this scene.
+        Arguments of `touch` for this scene, where they differ from the defaults of `touch`.
     pressed : callable or None
-        Function of the scene and its laws that returns the end time in s, if overlaps at the start depend on the laws.
-        `make` then takes the laws.
+        For scenes whose initial overlaps depend on the laws: function of the scene and its laws that returns the end
+        time in s. `make` then has the parameter `law`.
     touch : callable
         Function of `granular.cases.ready` that returns the force laws and the collision rule of a scene.
     """
@@ -145,67 +151,76 @@ class Template:
     touch: Callable[..., tuple[tuple[Any, ...], Any]] = of_restitution
 
 
-def falls(count: float, scene: Scene) -> float | None:
-    """End time after `count` fall times s/g.
+def fall_time(count: float, scene: Scene) -> float | None:
+    """Return the end time in s after `count` times v/g.
 
-    s is the speed of the first impact on the floor.
+    v is `first_impact_speed`. The result is None without gravity, or if no pair collides.
     """
     return (count * first_impact_speed(scene) / scene.gravity or None) if scene.gravity else None
 
 
-def flights(count: float, scene: Scene) -> float | None:
-    """End time in which a ball of a gas crosses `count` mean gaps."""
+def flight_time(count: float, scene: Scene) -> float | None:
+    """Return the time in s in which a ball of a gas crosses `count` mean gaps.
+
+    The speed is the root mean square of the velocities. The result is None if all velocities are 0.
+    """
     rms = math.sqrt(float((scene.velocity**2).mean()))
     return count * float(scene.gap.mean()) / rms if rms else None
 
 
-def swings(periods: float, scene: Scene) -> float | None:
-    """Return the end time after `periods` periods of pendula."""
+def swing_time(periods: float, scene: Scene) -> float | None:
+    """Return the duration in s of `periods` periods of the pendula."""
     return periods * 2.0 * math.pi / scene.pendulum
 
 
-def shaken(periods: float, scene: Scene) -> float | None:
-    """Return the end time after `periods` periods of a shaken floor.
+def shaking_time(periods: float, scene: Scene) -> float | None:
+    """Return the duration in s of `periods` periods of a sinusoidally driven floor.
 
-    A floor whose path ends earlier ends the run.
+    For another motion of the floor, the result is the time at which its path ends, or None if the path does not end.
     """
-    end = ends(scene.floor)
-    return periods / scene.floor.frequency if isinstance(scene.floor, walls.Sine) else end if end < math.inf else None
+    last = ends(scene.floor)
+    return periods / scene.floor.frequency if isinstance(scene.floor, walls.Sine) else last if last < math.inf else None
 
 
-def bounces(count: float, periods: float, scene: Scene) -> float | None:
-    """End time after `count` falls on a floor at rest, or periods of a shaken one."""
-    return shaken(periods, scene) if scene.driven else falls(count, scene)
+def bounce_time(count: float, periods: float, scene: Scene) -> float | None:
+    """Return the end time in s of a ball that bounces on a floor.
+
+    It is `shaking_time` of `periods` for a driven floor, otherwise `fall_time` of `count`.
+    """
+    return shaking_time(periods, scene) if scene.driven else fall_time(count, scene)
 
 
-def crossings(count: float, periods: float, scene: Scene, law: Any) -> float | None:
-    """End time of a compressed chain.
+def chain_time(count: float, periods: float, scene: Scene, law: Any) -> float | None:
+    """Return the end time in s of a run of a compressed chain.
 
-    After `count` passages of a slow wave, or periods of its floor.
+    It is `shaking_time` of `periods` for a driven floor. Otherwise it is `count` times the time in which a long wave
+    crosses the chain, or None if no balls are in contact.
     """
     if scene.driven:
-        return shaken(periods, scene)
-    once = waves.crossing_time(scene, law)
-    return count * once if once < math.inf else None
+        return shaking_time(periods, scene)
+    crossing = waves.crossing_time(scene, law)
+    return count * crossing if crossing < math.inf else None
 
 
 TEMPLATES = {
-    "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(falls, 10)),
-    "ball-stack": Template(scenes.ball_stack, until.separated(), partial(falls, 10), {"restitution": 0.9}),
-    "real-balls": Template(scenes.real_balls, until.contact(pair=0, nth=2), partial(falls, 10), touch=of_balls),
+    "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(fall_time, 10)),
+    "ball-stack": Template(scenes.ball_stack, until.separated(), partial(fall_time, 10), {"restitution": 0.9}),
+    "real-balls": Template(scenes.real_balls, until.contact(pair=0, nth=2), partial(fall_time, 10), touch=of_balls),
     "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL_CONTACT),
     "chain": Template(scenes.chain, until.separated(), contact=STEEL_CONTACT),
-    "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
-    "gas": Template(scenes.gas, None, partial(flights, 10), {"restitution": 0.9}),
-    "ring-gas": Template(scenes.ring_gas, None, partial(flights, 10), {"restitution": 0.9}),
-    "heated-gas": Template(scenes.heated_gas, None, partial(flights, 20), {"restitution": 1.0}),
-    "bouncing-ball": Template(scenes.bouncing_ball, None, partial(bounces, 6, 50)),  # at ε = 0.7 it rests after 17/3
-    "vibrated-column": Template(scenes.vibrated_column, None, partial(shaken, 20), contact={"restitution": 0.95}),
+    "column": Template(scenes.column, until.separated(), partial(fall_time, 20), {"restitution": 0.9}),
+    "gas": Template(scenes.gas, None, partial(flight_time, 10), {"restitution": 0.9}),
+    "ring-gas": Template(scenes.ring_gas, None, partial(flight_time, 10), {"restitution": 0.9}),
+    "heated-gas": Template(scenes.heated_gas, None, partial(flight_time, 20), {"restitution": 1.0}),
+    # at ε = 0.7 a ball on a floor at rest comes to rest after 17/3 fall times
+    "bouncing-ball": Template(scenes.bouncing_ball, None, partial(bounce_time, 6, 50)),
+    "vibrated-column": Template(scenes.vibrated_column, None, partial(shaking_time, 20), contact={"restitution": 0.95}),
     "pendulum-cradle": Template(
-        scenes.pendulum_cradle, None, partial(swings, 10), STEEL_CONTACT | {"restitution": 0.95}
+        scenes.pendulum_cradle, None, partial(swing_time, 10), STEEL_CONTACT | {"restitution": 0.95}
     ),
     "compressed-chain": Template(
-        scenes.compressed_chain, None, contact=STEEL_CONTACT | {"stiffness": 1e10}, pressed=partial(crossings, 2, 50)
+        scenes.compressed_chain, None, contact=STEEL_CONTACT | {"stiffness": 1e10},
+        pressed=partial(chain_time, 2, 50)
     ),
 }
 
@@ -219,43 +234,54 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     name : str
         One of `names`.
     t_end : float, optional
-        End time in s. Defaults to the case's own.
+        End time in s. Defaults to the end time of the ready-made case.
     run : mapping, optional
         Further options of ``simulate``.
     **options
-        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of its contacts.
-        "real-balls" has `pair_rule`.
+        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` and `material`
+        of its contacts. The contacts of "real-balls" have only the option `pair_rule`.
 
     Raises
     ------
     TypeError, ValueError
         For an unknown name or option (with a suggestion), or an invalid value.
     """
-    shapes, touches = shaping(name), _touching(name)
-    check.known(options, shapes | touches, f"option of {name}", TypeError)
-    of_scene = {key: value for key, value in options.items() if key in shapes}
+    scene_options, contact_options = shaping(name), _contact_option_names(name)
+    check.known(options, scene_options | contact_options, f"option of {name}", TypeError)
+    of_scene = {key: value for key, value in options.items() if key in scene_options}
     case = bare(name, of_scene, t_end)
-    case = touching(name, case, **{key: value for key, value in options.items() if key in touches})
+    case = touching(name, case, **{key: value for key, value in options.items() if key in contact_options})
     return replace(pressed(name, case, of_scene), run={} if run is None else run)
 
 
-def of_table(name: str, given: Mapping[str, Any]) -> Case:
-    """Return a case from a table of a file.
+def of_table(name: str, table: Mapping[str, Any]) -> Case:
+    """Return a ready-made case from the [scene] table of a file.
 
-    The options of `of_restitution` have tables of their own.
+    The options of `of_restitution` are not keys of [scene], because the table [law] contains them. The option
+    `pair_rule` of "real-balls" is a key of [scene].
     """
-    own = set() if _named(name).touch is of_restitution else _touching(name)
-    case = bare(name, {key: value for key, value in given.items() if key not in own - shaping(name)})
-    return touching(name, case, **{key: value for key, value in given.items() if key in own})
+    contact_options = set() if _template_named(name).touch is of_restitution else _contact_option_names(name)
+    case = bare(name, {key: value for key, value in table.items() if key not in contact_options - shaping(name)})
+    return touching(name, case, **{key: value for key, value in table.items() if key in contact_options})
 
 
 def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
-    """Return a ready-made case without contacts: the scene and its end."""
-    template = _named(name)
+    """Return a ready-made case without force law and collision rule.
+
+    Parameters
+    ----------
+    name : str
+        Name of the ready-made case.
+    of_scene : mapping
+        Arguments of the function of the scene.
+    t_end : float, optional
+        End time in s. Defaults to the end time of the ready-made case.
+    """
+    template = _template_named(name)
     if template.pressed is not None:
         check.known(of_scene, shaping(name), f"parameter of {name}")
-    untouched = {} if template.pressed is None else {"law": None}
-    scene = build.call([template.make], build.walled(of_scene) | untouched)
+    without_law = {} if template.pressed is None else {"law": None}
+    scene = build.call([template.make], build.walled(of_scene) | without_law)
     end = template.t_end(scene) if t_end is None else check.number("t_end", t_end, at_least=0.0)
     if end is not None and not math.isfinite(end):
         raise ValueError(f"The end time of {name} exceeds the range of floating-point numbers. Give `t_end`, or use "
@@ -264,8 +290,11 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
 
 
 def touching(name: str, case: Case, **of_contact: Any) -> Case:
-    """Return a bare case with its contacts, from options of the contacts."""
-    template = _named(name)
+    """Return `case`, made by `bare`, with its force laws and collision rule.
+
+    `of_contact` has options of the contacts, such as `restitution`.
+    """
+    template = _template_named(name)
     if {"material", "stiffness"} <= of_contact.keys():
         raise ValueError("Only one of `material` and `stiffness` can be given, got both.")
     law, rule = template.touch(case.scene, **(dict(template.contact) | of_contact))
@@ -273,8 +302,12 @@ def touching(name: str, case: Case, **of_contact: Any) -> Case:
 
 
 def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
-    """Return a case with the static overlaps of its laws, and its end time."""
-    template = _named(name)
+    """Return `case` with the initial overlaps that its force laws give.
+
+    If the case has no end time, the end time is computed, too. Cases whose scene does not depend on the laws are
+    returned unchanged. `of_scene` has the arguments of the function of the scene.
+    """
+    template = _template_named(name)
     if template.pressed is None or case.law is None:
         return case
     scene = build.call([template.make], build.walled(of_scene) | {"law": case.law})
@@ -282,11 +315,12 @@ def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
 
 
 def is_whole(name: str) -> bool:
-    """Return whether scene and contacts depend on each other.
+    """Return whether scene and contacts of a ready-made case depend on each other.
 
-    They depend by overlaps, or by the kind of ball.
+    This holds if the initial overlaps depend on the force laws, or if the names of the balls determine scene and
+    contacts.
     """
-    template = _named(name)
+    template = _template_named(name)
     return template.pressed is not None or template.touch is not of_restitution
 
 
@@ -297,9 +331,9 @@ def names() -> list[str]:
 
 
 def is_file(scene: Any) -> bool:
-    """Return whether a word is the name of a file, by its ending or existence.
+    """Return whether `scene` names a file: it ends in .toml, or such a file exists.
 
-    Names of cases are not file names.
+    Names of ready-made cases are not file names.
     """
     if not isinstance(scene, (str, os.PathLike)) or scene in TEMPLATES:
         return False
@@ -309,30 +343,30 @@ def is_file(scene: Any) -> bool:
 @check.face
 def about(name: str) -> str:
     """Return the description of a ready-made case, in one line."""
-    return summary(_named(name).make)
+    return summary(_template_named(name).make)
 
 
 @check.face
 def options(name: str) -> list[Option]:
-    """Return the options of a ready-made case: scene first, then contacts.
+    """Return the options of a ready-made case with their defaults.
 
-    They have the defaults of the case.
+    The options of the scene come first, followed by the options of the contacts.
     """
-    template = _named(name)
+    template = _template_named(name)
     return options_of(template.make) + [
         replace(option, default=template.contact.get(option.name, option.default))
         for option in options_of(template.touch) if option.name not in shaping(name)]
 
 
 def shaping(name: str) -> set[str]:
-    """Names of the options of a ready-made case that belong to its scene."""
-    return {parameter.name for parameter in build.parameters(_named(name).make)} - {"law"}
+    """Return the names of the scene options of a ready-made case."""
+    return {parameter.name for parameter in build.parameters(_template_named(name).make)} - {"law"}
 
 
-def _touching(name: str) -> set[str]:
-    """Names of the options of a ready-made case that belong to its contacts."""
-    return {parameter.name for parameter in build.parameters(_named(name).touch)[1:]}
+def _contact_option_names(name: str) -> set[str]:
+    """Return the names of the contact options of a ready-made case."""
+    return {parameter.name for parameter in build.parameters(_template_named(name).touch)[1:]}
 
 
-def _named(name: str) -> Template:
+def _template_named(name: str) -> Template:
     return TEMPLATES[check.choice("scene", name, names())]

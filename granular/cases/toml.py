@@ -1,6 +1,6 @@
 """Cases as TOML files with tables [scene], [law], [rule] and [run].
 
-Files are written with all digits, so that they read back bitwise identical.
+Numbers are written with all digits, so that a file that was saved and loaded gives a bitwise identical case.
 """
 
 from __future__ import annotations
@@ -27,11 +27,14 @@ from granular.scene import Pair, Scene, in_order
 
 TABLE_NAMES = ("scene", "law", "rule", "run", "about")
 MAX_FILE_BYTES = 32_000_000
-"""Maximum size of a file: a scene of 300 000 balls."""
+"""Maximum size of a file in bytes, enough for a scene of 300 000 balls."""
 LONG_KEY_PATTERN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+\s*\.\s*){50}""")
-"""Pattern of keys with 50 parts. tomllib needs gigabytes for one of thousands."""
+"""Pattern of dotted keys with 50 parts.
+
+tomllib needs gigabytes of memory for a key with thousands of parts.
+"""
 STIFFNESS_FIELDS = ("k", "k_load")
-"""Fields of a law that its `from_restitution` takes."""
+"""Fields of a law that are also arguments of its `from_restitution`."""
 Table = dict[str, Any]
 
 
@@ -100,7 +103,10 @@ def loads(text: str) -> Case:
 
 
 def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
-    """Read the tables of a file, with or without a byte order mark."""
+    """Read the tables of a TOML file, with or without a byte order mark.
+
+    Raises `ValueError` if the file is too large, or is not valid TOML.
+    """
     with open(path, "rb") as stream:
         content = stream.read(MAX_FILE_BYTES + 1)
     if len(content) > MAX_FILE_BYTES:
@@ -124,30 +130,36 @@ def _parsed(text: str) -> dict[str, Any]:
 
 
 def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
-    """Return a case from the tables of a file in a folder."""
+    """Return a case from the tables of a TOML file.
+
+    `folder` is the folder of files with user-defined functions.
+    """
     for key in tables:
         check.known([key], TABLE_NAMES, "table or key")
     if "scene" not in tables:
         raise ValueError("The table [scene] is missing. It names a ready-made scene, or gives mass, radius, gap and "
                          "velocity.")
     with place("[scene]"):
-        given = build.walled(_table(tables["scene"]), folder)
-        base = _base(given)
-    laws, rule = _physics(tables, base)
-    if "name" in given:
+        scene_table = build.walled(_table(tables["scene"]), folder)
+        case = _base(scene_table)
+    law_of_case, rule = _physics(tables, case)
+    if "name" in scene_table:
         with place("[scene]"):
-            base = ready.pressed(given.pop("name"), replace(base, law=laws), given)
+            case = ready.pressed(scene_table.pop("name"), replace(case, law=law_of_case), scene_table)
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
-        t_end = check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
-        stop = stop_condition(run.pop("until"), base.scene) if "until" in run else base.until
+        t_end = check.number("t_end", run.pop("t_end")) if "t_end" in run else case.t_end
+        stop = stop_condition(run.pop("until"), case.scene) if "until" in run else case.until
         checked_run(run)
-    about = check.of_kind("about", tables.get("about", base.about), str, "a text in quotes")
-    return Case(base.scene, laws, rule, stop, t_end, run, about)
+    about = check.of_kind("about", tables.get("about", case.about), str, "a text in quotes")
+    return Case(case.scene, law_of_case, rule, stop, t_end, run, about)
 
 
 def _base(table: Mapping[str, Any]) -> Case:
-    """Return the ready-made case that [scene] names, or a bare one with its arrays."""
+    """Return the ready-made case that [scene] names, or a case of its arrays.
+
+    A case of arrays has no law and no rule.
+    """
     if "name" not in table:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
     name = check.choice("name", table["name"], ready.names())
@@ -155,34 +167,36 @@ def _base(table: Mapping[str, Any]) -> Case:
 
 
 def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
-    """Return laws and rule from their tables, or from the ready-made case.
+    """Return the force laws and the collision rule from the tables [law] and [rule].
 
-    A table holds for all pairs, or there is one per pair.
+    Each table holds for all pairs, or there is one per pair. Without [law], the laws of `base` are returned. Without
+    [rule], the rule is taken from the restitution in [law], or from `base` if [law] is missing, too. Raises
+    `ValueError` if there is neither a law nor a rule.
     """
     laws, rule, scene = base.law, base.rule, base.scene
     if "law" in tables:
         each = isinstance(tables["law"], list)
 
-        def made(table: Any, pair: Pair) -> Any:
+        def law_of_table(table: Any, pair: Pair) -> Any:
             with place(f"[[law]] of pair {pair.name}" if each else "[law]"):
                 return build.law(_table(table), pair)
 
         of_pairs = check.per_pair("[[law]]", tables["law"], scene.n_pairs)
-        laws, rule = build.each_pair(made, of_pairs, scene.pairs), build.rule_of(of_pairs)
+        laws, rule = build.each_pair(law_of_table, of_pairs, scene.pairs), build.rule_of(of_pairs)
     if "rule" in tables:
-        given = tables["rule"]
+        table = tables["rule"]
         with place("[rule]"):
-            rules = [build.rule(_table(one)) for one in (given if isinstance(given, list) else [given])]
-            rule = check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(given, list) else rules[0]
+            rules = [build.rule(_table(entry)) for entry in (table if isinstance(table, list) else [table])]
+            rule = check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(table, list) else rules[0]
     if laws is None and rule is None:
         raise ValueError("The table [law] is missing. Give a force law, or at least a [rule] for hard spheres.")
     return laws, rule
 
 
 def stop_condition(value: Any, scene: Scene) -> until.Until | None:
-    """Return the condition of `granular.until` for a table or a word.
+    """Return the condition of `granular.until` for a table or the string "separated".
 
-    A table without `type` is a contact.
+    A table without ``type`` is `until.contact`.
     """
     if value == "separated":
         return until.separated()
@@ -224,65 +238,79 @@ def dumps(case: Case) -> str:
     tables["run"] = {"until": _stop(case.until), "t_end": case.t_end, **case.run}
     lines = [f"about = {_value(case.about)}", ""] if case.about else []
     for name, table in tables.items():
-        for one in table if isinstance(table, list) else [table]:
+        for entry in table if isinstance(table, list) else [table]:
             lines += [f"[[{name}]]" if isinstance(table, list) else f"[{name}]"]
-            lines += [*(f"{key} = {_value(value)}" for key, value in one.items() if value is not None), ""]
+            lines += [*(f"{key} = {_value(value)}" for key, value in entry.items() if value is not None), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
 def _stop(condition: until.Until | None) -> Any:
-    """Return the table, or word, of a stop condition."""
+    """Return the table, or the string "separated", of a stop condition."""
     if condition is None:
         return None
-    given = {name: value for name, value in asdict(condition).items() if value is not None}
+    arguments = {name: value for name, value in asdict(condition).items() if value is not None}
     kind = {} if isinstance(condition, until.Contact) else {"type": type(condition).__name__.lower()}
-    return kind | given if given else "separated"
+    return kind | arguments if arguments else "separated"
 
 
 def _scene(scene: Scene) -> Table:
-    """Return the fields of a scene. Fields of a ring or of pendula only if used."""
+    """Return the fields of a scene.
+
+    `ring` and `pendulum` are None if the scene is not a ring, or has no pendula.
+    """
     return _numbers(scene) | {"ring": scene.ring or None, "pendulum": scene.pendulum or None}
 
 
 def _numbers(physics: Any) -> Table:
-    """Return the fields of a scene, law or rule."""
+    """Return the fields of a scene, law or rule by their names."""
     return {f.name: getattr(physics, f.name) for f in fields(physics)}
 
 
 def _each(name: str, values: Any, types: Mapping[str, Any]) -> dict[str, Table | list[Table]]:
-    """Return the table of a law or rule, or one per pair."""
+    """Return the table of a law or rule, or a list of one table per pair.
+
+    The only key of the result is `name`, "law" or "rule". Raises `TypeError` for a type that is not in `types`.
+    """
     each = list(values) if isinstance(values, (list, tuple)) else [] if values is None else [values]
     for value in each:
         if type(value) not in types.values():
             raise TypeError(f"`{name}` must be one of {', '.join(types)} to be written to TOML, got {value!r}.")
-    return _joined(name, [{"type": type(one).__name__} | _numbers(one) for one in each])
+    return _single_or_list(name, [{"type": type(value).__name__} | _numbers(value) for value in each])
 
 
-def _joined(name: str, tables: list[Table]) -> dict[str, Table | list[Table]]:
-    """Return one table if all pairs have the same."""
+def _single_or_list(name: str, tables: list[Table]) -> dict[str, Table | list[Table]]:
+    """Return {`name`: table} if all tables are equal, otherwise {`name`: `tables`}.
+
+    The result is empty without tables.
+    """
     return {name: tables[0] if all(table == tables[0] for table in tables) else tables} if tables else {}
 
 
 def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
-    """Return tables of laws with ε if it is also the ε of the rule, otherwise nothing.
+    """Return the [law] tables with the restitution of the rule, or an empty mapping.
 
-    Law and rule then keep one common number. The tables are used only if they reproduce the laws and the rule exactly.
+    Such tables describe laws and rule by one common ε, so that [rule] is not needed. They are returned only if they
+    reproduce the laws and the rule exactly.
     """
     rule = case.rule
     if case.law is None or not isinstance(rule, ConstantRestitution):
         return {}
     laws = check.per_pair("law", case.law, case.scene.n_pairs)
-    tables = [_of_restitution(one, rule(0.0, pair), pair) for one, pair in zip(laws, case.scene.pairs, strict=True)]
-    return _joined("law", tables) if all(tables) and rule_of(tables) == rule else {}
+    tables = [_of_restitution(pair_law, rule(0.0, pair), pair)
+              for pair_law, pair in zip(laws, case.scene.pairs, strict=True)]
+    return _single_or_list("law", tables) if all(tables) and rule_of(tables) == rule else {}
 
 
-def _of_restitution(given: Any, restitution: float, pair: Pair) -> Table:
-    """Return the table of a law with ε, or an empty one if it does not reproduce it."""
-    kept = _numbers(given) if type(given) in LAWS.values() else {}
-    table = {"type": type(given).__name__, "restitution": restitution} | {
-        name: value for name, value in kept.items() if name in STIFFNESS_FIELDS}
+def _of_restitution(law_of_pair: Any, restitution: float, pair: Pair) -> Table:
+    """Return the table of a law with its restitution, or an empty table.
+
+    The table is empty if it does not reproduce the law exactly.
+    """
+    values = _numbers(law_of_pair) if type(law_of_pair) in LAWS.values() else {}
+    table = {"type": type(law_of_pair).__name__, "restitution": restitution} | {
+        name: value for name, value in values.items() if name in STIFFNESS_FIELDS}
     try:
-        return table if law(table, pair) == given else {}
+        return table if law(table, pair) == law_of_pair else {}
     except (TypeError, ValueError):
         return {}
 

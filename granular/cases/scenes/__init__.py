@@ -3,7 +3,7 @@
 The lowest (leftmost) body comes first. Masses and radii of spheres are related by m = (4/3) π R³ ρ. A single number
 for `gap` is the gap of every pair of balls.
 
-A first reader may skip: `falling`, `gases`, `rows`.
+Start with: `falling`, balls above a floor. Further scenes: `rows` (cradles and chains) and `gases`.
 """
 
 from typing import TYPE_CHECKING

@@ -23,8 +23,8 @@ def three_balls(
 ) -> Scene:
     """Two balls, one above the other, dropped on a floor: the scene of the paper.
 
-    The floor is the third ball. Both balls are released from rest. Pair 0 is the floor and the lower ball, pair 1 the
-    two balls (Müller & Pöschel 2011, Fig. 1).
+    The floor counts as the third ball. Both balls are released from rest. Pair 0 is the floor and the lower ball, pair
+    1 the two balls (Müller & Pöschel 2011, Fig. 1).
 
     Parameters
     ----------
@@ -52,21 +52,21 @@ def ball_stack(
 ) -> Scene:
     """Stack of balls that fall on a floor, each lighter than the one below.
 
-    It throws its top ball high (Harter, Kerwin). It is either dropped from rest, or hits the floor at t = 0 with a
-    given speed.
+    The stack throws its top ball high (Harter, Kerwin). It is either dropped from rest, or hits the floor at t = 0
+    with a given speed.
 
     Parameters
     ----------
     n : int
         Number of balls.
     mass_ratio : float
-        m[k+1]/m[k] of each ball and the one above. The lowest ball has 1 kg.
+        m[k+1]/m[k], the mass of a ball divided by the mass of the ball below. The lowest ball has 1 kg.
     masses : floats, optional
         All masses in kg, bottom to top, instead of `n` and `mass_ratio`.
     height : float, optional
         Drop height in m, from the floor to the lowest point of the lowest ball (default 1 m).
     speed : float, optional
-        Instead of `height`: all balls move down with this speed in m/s as the lowest touches the floor.
+        Instead of `height`: downward speed in m/s of all balls at t = 0, when the lowest ball touches the floor.
     gap : float or floats
         Distances between the surfaces of the balls in m: one, or n-1 bottom to top.
     density : float
@@ -100,7 +100,7 @@ def column(
     gap : float or floats
         Distances between the surfaces in m: one, or n bottom to top, beginning at the floor.
     speed : float
-        Speed in m/s with which all balls move down at the start.
+        Downward speed in m/s of all balls at the start.
     mass : float
         Mass of a ball in kg.
     density : float
@@ -122,8 +122,8 @@ def bouncing_ball(
 ) -> Scene:
     """One ball bouncing on a floor until it comes to rest, or on a shaken plate.
 
-    On a plate z = A sin(ωt) with Γ = A ω²/g, hard spheres have a bounce of k periods for Γ > G_k = kπ (1 - ε)/(1 + ε).
-    Its period doubles at Γ = √(G_k² + [2(1 + ε²)/(1 + ε)²]²).
+    On a plate z = A sin(ωt) with Γ = A ω²/g, a hard ball can bounce once per k periods if Γ > G_k = kπ (1 - ε)/(1 + ε).
+    The period of this motion doubles at Γ = √(G_k² + [2(1 + ε²)/(1 + ε)²]²).
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def bouncing_ball(
     radius : float
         Radius in m.
     speed : float
-        Speed in m/s with which it is thrown down.
+        Downward speed of the ball in m/s at the start.
     density : float
         Density in kg/m³.
     gravity : float
@@ -155,8 +155,8 @@ def vibrated_column(
 ) -> Scene:
     """Column of equal balls on a shaken floor: z = A sin(2π f t + φ), Γ = A (2π f)²/g.
 
-    Hard spheres are fluidized if N (1 - ε) is small, up to a height of their centre of mass h_cm of about
-    1.25 (A 2π f)²/(g N (1 - ε)). They move as one piece if it is large (Luding et al. 1994).
+    If N (1 - ε) is small, hard spheres are fluidized: their centre of mass rises to h_cm ≈ 1.25 (A 2π f)²/(g N (1 -
+    ε)). If N (1 - ε) is large, the column moves as one body (Luding et al. 1994).
 
     Parameters
     ----------
@@ -169,8 +169,8 @@ def vibrated_column(
     amplitude : float, optional
         Amplitude A in m, instead of `gamma`.
     phase : float
-        Phase φ in rad at t = 0: at π/2 the floor starts at its highest point at rest, at 0 with a jump of the speed
-        2π f A.
+        Phase φ in rad at t = 0. At π/2 the floor starts at its highest point at rest. At 0 it starts with its largest
+        speed 2π f A.
     gap : float or floats
         Distances between the surfaces in m: one, or n bottom to top, beginning at the floor.
     radius : float
@@ -200,7 +200,7 @@ def real_balls(
     Parameters
     ----------
     lower, upper : str or Ball
-        Names in `granular.balls.BALLS`, or your own balls. Without an upper ball the lower one falls alone.
+        Names in `granular.balls.BALLS`, or your own balls. If `upper` is None, the lower ball falls alone.
     gap : float
         Distance between the surfaces of the two balls in m.
     height : float
@@ -229,19 +229,22 @@ def radius_of(mass: Array, density: float) -> Array:
 
 
 def count_of(n: int, at_least: int = 1) -> int:
-    """Return the checked number of balls."""
+    """Return the number of balls `n` as an int, at least `at_least`."""
     return check.whole("n", n, at_least=at_least, at_most=check.MAX_REQUESTED_COUNT)
 
 
 @np.errstate(over="ignore")
 def geometric(n: int, mass_ratio: float) -> Array:
-    """Masses from 1 on, each a multiple of the one before."""
+    """Return `n` masses in kg: 1, mass_ratio, mass_ratio², …"""
     count = count_of(n)
     return np.asarray(np.power(check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64)))
 
 
 def gaps_of(gap: float | Sequence[float], n_pairs: int, name: str = "gap") -> Array:
-    """Return the checked gaps in m of a number of pairs."""
+    """Return `n_pairs` gaps in m from one number or a sequence.
+
+    `name` is the name of the argument in error messages.
+    """
     if check.is_one(gap):
         return np.full(n_pairs, check.number(name, gap))
     return check.array(name, gap, (n_pairs,), fix="Give one gap for all pairs, or one per pair from the bottom up.")
@@ -251,7 +254,21 @@ def above_floor(
     mass: Array, radius: Array, drop: float, gap: float | Sequence[float], speed: float, gravity: float,
     plate: Any = None,
 ) -> Scene:
-    """Balls that move down at `speed`, with the lowest point at height `drop`."""
+    """Return a scene of balls above a floor, all moving down with `speed` in m/s.
+
+    Parameters
+    ----------
+    mass, radius : array
+        Masses in kg and radii in m, bottom to top, without the floor.
+    drop : float
+        Gap in m between the floor and the lowest ball.
+    gap : float or floats
+        Gaps in m between the balls, one or one per pair.
+    speed, gravity : float
+        Downward speed in m/s of all balls, and g in m/s².
+    plate : granular.walls.Sine, Piecewise or Motion, optional
+        Motion of the floor.
+    """
     n = len(mass)
     velocity = [0.0] + [0.0 - speed] * n  # not -speed, which makes -0.0 of rest
     gaps = [drop, *gaps_of(gap, n - 1)]

@@ -20,7 +20,7 @@ def gas(
 ) -> Scene:
     """Gas of balls between two walls (or free), with random places and velocities.
 
-    The places are an equilibrium of hard spheres on a line (Tonks gas): every free arrangement has the same
+    The places are an equilibrium of hard spheres on a line (Tonks gas): every arrangement without overlaps has the same
     probability.
 
     Parameters
@@ -30,7 +30,7 @@ def gas(
     length : float
         Length of the line in m.
     packing : float
-        Share of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
+        Fraction of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
     temperature : float
         T = ⟨m v²⟩ in J.
     speeds : str
@@ -38,7 +38,7 @@ def gas(
     mass : float
         Mass in kg, or the geometric mean if the masses differ.
     mass_spread : float
-        Heaviest over lightest possible mass, at least 1. Masses are drawn log-uniformly, and radii follow as m^(1/3).
+        Largest divided by smallest possible mass, at least 1. Masses are drawn log-uniformly; radii follow as m^(1/3).
     walls : bool
         Whether walls close the line at both ends.
     seed : int
@@ -69,7 +69,7 @@ def ring_gas(
     length : float
         Circumference in m.
     packing : float
-        Share of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
+        Fraction of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
     temperature : float
         T = ⟨m v²⟩ in J.
     speeds : str
@@ -77,7 +77,7 @@ def ring_gas(
     mass : float
         Mass in kg, or the geometric mean if the masses differ.
     mass_spread : float
-        Heaviest over lightest possible mass, at least 1. Masses are drawn log-uniformly, and radii follow as m^(1/3).
+        Largest divided by smallest possible mass, at least 1. Masses are drawn log-uniformly; radii follow as m^(1/3).
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
@@ -96,9 +96,9 @@ def heated_gas(
 ) -> Scene:
     """Gas of balls between two thermal walls, or a column above a hot floor.
 
-    Between walls of T1 and T2 hard elastic balls of equal masses m carry the heat flow n (T1 - T2) / (√(πm/2)
-    (T1^-½ + T2^-½)), n = N over the free length, and have the temperature √(T1 T2) everywhere, for any N. The centre of
-    mass of points above a floor of T has the mean height T/(mg).
+    Let N hard elastic balls of equal mass m have the free length L between walls of temperatures T1 and T2. For any N,
+    they carry the heat flow n (T1 - T2) / (√(πm/2) (T1^-½ + T2^-½)), n = N/L, and have the temperature √(T1 T2)
+    everywhere. Point particles above a floor of temperature T have a centre of mass at the mean height T/(mg).
 
     Parameters
     ----------
@@ -107,11 +107,11 @@ def heated_gas(
     length : float
         Length of the line in m. For an open column it only determines the size of the balls.
     packing : float
-        Share of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
+        Fraction of the length that the balls' diameters fill, in [0, 1). 0 gives point particles.
     lower : float
         T1 = k_B T in J of the floor.
     upper : float, optional
-        T2 of the ceiling in J (default: half of `lower`; no ceiling under gravity).
+        T2 of the ceiling in J. Defaults to half of `lower`. With gravity, the default is a column without a ceiling.
     gravity : float
         g in m/s².
     mass : float
@@ -141,12 +141,19 @@ def heated_gas(
 def _places(
     pattern: check.Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
 ) -> tuple[np.random.Generator, check.Array, check.Array, check.Array]:
-    """Return a random generator, masses, radii and gaps of a gas.
+    """Return a random generator, masses in kg, radii in m and gaps in m of a gas.
 
-    The masses are mass · `pattern`, with the given spread. There are `spaces` more gaps than needed between balls.
+    Parameters
+    ----------
+    pattern : array, shape (n,)
+        Masses of the balls relative to `mass`, before the random spread.
+    length, packing, mass, mass_spread, seed
+        As for `gas`.
+    spaces : int
+        Number of gaps minus number of balls: 1 between two walls, 0 on a ring.
     """
     count = len(pattern)
-    line = check.number("length", length, above=0.0)
+    line_length = check.number("length", length, above=0.0)
     filled = check.number("packing", packing, at_least=0.0)
     if filled >= 1.0:
         raise ValueError(f"`packing` must be a fraction of the length below 1, got {packing!r}.")
@@ -154,13 +161,13 @@ def _places(
     spread = math.log(check.number("mass_spread", mass_spread, at_least=1.0))
     m = check.number("mass", mass, above=0.0) * np.exp(spread * random.uniform(-0.5, 0.5, count)) * pattern
     r = np.cbrt(m)
-    r *= 0.5 * filled * line / r.sum()
-    share = random.standard_exponential(count + spaces)  # spacings of ordered uniform points, without cancellation
-    return random, m, r, (1.0 - filled) * line * share / share.sum()
+    r *= 0.5 * filled * line_length / r.sum()
+    spacing = random.standard_exponential(count + spaces)  # spacings of ordered uniform points, without cancellation
+    return random, m, r, (1.0 - filled) * line_length * spacing / spacing.sum()
 
 
 def _unit_speeds(random: np.random.Generator, speeds: str, n: int) -> check.Array:
-    """Random velocities of mean 0 and variance 1."""
+    """Return `n` random velocities from a distribution of mean 0 and variance 1."""
     draw: dict[str, Callable[[], check.Array]] = {
         "maxwell": lambda: random.standard_normal(n),
         "uniform": lambda: random.uniform(-math.sqrt(3.0), math.sqrt(3.0), n),

@@ -51,8 +51,9 @@ def pendulum_cradle(
 ) -> Scene:
     """Newton's cradle of pendula: equal balls that hang side by side.
 
-    Some of them are pulled aside and released. Each is a pendulum of Ω² = g/l, for small angles. For any restitution
-    ε < 1, hard balls finally swing together, with 1/N of the energy if one of N was pulled aside. Soft balls lose less.
+    Some balls are pulled aside and released. Each ball is a pendulum with Ω² = g/l, for small angles. For any
+    restitution ε < 1, hard balls finally swing together. If one of N balls was pulled aside, 1/N of the energy
+    remains. Soft balls lose less energy.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def pendulum_cradle(
     density : float
         Density in kg/m³ (steel), which determines the radius.
     gravity : float
-        g in m/s², across the row: it only makes the balls swing.
+        g in m/s², perpendicular to the row. It only provides the restoring force of the pendula.
     """
     count = count_of(n, 2)
     aside = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="At least one ball has to be at rest.")
@@ -139,9 +140,9 @@ def compressed_chain(
         Force in N of every contact, not negative. At 0 the balls just touch.
     law : force law, sequence of force laws, function of a pair, or None
         Law of the contacts: one for all, one per pair left to right, or a function that returns one for each pair.
-        None: the balls only touch, as without a force.
+        None: the balls just touch, as for force 0.
     ends : {"walls", "force", "forces"}
-        Two walls, a floor and a force on the last ball, or forces on both ends of the chain.
+        "walls": two walls. "force": a floor and a force on the last ball. "forces": forces on both ends of the chain.
     dimer : float
         Mass of every second ball relative to its neighbours, with the same density.
     striker : float, optional
@@ -167,27 +168,28 @@ def compressed_chain(
     force_on = np.zeros(count)
     force_on[0] += load * (ends == "forces")
     force_on[-1] -= load * (ends != "walls")
-    front, back = [WALL_BODY] * (ends != "forces"), [WALL_BODY] * (ends == "walls")
+    first_bodies, last_bodies = [WALL_BODY] * (ends != "forces"), [WALL_BODY] * (ends == "walls")
     if striker is not None:
-        if front:
+        if first_bodies:
             raise ValueError(f"`striker` must be None if the chain ends at walls, got {striker!r}. Use ends='forces'.")
         m = check.number("striker", striker, above=0.0)
-        front = [(m, float(radius_of(np.array(m), density)), check.number("speed", speed, above=0.0), 0.0)]
+        first_bodies = [(m, float(radius_of(np.array(m), density)), check.number("speed", speed, above=0.0), 0.0)]
     balls = zip(mass_of(r, density).tolist(), r.tolist(), [0.0] * count, force_on.tolist(), strict=True)
-    bodies = [*front, *balls, *back]
+    bodies = [*first_bodies, *balls, *last_bodies]
     mass, radii, velocity, forces = zip(*bodies, strict=True)
     scene = Scene(mass, radii, np.zeros(len(bodies) - 1), velocity, external_force=forces, floor=floor)
     return scene if law is None else _pressed(scene, law, load, first=int(striker is not None))
 
 
 WALL_BODY = math.inf, 0.0, 0.0, 0.0
-"""Mass, radius, velocity, and force of a wall."""
+"""Mass in kg, radius in m, velocity in m/s, and external force in N of a wall."""
 
 
 def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
-    """Return `scene` with the static overlaps of contacts that carry `load`.
+    """Return `scene` with the overlap at which each contact has the force `load`.
 
-    They begin at pair `first`.
+    `law` is one law, one law per pair, or a function of a pair. `load` is in N. The pairs before number `first` only
+    touch: their gap is 0.
     """
     if callable(law) and not hasattr(law, "force"):
         check.takes("law", law, "pair")
@@ -195,12 +197,15 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     from granular.laws.springs import static_overlap
 
     laws = resolved(check.per_pair("law", law, scene.n_pairs), scene)
-    gap = -laws.column(lambda one: static_overlap(one, load))
+    gap = -laws.column(lambda law_of_pair: static_overlap(law_of_pair, load))
     gap[:first] = 0.0
     return in_order(scene.replace(gap=gap + 0.0))
 
 
 def _in_a_row(mass: check.Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
-    """Balls in a row, of which the first few approach the others with `speed`."""
+    """Return a scene of a row of balls, of which the first `moving` move right.
+
+    The moving balls have `speed` in m/s. The others are at rest. `mass` is in kg, `gap` in m and `density` in kg/m³.
+    """
     v = np.where(np.arange(len(mass)) < moving, check.number("speed", speed, above=0.0), 0.0)
     return in_order(Scene(mass, radius_of(mass, density), gaps_of(gap, len(mass) - 1), v))
