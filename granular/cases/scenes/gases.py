@@ -96,9 +96,9 @@ def heated_gas(
 ) -> Scene:
     """Gas of balls between two thermal walls, or a column above a hot floor.
 
-    Let N hard elastic balls of equal mass m have the free length L between walls of temperatures T1 and T2. For any N,
-    they carry the heat flow n (T1 - T2) / (√(πm/2) (T1^-½ + T2^-½)), n = N/L, and have the temperature √(T1 T2)
-    everywhere. Point particles above a floor of temperature T have a centre of mass at the mean height T/(mg).
+    Between walls of temperatures T1 and T2, N hard elastic balls of equal mass m carry the heat flow
+    n (T1 - T2) / (√(πm/2) (T1^-½ + T2^-½)), where n is N over the free length. Their temperature is √(T1 T2) everywhere,
+    for any N. The centre of mass of point particles above a floor of temperature T has the mean height T/(mg).
 
     Parameters
     ----------
