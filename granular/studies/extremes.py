@@ -32,54 +32,55 @@ STABILITY_METHODS = ("located", *INTEGRATORS)
 STEPS_PER_CONTACT = (8, 32, 128)
 """Numbers of fixed steps per shortest contact of the given scene.
 
-The method's own choice of dt is tried as well.
+The default dt of the method is tried as well.
 """
 MAX_STEPS = 200_000
 """Maximum number of steps of a run."""
 VERDICT_SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
 
 
-def _stiffer(case: Case, factor: float) -> Case:
-    """Multiply stiffnesses by `factor`, and keep the restitution of each impact.
+def _with_scaled_stiffness(case: Case, factor: float) -> Case:
+    """Return a case with stiffnesses multiplied by `factor`, and the same restitution.
 
-    γ changes for laws with known powers. Pairs that are compressed at the start are compressed by the same forces.
+    γ is scaled such that each impact keeps its restitution, for laws with known powers. Overlaps at the start are
+    scaled such that the contact forces at the start do not change.
     """
     scene, laws = case.scene, _laws(case)
     powers = [(resolve(law, scene.pairs[0]).form or (0.0, 1.0, 0.0, 0.0))[1::2] for law in laws]
-    made = _scaled(case, *(dict.fromkeys(("k", "k_load", "k_unload"), factor)
+    stiffened = _with_scaled_law_fields(case, *(dict.fromkeys(("k", "k_load", "k_unload"), factor)
                            | {"gamma": factor ** ((1.0 + d) / (1.0 + p))} for p, d in powers))
-    less = [1.0 if new == law else factor ** (-1.0 / p) for new, law, (p, _) in zip(_laws(made), laws, powers,
-                                                                                   strict=True)]
-    return replace(made, scene=scene.replace(gap=np.where(scene.gap < 0.0, less, 1.0) * scene.gap))
+    overlap_factors = [1.0 if new_law == law else factor ** (-1.0 / p)
+                       for new_law, law, (p, _) in zip(_laws(stiffened), laws, powers, strict=True)]
+    return replace(stiffened, scene=scene.replace(gap=np.where(scene.gap < 0.0, overlap_factors, 1.0) * scene.gap))
 
 
-def _closer(case: Case, factor: float) -> Case:
-    """Multiply gaps between balls by `factor`. Overlaps, and gaps at walls, stay.
+def _with_scaled_gaps(case: Case, factor: float) -> Case:
+    """Return a case with the gaps between balls multiplied by `factor`.
 
-    A fall from height 0 would not be a fall.
+    Overlaps do not change. Gaps at walls do not change either, because a ball dropped from height 0 would not fall.
     """
     scene = case.scene
-    there = ~np.logical_or(*scene.sides(scene.is_wall)) & (scene.gap > 0.0)
-    return replace(case, scene=scene.replace(gap=np.where(there, factor, 1.0) * scene.gap))
+    between_balls = ~np.logical_or(*scene.sides(scene.is_wall)) & (scene.gap > 0.0)
+    return replace(case, scene=scene.replace(gap=np.where(between_balls, factor, 1.0) * scene.gap))
 
 
-def _damped(case: Case, factor: float) -> Case:
-    """Multiply damping coefficients by `factor`."""
-    return _scaled(case, *[dict.fromkeys(("gamma", "alpha"), factor)] * len(_laws(case)))
+def _with_scaled_damping(case: Case, factor: float) -> Case:
+    """Return a case with damping coefficients multiplied by `factor`."""
+    return _with_scaled_law_fields(case, *[dict.fromkeys(("gamma", "alpha"), factor)] * len(_laws(case)))
 
 
-def _unequal(case: Case, factor: float) -> Case:
-    """Multiply the mass of every second ball by `factor`."""
+def _with_scaled_masses(case: Case, factor: float) -> Case:
+    """Return a case with the mass of every second ball multiplied by `factor`."""
     ball = np.isfinite(case.scene.mass)
     mass = np.where(ball & (np.cumsum(ball) % 2 == 0), factor, 1.0) * case.scene.mass
     return replace(case, scene=case.scene.replace(mass=mass))
 
 
 EXTREME_AXES: Mapping[str, tuple[Callable[[Case, float], Case], tuple[float, ...]]] = {
-    "stiffness": (_stiffer, (1e2, 1e4, 1e6, 1e8)), "gap": (_closer, (1e-3, 1e-6, 0.0)),
-    "damping": (_damped, (0.0, 0.1, 10.0, 100.0)), "mass": (_unequal, (1e-3, 1e3, 1e6)),
+    "stiffness": (_with_scaled_stiffness, (1e2, 1e4, 1e6, 1e8)), "gap": (_with_scaled_gaps, (1e-3, 1e-6, 0.0)),
+    "damping": (_with_scaled_damping, (0.0, 0.1, 10.0, 100.0)), "mass": (_with_scaled_masses, (1e-3, 1e3, 1e6)),
 }
-"""Extremes: function and factors."""
+"""Extremes by name: the function that returns the changed case, and its factors."""
 
 
 @dataclass(frozen=True)
@@ -90,18 +91,20 @@ class Tried:
     ----------
     scene : str
         Change of the scene, such as "gap × 0.001", or "as given".
-    method, dt : str, float
-        Method, and its time step in s, nan if the method chose it.
+    method : str
+        The method.
+    dt : float
+        Time step in s, nan if the method chose it.
     error : float
         Largest error of velocities at the end of each pair's last contact, in units of the impact speed. nan if a pair
-        has no contact that ended. For "located" its own estimate, with rounding.
+        has an ended contact in only one of the two runs, or if the run raised an exception. For "located", its own error estimate including rounding.
     contacts : int
         Number of contacts minus the right number.
     verdict : {"right", "flagged", "wrong", "undecided"}
-        Flagged: not right, and a status, a warning or a refusal reports it. Wrong: not right, without any report.
+        Flagged: not right, and a status, a warning or an exception reports it. Wrong: not right, without any report.
         Undecided: the reference is unknown.
     said : str
-        Status and message, warnings, or the refusal.
+        Status and message, warnings, or the message of the exception.
     """
 
     scene: str
@@ -114,7 +117,7 @@ class Tried:
 
     @property
     def sign(self) -> str:
-        """Number of right digits, or the sign of the verdict."""
+        """Number of right digits, or the sign of a verdict other than "right"."""
         return VERDICT_SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
 
 
@@ -128,7 +131,7 @@ class Stability(Report):
     title : str
         The scene.
     error : float
-        Largest error of velocities, in units of the impact speed, that is called right.
+        Maximum error of velocities, in units of the impact speed, of a right result.
     duration : float
         Shortest contact of the given scene in s. Time steps are fractions of it.
     rows : tuple of Tried
@@ -144,20 +147,26 @@ class Stability(Report):
     left_out: Mapping[str, str]
 
     def of(self, method: str, scene: str | None = None) -> list[Tried]:
-        """Return the runs of a method, for one scene such as "gap × 0.001" if given."""
+        """Return the runs of a method, on all scenes or on one such as "gap × 0.001"."""
         return [row for row in self.rows if row.method == method and scene in (None, row.scene)]
 
     def table(self) -> list[list[str]]:
-        """Return the table: a line per scene with digits or verdict of methods and steps."""
+        """Return the table of right digits and signs, as rows of strings.
+
+        It has one row per scene and one column per method, with one entry for each time step.
+        """
         methods = list(dict.fromkeys(row.method for row in self.rows))
         return [["", *methods], *([scene, *("".join(f"{row.sign:>3}" for row in self.of(method, scene))
                                             for method in methods)]
                                   for scene in dict.fromkeys(row.scene for row in self.rows))]
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw the table with right digits as shades. Return the figure, or save it."""
+        """Draw the table, shaded by the number of right digits.
+
+        Returns the figure, or saves it to `path`.
+        """
         (_, *methods), *lines = self.table()
-        ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
+        ends = np.cumsum([0, *(len(cell.split()) for cell in lines[0][1:])])
         figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
         blues = check.optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
         colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD_COLOUR}
@@ -190,12 +199,12 @@ class Stability(Report):
             [name, *(str(sum(row.verdict == name for row in self.of(method))) for method in self.table()[0][1:])]
             for name in ("right", *VERDICT_SIGNS)
         ]
-        told = [f"wrong without a warning: {len(wrong)} of {len(self.rows)} runs"] + [
+        notes = [f"wrong without a warning: {len(wrong)} of {len(self.rows)} runs"] + [
             f"  {row.method}, {row.scene}, dt = {number(row.dt, '.2g', 'default')}: error {row.error:.2g}, "
             f"{row.contacts:+d} contacts" for row in wrong[:8]
-        ] + [f"not tried: {', '.join(name for name in self.left_out if self.left_out[name] == why)}: {why}"
-             for why in dict.fromkeys(self.left_out.values())]
-        return "\n".join([self.title, "", aligned(lines, "<>"), "", *told, "", self._key()])
+        ] + [f"not tried: {', '.join(name for name in self.left_out if self.left_out[name] == reason)}: {reason}"
+             for reason in dict.fromkeys(self.left_out.values())]
+        return "\n".join([self.title, "", aligned(lines, "<>"), "", *notes, "", self._key()])
 
 
 @check.face
@@ -209,23 +218,23 @@ def stability(
     progress: bool = False,
     **fixed: Any,
 ) -> Stability:
-    """Make a scene stiff, close, damped and unequal, and test all methods on it.
+    """Test all methods on a scene that is made stiff, close, damped and unequal.
 
     Parameters
     ----------
     scene : str, path, callable, Case or Scene
         The scene, as in `granular.sweep`.
     axes : str or sequence of str
-        Extremes, one after the other: "stiffness" (k × 1e2 … 1e8, γ such that impacts keep their restitution: k^½ of a
-        dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇. Pairs compressed at the start are compressed by the same
-        forces), "gap" (between balls that are apart, × 1e-3, 1e-6, 0), "damping" (γ or α × 0, 0.1, 10, 100), "mass"
-        (of every second ball, × 1e-3, 1e3, 1e6).
+        Extremes to test, each for itself. "stiffness": k × 1e2, 1e4, 1e6, 1e8. γ is scaled such that impacts keep their
+        restitution: as k^½ for a dashpot, as k^((1+d)/(p+1)) for k ξ^p + γ ξ^d ξ̇. The contact forces at the start do
+        not change. "gap": gaps between balls × 1e-3, 1e-6, 0. "damping": γ or α × 0, 0.1, 10, 100. "mass": mass of
+        every second ball × 1e-3, 1e3, 1e6.
     methods : str or sequence of str
-        Some of located, verlet, symplectic-euler, rk4, gear5.
+        Methods to test, from located, verlet, symplectic-euler, rk4, gear5.
     error : float
-        Largest error of velocities, in units of the impact speed, that is called right.
+        Maximum error of velocities, in units of the impact speed, of a right result.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` is called after each run with the share of finished runs and their number.
+        ``on_progress(reached, count)`` is called after each run with the fraction of finished runs and their number.
     progress : bool
         Show the progress on standard error after 2 s, as a bar if tqdm is installed.
     **fixed
@@ -234,7 +243,7 @@ def stability(
     Returns
     -------
     Stability
-        Every run: right and its error, flagged and the report, or wrong without a report.
+        Every run with its error, verdict and report.
 
     Raises
     ------
@@ -243,16 +252,16 @@ def stability(
 
     Notes
     -----
-    The reference is the run of "located" with its default `tol`. Its error is taken to be E = max(1, c) e + r, with its
+    The reference is the run of "located" with its default `tol`. Its error is estimated as E = max(1, c) e + r, with its
     `error_estimate` e and the scene's condition number c = r / 2.2e-16. r is the change of the velocities if gaps and
-    velocities change by one unit in the last digit. If E is above `error`, or the reference did not end, the verdict is
-    undecided.
+    velocities change by one unit in the last digit. If E is above `error`, or if the reference run ended early, the
+    verdict is undecided.
 
-    Fixed steps are 1/8, 1/32 and 1/128 of the shortest contact of the scene *as given*, for all its extremes, as if a
-    user makes a scene stiffer and forgets the time step. The method's own choice is 1/500 of the shortest expected
-    contact. Runs end after 200 000 steps, flagged. Errors compare the velocities after each pair's last contact,
-    because runs do not end at the same time. If the numbers of contacts differ, these may be different contacts.
-    `granular.frontier` measures errors against run time, with other solvers.
+    Fixed steps are 1/8, 1/32 and 1/128 of the shortest contact of the scene *as given*, for all its extremes. This
+    represents a user who makes a scene stiffer and forgets to adapt the time step. The default step of a method is 1/500
+    of the shortest expected contact. Fixed-step runs end after 200 000 steps and are then flagged. Errors compare the
+    velocities after each pair's last contact, because runs do not end at the same time. If the numbers of contacts
+    differ, these can be different contacts. `granular.frontier` measures errors against run time, with other solvers.
 
     Examples
     --------
@@ -266,13 +275,13 @@ def stability(
         check.choices("axes", axes, tuple(EXTREME_AXES)),
     )
     plan, limit = planned(scene, {}, (), fixed), check.number("error", error, above=0.0)
-    case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
-    with shown(progress, on_progress, "runs") as told:
-        tell = told or (lambda share, count: None)
-        durations = _judged(case)[1].durations
+    case = replace(original := plan.case(()), run={key: original.run[key] for key in original.run if key == "t_start"})
+    with shown(progress, on_progress, "runs") as progress_callback:
+        report_progress = progress_callback or (lambda fraction, count: None)
+        durations = _reference_run(case)[1].durations
         if not durations:
             raise ValueError(f"`scene` must have a contact that ends within the run, got {case.scene}.")
-        todo = [("as given", _closer, 1.0)] + [
+        variants = [("as given", _with_scaled_gaps, 1.0)] + [
             (f"{axis} × {factor:g}", EXTREME_AXES[axis][0], factor)
             for axis in extreme
             for factor in EXTREME_AXES[axis][1]
@@ -283,39 +292,43 @@ def stability(
             [*(min(durations) / n for n in STEPS_PER_CONTACT), math.nan],
         )
         settings = [(method, dt) for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]
-        for done, (name, vary, factor) in enumerate(todo):
+        for index, (name, vary, factor) in enumerate(variants):
             try:
-                one = vary(case, factor)
-                if done > 0 and one.scene == case.scene and _laws(one) == _laws(case):
+                changed = vary(case, factor)
+                if index > 0 and changed.scene == case.scene and _laws(changed) == _laws(case):
                     raise ValueError("Neither the scene nor its laws change.")
-                judged = _judged(one)
+                reference_run = _reference_run(changed)
                 for i, setting in enumerate(settings, 1):
-                    rows.append(_tried(one, (name, *setting), judged, limit))
-                    tell((done + i / len(settings)) / len(todo), len(rows))
+                    rows.append(_run_of_method(changed, (name, *setting), reference_run, limit))
+                    report_progress((index + i / len(settings)) / len(variants), len(rows))
             except CELL_ERRORS as refusal:
                 left_out[name] = str(refusal)
-                tell((done + 1) / len(todo), len(rows))
+                report_progress((index + 1) / len(variants), len(rows))
     return Stability(plan.subject.title, limit, min(durations), tuple(rows), left_out)
 
 
 def _laws(case: Case) -> list[Any]:
-    """Return the force laws as they were given: one, or one per pair."""
+    """Return the force laws of a case as a list: one law, or one per pair."""
     return list(law) if isinstance(law := case.physics("md"), (list, tuple)) else [law]
 
 
-def _scaled(case: Case, *factors: Mapping[str, float]) -> Case:
-    """Multiply numbers of the laws, by name."""
-    if fixed := [law for law in _laws(case) if not is_dataclass(law)]:
-        raise ValueError(f"`law` must be a dataclass, so that its numbers are known, got {fixed[0]!r}.")
-    laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in own.items() if hasattr(law, name)})
-            for law, own in zip(_laws(case), factors, strict=True)]
+def _with_scaled_law_fields(case: Case, *factors: Mapping[str, float]) -> Case:
+    """Return a case whose force laws have fields multiplied by factors.
+
+    Each law has one mapping from names of fields to factors. Fields that a law does not have are ignored.
+    """
+    if unknown := [law for law in _laws(case) if not is_dataclass(law)]:
+        raise ValueError(f"`law` must be a dataclass, so that its numbers are known, got {unknown[0]!r}.")
+    laws = [replace(law, **{name: factor * getattr(law, name)
+                            for name, factor in law_factors.items() if hasattr(law, name)})
+            for law, law_factors in zip(_laws(case), factors, strict=True)]
     return replace(case, law=laws if len(laws) > 1 else laws[0])
 
 
-def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
-    """Return the located run, the reference that it defines, and its error.
+def _reference_run(case: Case) -> tuple[Trajectory, Reference, float]:
+    """Return the located run, the reference made from it, and the reference's error.
 
-    The error is in units of the impact speed. It is inf if the run ended early.
+    The error is in units of the impact speed. It is inf if the run ended early or no contact ended.
     """
     run = case.simulate("md", method="located")
     truth = Reference(contacts_of(run), float(run.time[-1]), run.status.name, "located")
@@ -325,25 +338,34 @@ def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
     return run, truth, max(1.0, level / float(np.finfo(float).eps)) * run.stats["error_estimate"] + level
 
 
-def _tried(case: Case, row: tuple[str, str, float], judged: tuple[Trajectory, Reference, float],
+def _run_of_method(case: Case, row: tuple[str, str, float], reference_run: tuple[Trajectory, Reference, float],
            limit: float) -> Tried:
-    """Return a run of a method at a step with its report.
+    """Run a case with one method and one time step, and judge the result.
 
-    The reference has been run already.
+    Parameters
+    ----------
+    case : Case
+        The changed case.
+    row : (str, str, float)
+        Change of the scene, method, and time step in s (nan for the default).
+    reference_run : tuple
+        Result of `_reference_run` for this case. For the method "located", it is the result itself.
+    limit : float
+        Maximum error of a right result, in units of the impact speed.
     """
-    (run, truth, error), (_, method, dt), other = judged, row, False
-    with warnings.catch_warnings(record=True) as heard:
+    (run, truth, error), (_, method, dt), wrong_count = reference_run, row, False
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         if method != "located":
             try:
                 run = case.simulate("md", method=method, max_steps=MAX_STEPS, dt=None if math.isnan(dt) else dt)
             except CELL_ERRORS as refusal:
                 return Tried(*row, math.nan, 0, "flagged", str(refusal))
-            error, _, other = errors(truth, contacts_of(run), case.scene.n_pairs)
-    warned = [str(one.message) for one in heard if one.category is RuntimeWarning]
+            error, _, wrong_count = errors(truth, contacts_of(run), case.scene.n_pairs)
+    warning_messages = [str(warning.message) for warning in caught if warning.category is RuntimeWarning]
     verdict = (
-        "flagged" if run.status in EARLY_STATUSES else "undecided" if not judged[2] <= limit
-        else "right" if error <= limit and not other else "flagged" if warned else "wrong"
+        "flagged" if run.status in EARLY_STATUSES else "undecided" if not reference_run[2] <= limit
+        else "right" if error <= limit and not wrong_count else "flagged" if warning_messages else "wrong"
     )
-    said = "; ".join([f"{run.status.name}: {run.message}", *warned])
-    return Tried(*row, error, len(run.contacts) - len(truth.contacts), verdict, said)
+    report = "; ".join([f"{run.status.name}: {run.message}", *warning_messages])
+    return Tried(*row, error, len(run.contacts) - len(truth.contacts), verdict, report)

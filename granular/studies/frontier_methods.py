@@ -1,7 +1,7 @@
 """Methods for `frontier`, with their settings, and the errors of their results.
 
-They are the methods of this package, and programs that a user would write with scipy: the same equations, with clipped
-forces, with and without events.
+The methods are the methods of this package, and programs that a user would write with scipy. These programs solve the
+same equations with clipped forces, with or without event location.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ from granular.studies.reference_events import Logbook
 
 LOCATED_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST_STEPS, STEP_RATIO, STEP_COUNT = 8, 4, 8
-"""Steps per shortest contact at first, factor per point, and number of points."""
+"""Steps per shortest contact: first value, factor, and number of values.
+
+Each value gives one time step of a fixed-step method.
+"""
 MAX_STEPS_BY_ENGINE = {"compiled": 3_000_000, "plain": 100_000}
 SCIPY_SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
 SCIPY_METHODS = (*(f"{name}+events" for name in SCIPY_SOLVERS), *SCIPY_SOLVERS)
@@ -43,13 +46,13 @@ FRONTIER_METHODS = ("located", *INTEGRATORS, "edmd", *SCIPY_METHODS)
 RELATIVE_TOLERANCES = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
         "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
 MAX_EVALUATIONS = 60_000
-"""Maximum number of force evaluations of a solver."""
+"""Maximum number of force evaluations of a scipy solver."""
 SAMPLES_PER_STEP = 8
-"""Samples per step in which a solver without events finds contacts."""
+"""Samples per step at which contacts of a solver without events are detected."""
 EXTRA_CONTACT_SHARE = 0.05
-"""Share of the longest contact by which a solver without events continues.
+"""Fraction of the longest contact by which a solver without events continues.
 
-It then finds the end of the last contact.
+The end of the last contact is then inside its solution.
 """
 
 
@@ -68,7 +71,7 @@ class Outcome:
 class Method:
     """A way to solve the scene: `run(setting)` for each of `settings`.
 
-    The settings are values of `setting_name`.
+    The settings are values of `setting_name`, such as "dt" in s, "tol" or "rtol".
     """
 
     name: str
@@ -79,7 +82,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Task:
-    """The problem that every method solves."""
+    """The problem that every method solves, and its reference solution."""
 
     scene: Scene
     laws: tuple[Any, ...]
@@ -89,12 +92,12 @@ class Task:
 
     @cached_property
     def resolved(self) -> SceneLaws:
-        """The laws with their properties."""
+        """The laws of all pairs with their properties."""
         return resolved(self.laws, self.scene)
 
 
 def own(task: Task, name: str) -> Method:
-    """Return the method of this package of that name."""
+    """Return the method of this package with that name, with its settings."""
     end: dict[str, Any] = {"until": task.until, "t_end": task.t_end}
     if name == "edmd":
         rule = restitution_of(task.laws, task.scene)
@@ -113,19 +116,22 @@ def own(task: Task, name: str) -> Method:
     return Method(name, setting_name, settings, run)
 
 
-def _steps(truth: Reference, most: int) -> tuple[float, ...]:
-    """Return time steps in s for given numbers of steps per contact time."""
+def _steps(truth: Reference, max_steps: int) -> tuple[float, ...]:
+    """Return time steps in s: the shortest contact divided by 8, 32, 128, …
+
+    Time steps are left out if all contacts of the reference together take more than `max_steps` steps.
+    """
     shortest = min(truth.durations)
     ends = [truth.t_stop if row.t_end is None else float(row.t_end) for row in truth.contacts]
-    reached = accumulate([-math.inf, *ends], max)
-    closed = sum(max(0.0, end - max(float(row.t_begin), before))
-                 for row, end, before in zip(truth.contacts, ends, reached, strict=False))
+    latest_end = accumulate([-math.inf, *ends], max)
+    contact_time = sum(max(0.0, end - max(float(row.t_begin), previous_end))
+                 for row, end, previous_end in zip(truth.contacts, ends, latest_end, strict=False))
     steps = [COARSEST_STEPS * STEP_RATIO**k for k in range(STEP_COUNT)]
-    return tuple(shortest / n for n in steps if n * closed / shortest <= most)
+    return tuple(shortest / n for n in steps if n * contact_time / shortest <= max_steps)
 
 
 def _engine(task: Task, name: str) -> str:
-    """Return "compiled" if possible, otherwise "plain"."""
+    """Return "compiled" if the method can run compiled on `task`, otherwise "plain"."""
     options: dict[str, Any] = {"dt": min(task.truth.durations)} if name in INTEGRATORS else {}
     try:
         md.simulate(task.scene, task.laws, t_end=0.0, method=name, engine="compiled", **options)
@@ -140,36 +146,37 @@ def _outcome(run: Trajectory, unit: str) -> Outcome:
 
 
 def expected_orders(task: Task, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return the textbook order p of fixed-step methods, and min(p, 1+s).
+    """Return for each fixed-step method its textbook order p, and min(p, 1+s).
 
-    s is the power of time with which forces begin.
+    The force of a contact begins as t^s. The smallest s of all laws counts, and the second value is nan if s is
+    unknown.
     """
-    least = float(np.min([_first_power(law) for law in task.resolved.each]))  # nan if one is
+    min_power = float(np.min([_onset_power(law) for law in task.resolved.each]))  # nan if one is
     orders = {name: INTEGRATORS[name].order for name in names if name in INTEGRATORS}
-    return {name: (order, float(np.minimum(order, 1.0 + least))) for name, order in orders.items()}
+    return {name: (order, float(np.minimum(order, 1.0 + min_power))) for name, order in orders.items()}
 
 
-def _first_power(law: PairLaw) -> float:
-    """Return the power of time with which the force of a contact begins, or nan."""
+def _onset_power(law: PairLaw) -> float:
+    """Return s if the force of a contact begins as t^s, or nan if s is unknown."""
     if law.form is not None:
         return law.form[3] if law.form[2] else law.form[1]
     return math.nan if law.exponent is None or law.rate_dependent else float(law.exponent)
 
 
 def peer(task: Task, name: str) -> Method | None:
-    """Return the method of scipy of that name.
+    """Return the scipy method of that name, with its settings.
 
-    Without events there is none for laws with memory, because xi_max is unknown inside a step, and none for thermal
-    walls, where velocities jump.
+    The result is None for a method without events if a law has memory, because xi_max is unknown inside a step. It is
+    also None if a wall is thermal, because velocities jump there.
     """
-    short, _, events = name.partition("+")
+    solver_name, _, events = name.partition("+")
     if not events and (task.scene.heated or any(law.memory for law in task.resolved.each)):
         return None
-    way, solver = _with_events if events else _without_events, SCIPY_SOLVERS[short]
+    integrate, solver = _with_events if events else _without_events, SCIPY_SOLVERS[solver_name]
 
     def run(rtol: float) -> Outcome:
         try:
-            return way(task, solver, rtol)
+            return integrate(task, solver, rtol)
         except TooMuchWork:
             return Outcome(tuple, MAX_EVALUATIONS, "evaluations", "stopped")
 
@@ -177,8 +184,8 @@ def peer(task: Task, name: str) -> Method | None:
 
 
 def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
-    done, work = solve_with(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MAX_EVALUATIONS)
-    return Outcome(lambda: done.contacts, work, "evaluations", done.status)
+    solution, work = solve_with(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MAX_EVALUATIONS)
+    return Outcome(lambda: solution.contacts, work, "evaluations", solution.status)
 
 
 def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
@@ -186,28 +193,32 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
 
     truth, newton = task.truth, Newton(task.scene, task.resolved, MAX_EVALUATIONS)
     end = truth.t_stop + (0.0 if truth.status == "time" else EXTRA_CONTACT_SHARE * max(truth.durations))
-    done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
+    solution = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
                      atol=rtol * newton.scales())
-    return Outcome(lambda: _read(task, newton, done), newton.evaluations, "evaluations",
-                   "time" if done.success else "failed")
+    return Outcome(lambda: _contacts_of_solution(task, newton, solution), newton.evaluations, "evaluations",
+                   "time" if solution.success else "failed")
 
 
-def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
-    """Return contacts from a continuous solution: sign changes, then zeros."""
-    knots = np.unique(np.linspace(done.t[:-1], done.t[1:], SAMPLES_PER_STEP + 1))
+def _contacts_of_solution(task: Task, newton: Newton, solution: Any) -> tuple[ReferenceContact, ...]:
+    """Return the contacts of a solution without events.
+
+    Changes between force and no force are detected at samples. Their times are then computed by root finding.
+    """
+    knots = np.unique(np.linspace(solution.t[:-1], solution.t[1:], SAMPLES_PER_STEP + 1))
     log, changes = Logbook(task.until), []
 
-    def seen(t: float) -> Array:
+    def overlaps_and_rates(t: float) -> Array:
         """Return overlaps in m and rates in m/s at a time in s."""
-        return np.asarray(newton.driven_by(newton.zero + t, done.sol(t)))
+        return np.asarray(newton.driven_by(newton.zero + t, solution.sol(t)))
 
-    states = [seen(t) for t in knots.tolist()] if newton.paths else done.sol(knots).T
+    states = [overlaps_and_rates(t) for t in knots.tolist()] if newton.paths else solution.sol(knots).T
     for c in range(newton.pairs):
-        on = [False] + [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states]
-        changes += [(_zero(task, newton, seen, c, knots[max(i - 1, 0)], knots[i]), c, on[i + 1])
-                    for i in range(len(knots)) if on[i] != on[i + 1]]
+        has_force = [False] + [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states]
+        changes += [(_force_change_time(task, newton, overlaps_and_rates, c, knots[max(i - 1, 0)], knots[i]), c,
+                     has_force[i + 1])
+                    for i in range(len(knots)) if has_force[i] != has_force[i + 1]]
     for t, c, begins in sorted(changes):
-        lower, upper = newton.velocities(done.sol(t), t)[list(task.scene.bodies(c))].tolist()
+        lower, upper = newton.velocities(solution.sol(t), t)[list(task.scene.bodies(c))].tolist()
         speeds = lower, upper
         if begins and log.begin(c, t, speeds):
             break
@@ -216,18 +227,22 @@ def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]
     return log.contacts()
 
 
-def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) -> float:
-    """Return the time between `a` and `b` at which the force of pair c begins or ends."""
+def _force_change_time(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) -> float:
+    """Return the time in s in [`a`, `b`] at which the force of pair c begins or ends.
+
+    Without a sign change in the interval, `a` is returned. `state` is a function of time that returns overlaps in m and
+    their rates in m/s.
+    """
     from scipy.optimize import brentq
 
     crosses = not task.resolved[c].rate_dependent or (state(a)[c] > 0.0) != (state(b)[c] > 0.0)
 
-    def function(t: float) -> float:
+    def value(t: float) -> float:
         y: Array = state(t)
         return float(y[c]) if crosses else newton.bracket(c, float(y[c]), float(y[newton.pairs + c]))
 
-    same = (function(a) > 0.0) == (function(b) > 0.0)
-    return a if same else float(brentq(function, a, b, xtol=1e-300, rtol=1e-15))
+    no_sign_change = (value(a) > 0.0) == (value(b) > 0.0)
+    return a if no_sign_change else float(brentq(value, a, b, xtol=1e-300, rtol=1e-15))
 
 
 def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
@@ -242,29 +257,32 @@ def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
 
 
 def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
-    """Return errors of velocities and times, and whether a contact count is wrong.
+    """Return the errors of velocities and times, and whether a contact count is wrong.
 
-    `granular.studies.frontier_result.Row` defines their units.
+    `granular.studies.frontier_result.Row` defines the units. `pairs` is the number of pairs.
     """
-    each = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
-    velocity = float(np.max([_velocity_error(true, got) for true, got in each])) / truth.impact_speed  # nan if one is
-    if any(len(true) != len(got) for true, got in each):
+    contacts_of_pairs = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
+    velocity = float(np.max([  # nan if one is
+        _velocity_error(expected, computed) for expected, computed in contacts_of_pairs
+    ])) / truth.impact_speed
+    if any(len(expected) != len(computed) for expected, computed in contacts_of_pairs):
         return velocity, math.nan, True
-    time = max((_time_error(a, b) for true, got in each for a, b in zip(true, got, strict=True)), default=0.0)
+    time = max((_time_error(a, b) for expected, computed in contacts_of_pairs
+                for a, b in zip(expected, computed, strict=True)), default=0.0)
     return velocity, time / max(truth.durations, default=math.nan), False
 
 
-def _velocity_error(true: Sequence[ReferenceContact], got: Sequence[ReferenceContact]) -> float:
-    """Return the largest difference in m/s after the last contact that ended, or nan.
+def _velocity_error(expected: Sequence[ReferenceContact], computed: Sequence[ReferenceContact]) -> float:
+    """Return the largest velocity difference in m/s after the last contact that ended.
 
-    nan if only one of the two runs has such a contact.
+    It is nan if only one of the two sequences has a contact that ended, and 0 if neither has one.
     """
-    last = [next((row.v_out for row in reversed(rows) if row.v_out is not None), None) for rows in (true, got)]
+    last = [next((row.v_out for row in reversed(rows) if row.v_out is not None), None) for rows in (expected, computed)]
     if None in last:
         return 0.0 if last[0] is last[1] else math.nan
     return max(float(abs(a - b)) for a, b in zip(*last, strict=True))
 
 
-def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:
-    return max(float(abs(a - b)) for a, b in ((true.t_begin, got.t_begin), (true.t_end, got.t_end))
+def _time_error(expected: ReferenceContact, computed: ReferenceContact) -> float:
+    return max(float(abs(a - b)) for a, b in ((expected.t_begin, computed.t_begin), (expected.t_end, computed.t_end))
                if a is not None and b is not None)

@@ -1,4 +1,4 @@
-"""Result of `frontier`: rows of error and run time, measured orders, and a figure.
+"""Result of `frontier`: errors, run times, measured orders, and a figure.
 
 The figure shows error over run time, one line per method, readable in grey print.
 """
@@ -24,7 +24,7 @@ from granular.scene import Scene
 from granular.studies.reference import Reference
 
 MIN_ORDER_POINTS = 3
-"""Number of points needed to measure an order."""
+"""Minimum number of points for the measurement of an order."""
 ROUNDING_MULTIPLE = 8.0
 """Errors up to this multiple of the rounding level are rounding errors."""
 ERROR_GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -33,7 +33,7 @@ CONTACT_FIELDS = ("t_begin", "t_end", "v_in", "v_out")
 SOLVER_MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
 CROSS_STYLE = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
 MIN_DRAWN_ERROR = 2e-17
-"""Errors below it are drawn here, because a double has no more digits."""
+"""Smallest error in the figure. Smaller errors are drawn here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +45,16 @@ class Row:
     method : str
         Name of the method.
     setting : float
-        Value that controls its accuracy, nan without one.
+        Value that controls the accuracy of the method, nan if there is none.
     velocity_error : float
         Largest error of the velocities of both bodies at the end of each pair's last contact, in units of the impact
-        speed, nan if a pair has no contact that ended.
+        speed. nan if a pair has an ended contact in only one of the two runs.
     time_error : float
         Largest error of onset or end of a contact, in units of the longest contact, nan if contact counts differ.
     wrong_count : bool
         Whether a pair has a wrong number of contacts.
     rounding : bool
-        Whether the error of velocities is below the floor of the report (see `Frontier.floor`), and not resolved.
+        Whether the error of velocities is not resolved, because it is at most `Frontier.floor`.
     seconds : float
         Shortest processor time of the repeated runs in s, after a first run that is ignored.
     work, unit : int, str
@@ -76,7 +76,7 @@ class Row:
 
     @property
     def good(self) -> bool:
-        """Whether the contact counts are right."""
+        """Whether all contact counts are right and the velocity error is finite."""
         return not self.wrong_count and math.isfinite(self.velocity_error)
 
 
@@ -92,13 +92,14 @@ class Frontier(Report):
     reference : Reference
         Reference solution with its own error.
     rows : tuple of Row
-        Rows method by method, from coarse to fine settings.
+        Errors and run times, ordered by method, from coarse to fine settings.
     dials : mapping
-        Quantity that the setting of each method is: "dt" in s, "tol", "rtol", or "".
+        Name of the setting of each method: "dt" in s, "tol", "rtol", or "" if it has none.
     orders : mapping
-        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
+        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins as t^s.
     rounding_level : float
-        Change of velocities in impact speeds if the scene's gaps and velocities change in their last digit.
+        Change of the velocities, in units of the impact speed, if the gaps and velocities of the scene change by one
+        unit in the last digit.
     machine : mapping
         Machine on which run times were measured.
     """
@@ -116,7 +117,7 @@ class Frontier(Report):
 
     @property
     def floor(self) -> float:
-        """Smallest resolved error of velocities in impact speeds.
+        """Smallest resolved error of velocities, in units of the impact speed.
 
         It is the larger value of eight times the rounding level and the estimated error of the reference.
         """
@@ -124,7 +125,7 @@ class Frontier(Report):
 
     @cached_property
     def clock_digit(self) -> float:
-        """One unit in the last digit of the end time, over the longest contact.
+        """One unit in the last digit of the end time, divided by the longest contact.
 
         It limits the accuracy of contact times.
         """
@@ -142,8 +143,8 @@ class Frontier(Report):
     def order(self, method: str) -> float:
         """Return the measured order: slope of log(velocity error) over log(setting).
 
-        It is found by regression. Points below the floor, points with wrong contacts and the coarsest quarter are left
-        out. nan if unknown.
+        The slope is computed by regression, without errors below the floor, wrong contact counts and the coarsest
+        quarter. It is nan if fewer than three points remain, or if the method has no setting.
         """
         rows = [row for row in self.of(method) if row.good and not row.rounding and row.velocity_error > 0.0]
         rows = rows[len(rows) // 4 :] if len(rows) > MIN_ORDER_POINTS else rows
@@ -200,25 +201,25 @@ class Frontier(Report):
 
 
 def floor(reference: Reference, rounding_level: float) -> float:
-    """See `Frontier.floor`. The error of a reference can be unknown (nan)."""
+    """Return the value of `Frontier.floor`. A reference error of nan is ignored."""
     return float(np.fmax(ROUNDING_MULTIPLE * rounding_level, reference.velocity_error))
 
 
 def laws(report: Frontier) -> str:
-    """Return a short text for the force laws."""
+    """Return a short description of the force laws in one line."""
     shown = list(dict.fromkeys(shortened(repr(law)) for law in report.law))
     return shown[0] if len(shown) == 1 else f"{shown[0]} … {shown[-1]}"
 
 
 def _origin(report: Frontier) -> str:
-    truth, on = report.reference, report.machine
+    truth, machine = report.reference, report.machine
     return (
         f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
         f"{truth.time_error:.1g} of the longest contact; {len(truth.contacts)} contacts\n"
         f"errors below {report.floor:.1g} are not resolved: rounding of the scene's numbers is "
         f"{report.rounding_level:.1g} × {ROUNDING_MULTIPLE:g}\n"
-        f"run on {on.get('processor')}, {on.get('cores')} cores, Python {on.get('python')}, numpy {on.get('numpy')}, "
-        f"scipy {on.get('scipy')}, numba {on.get('numba')}"
+        f"run on {machine.get('processor')}, {machine.get('cores')} cores, Python {machine.get('python')}, "
+        f"numpy {machine.get('numpy')}, scipy {machine.get('scipy')}, numba {machine.get('numba')}"
     )
 
 
@@ -240,39 +241,42 @@ def _orders(report: Frontier) -> Iterator[list[str]]:
 
 
 def _goal(report: Frontier, goal: float) -> list[str]:
-    mine = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
-    other = report.fastest(goal, without=("located",))
-    ratio = f" ({rough(other.seconds / mine.seconds)} × as long)" if mine and other else ""
-    shown = f"{other.method}: {duration(other.seconds)}{ratio}" if other else "none of those tried"
-    return [f"{goal:.0e}", duration(mine.seconds) if mine else "none", shown]
+    located = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
+    fastest_other = report.fastest(goal, without=("located",))
+    ratio = f" ({rough(fastest_other.seconds / located.seconds)} × as long)" if located and fastest_other else ""
+    method = f"{fastest_other.method}: {duration(fastest_other.seconds)}{ratio}" if fastest_other else "none"
+    return [f"{goal:.0e}", duration(located.seconds) if located else "none", method]
 
 
 def _digits(value: Any) -> Any:
-    """Return numbers of the reference with all their digits, as text."""
+    """Return numbers of the reference as strings with all their digits."""
     return [_digits(v) for v in value] if isinstance(value, tuple) else (
         str(value) if hasattr(value, "_mpf_") else value)
 
 
-def _look(colour: str, line: str, marker: str, label: str, width: float = 0.9, size: float = 4.2) -> dict[str, Any]:
+def _line_style(
+    colour: str, line: str, marker: str, label: str, width: float = 0.9, size: float = 4.2
+) -> dict[str, Any]:
+    """Return the keyword arguments of matplotlib for the line of one method."""
     inside = colour if line in ("-", "none") else "white"
     return {"color": colour, "ls": line, "marker": marker, "label": label, "lw": width, "ms": size, "mfc": inside}
 
 
 STYLE_FAMILIES = {
-    "": {"located": _look("#0b3c6f", "-", "*", "located (default)", 1.8, 11.0) | {"zorder": 5},
-         "edmd": _look("#000000", "none", "p", "event-driven (hard spheres)", size=8.0)},
-    "fixed step (dt)": {x.name: _look("#c1440e", "--", marker, x.label)
+    "": {"located": _line_style("#0b3c6f", "-", "*", "located (default)", 1.8, 11.0) | {"zorder": 5},
+         "edmd": _line_style("#000000", "none", "p", "event-driven (hard spheres)", size=8.0)},
+    "fixed step (dt)": {x.name: _line_style("#c1440e", "--", marker, x.label)
                         for x, marker in zip(INTEGRATORS.values(), cycle("os^D"), strict=False)},
-    "SciPy, restarted at events (rtol)": {f"{name}+events": _look("#3f8f5f", "-", marker, f"{label}, events")
+    "SciPy, restarted at events (rtol)": {f"{name}+events": _line_style("#3f8f5f", "-", marker, f"{label}, events")
                                           for name, (marker, label) in SOLVER_MARKERS.items()},
-    "SciPy, no events (rtol)": {name: _look("#8a8a8a", ":", *look) for name, look in SOLVER_MARKERS.items()},
+    "SciPy, no events (rtol)": {name: _line_style("#8a8a8a", ":", *look) for name, look in SOLVER_MARKERS.items()},
 }
-"""Style of each method: family by colour and line, member by marker."""
+"""Line style of each method. Methods of a family have the same colour and line."""
 METHOD_STYLES = {name: look for members in STYLE_FAMILIES.values() for name, look in members.items()}
 
 
 def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
-    """Draw a line per method. Points with wrong contact counts are crossed out."""
+    """Draw one line of errors per method, with a cross at wrong contact counts."""
     for method in report.methods:
         points = [
             (1e3 * row.seconds, max(getattr(row, quantity), MIN_DRAWN_ERROR), row.wrong_count)
@@ -292,7 +296,7 @@ def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
 
 
 def _shade(axis: Any, top: float, name: str) -> None:
-    """Shade errors below the resolution of a double."""
+    """Shade errors below `top`, which are not resolved, and label them with `name`."""
     axis.axhspan(MIN_DRAWN_ERROR / 2.0, top, color="0.93", lw=0, zorder=0)
     axis.text(0.98, top, name, transform=axis.get_yaxis_transform(), ha="right", va="top", fontsize=7, color="0.35")
     axis.set_ylim(bottom=MIN_DRAWN_ERROR / 2.0)
@@ -302,10 +306,10 @@ def _legend(figure: Any, report: Frontier) -> None:
     """Draw a legend of the methods by family, and of the cross."""
     from matplotlib.lines import Line2D
 
-    def entry(look: dict[str, Any]) -> Any:
-        return Line2D([], [], **look | {"lw": 1.2, "ms": 9.0 if look["marker"] in "*x" else 4.5})
+    def entry(style: dict[str, Any]) -> Any:
+        return Line2D([], [], **style | {"lw": 1.2, "ms": 9.0 if style["marker"] in "*x" else 4.5})
 
-    columns = {head: [entry(look) for name, look in members.items() if name in report.methods]
+    columns = {head: [entry(style) for name, style in members.items() if name in report.methods]
                for head, members in STYLE_FAMILIES.items()}
     if any(row.wrong_count for row in report.rows):
         columns[""].append(entry(CROSS_STYLE | {"label": "wrong number of contacts"}))
@@ -319,10 +323,10 @@ def _legend(figure: Any, report: Frontier) -> None:
 
 
 def _title(report: Frontier) -> str:
-    on, truth = report.machine, report.reference
+    machine, truth = report.machine, report.reference
     return (
         f"{fill(f'{report.scene}; {laws(report)}', 110)}\n"
         f"{len(truth.contacts)} contacts; reference: {truth.solver}, error {max(truth.velocity_error, 1e-99):.0e}\n"
-        f"{on.get('processor')}, one core; Python {on.get('python')}, NumPy {on.get('numpy')}, "
-        f"SciPy {on.get('scipy')}, numba {on.get('numba')}"
+        f"{machine.get('processor')}, one core; Python {machine.get('python')}, NumPy {machine.get('numpy')}, "
+        f"SciPy {machine.get('scipy')}, numba {machine.get('numba')}"
     )

@@ -35,9 +35,9 @@ from granular.studies.reference import Reference, solve
 __all__ = ["Frontier", "Row", "frontier"]
 
 MAX_REFERENCE_DIFFERENCE = 1e-3
-"""Error of the default method above which a reference belongs to another scene.
+"""Maximum difference of a reference from the default method.
 
-In units of the impact speed.
+It is in units of the impact speed. If the difference is larger, the reference belongs to another scene.
 """
 REPEAT_SECONDS = 0.1
 """Total time in s after which a run is not repeated."""
@@ -67,17 +67,18 @@ def frontier(
     until, t_end : stop condition, float, optional
         End of the run, as in `granular.md.simulate`.
     methods : sequence of str, optional
-        Some of located, verlet, symplectic-euler, rk4, gear5, edmd, dop853, lsoda, radau, dop853+events,
-        lsoda+events, radau+events. Defaults to all. The last six are methods of SciPy.
+        Methods to measure, from located, verlet, symplectic-euler, rk4, gear5, edmd, dop853, lsoda, radau,
+        dop853+events, lsoda+events, radau+events. Defaults to all. The last six are methods of SciPy.
     repeats : int
-        Maximum number of runs of each setting, of which the fastest counts. After 0.1 s in all a run is not repeated.
-        Each method first runs once at its cheapest setting, which is not timed.
+        Maximum number of runs of each setting, of which the fastest counts. A setting is not repeated after a total
+        time of 0.1 s. Each method first runs once at its cheapest setting, which is not timed.
     reference : Reference, optional
         Solution of the same scene, law and stop condition. Defaults to `granular.studies.reference.solve`: SciPy's
         DOP853 restarted at events, whose reported error is 4e-12 to 7e-10 of the impact speed. Smaller errors are not
         resolved unless a more accurate reference is given.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` is called after each setting of a method with the share and the number done.
+        ``on_progress(reached, count)`` is called after each setting of a method, with the fraction of finished settings
+        and their number.
     progress : bool
         Show the progress on standard error after 2 s, as a bar if tqdm is installed.
 
@@ -89,12 +90,13 @@ def frontier(
     Raises
     ------
     TypeError, ValueError
-        For misuse, for a scene in which no contact ends, and for one that comes to rest, without `t_end`.
+        For misuse, and for a scene in which no contact ends. Also for a scene that comes to rest, if neither `t_end`
+        nor `reference` is given.
 
     Notes
     -----
-    Errors are identical in repeated calls. Run times, of the processor on one core, are not. Number and values of the
-    settings follow from the reference, not from the clock.
+    Errors are identical in repeated calls. Run times are not. They are processor times on one core. Number and values
+    of the settings are determined by the reference, not by measured times.
 
     Examples
     --------
@@ -114,61 +116,64 @@ def frontier(
         run = md.simulate(scene, laws, until=until, t_end=t_end)
         if reference is None:
             check.refuse({
-                _nothing(scene): np.isnan(run.contacts["t_end"]).all(),
+                _no_contact_message(scene): np.isnan(run.contacts["t_end"]).all(),
                 "`t_end` or `until` must be given if the balls come to rest, got None. The reference solution would "
                 "not end.": run.status is Status.resting and t_end is None,
             })
         truth = reference or solve(scene, laws, until=until, t_end=t_end)
         if not truth.durations:
-            raise ValueError(_nothing(scene))
+            raise ValueError(_no_contact_message(scene))
         task = Task(scene, laws, until, t_end, truth)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
             level = rounding_level(task)
             _check_reference(truth, run, level)
-            tried = [*filter(None, (peer(task, name) if name in SCIPY_METHODS else own(task, name) for name in chosen))]
-            rows = _measured(task, tried, count, level, tell)
+            compared = [*filter(None, (peer(task, name) if name in SCIPY_METHODS else own(task, name)
+                                       for name in chosen))]
+            rows = _measured_rows(task, compared, count, level, tell)
     return Frontier(
-        scene, laws, until, t_end, truth, rows, {method.name: method.setting_name for method in tried},
+        scene, laws, until, t_end, truth, rows, {method.name: method.setting_name for method in compared},
         expected_orders(task, chosen), level, machine(),
     )
 
 
 def _check_reference(truth: Reference, run: Trajectory, level: float) -> None:
-    """Raise an error if a reference belongs to another scene, law or end.
+    """Raise `ValueError` if a reference belongs to another scene, law or end.
 
-    A difference that rounding errors explain is accepted.
+    `level` is the rounding level. If rounding errors can explain any difference, no error is raised.
     """
     error, _, wrong = errors(truth, contacts_of(run), run.scene.n_pairs)
-    alike = (
+    matches = (
         not wrong
         and error <= MAX_REFERENCE_DIFFERENCE
         and math.isclose(truth.t_stop, run.time[-1], rel_tol=MAX_REFERENCE_DIFFERENCE)
     )
-    if level < MAX_REFERENCE_DIFFERENCE and not alike:
+    if level < MAX_REFERENCE_DIFFERENCE and not matches:
         raise ValueError(f"`reference` must belong to this scene, law and end, with {len(run.contacts)} contacts until "
                          f"{run.time[-1]:g} s, got {len(truth.contacts)} contacts until {float(truth.t_stop):g} s.")
 
 
-def _nothing(scene: Scene) -> str:
-    return f"scene is {scene}: in this time no contact ends, and there is nothing to compare."
+def _no_contact_message(scene: Scene) -> str:
+    return f"`scene` must have a contact that ends within the run, got {scene}."
 
 
-def _measured(task: Task, tried: Sequence[Method], repeats: int, level: float, tell: Told | None) -> tuple[Row, ...]:
-    """Yield the rows of every method at all its settings."""
-    rows, todo = list[Row](), sum(len(method.settings) for method in tried)
-    for method in tried:
+def _measured_rows(
+    task: Task, methods: Sequence[Method], repeats: int, level: float, report_progress: Told | None
+) -> tuple[Row, ...]:
+    """Run all methods at all their settings, and return errors and run times."""
+    rows, count = list[Row](), sum(len(method.settings) for method in methods)
+    for method in methods:
         for setting in method.settings[:1]:  # warms up, at the cheapest setting
             method.run(setting)
         for setting in method.settings:
             rows.append(_row(task, method, setting, repeats, level))
-            if tell is not None:
-                tell(len(rows) / todo, len(rows))
+            if report_progress is not None:
+                report_progress(len(rows) / count, len(rows))
     return tuple(rows)
 
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:
-    """Run one method at one setting, repeatedly to time it."""
+    """Run one method at one setting, repeatedly, and return its error and run time."""
     times: list[float] = []
     while len(times) < repeats and sum(times) <= REPEAT_SECONDS:
         begin = time.thread_time()
@@ -181,25 +186,29 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
 
 
 def rounding_level(task: Task) -> float:
-    """Return the change of velocities if inputs change by one digit.
+    """Return the change of velocities if inputs change by one unit in the last digit.
 
-    It is in impact speeds. Gaps and velocities change by one unit in the last digit.
+    It is in units of the impact speed, and at least the machine epsilon. All gaps and velocities change, in two
+    different patterns of signs.
     """
-    plain, *moved = (contacts_of(md.simulate(scene, task.laws, until=task.until, t_end=task.t_end))
-                     for scene in _nudged(task.scene))
-    truth = Reference(plain, task.truth.t_stop, "", "")
-    changes = (errors(truth, contacts, task.scene.n_pairs)[0] for contacts in moved)
+    unchanged, *changed = (contacts_of(md.simulate(scene, task.laws, until=task.until, t_end=task.t_end))
+                     for scene in _scenes_within_rounding(task.scene))
+    truth = Reference(unchanged, task.truth.t_stop, "", "")
+    changes = (errors(truth, contacts, task.scene.n_pairs)[0] for contacts in changed)
     return max([float(np.finfo(float).eps), *(change for change in changes if not math.isnan(change))])
 
 
-def _nudged(scene: Scene) -> list[Scene]:
-    """Yield the scene, and two with the next larger or smaller gaps and velocities."""
+def _scenes_within_rounding(scene: Scene) -> list[Scene]:
+    """Return the scene, and two with the next larger or smaller gaps and velocities."""
     sign = np.where(np.arange(scene.n) % 2, -math.inf, math.inf)
-    sides = ((scene.sides(way)[0], way) for way in (sign, -sign))
-    return [scene, *(scene.replace(gap=_next(scene.gap, below), velocity=_next(scene.velocity, way))
-                     for below, way in sides)]
+    sides = ((scene.sides(direction)[0], direction) for direction in (sign, -sign))
+    return [scene, *(scene.replace(gap=_next_number(scene.gap, below), velocity=_next_number(scene.velocity, direction))
+                     for below, direction in sides)]
 
 
-def _next(numbers: check.Array, way: check.Array) -> check.Array:
-    """Return the next numbers upwards (inf) or downwards (-inf). 0 stays."""
-    return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, way))
+def _next_number(numbers: check.Array, direction: check.Array) -> check.Array:
+    """Return the next floating-point numbers in `direction`: inf is up, -inf is down.
+
+    The number 0 does not change.
+    """
+    return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, direction))
