@@ -97,7 +97,8 @@ class Tried:
         Time step in s, nan if the method chose it.
     error : float
         Largest error of velocities at the end of each pair's last contact, in units of the impact speed. nan if a pair
-        has an ended contact in only one of the two runs, or if the run raised an exception. For "located", its own error estimate including rounding.
+        has an ended contact in only one of the two runs, or if the run raised an exception. For "located", its own
+        error estimate including rounding.
     contacts : int
         Number of contacts minus the right number.
     verdict : {"right", "flagged", "wrong", "undecided"}
@@ -252,16 +253,18 @@ def stability(
 
     Notes
     -----
-    The reference is the run of "located" with its default `tol`. Its error is estimated as E = max(1, c) e + r, with its
-    `error_estimate` e and the scene's condition number c = r / 2.2e-16. r is the change of the velocities if gaps and
-    velocities change by one unit in the last digit. If E is above `error`, or if the reference run ended early, the
+    The reference is the run of "located" with its default `tol`. Its error is estimated as E = max(1, c) e + r, with
+    its `error_estimate` e and the scene's condition number c = r / 2.2e-16. r is the change of the velocities if gaps
+    and velocities change by one unit in the last digit. If E is above `error`, or if the reference run ended early, the
     verdict is undecided.
 
     Fixed steps are 1/8, 1/32 and 1/128 of the shortest contact of the scene *as given*, for all its extremes. This
-    represents a user who makes a scene stiffer and forgets to adapt the time step. The default step of a method is 1/500
-    of the shortest expected contact. Fixed-step runs end after 200 000 steps and are then flagged. Errors compare the
-    velocities after each pair's last contact, because runs do not end at the same time. If the numbers of contacts
-    differ, these can be different contacts. `granular.frontier` measures errors against run time, with other solvers.
+    represents a user who makes a scene stiffer and forgets to adapt the time step. The default step of a method is
+    1/500 of the shortest expected contact. Fixed-step runs end after 200 000 steps and are then flagged.
+
+    Errors compare the velocities after each pair's last contact, because runs do not end at the same time. If the
+    numbers of contacts differ, these can be different contacts. `granular.frontier` measures errors against run time,
+    with other solvers.
 
     Examples
     --------

@@ -38,12 +38,12 @@ __all__ = ["Reference", "ReferenceContact", "solve"]
 REFERENCE_TOLERANCES = (3e-14, 1e-12)
 """Relative tolerances of the two solutions by DOP853."""
 STEPS_PER_PIECE = 20
-"""Minimum number of steps per period, and per piece of a driven wall's path.
+"""Minimum number of steps per period, and per polynomial of a driven wall's path.
 
 With larger steps the solver can miss a short contact.
 """
 RESTING_OVERLAP_SHARE = 1e-13
-"""Overlap, over that of an impact, up to which a resting pair counts as open."""
+"""Maximum overlap of a pair that touches at rest, as a fraction of an impact's."""
 
 
 class Problem(NamedTuple):
@@ -67,10 +67,10 @@ def solve(
     ----------
     scene : Scene
         Initial state.
-    law : force law or sequence of them
+    law : force law or sequence of force laws
         One for all pairs, or one per pair from the bottom up.
     until, t_end : stop condition, float, optional
-        When to stop. A scene that never comes to an end requires one of them.
+        Stop condition and end time in s. One of them is required if the motion never ends.
     t_start : float
         Time in s of the initial state.
 
@@ -82,23 +82,22 @@ def solve(
     Raises
     ------
     ValueError
-        If the scene does not come to an end, the path of a wall ends before, or walls meet.
+        If the motion never ends, if the path of a wall ends before the run, or if walls meet.
 
     Notes
-    -----
-    A `Sine` wall is evaluated in closed form, a `Motion` by its panels. Each period of a driven wall, and each piece of
-    its path, is integrated in at least twenty steps. Shorter contacts can be missed.
+    ----- A `Sine` wall is evaluated in closed form, a `Motion` by its panels. Each period of a driven wall, and each
+    polynomial of its path, is integrated in at least twenty steps. Contacts shorter than a step can be missed.
     """
     problem = checked_problem(scene, law, until, t_end, t_start)
-    best, other = (
+    best, looser = (
         solve_with(*problem[:4], "DOP853", rtol, t_start=problem.t_start)[0] for rtol in REFERENCE_TOLERANCES
     )
-    v_error, t_error = distance(best, other)
+    v_error, t_error = distance(best, looser)
     return replace(best, velocity_error=v_error, time_error=t_error)
 
 
 def checked_problem(scene: Scene, law: Any, until: stop.Until | None, t_end: float | None, t_start: float) -> Problem:
-    """Check the inputs of a reference solution, and fit the paths of walls."""
+    """Check the inputs of a reference solution, and fit polynomials to wall motions."""
     start = check.number("t_start", t_start)
     stop.without_levels(stop.checked(until, a_scene(scene)), "the reference")
     end = None if t_end is None else check.number("t_end", t_end, at_least=start)
@@ -110,26 +109,26 @@ def checked_problem(scene: Scene, law: Any, until: stop.Until | None, t_end: flo
 
 def solve_with(
     scene: Scene, laws: SceneLaws, until: stop.Until | None, t_end: float | None, method: str, rtol: float,
-    most: int = 2_000_000, t_start: float = 0.0,
+    max_evaluations: int = 2_000_000, t_start: float = 0.0,
 ) -> tuple[Reference, int]:
     """Solve a scene with a method of `scipy.integrate.solve_ivp`.
 
-    Returns the solution and the number of evaluations.
+    `rtol` is the relative tolerance. Returns the solution and the number of evaluations.
 
     Raises
     ------
     TooMuchWork
-        After `most` evaluations.
+        After `max_evaluations` evaluations.
     """
-    motion = Restarted(scene, laws, method, rtol, most, t_start)
+    motion = Restarted(scene, laws, method, rtol, max_evaluations, t_start)
     return Run(motion, until, t_end).solve(f"{method}, restarted at events, rtol {rtol:g}"), motion.evaluations
 
 
 class Newton:
     """Right-hand side d(ξ, ξ̇)/dt of all pairs, as a user of a solver would write it.
 
-    For driven walls, ξ and ξ̇ exclude the motion of the walls in addition to their constant velocities, see
-    `driven_by`.
+    The state has the overlaps in m of all pairs (negative for gaps), then their rates in m/s. It excludes the motion of
+    driven walls in addition to their constant velocities, which `driven_by` adds.
 
     Parameters
     ----------
@@ -137,7 +136,7 @@ class Newton:
         The initial state.
     laws : SceneLaws
         Force laws, one per pair.
-    most : int
+    max_evaluations : int
         Number of evaluations after which `TooMuchWork` is raised.
     t_start : float
         Time in s of the initial state.
@@ -147,7 +146,7 @@ class Newton:
     zero : float
         Time in s at which the time of the solver is 0.
     evaluations : int
-        Number of evaluations so far. Each costs one force per closed pair.
+        Number of evaluations so far. Each costs one force per overlapping pair.
     deepest : list of float
         Largest overlap in m of the current contact, for laws with memory.
     own : list of float
@@ -156,7 +155,7 @@ class Newton:
         Neighbouring pairs, the lower one first, and the inverse mass of their common body in 1/kg.
     """
 
-    def __init__(self, scene: Scene, laws: SceneLaws, most: int = 2_000_000, t_start: float = 0.0) -> None:
+    def __init__(self, scene: Scene, laws: SceneLaws, max_evaluations: int = 2_000_000, t_start: float = 0.0) -> None:
         self.scene, self.laws, self.pairs = scene, laws, scene.n_pairs
         self.t_start, self.zero, self.paths = t_start, t_start, paths(math, scene)
         self.begin = {b: path.moved(t_start) for b, path in self.paths.items()}
@@ -168,25 +167,28 @@ class Newton:
         self.square = scene.pendulum * scene.pendulum
         self.rest: list[float] = [0.0] * self.pairs if scene.rest_gap is None else scene.rest_gap.tolist()
         self.deepest = np.maximum(-scene.gap, 0.0).tolist()
-        self.evaluations, self.most = 0, most
+        self.evaluations, self.most = 0, max_evaluations
 
     def start(self) -> Array:
-        """Initial state: overlaps in m (negative for gaps), rates in m/s."""
+        """Return the initial state: overlaps in m (negative for gaps), then rates in m/s."""
         return np.concatenate([-self.scene.gap, -self.scene.across(self.scene.velocity)])
 
     def scales(self) -> Array:
-        """Scales of overlaps in m and rates in m/s, for an impact at the largest speed."""
+        """Return scales of the state: overlap in m of an impact, and its speed in m/s.
+
+        The impact has the largest speed of the scene.
+        """
         speed = speed_scale(self.scene) + sum(path.fastest for path in self.paths.values()) or 1.0
         return np.append(self.laws.column(lambda law: law.overlap_at(speed)), np.full(self.pairs, speed))
 
     def driven_by(self, t: float, y: Any) -> Any:
-        """Return overlaps in m and rates in m/s at time `t` in s, including driven walls."""
-        seen = y.copy() if self.paths else y
+        """Return overlaps in m and rates in m/s at time `t` in s, with driven walls."""
+        driven = y.copy() if self.paths else y
         for b, path in self.paths.items():
             c, sign = (0, 1.0) if b == 0 else (self.pairs - 1, -1.0)
-            seen[c] += sign * (path.moved(t) - self.begin[b])
-            seen[self.pairs + c] += sign * path.rates(t)[0]
-        return seen
+            driven[c] += sign * (path.moved(t) - self.begin[b])
+            driven[self.pairs + c] += sign * path.rates(t)[0]
+        return driven
 
     def bracket(self, c: int, xi: float, eta: float) -> float:
         """Return the force of pair c in N before it is clipped."""
@@ -198,27 +200,27 @@ class Newton:
         return max(0.0, self.bracket(c, xi, eta)) if xi > 0.0 else 0.0
 
     def __call__(self, t: float, y: Array) -> Array:
-        """Return the rates of change of the state `y`."""
+        """Return the rates of change of the state `y`, at time `t` in s of the solver."""
         self.evaluations += 1
         if self.evaluations > self.most:
             raise TooMuchWork
         n = self.pairs
         state = y.tolist()
-        seen = self.driven_by(self.zero + t, state)
-        force = [self.force(c, seen[c], seen[n + c]) for c in range(n)]
-        out = state[n:] + self.fall
+        driven = self.driven_by(self.zero + t, state)
+        force = [self.force(c, driven[c], driven[n + c]) for c in range(n)]
+        rates = state[n:] + self.fall
         if self.square:
             for c in range(n):
-                out[n + c] -= self.square * (seen[c] + self.rest[c])
+                rates[n + c] -= self.square * (driven[c] + self.rest[c])
         for c, f in enumerate(force):
-            out[n + c] -= self.own[c] * f
+            rates[n + c] -= self.own[c] * f
         for below, above, shared in self.shared:
-            out[n + above] += shared * force[below]
-            out[n + below] += shared * force[above]
-        return np.array(out)
+            rates[n + above] += shared * force[below]
+            rates[n + below] += shared * force[above]
+        return np.array(rates)
 
     def velocities(self, y: Array, t: float) -> Array:
-        """Return velocities of the bodies in m/s at time `t` after the start.
+        """Return the velocities of all bodies in m/s, `t` s after the initial state.
 
         They are summed from the velocity of a wall or of the centre of mass.
         """
@@ -227,14 +229,17 @@ class Newton:
 
 
 class Restarted(Newton):
-    """State `y` of a scene at the time `t` in s, moved by a solver."""
+    """Solver that advances a scene from event to event.
+
+    The current state is `y` at the time `t` in s. The solver is restarted after each event.
+    """
 
     mp = math
 
     def __init__(
-        self, scene: Scene, laws: SceneLaws, method: str, rtol: float, most: int, t_start: float = 0.0
+        self, scene: Scene, laws: SceneLaws, method: str, rtol: float, max_evaluations: int, t_start: float = 0.0
     ) -> None:
-        super().__init__(scene, laws, most, t_start)
+        super().__init__(scene, laws, max_evaluations, t_start)
         self.t, self.y, self.scale = t_start, self.start(), self.scales()
         self.curved, self.ring, self.heat = scene.driven or scene.pendulum > 0.0, scene.ring, heats(scene)
         self.mode, self.loading = [OPEN] * self.pairs, [True] * self.pairs
@@ -242,9 +247,9 @@ class Restarted(Newton):
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scale}
 
     def force(self, c: int, xi: float, eta: float) -> float:
-        """Return the force of pair c in N by its mode, clipped only at rest.
+        """Return the force of pair c in N by its mode. It is clipped at 0 only at rest.
 
-        An event is a change of its sign.
+        The force of an active pair ends at an event, where it changes its sign.
         """
         if c in self.heat:
             return 0.0
@@ -262,37 +267,41 @@ class Restarted(Newton):
         return [fall - self.square * (xi + rest) for fall, xi, rest in state]
 
     def read(self, t: float, y: Array, c: int, quantity: str) -> float:
-        """Return the quantity of pair c in the state `y` at time `t` in s."""
-        seen = self.driven_by(t, y)
-        xi, eta = float(seen[c]), float(seen[self.pairs + c])
+        """Return a quantity of pair c in the state `y` at time `t` in s.
+
+        `quantity` is "overlap" in m, "rate" in m/s, or "bracket", the force in N before it is clipped. At a negative
+        overlap, "bracket" returns the overlap, because its sign is the same.
+        """
+        driven = self.driven_by(t, y)
+        xi, eta = float(driven[c]), float(driven[self.pairs + c])
         if quantity == "bracket" and xi >= 0.0:
             return self.bracket(c, xi, eta)
         return eta if quantity == "rate" else xi  # an open pair has no force, not even one that is exactly 0
 
     def now(self, c: int, quantity: str) -> float:
-        """Return a quantity of pair c at the current time."""
+        """Return the quantity of pair c at the current time, see `read`."""
         return self.read(self.t, self.y, c, quantity)
 
     def bodies(self, c: int) -> tuple[float, float]:
-        """Return the velocities of the bodies of pair c in m/s."""
+        """Return the velocities of the lower and the upper body of pair c in m/s."""
         lower, upper = self.velocities(self.y, self.t - self.t_start)[list(self.scene.bodies(c))].tolist()
         return lower, upper
 
     def asleep(self, c: int) -> float:
-        """Return the overlap in m up to which resting pair c counts as open."""
+        """Return the overlap in m up to which pair c, touching at rest, has no force."""
         return RESTING_OVERLAP_SHARE * float(self.scale[c])
 
     def ends(self, c: int) -> list[Watch]:
         """Return the possible events of pair c while its force acts."""
         law = self.each[c]
-        over = Watch(c, "release", "bracket", -1) if law.rate_dependent else Watch(c, "part", "overlap", -1)
+        end_of_force = Watch(c, "release", "bracket", -1) if law.rate_dependent else Watch(c, "part", "overlap", -1)
         if not law.memory:
-            return [over]
+            return [end_of_force]
         turn = ("rate", -1) if self.loading[c] else ("overlap", 1, self.deepest[c])
         return [Watch(c, "release", "bracket", -1), Watch(c, "turn", *turn)]
 
     def fly(self, dt: float) -> None:
-        """Advance by `dt` in s without forces."""
+        """Advance by the time `dt` in s without contact forces."""
         for c, pull in enumerate(self.pull):
             xi, eta = self.now(c, "overlap"), self.now(c, "rate")
             self.y[c], self.y[self.pairs + c] = xi + dt * (eta + dt * 0.5 * pull), eta + dt * pull
@@ -301,8 +310,8 @@ class Restarted(Newton):
     def go(self, watches: list[Watch], end: float) -> Watch | None:
         """Advance to the first event, to the time `end` in s, or to a break of a path.
 
-        A break is a time at which one polynomial of the path of a driven wall ends and the next one begins. Return the
-        observed function of the event, or None.
+        A break is a time at which one polynomial of the path of a driven wall ends and the next one begins. Returns
+        the event that occurred, or None.
         """
         from scipy.integrate import solve_ivp
 
@@ -314,45 +323,48 @@ class Restarted(Newton):
         self.edge = min((path.until(self.t) for path in self.paths.values()), default=math.inf)
         end = min(end, self.edge)
         period = 2.0 * math.pi / self.scene.pendulum if self.square else self.edge - self.t
-        look = {"max_step": period / STEPS_PER_PIECE} if period < math.inf else {}
+        step_limit = {"max_step": period / STEPS_PER_PIECE} if period < math.inf else {}
         for event in events:
             vars(event).update(terminal=True, direction=1)
-        done = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options, **look)
-        if done.status < 0:
+        solution = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options, **step_limit)
+        if solution.status < 0:
             raise TooMuchWork
-        self.t, self.y = end if done.status == 0 else self.t + float(done.t[-1]), done.y[:, -1]
-        return next((watch for watch, times in zip(watches, done.t_events, strict=True) if len(times)), None)
+        self.t, self.y = end if solution.status == 0 else self.t + float(solution.t[-1]), solution.y[:, -1]
+        return next((watch for watch, times in zip(watches, solution.t_events, strict=True) if len(times)), None)
 
     def event(self, watch: Watch, t: float, y: Array) -> float:
-        """Return the function that rises through zero at an event."""
+        """Return the function that rises through zero at the event `watch`.
+
+        `t` is the time of the solver in s, `y` the state.
+        """
         return float(watch.sign * (self.read(self.zero + t, y, watch.pair, watch.quantity) - watch.level))
 
-    def take_note(self, c: int, what: str) -> None:
-        """Record an event of pair c: its zero overlap, or its largest overlap.
+    def take_note(self, c: int, event: str) -> None:
+        """Update overlap and memory of pair c for the event `what`.
 
-        The largest overlap matters for laws with memory.
+        The overlap is set to zero at touch and separation. For laws with memory, the largest overlap is stored.
         """
-        if what in ("touch", "part") and self.mode[c] != DORMANT:
+        if event in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0
             self.y[c] = -self.now(c, "overlap")  # what a driven wall has added
-        if what == "turn":
+        if event == "turn":
             self.deepest[c], self.loading[c] = max(self.deepest[c], self.now(c, "overlap")), not self.loading[c]
-        elif what == "part":
+        elif event == "part":
             self.deepest[c] = 0.0
-        elif what != "release":
+        elif event != "release":
             self.loading[c] = True
 
     def kick(self, c: int) -> None:
-        """Let the ball of pair c leave a thermal wall with a newly drawn speed.
+        """Give the ball of pair c its new speed after a collision with a thermal wall.
 
-        Its overlap is zero.
+        The speed is drawn at random. The overlap at this time is zero.
         """
-        one, n = self.heat[c], self.pairs
-        more = self.now(c, "rate") + one.next_speed()
-        self.y[n + c] -= more
-        beside = c + 1 if one.side == 0 else c - 1
-        if 0 <= beside < n:
-            self.y[n + beside] += more
+        wall, n = self.heat[c], self.pairs
+        speed_change = self.now(c, "rate") + wall.next_speed()
+        self.y[n + c] -= speed_change
+        neighbour = c + 1 if wall.side == 0 else c - 1
+        if 0 <= neighbour < n:
+            self.y[n + neighbour] += speed_change
         self.edge = self.t  # what now pushes or parts does so without a change of sign
 
     def account(self) -> None:
@@ -360,4 +372,4 @@ class Restarted(Newton):
 
 
 class TooMuchWork(RuntimeError):
-    """A solver needed too many evaluations."""
+    """Raised if a solver needs too many evaluations or fails."""

@@ -1,8 +1,8 @@
 """Events of a reference solution: contacts, stop condition and rest, with a log.
 
-The log is a list of contacts with numbers of any precision, and estimated errors. Between contacts everything moves on
-parabolas in closed form, except for pendula and near driven walls. A thermal wall acts at the touch: such a contact is
-an instant.
+The log is a list of contacts. Its numbers have any precision, and their errors are estimated. Between contacts, balls
+move on parabolas in closed form, except for pendula and with driven walls. A contact with a thermal wall is
+instantaneous.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from granular.run import until as stop
 from granular.studies.reference_walls import Heat, Number
 
 OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
-"""Modes: no overlap, force, force clipped to zero, touching at rest."""
+"""Modes of a pair: no overlap, force, force clipped to zero, touching at rest."""
 CLOSED_MODES = (ACTIVE, RESIDUAL)
 
 
@@ -62,8 +62,8 @@ class Reference:
     gap, velocity : tuple of numbers
         Gaps in m and velocities in m/s at the end.
     account : tuple of numbers or None
-        From the solution by power series if walls move or heat, in J until the end, like the energy balance of a run:
-        work of the floor and of the ceiling, heat of both, and dissipated energy.
+        Energy balance in J from the start to the end: work of the floor and of the ceiling, heat of both, and
+        dissipated energy. Only solutions by power series contain it, for driven or thermal walls.
     """
 
     contacts: tuple[ReferenceContact, ...]
@@ -78,9 +78,9 @@ class Reference:
 
     @property
     def impact_speed(self) -> float:
-        """Largest approach speed in m/s at an onset, else largest separation speed.
+        """Largest approach speed in m/s at an onset.
 
-        nan without both.
+        If no contact begins with an approach speed, it is the largest separation speed, or nan if no contact ended.
         """
         closing = max((float(row.v_in[0] - row.v_in[1]) for row in self.contacts), default=0.0)
         parting = (float(row.v_out[1] - row.v_out[0]) for row in self.contacts if row.v_out is not None)
@@ -88,7 +88,10 @@ class Reference:
 
     @property
     def durations(self) -> tuple[float, ...]:
-        """Durations in s of the contacts that ended, without hits of thermal walls."""
+        """Durations in s of the contacts that ended, without thermal walls.
+
+        Contacts with thermal walls have no duration.
+        """
         ended = (row for row in self.contacts if row.t_end is not None and row.t_end > row.t_begin)
         return tuple(float(row.t_end - row.t_begin) for row in ended)
 
@@ -98,13 +101,16 @@ class Reference:
 
 
 class Logbook:
-    """Contacts so far, and the state of the stop condition."""
+    """Log of the contacts so far, and state of the stop condition."""
 
     def __init__(self, until: stop.Until | None) -> None:
         self.until, self.rows, self.running = until, list[ReferenceContact](), dict[int, int]()
 
     def begin(self, pair: int, t: Any, v: tuple[Any, Any]) -> bool:
-        """Record a contact. Return whether the stop condition ends the run before it."""
+        """Record the onset of a contact. Return True if the stop condition ends the run.
+
+        In this case the contact is not recorded. `t` is the time in s, `v` the velocities of the two bodies in m/s.
+        """
         nth = 1 + sum(row.pair == pair for row in self.rows)
         if isinstance(self.until, stop.Contact) and (self.until.pair, self.until.nth) == (pair, nth):
             return True
@@ -113,17 +119,23 @@ class Logbook:
         return False
 
     def end(self, pair: int, t: Any, v: tuple[Any, Any]) -> None:
-        """Record the end of the running contact of a pair."""
+        """Record the end of the unfinished contact of a pair.
+
+        `t` is the time in s, `v` the velocities of the two bodies in m/s.
+        """
         row = self.running.pop(pair)
         self.rows[row] = replace(self.rows[row], t_end=t, v_out=v)
 
     def separated(self, rates: Sequence[Any], closed: bool) -> bool:
-        """Whether the run ends because everything separates with these overlap rates."""
-        over = isinstance(self.until, stop.Separated) and any(row.t_end is not None for row in self.rows)
-        return over and not closed and all(rate <= 0 for rate in rates)
+        """Return whether the stop condition `until.separated` is met.
+
+        `rates` are the rates of all overlaps in m/s, and `closed` states whether a pair overlaps.
+        """
+        has_ended_contact = isinstance(self.until, stop.Separated) and any(row.t_end is not None for row in self.rows)
+        return has_ended_contact and not closed and all(rate <= 0 for rate in rates)
 
     def contacts(self) -> tuple[ReferenceContact, ...]:
-        """All contacts by onset."""
+        """Return all contacts by onset."""
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
 
 
@@ -145,41 +157,45 @@ def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
 
 
 def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:
-    """Whether a force reaches each pair through touching neighbours.
+    """Return for each pair whether a force acts on it, directly or through neighbours.
 
-    Gravity that presses the pair together also counts.
+    Forces are transmitted by touching pairs. They begin at active pairs, and at touching pairs whose acceleration
+    `pull` presses them together. `ring` states whether the first pair is a neighbour of the last pair.
     """
     reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
     n = len(modes)
-    for way in (1, -1):
-        for c in [*range(n)[::way]] * (2 if ring else 1):
-            beside = (c - way) % n if ring or 0 <= c - way < n else c
-            reached[c] = reached[c] or (modes[c] != OPEN and reached[beside])
+    for direction in (1, -1):
+        for c in [*range(n)[::direction]] * (2 if ring else 1):
+            neighbour = (c - direction) % n if ring or 0 <= c - direction < n else c
+            reached[c] = reached[c] or (modes[c] != OPEN and reached[neighbour])
     return reached
 
 
-def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[float, float]:
-    """Return the largest differences of velocities and contact times.
+def distance(first: Reference, second: Reference, convert: Any = float) -> tuple[float, float]:
+    """Return the largest differences of velocities and contact times of two solutions.
 
-    The velocities of two solutions are compared after contacts and at an end time, in the units of `Reference`. inf if
-    the contacts differ.
+    Velocities after contacts and at a common end time are compared. The differences have the units of `Reference`, and
+    are inf if the contacts differ. `convert` converts numbers before the difference is computed.
     """
-    if len({tuple((row.pair, row.t_end is None) for row in each.contacts) for each in (one, other)}) > 1:
+    if len({tuple((row.pair, row.t_end is None) for row in each.contacts) for each in (first, second)}) > 1:
         return math.inf, math.inf
-    both = [*zip(one.contacts, other.contacts, strict=True)]
-    ended = [(a, b) for a, b in both if a.t_end is not None]
-    times = [(a.t_begin, b.t_begin) for a, b in both] + [(a.t_end, b.t_end) for a, b in ended]
+    contact_pairs = [*zip(first.contacts, second.contacts, strict=True)]
+    ended = [(a, b) for a, b in contact_pairs if a.t_end is not None]
+    times = [(a.t_begin, b.t_begin) for a, b in contact_pairs] + [(a.t_end, b.t_end) for a, b in ended]
     speeds = [pair for a, b in ended for pair in zip(a.v_out, b.v_out, strict=True)]
-    if one.status == other.status == "time":
-        speeds += zip(one.velocity, other.velocity, strict=True)
+    if first.status == second.status == "time":
+        speeds += zip(first.velocity, second.velocity, strict=True)
     v_error, t_error = (
         max((float(abs(convert(x) - convert(y))) for x, y in numbers), default=0.0) for numbers in (speeds, times)
     )
-    return v_error / one.impact_speed, t_error / max(one.durations, default=math.nan)
+    return v_error / first.impact_speed, t_error / max(first.durations, default=math.nan)
 
 
 class Watch(NamedTuple):
-    """Event `what` of a pair: sign · (quantity - level) rises through zero."""
+    """Possible event `what` of a pair: sign · (quantity - level) rises through zero.
+
+    `quantity` is "overlap" in m, "rate" in m/s or "bracket". `level` has the same unit.
+    """
 
     pair: int
     what: str
@@ -189,7 +205,7 @@ class Watch(NamedTuple):
 
 
 class Motion(Protocol):
-    """Interface of a solver that moves a scene.
+    """Interface of a solver that advances a scene from event to event.
 
     Numbers belong to `mp`, an mpmath context, or `math` (floats).
 
@@ -200,13 +216,15 @@ class Motion(Protocol):
     mode : list of str
         Mode of every pair, changed by events.
     pull : sequence of numbers
-        Closing acceleration of every pair in m/s² without contacts: by gravity, constant forces, a driven wall, swing.
+        Closing acceleration of every pair in m/s² without contacts: by gravity, constant forces, a driven wall,
+        pendula.
     curved : bool
-        Whether a wall is driven, or all balls are pendula. Flights are then not parabolas, and the run has no own end.
+        Whether a wall is driven, or all balls are pendula. Free flights are then not parabolas, and the run only ends
+        at the end time or the stop condition.
     ring : bool
         Whether the last pair joins the last body and the first one.
     heat : dict
-        Thermal walls by their pairs.
+        Thermal walls by the number of their pair.
     """
 
     t: Number
@@ -222,19 +240,19 @@ class Motion(Protocol):
 
     @property
     def mp(self) -> Any:
-        """Module or context of its functions."""
+        """Module or context of the mathematical functions."""
 
     def now(self, c: int, quantity: str) -> Number:
-        """Return overlap of pair c in m, its rate in m/s, or the bracket.
+        """Return a quantity of pair c: "overlap" in m, "rate" in m/s, or "bracket".
 
-        The bracket has the sign of the force before clipping.
+        "bracket" has the sign of the force before it is clipped.
         """
 
     def bodies(self, c: int) -> tuple[Number, Number]:
-        """Return the velocities of the bodies of pair c in m/s."""
+        """Return the velocities of the lower and the upper body of pair c in m/s."""
 
     def asleep(self, c: int) -> Number:
-        """Return the overlap in m up to which a pair that touches at rest counts as open.
+        """Return the overlap in m up to which pair c, touching at rest, has no force.
 
         It is negligible compared with the overlap of an impact.
         """
@@ -243,23 +261,29 @@ class Motion(Protocol):
         """Return the possible events of pair c while its force acts."""
 
     def fly(self, dt: Number) -> None:
-        """Advance without forces."""
+        """Advance by the time `dt` in s without contact forces."""
 
     def go(self, watches: list[Watch], end: Number) -> Watch | None:
-        """Advance to the first event, to the time `end` in s, or by one step."""
+        """Advance to the first event, to the time `end` in s, or by one step.
+
+        Returns the event, or None.
+        """
 
     def take_note(self, c: int, what: str) -> None:
-        """Record an event of pair c before its mode changes."""
+        """Update the data of pair c for the event `what`, before its mode changes."""
 
     def kick(self, c: int) -> None:
-        """Let the ball of pair c leave a thermal wall with a newly drawn speed."""
+        """Give the ball of pair c a new, random speed after it hit a thermal wall."""
 
     def account(self) -> tuple[Number, ...] | None:
-        """Work of floor and ceiling, heat of both, and dissipated energy in J, or None."""
+        """Return work of floor and ceiling, heat of both, and dissipated energy in J.
+
+        Returns None without an energy balance.
+        """
 
 
 class Run:
-    """One run: `motion` moves the scene, and the run handles events."""
+    """One run: `motion` advances the scene, and `Run` processes the events."""
 
     def __init__(self, motion: Motion, until: stop.Until | None, t_end: float | None) -> None:
         self.motion, self.log, self.t_end = motion, Logbook(until), math.inf if t_end is None else t_end
@@ -272,7 +296,7 @@ class Run:
 
     def solve(self, solver: str) -> Reference:
         """Solve the scene to its end. `solver` is a description of the method."""
-        status = "until" if any(self.launch(c) for c in self.pairs) else ""
+        status = "until" if any(self.begin_initial_contact(c) for c in self.pairs) else ""
         while not status:
             status = self.step()
         motion = self.motion
@@ -282,26 +306,26 @@ class Run:
             self.log.contacts(), float(motion.t), status, solver, gap=gap, velocity=velocity, account=account
         )
 
-    def launch(self, c: int) -> bool:
-        """Begin the contact of pair c if it exists at the start.
+    def begin_initial_contact(self, c: int) -> bool:
+        """Set the mode of pair c at the start, and begin its contact if it exists.
 
-        Return whether this ends the run.
+        Returns whether this contact meets the stop condition.
         """
         motion, xi = self.motion, self.motion.now(c, "overlap")
         if xi > 0 and c not in motion.heat:
             motion.mode[c] = RESIDUAL
-            return bool(motion.now(c, "bracket") > 0) and self.act(c, "begin")
+            return bool(motion.now(c, "bracket") > 0) and self.apply_event(c, "begin")
         motion.mode[c] = DORMANT if xi == 0 and motion.now(c, "rate") == 0 else OPEN
         pressed = c in motion.heat and motion.mode[c] == DORMANT and motion.pull[c] > 0
-        return pressed and self.hit(c)
+        return pressed and self.hit_thermal_wall(c)
 
     def step(self) -> str:
-        """Advance to the next event, or by one step. Return the reason of an end, or ""."""
+        """Advance to the next event, or by one step. Return the status at an end, else ""."""
         motion = self.motion
-        self.rouse()
+        self.record_loading_times()
         watches = [watch for c in self.pairs for watch in self.watches(c)]
         busy = motion.curved or any(mode in CLOSED_MODES for mode in motion.mode)
-        event = motion.go(watches, self.t_end) if busy else self.fly(watches)
+        event = motion.go(watches, self.t_end) if busy else self.fly_to_event(watches)
         if motion.t >= self.t_end:
             return "time"
         if not (busy or event):
@@ -312,32 +336,35 @@ class Run:
             return "time"
         if event is None:
             return ""
-        done, rates = self.act(event.pair, event.what), [motion.now(c, "rate") for c in self.pairs]
+        is_stopped, rates = self.apply_event(event.pair, event.what), [motion.now(c, "rate") for c in self.pairs]
         closed = any(mode in CLOSED_MODES for mode in motion.mode)
-        return "until" if done or self.log.separated(rates, closed) else ""
+        return "until" if is_stopped or self.log.separated(rates, closed) else ""
 
-    def rouse(self) -> None:
-        """Record the time at which a force reached pairs that touch at rest."""
-        moved = roused(self.motion.mode, self.motion.pull, self.motion.ring)
+    def record_loading_times(self) -> None:
+        """Record the time and velocities at which a force reaches a pair touching at rest."""
+        is_pushed = roused(self.motion.mode, self.motion.pull, self.motion.ring)
         for c, mode in enumerate(self.motion.mode):
-            if mode == DORMANT and moved[c]:
+            if mode == DORMANT and is_pushed[c]:
                 self.since.setdefault(c, (self.motion.t, self.motion.bodies(c)))
             else:
                 self.since.pop(c, None)
 
     def watches(self, c: int) -> list[Watch]:
         """Return the possible events of pair c."""
-        mode, line = self.motion.mode[c], self.motion.asleep(c)
+        mode, resting_overlap = self.motion.mode[c], self.motion.asleep(c)
         if mode == OPEN:
             return [Watch(c, "touch", "overlap")]
         if mode == DORMANT:
-            return [Watch(c, "begin", "overlap", 1, line), Watch(c, "part", "overlap", -1, -line)]
+            return [Watch(c, "begin", "overlap", 1, resting_overlap), Watch(c, "part", "overlap", -1, -resting_overlap)]
         if mode == RESIDUAL:
             return [Watch(c, "begin", "bracket"), Watch(c, "part", "overlap", -1)]
         return self.motion.ends(c)
 
-    def fly(self, watches: list[Watch]) -> Watch | None:
-        """Advance on parabolas to the first event, or not at all without one."""
+    def fly_to_event(self, watches: list[Watch]) -> Watch | None:
+        """Advance on parabolas to the first event before `t_end`, and return the event.
+
+        Without such an event, the scene does not move, and None is returned.
+        """
         motion, first, event = self.motion, math.inf, None
         for watch in watches:
             c, sign = watch.pair, watch.sign
@@ -350,11 +377,14 @@ class Run:
         motion.fly(first)
         return event
 
-    def act(self, c: int, what: str) -> bool:
-        """Apply an event to pair c. Return whether it ends the run before it acts."""
+    def apply_event(self, c: int, what: str) -> bool:
+        """Apply the event `what` to pair c. Return whether it meets the stop condition.
+
+        The stop condition is met at an onset, before the contact begins.
+        """
         motion = self.motion
         if c in motion.heat and what != "part":
-            return self.hit(c)
+            return self.hit_thermal_wall(c)
         motion.take_note(c, what)
         if what in ("touch", "begin"):
             if self.log.begin(c, *(self.since.pop(c, None) or (motion.t, motion.bodies(c)))):
@@ -366,8 +396,11 @@ class Run:
             motion.mode[c] = RESIDUAL if what == "release" else OPEN
         return False
 
-    def hit(self, c: int) -> bool:
-        """Let the ball of pair c hit its thermal wall. Return whether this ends the run."""
+    def hit_thermal_wall(self, c: int) -> bool:
+        """Let the ball of pair c collide with its thermal wall.
+
+        Returns whether this contact meets the stop condition. In this case the ball is not thrown back.
+        """
         motion = self.motion
         self.since.pop(c, None)
         motion.mode[c] = OPEN

@@ -1,8 +1,8 @@
 """Wall motions and thermal walls for the reference solvers, with any precision.
 
 A motion is evaluated from its definition, a sine or polynomials, without the code of the engines. Its velocity and
-derivatives form a chain y_0' = y_1, y_1' = y_2, … The rate of the last one is `last` times y_0: 0 for a polynomial,
--ω² for a sine. Numbers belong to `mp`, an mpmath context, or `math` (floats).
+derivatives form a chain y_0' = y_1, y_1' = y_2, … The rate of the last derivative is `last` times y_0: 0 for a
+polynomial, -ω² for a sine. Numbers belong to `mp`, an mpmath context, or `math` (floats).
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ Number = Any
 
 
 def value(p: Sequence[Number], x: Number) -> Number:
-    """Return the polynomial Σ p_j x^j."""
+    """Return the value at x of the polynomial Σ p_j x^j."""
     return reduce(lambda total, a: total * x + a, reversed(p), 0 * x)
 
 
 class Harmonic:
-    """A sine in addition to a wall's constant velocity, exact at any time.
+    """Sinusoidal motion in addition to a wall's constant velocity, exact at any time.
 
     Attributes
     ----------
     last : number
-        Rate of the last of its `rates`, in units of the first one.
+        Rate of the last element of `rates`, divided by the first element, in 1/s².
     fastest : number
-        Bound of its speed in m/s.
+        Upper bound of the speed in m/s.
     """
 
     def __init__(self, mp: Any, motion: Sine) -> None:
@@ -47,24 +47,40 @@ class Harmonic:
         return self.amplitude * self.mp.sin(self.omega * t + self.phase)
 
     def rates(self, t: Number) -> list[Number]:
-        """Return velocity, acceleration, …: two or more, at a break those after it."""
+        """Return velocity in m/s, acceleration in m/s², and so on, at least two values.
+
+        At a break of a path, the values after the break are returned.
+        """
         mp, angle = self.mp, self.omega * t + self.phase
         return [self.amplitude * self.omega * mp.cos(angle), self.amplitude * self.last * mp.sin(angle)]
 
     def above(self, t: Number, side: int) -> Number:
-        """Return the distance in m to its extreme position from the one at time `t`.
+        """Return the distance in m from the position at time `t` to an extreme position.
 
         The extreme is the upper one for `side` 1, and the lower one for -1.
         """
         return self.amplitude - side * self.moved(t)
 
     def until(self, t: Number) -> Number:
-        """Return the time in s up to which `rates(t)` hold, or one period later."""
+        """Return the time in s of the next break of the path, for a sine one period later."""
         return t + 1 / self.frequency
 
 
 class Pieces:
-    """Polynomials in (t - centre) on pieces between edges in s, like `Harmonic`."""
+    """Piecewise polynomial motion of a wall, with the methods of `Harmonic`.
+
+    Parameters
+    ----------
+    mp : context
+        mpmath context, or `math`.
+    edges : sequence of numbers
+        Times in s at which polynomials begin or end, increasing.
+    centres : sequence of numbers
+        Time t_k in s of each polynomial, a polynomial in t - t_k.
+    series : list of lists
+        Coefficients of each polynomial, in m/s^j. Jumps between polynomials are removed, because they are rounding
+        errors.
+    """
 
     last: Number = 0
 
@@ -74,8 +90,8 @@ class Pieces:
             before, after = (value(series[i], edges[k] - centres[i]) for i in (k - 1, k))
             series[k][0] += before - after
         self.derived = [_derivatives(c) for c in series]
-        far = [max(b - c, c - a) for a, b, c in zip(edges, edges[1:], centres, strict=False)]
-        self.fastest = max(value(list(map(abs, p[1])), x) for p, x in zip(self.derived, far, strict=True))
+        reaches = [max(b - c, c - a) for a, b, c in zip(edges, edges[1:], centres, strict=False)]
+        self.fastest = max(value(list(map(abs, p[1])), x) for p, x in zip(self.derived, reaches, strict=True))
 
     def _at(self, t: Number) -> tuple[int, Number]:
         k = min(max(bisect_right(self.edges, t) - 1, 0), len(self.derived) - 1)
@@ -98,7 +114,10 @@ class Pieces:
 
 
 def _derivatives(c: list[Number]) -> list[list[Number]]:
-    """Return a polynomial and its derivatives, at least two."""
+    """Return a polynomial and its derivatives, at least two of them.
+
+    The last derivative is constant.
+    """
     out = [c]
     while len(out) < 3 or len(out[-1]) > 1:
         out.append([j * a for j, a in enumerate(out[-1])][1:] or [0 * c[0]])
@@ -115,7 +134,7 @@ def path(mp: Any, motion: Any) -> Path:
     Raises
     ------
     ValueError
-        For panels of a periodic motion.
+        For panels of a periodic motion, and for other motions.
     """
     number = getattr(mp, "mpf", float)
     if isinstance(motion, Sine):
@@ -134,7 +153,10 @@ def path(mp: Any, motion: Any) -> Path:
 
 
 def paths(mp: Any, scene: Scene) -> dict[int, Path]:
-    """Return the paths of the walls of a scene by body, without constant speeds."""
+    """Return the paths of the driven walls of a scene, by the number of their body.
+
+    The constant velocities of the walls are not included.
+    """
     ends = zip((0, scene.n - 1), scene.motions, strict=True)
     return {body: path(mp, motion) for body, motion in ends if motion is not None}
 
@@ -145,7 +167,7 @@ class Heat:
     Attributes
     ----------
     wall, ball : int
-        Bodies of its pair.
+        Numbers of the wall and of its neighbouring ball.
     side : int
         0 for a floor, 1 for a ceiling.
     """
@@ -155,12 +177,12 @@ class Heat:
         self.how, self.mass, self.hits = how, float(scene.mass[self.ball]), 0
 
     def next_speed(self) -> float:
-        """Return the speed in m/s away from the wall after its next hit."""
+        """Return the speed in m/s with which the ball leaves the wall after its next hit."""
         self.hits += 1
         return self.how.drawn(self.side, self.hits - 1, self.mass)
 
 
 def heats(scene: Scene) -> dict[int, Heat]:
-    """Return the thermal walls of a scene, by pair."""
+    """Return the thermal walls of a scene, by the number of their pair."""
     ends = zip((0, 1), (0, scene.n_pairs - 1), scene.heat, strict=True)
     return {pair: Heat(scene, side, how) for side, pair, how in ends if how is not None}
