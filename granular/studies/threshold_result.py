@@ -1,4 +1,4 @@
-"""Criteria of `threshold`, and its result as value, text and figure."""
+"""Criteria of `threshold`, and its result as values, text and figure."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class Value:
     value : float
         Value in SI units.
     verdict : str
-        "holds", "fails", or "undecided" if a run did not end.
+        "holds" if hard spheres are valid, "fails" if not, "undecided" if a run did not end or raised an exception.
     measure : float
-        Quantity that decides: the error in units of the fastest impact, or the time in s up to which every contact was
-        isolated, nan for the whole run.
+        Quantity that determines the verdict. Criterion "error": the error in units of the fastest impact. Criterion
+        "isolated": the time in s up to which every contact was isolated, nan for the whole run.
     why : str
         Reason of the verdict.
     """
@@ -64,9 +64,9 @@ class Criterion:
     judge : callable
         Function of a case and a limit that returns verdict, measure and reason.
     what, how : str
-        Statement that holds where hard spheres are valid: `what` is `how`.
+        Subject and predicate of the statement that hard spheres are valid, such as "every contact" and "isolated".
     words : (2,) strs
-        Short form of the statement, and of its contrary.
+        Short names of the verdicts "holds" and "fails".
     """
 
     judge: Callable[[Case, float], tuple[str, float, str]]
@@ -76,9 +76,9 @@ class Criterion:
 
 
 def isolated(case: Case, limit: float) -> tuple[str, float, str]:
-    """Whether every contact of the soft run is isolated.
+    """Return verdict, measure and reason of the criterion "isolated".
 
-    The run stops at the first contact that is not.
+    The soft run stops at the first contact that is not isolated. `limit` is ignored.
     """
     run = case.simulate("md", disturbed="stop", log=False)
     time, pair = run.first_disturbed
@@ -91,9 +91,10 @@ def isolated(case: Case, limit: float) -> tuple[str, float, str]:
 
 
 def error(case: Case, limit: float) -> tuple[str, float, str]:
-    """Whether the error of hard spheres is at most `limit`.
+    """Return verdict, measure and reason of the criterion "error".
 
-    See `granular.Comparison.error`. Any other reason for "no" also counts.
+    It fails if `granular.Comparison.error` is larger than `limit`. It also fails if the comparison has an answer other
+    than "yes" although its error is small.
     """
     report = Answer(case).report
     if report.answer is Judgement.undecided:
@@ -117,7 +118,7 @@ class Crossing:
     Attributes
     ----------
     low, high : Value
-        Neighbouring values between which it lies. Both were tried.
+        Neighbouring values that were tried and have different verdicts. The change lies between them.
     """
 
     low: Value
@@ -134,8 +135,8 @@ class Crossing:
 class Threshold(Report):
     """Validity of hard spheres along one parameter. Draw it with `plot`.
 
-    The result holds between the first and the last value of the scan. Intervals between two neighbours of the scan with
-    the same verdict may be missed. Print it, or save it with `to_json`.
+    The result holds between the first and the last value of the scan. An interval between two neighbouring values with
+    the same verdict can be missed. Print it, or save it with `to_json`.
 
     Attributes
     ----------
@@ -145,8 +146,10 @@ class Threshold(Report):
         The parameter, and its unit.
     between : (2,) floats
         Interval of the scan.
-    criterion, limit : str, float
-        "isolated", or "error" with the largest error that is allowed.
+    criterion : str
+        "isolated" or "error".
+    limit : float
+        Maximum error of the criterion "error", otherwise nan.
     within : float
         Relative width to which crossings are known.
     points, spacing : int, str
@@ -180,13 +183,14 @@ class Threshold(Report):
 
     @property
     def sentence(self) -> str:
-        """Statement where hard spheres are valid, in one or two sentences."""
+        """Statement for which values hard spheres are valid, in one or two sentences."""
         if not self.undecided:
-            return _decided(self) + "".join(_little(self))
-        first = next(one for one in self.values if one.verdict == UNDECIDED)
-        doubt = (f"Undecided {_spans(self, self.undecided)}; at {self.over} = {first.value:.4g}{_unit(self)}: "
-                 f"{first.why.rstrip('.')}.")
-        return f"{_decided(self)}{''.join(_little(self))} {doubt}" if self.holds or self.fails else doubt
+            return _result_sentence(self) + "".join(_few_contact_sentences(self))
+        first = next(value for value in self.values if value.verdict == UNDECIDED)
+        remark = (f"Undecided {_spans(self, self.undecided)}; at {self.over} = {first.value:.4g}{_unit(self)}: "
+                  f"{first.why.rstrip('.')}.")
+        return (f"{_result_sentence(self)}{''.join(_few_contact_sentences(self))} {remark}"
+                if self.holds or self.fails else remark)
 
     _headline = sentence
 
@@ -200,26 +204,30 @@ class Threshold(Report):
             axis.axvspan(low, high, color=SOFT_COLOUR, alpha=0.12, lw=0)
         for crossing in self.crossings:
             axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
-        for verdict, look in VERDICT_MARKERS.items():
-            shown = [one for one in self.values if one.verdict == verdict]
-            known = [one for one in shown if math.isfinite(one.measure)]
-            axis.plot([one.value for one in known], [one.measure for one in known], ls="none", ms=4, mew=0.9, **look)
-            others = [one.value for one in shown if not math.isfinite(one.measure)]
-            axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **look)
+        for verdict, style in VERDICT_MARKERS.items():
+            shown = [point for point in self.values if point.verdict == verdict]
+            finite = [point for point in shown if math.isfinite(point.measure)]
+            axis.plot([point.value for point in finite], [point.measure for point in finite], ls="none", ms=4, mew=0.9,
+                      **style)
+            others = [point.value for point in shown if not math.isfinite(point.measure)]
+            axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **style)
             if shown:
-                axis.plot([], [], ls="none", ms=4, label=_name(self, verdict), **look)
+                axis.plot([], [], ls="none", ms=4, label=_name(self, verdict), **style)
         _axes(axis, self)
         figure.suptitle(fill(self.sentence, 80), fontsize=8.5, x=0.02, ha="left")
         return files.write_figure(path, figure, dpi=150)
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
-        """All changes of the verdict that were found, ascending."""
+        """All changes of the verdict, in ascending order."""
         return tuple(Crossing(a, b) for a, b in pairwise(self.values) if a.verdict != b.verdict)
 
     @cached_property
     def holds(self) -> tuple[Interval, ...]:
-        """Intervals in which hard spheres are valid, between values that were tried."""
+        """Intervals in which hard spheres are valid.
+
+        Each interval begins and ends at values that were tried.
+        """
         return self._intervals(HOLDS)
 
     @cached_property
@@ -229,58 +237,58 @@ class Threshold(Report):
 
     @cached_property
     def undecided(self) -> tuple[Interval, ...]:
-        """Intervals in which a run did not end, or was refused."""
+        """Intervals in which a run did not end or raised an exception."""
         return self._intervals(UNDECIDED)
 
     def _intervals(self, verdict: str) -> tuple[Interval, ...]:
-        groups = [(name, list(group)) for name, group in groupby(self.values, lambda one: one.verdict)]
+        groups = [(name, list(group)) for name, group in groupby(self.values, lambda value: value.verdict)]
         return tuple((group[0].value, group[-1].value) for name, group in groups if name == verdict)
 
     def _numbers(self) -> dict[str, Any]:
-        told = ("title", "over", "units", "between", "criterion", "limit", "within", "points", "spacing")
+        field_names = ("title", "over", "units", "between", "criterion", "limit", "within", "points", "spacing")
         return {
-            **{name: getattr(self, name) for name in told},
+            **{name: getattr(self, name) for name in field_names},
             "fixed": {name: repr(value) for name, value in self.fixed.items()},
             "sentence": self.sentence,
             "crossings": [asdict(crossing) for crossing in self.crossings],
             "holds": self.holds, "fails": self.fails, "undecided": self.undecided,
-            "values": [asdict(one) for one in self.values],
+            "values": [asdict(value) for value in self.values],
         }
 
 
-# --- in words: nothing is said but of what was scanned
+# --- sentences: each states the scanned interval, because the verdict holds inside it only
 
 
-def _decided(report: Threshold) -> str:
-    """Return the first sentence."""
+def _result_sentence(report: Threshold) -> str:
+    """Return the sentence that states for which values hard spheres are valid."""
     low, high = report.between
-    asked, scan = THRESHOLD_CRITERIA[report.criterion], f"{report.over} from {low:g} to {high:g}{_unit(report)}"
-    how = asked.how.format(error=report.limit)
+    criterion, scan = THRESHOLD_CRITERIA[report.criterion], f"{report.over} from {low:g} to {high:g}{_unit(report)}"
+    how = criterion.how.format(error=report.limit)
     if not report.holds:
-        return f"Nowhere is {asked.what} {how}: {scan} was scanned."
-    said = f"{asked.what[0].upper()}{asked.what[1:]} is {how}"
-    if all(one.why == NO_TOUCH for one in report.values):
+        return f"Nowhere is {criterion.what} {how}: {scan} was scanned."
+    statement = f"{criterion.what[0].upper()}{criterion.what[1:]} is {how}"
+    if all(value.why == NO_TOUCH for value in report.values):
         return f"No contact begins: {scan} was scanned."
     if report.holds == (report.between,):
-        return f"{said} everywhere: {scan} was scanned."
+        return f"{statement} everywhere: {scan} was scanned."
     reaches = report.holds[0][0] == low, report.holds[-1][1] == high
-    scanned = {(True, False): f"from {low:g}{_unit(report)} on", (False, True): f"up to {high:g}{_unit(report)}"}
+    scanned = {(True, False): f"from {low:g}{_unit(report)} upwards", (False, True): f"up to {high:g}{_unit(report)}"}
     within = scanned.get(reaches, f"from {low:g} to {high:g}{_unit(report)}")
-    return f"{said} {_spans(report, report.holds)} (scanned {within})."
+    return f"{statement} {_spans(report, report.holds)} (scanned {within})."
 
 
-def _little(report: Threshold) -> Iterator[str]:
-    """Return the sentence on values with few contacts or none."""
-    for what in (NO_TOUCH, CONTACT_CUT_OFF):
-        many = sum(what in one.why for one in report.values)
-        if 0 < many < len(report.values) or (many and what == CONTACT_CUT_OFF):
-            yield f" At {many} of {len(report.values)} values {what}."
+def _few_contact_sentences(report: Threshold) -> Iterator[str]:
+    """Yield sentences on values without contacts, and with unfinished contacts."""
+    for reason in (NO_TOUCH, CONTACT_CUT_OFF):
+        count = sum(reason in value.why for value in report.values)
+        if 0 < count < len(report.values) or (count and reason == CONTACT_CUT_OFF):
+            yield f" At {count} of {len(report.values)} values {reason}."
 
 
 def _spans(report: Threshold, spans: tuple[Interval, ...]) -> str:
-    """Return intervals as text, each rounded towards its inside."""
-    words = [_span(report, *span) for span in spans]
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+    """Return intervals as text. Limits are rounded towards the inside of the interval."""
+    phrases = [_span(report, *span) for span in spans]
+    return phrases[0] if len(phrases) == 1 else ", ".join(phrases[:-1]) + " and " + phrases[-1]
 
 
 def _span(report: Threshold, low: float, high: float) -> str:
@@ -292,38 +300,38 @@ def _span(report: Threshold, low: float, high: float) -> str:
     digits = max(3, 2 + math.ceil(-math.log10(report.within)))  # as many as are known, and one more
     below, above = rounded(low, digits, up=True), rounded(high, digits, up=False)
     if high == last:
-        return f"from {report.over} = {below}{unit} on"
+        return f"from {report.over} = {below}{unit} upwards"
     return f"up to {report.over} = {above}{unit}" if low == first else f"from {report.over} = {below} to {above}{unit}"
 
 
 def _crossings(report: Threshold) -> Iterator[str]:
-    """Yield a table of the crossings, and a line if some of them are not shown."""
-    found = report.crossings
-    if not found:
+    """Yield a table of the crossings, and a line if some of them are not printed."""
+    crossings = report.crossings
+    if not crossings:
         return
     rows = [[f"{report.over}{f' / {report.units}' if report.units != '1' else ''}", "below", "above", "because"]]
     digits = 3 + math.ceil(-math.log10(report.within))
-    for crossing in found[:MAX_PRINTED_CROSSINGS]:
+    for crossing in crossings[:MAX_PRINTED_CROSSINGS]:
         low, high = crossing.low, crossing.high
         rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low.verdict),
                      _name(report, high.verdict),
-                     next((one.why for one in (low, high) if one.verdict != HOLDS), "")])
+                     next((value.why for value in (low, high) if value.verdict != HOLDS), "")])
     yield "\n" + aligned(rows, "<")
-    if len(found) > MAX_PRINTED_CROSSINGS:
-        yield f"({len(found) - MAX_PRINTED_CROSSINGS} more crossings not shown; all are in the JSON)"
+    if len(crossings) > MAX_PRINTED_CROSSINGS:
+        yield f"({len(crossings) - MAX_PRINTED_CROSSINGS} more crossings not shown; all are in the JSON)"
 
 
 def _name(report: Threshold, verdict: str) -> str:
-    """Return the text of a verdict for the criterion."""
-    good, bad = THRESHOLD_CRITERIA[report.criterion].words
-    return {HOLDS: good, FAILS: bad}.get(verdict, verdict)
+    """Return the text for a verdict, which depends on the criterion."""
+    holds_name, fails_name = THRESHOLD_CRITERIA[report.criterion].words
+    return {HOLDS: holds_name, FAILS: fails_name}.get(verdict, verdict)
 
 
 def _unit(report: Threshold) -> str:
     return "" if report.units == "1" else f" {report.units}"
 
 
-# --- as a figure: what decides, over the values; where hard spheres hold is shaded
+# --- figure: the deciding quantity over the values; intervals in which hard spheres are valid are shaded
 
 
 def _axes(axis: Any, report: Threshold) -> None:

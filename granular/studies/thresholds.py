@@ -1,4 +1,4 @@
-"""`threshold`: scan of a parameter with bisection of every change of the verdict."""
+"""`threshold`: scan of a parameter, and bisection of every change of the verdict."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DEFAULT_GAPS = (1e-6, 1e-2)
 MAX_SCAN_VALUES = 100_000
 """Maximum number of values of a scan."""
 ZERO_SHARE = 1e-9
-"""Share of the interval below which a value is equivalent to 0."""
+"""Fraction of the interval below which a value is equivalent to 0."""
 
 
 @check.face
@@ -44,7 +44,7 @@ def threshold(
     progress: bool = False,
     **fixed: Any,
 ) -> Threshold:
-    """Find where along one parameter hard spheres are valid.
+    """Find the values of one parameter for which hard spheres are valid.
 
     The parameter is scanned, and every change of the verdict is bisected.
 
@@ -58,21 +58,22 @@ def threshold(
     between : two floats, optional
         First and last value of the scan, in SI units. Defaults to 1e-6 and 1e-2 m for a gap.
     criterion : {"isolated", "error"}
-        Hard spheres are valid if every contact of the soft run is isolated up to the stop condition, or if the error of
-        a comparison is at most `error`.
+        "isolated": hard spheres are valid if every contact of the soft run is isolated up to the stop condition.
+        "error": they are valid if the error of a comparison is at most `error`.
     error : float
-        Largest error, in units of the fastest impact, for the second criterion, see `granular.Comparison.error`.
+        Maximum error for the criterion "error", in units of the fastest impact. See `granular.Comparison.error`.
     within : float
         Width to which every crossing is bisected, relative to its value.
     points : int
-        Number of values of the scan. Intervals between two neighbours with the same verdict are missed.
+        Number of values of the scan. An interval with another verdict is missed if it lies between two neighbouring
+        values.
     spacing : {"log", "linear"}
         Spacing of the values.
     run : mapping, optional
         Options of the engines, such as ``{"max_events": 1000}``.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` is called with the share of the work that is done, as far as it is known, and
-        the number of values tried.
+        ``on_progress(reached, count)`` is called with the finished fraction of the work, as far as it is known, and the
+        number of values tried.
     progress : bool
         Show the progress on standard error after 2 s, as a bar if tqdm is installed.
     **fixed
@@ -81,14 +82,14 @@ def threshold(
     Returns
     -------
     Threshold
-        All crossings: hard spheres can be valid in several intervals. A run that reaches a limit, or is refused, leaves
-        its value undecided.
+        All crossings: hard spheres can be valid in several intervals. If a run reaches a limit or raises an exception,
+        its value is undecided.
 
     Raises
     ------
     TypeError, ValueError
-        For misuse: an unknown parameter or criterion, ends that are not in order or missing for a parameter other than
-        a gap, or if every value is refused.
+        For misuse: an unknown parameter or criterion, ends of the scan that are not in ascending order, or missing
+        ends for a parameter other than a gap. Also if the run of every value of the scan raises an exception.
 
     Examples
     --------
@@ -97,30 +98,30 @@ def threshold(
     >>> [f"{crossing.value:.1e}" for crossing in found.crossings]
     ['2.7e-03']
     """
-    asked = THRESHOLD_CRITERIA[check.choice("criterion", criterion, list(THRESHOLD_CRITERIA))]
+    chosen_criterion = THRESHOLD_CRITERIA[check.choice("criterion", criterion, list(THRESHOLD_CRITERIA))]
     check.of_kind("over", over, str, "the name of one parameter, such as 'gap'")
     plan = planned(scene, {over: np.zeros(0)}, (), fixed, run)
     if between is None and over.partition("[")[0] not in ("gap", "scene.gap"):
         raise ValueError(f"`between` must give the first and the last value of {over}, such as (0.5, 2), got None.")
-    low, high = _ends(
+    low, high = _checked_interval(
         DEFAULT_GAPS if between is None else between, check.choice("spacing", spacing, list(GRID_SPACINGS))
     )
-    number = check.whole("points", points, at_least=2, at_most=MAX_SCAN_VALUES)
+    count = check.whole("points", points, at_least=2, at_most=MAX_SCAN_VALUES)
     width = check.number("within", within, at_least=1e-12, at_most=0.5)
     limit = check.number("error", error, above=0.0)
-    grid = GRID_SPACINGS[spacing](low, high, number)
+    grid = GRID_SPACINGS[spacing](low, high, count)
     grid[[0, -1]] = low, high
     if plan.subject.is_whole(over):
-        grid = _wholes(over, grid)
+        grid = _nearest_integers(over, grid)
     with shown(progress, on_progress, "values", math.inf) as tell:
-        values = _judged(plan, asked, limit, grid.tolist(), width, tell)
+        values = _evaluated_values(plan, chosen_criterion, limit, grid.tolist(), width, tell)
     units, judged_by = plan.subject.attributes(over)["units"], limit if criterion == "error" else math.nan
-    return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, number, spacing,
+    return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, count, spacing,
                      dict(fixed), values)
 
 
-def _ends(between: Any, spacing: str) -> tuple[float, float]:
-    """Return the checked ends of the scan."""
+def _checked_interval(between: Any, spacing: str) -> tuple[float, float]:
+    """Return the first and the last value of the scan. Raise `ValueError` for misuse."""
     if isinstance(between, str) or not hasattr(between, "__len__") or len(between) != 2:
         raise ValueError(f"`between` must be two numbers, such as (1e-6, 1e-2), got {between!r}.")
     low, high = (check.number(f"between[{i}]", end) for i, end in enumerate(between))
@@ -132,69 +133,83 @@ def _ends(between: Any, spacing: str) -> tuple[float, float]:
     return low, high
 
 
-def _wholes(over: str, grid: check.Array) -> check.Array:
-    """Return the integers next to the values of a grid, each once."""
+def _nearest_integers(over: str, grid: check.Array) -> check.Array:
+    """Return the integers nearest to the values of a grid, without repetition."""
     low, high = grid[[0, -1]].tolist()
     if not (low.is_integer() and high.is_integer()):
         raise ValueError(f"`between` must be integers, because {over} is an integer, got ({low!r}, {high!r}).")
     return np.unique(np.round(grid))
 
 
-def _judged(
-    plan: Plan, asked: Criterion, limit: float, grid: list[float], within: float,
-    tell: Told | None,
+def _evaluated_values(
+    plan: Plan, criterion: Criterion, limit: float, grid: list[float], within: float,
+    report_progress: Told | None,
 ) -> tuple[Value, ...]:
-    """Return every value that was tried, ascending."""
-    refused: list[str] = []
-    whole = plan.subject.is_whole(plan.names[0])
+    """Return all values that were tried, in ascending order, with their verdicts."""
+    refusal_messages: list[str] = []
+    is_integer = plan.subject.is_whole(plan.names[0])
 
-    def judge(value: float) -> Value:
+    def judge(number: float) -> Value:
         try:
-            return Value(value, *asked.judge(plan.case((int(value) if whole else value,)), limit))
+            return Value(number, *criterion.judge(plan.case((int(number) if is_integer else number,)), limit))
         except CELL_ERRORS as refusal:
-            refused.append(sentence_of(refusal))
-            return Value(value, UNDECIDED, math.nan, refused[-1])
+            refusal_messages.append(sentence_of(refusal))
+            return Value(number, UNDECIDED, math.nan, refusal_messages[-1])
 
-    found: list[Value] = []
-    for one in scanned(judge, grid, within, whole):
-        found.append(one)
-        if len(found) == len(refused) == len(grid):
-            raise ValueError(refused[0])
-        if tell is not None:
-            tell(min(1.0, len(found) / len(grid)), len(found))
-    return tuple(sorted(found, key=lambda one: one.value))
+    values: list[Value] = []
+    for value in scanned(judge, grid, within, is_integer):
+        values.append(value)
+        if len(values) == len(refusal_messages) == len(grid):
+            raise ValueError(refusal_messages[0])
+        if report_progress is not None:
+            report_progress(min(1.0, len(values) / len(grid)), len(values))
+    return tuple(sorted(values, key=lambda value: value.value))
 
 
 def scanned(
-    judge: Callable[[float], Value], grid: Sequence[float], within: float, whole: bool = False
+    judge: Callable[[float], Value], grid: Sequence[float], within: float, integers_only: bool = False
 ) -> Iterator[Value]:
-    """Evaluate every value of an ascending grid, then bisect changes of the verdict.
+    """Yield the verdict of every value of a grid, then bisect changes of the verdict.
 
-    Changes are known to `within`, relative to the value, or to `ZERO_SHARE` of the interval if that is larger. If a
-    midpoint has a third verdict, both halves are bisected. Intervals between two neighbours of the grid with the same
-    verdict are missed. For `whole` parameters only integers are tried.
+    Parameters
+    ----------
+    judge : callable
+        Function of a number that returns a `Value`.
+    grid : sequence of float
+        Ascending numbers. If neighbours have the same verdict, the interval between them is not examined.
+    within : float
+        Width of the final intervals relative to the number, or to `ZERO_SHARE` of the scan if that is larger.
+    integers_only : bool
+        Whether only integers are tried.
+
+    Notes
+    -----
+    If the midpoint of an interval has a third verdict, both halves are bisected.
     """
-    found: list[Value] = []
-    least = ZERO_SHARE * (grid[-1] - grid[0])
-    todo: Sequence[float] = grid
-    while todo:
-        for value in todo:
-            found.append(judge(value))
-            yield found[-1]
-        found.sort(key=lambda one: one.value)
-        todo = [middle(a.value, b.value, whole) for a, b in pairwise(found)
-                if a.verdict != b.verdict and wide(a.value, b.value, within, least, whole)]
+    values: list[Value] = []
+    min_scale = ZERO_SHARE * (grid[-1] - grid[0])
+    next_numbers: Sequence[float] = grid
+    while next_numbers:
+        for value in next_numbers:
+            values.append(judge(value))
+            yield values[-1]
+        values.sort(key=lambda value: value.value)
+        next_numbers = [middle(a.value, b.value, integers_only) for a, b in pairwise(values)
+                if a.verdict != b.verdict and wide(a.value, b.value, within, min_scale, integers_only)]
 
 
-def wide(low: float, high: float, within: float, least: float, whole: bool) -> bool:
-    """Whether an interval is too wide, and can be divided."""
-    return high - low > within * max(abs(low), abs(high), least) and low < middle(low, high, whole) < high
+def wide(low: float, high: float, within: float, min_scale: float, integers_only: bool) -> bool:
+    """Return whether an interval is wider than required and can be divided.
+
+    It must be wider than `within` times its larger end, or times `min_scale` if that is larger.
+    """
+    return high - low > within * max(abs(low), abs(high), min_scale) and low < middle(low, high, integers_only) < high
 
 
-def middle(low: float, high: float, whole: bool) -> float:
-    """Return the midpoint of an interval: the geometric mean, or the mean.
+def middle(low: float, high: float, integers_only: bool) -> float:
+    """Return the midpoint of an interval.
 
-    The geometric mean is used for intervals that span a factor of two or more.
+    It is the geometric mean if both ends are positive and span a factor of more than two, otherwise the mean.
     """
     mean = math.sqrt(low) * math.sqrt(high) if 0.0 < 2.0 * low < high else 0.5 * low + 0.5 * high
-    return float(round(mean)) if whole else mean
+    return float(round(mean)) if integers_only else mean

@@ -1,7 +1,7 @@
 """Reference numbers for other codes: set-ups with units and conventions.
 
-Answers have all their digits and a condition number. ``bench/make_verification.py`` made the file beside this one with
-the solver of 34 digits.
+Answers have all their digits and a condition number. They are stored in ``verification.json``, which
+``bench/make_verification.py`` made with the solver of 34 digits.
 """
 
 from __future__ import annotations
@@ -25,9 +25,12 @@ FILE_SUFFIXES = (".csv", ".json")
 MAX_LINE_LENGTH = 10_000
 """Maximum length of a line of a table in characters."""
 MAX_RIGHT_DIFFERENCE = 1e-3
-"""Largest relative difference that can be right, for any number of digits."""
+"""Largest relative difference of a right number, for any number of written digits."""
 MAX_EXPONENT = 400
-"""Largest power of ten of a number. Decimal arithmetic ends far beyond."""
+"""Largest power of ten of a number that is accepted.
+
+Decimal arithmetic itself allows far larger powers.
+"""
 INPUT_ROUNDING = 16 * 2.0**-52
 """Relative size of a dozen rounding errors of the inputs.
 
@@ -37,7 +40,7 @@ It is multiplied by a condition number.
 
 @dataclass(frozen=True)
 class Answer:
-    """One number that a code should give.
+    """Reference value of one quantity.
 
     Attributes
     ----------
@@ -50,7 +53,8 @@ class Answer:
     digits : int
         Number of digits that were proved.
     condition : float
-        κ = Σ |∂ln value / ∂ln input|: rounding the inputs to 1e-16 changes the value by about κ · 1e-16 of it.
+        Condition number κ = Σ |∂ln value / ∂ln input|. Relative rounding errors of 1e-16 of the inputs change the
+        value by a relative amount of about κ · 1e-16.
     """
 
     run: str
@@ -63,19 +67,19 @@ class Answer:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Judgement of a number: "right", "ill-conditioned", "wrong" or "missing".
+    """Result of the comparison of one number with its reference value.
 
     Attributes
     ----------
     answer : Answer
         The reference.
     theirs : str
-        The given number, as written.
+        The number of the other code, as written.
     word : str
-        "right": to every digit written, or within the tolerance; "ill-conditioned": within the effect of rounded
-        inputs.
+        "right": equal to every digit written, or within the tolerance. "ill-conditioned": the difference can be the
+        effect of rounded inputs. "wrong": the difference is larger. "missing": no number.
     off : float
-        |theirs - ours| / |ours|, nan if missing.
+        Relative difference |theirs - ours| / |ours|, nan if missing.
     """
 
     answer: Answer
@@ -103,23 +107,23 @@ def case(name: str) -> dict[str, Any]:
 
 
 def answers(name: str) -> list[Answer]:
-    """Return all answers of a case, in time order."""
-    return [Answer(run, **row) for run, told in case(name)["runs"].items() for row in told["answers"]]
+    """Return all answers of a case, in the order of time."""
+    return [Answer(run, **row) for run, contents in case(name)["runs"].items() for row in contents["answers"]]
 
 
 def write(name: str, path: str | PathLike[str]) -> None:
-    """Write a case: a .json file with everything, or a .csv table of its answers.
+    """Write a case: a .json file with all its data, or a .csv table of its answers.
 
     Comments in the table contain the set-up.
     """
-    told, ending = case(name), Path(path).suffix.lower()
-    if ending not in FILE_SUFFIXES:
+    contents, suffix = case(name), Path(path).suffix.lower()
+    if suffix not in FILE_SUFFIXES:
         raise ValueError(f"`path` must be a name that ends in {' or '.join(FILE_SUFFIXES)}, got {str(path)!r}.")
-    if ending == ".json":
-        return files.write_json(path, {"case": name, "conventions": kit()["conventions"], **told})
+    if suffix == ".json":
+        return files.write_json(path, {"case": name, "conventions": kit()["conventions"], **contents})
     text = io.StringIO()
-    for line in (f"case: {name}. {told['about']}", f"source: {told['source']}", *kit()["conventions"],
-                 *(f"{run}: {json.dumps(one['set-up'])}" for run, one in told["runs"].items())):
+    for line in (f"case: {name}. {contents['about']}", f"source: {contents['source']}", *kit()["conventions"],
+                 *(f"{run}: {json.dumps(run_contents['set-up'])}" for run, run_contents in contents["runs"].items())):
         print("#", line, file=text)
     table = csv.DictWriter(text, TABLE_COLUMNS, lineterminator="\n")
     table.writeheader()
@@ -138,8 +142,8 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
         A .csv file with columns ``run``, ``quantity`` and ``value``: the file of `write` with other values. Further
         columns are ignored, and lines that begin with # are skipped.
     tolerance : float, optional
-        Relative difference that is right, for codes with a time step. By default every digit that is written, up to
-        one unit of the last, must be right, and at least three digits.
+        Maximum relative difference of a right number, for codes with a time step. By default, every written digit must
+        be right up to one unit of the last digit, and at least three digits must be right.
 
     Returns
     -------
@@ -149,21 +153,21 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
     Raises
     ------
     ValueError
-        If the file has other columns, rows without an answer, a row twice, or an entry that is not a number.
+        If a column is missing, if a line belongs to no answer or is repeated, or if a value is not a number.
     """
-    most = None if tolerance is None else _check.number("tolerance", tolerance, at_least=0.0)
-    wanted = {(one.run, one.quantity): one for one in answers(name)}
-    given = {}
+    max_difference = None if tolerance is None else _check.number("tolerance", tolerance, at_least=0.0)
+    answers_by_key = {(answer.run, answer.quantity): answer for answer in answers(name)}
+    values_by_key = {}
     for line, run, quantity, value in _read(path):
         row = f"Line {line} of {str(path)!r} is {run!r}, {quantity!r}"
-        _check.refuse({f"{row}, which is not an answer of case {name}.": (run, quantity) not in wanted,
-                       f"{row}, which occurred before.": (run, quantity) in given})
-        given[run, quantity] = value
-    return [_judged(one, given.get(key), most) for key, one in wanted.items()]
+        _check.refuse({f"{row}, which is not an answer of case {name}.": (run, quantity) not in answers_by_key,
+                       f"{row}, which occurred before.": (run, quantity) in values_by_key})
+        values_by_key[run, quantity] = value
+    return [_verdict(answer, values_by_key.get(key), max_difference) for key, answer in answers_by_key.items()]
 
 
 def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
-    """Return line number, run, quantity and value of every row of a table."""
+    """Yield line number, run, quantity and value of every row of a table with a value."""
     try:
         text = Path(files.checked_source("path", path)).read_text("utf-8-sig")
     except UnicodeDecodeError:
@@ -191,15 +195,16 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
             yield number, row["run"] or "", row["quantity"] or "", value
 
 
-def _judged(answer: Answer, theirs: str | None, tolerance: float | None) -> Verdict:
+def _verdict(answer: Answer, theirs: str | None, tolerance: float | None) -> Verdict:
     if theirs is None:
         return Verdict(answer, "", "missing", math.nan)
     ours, number = Decimal(answer.value), Decimal(theirs)
-    miss = abs(number - ours)
-    off = float(miss / abs(ours))
+    difference = abs(number - ours)
+    error = float(difference / abs(ours))
     exponent = number.as_tuple().exponent
     unit = Decimal(1).scaleb(exponent if isinstance(exponent, int) else 0)  # of the last digit written
-    least = Decimal(1).scaleb(ours.adjusted() - answer.digits + 1)
-    right = off <= MAX_RIGHT_DIFFERENCE and miss <= max(unit, least) if tolerance is None else off <= tolerance
-    word = "right" if right else "ill-conditioned" if off <= INPUT_ROUNDING * answer.condition else "wrong"
-    return Verdict(answer, theirs, word, off)
+    last_digit = Decimal(1).scaleb(ours.adjusted() - answer.digits + 1)
+    right = (error <= MAX_RIGHT_DIFFERENCE and difference <= max(unit, last_digit)
+             if tolerance is None else error <= tolerance)
+    word = "right" if right else "ill-conditioned" if error <= INPUT_ROUNDING * answer.condition else "wrong"
+    return Verdict(answer, theirs, word, error)

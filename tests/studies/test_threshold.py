@@ -59,7 +59,7 @@ def test_windows_are_found_from_both_sides():
     assert [c.value for c in found.crossings] == pytest.approx([1.0 - lasts, 1.0 + lasts], rel=2e-6)
     (_, last), (first, _) = found.holds
     down, up = math.floor(last * 1e8) / 1e8, math.ceil(first * 1e7) / 1e7  # to eight digits, rounded to the safe side
-    assert found.sentence == (f"Every contact is isolated up to gap = {down:.8g} and from gap = {up:.8g} on "
+    assert found.sentence == (f"Every contact is isolated up to gap = {down:.8g} and from gap = {up:.8g} upwards "
                               "(scanned from 0.5 to 2).")
     (inside,) = found.fails
     again = gr.threshold(two_hits(1.0), "gap[1]", inside, points=5, spacing="linear")
@@ -186,7 +186,7 @@ def test_report_json_and_figure(tmp_path):
     assert "disturbed  isolated  first disturbed: pairs floor–1 and 1–2 at t = 0.32" in text
     first = math.ceil(found.holds[0][0] * 1e6) / 1e6
     assert text.splitlines()[-1] == found.sentence
-    assert found.sentence == f"Every contact is isolated from gap = {first:.4g} m on (scanned up to 0.01 m)."
+    assert found.sentence == f"Every contact is isolated from gap = {first:.4g} m upwards (scanned up to 0.01 m)."
     assert max(map(len, text.splitlines())) <= 120
     assert told[-1] == (1.0, len(found.values))
     found.to_json(tmp_path / "found.json")
