@@ -97,8 +97,9 @@ def heated_gas(
     """Gas of balls between two thermal walls, or a column above a hot floor.
 
     Between walls of temperatures T1 and T2, N hard elastic balls of equal mass m carry the heat flow
-    n (T1 - T2) / (√(πm/2) (T1^-½ + T2^-½)), where n is N over the free length. Their temperature is √(T1 T2) everywhere,
-    for any N. The centre of mass of point particles above a floor of temperature T has the mean height T/(mg).
+    n (T1 - T2) / (√(πm/2) (T1^-½ + T2^-½)), where n is N over the free length. Their temperature is √(T1 T2)
+    everywhere, for any N. The centre of mass of point particles above a floor of temperature T has the mean height
+    T/(mg).
 
     Parameters
     ----------

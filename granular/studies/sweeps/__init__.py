@@ -1,7 +1,7 @@
 """`sweep`, `sensitivity` and `ensemble`: outcomes over parameters.
 
-A first reader may skip: `ensembles`, `plan`, `results`, `run`, `schedule`, `sensitivities`,
-`sensitivity_report`, `subject`.
+Start with: `run` (`sweep`), `sensitivities` and `ensembles`. Support modules: `subject` (parameters by name), `plan`,
+`results`, `schedule` (solution of the cells) and `sensitivity_report`.
 """
 
 from granular.studies.sweeps.ensembles import Ensemble, Quantity, ensemble

@@ -1,4 +1,7 @@
-"""Plan of a sweep, which other processes can receive, and its data set and file."""
+"""Plan of a sweep, its data set and its file.
+
+A plan can be sent to other processes.
+"""
 
 from __future__ import annotations
 
@@ -28,25 +31,25 @@ if TYPE_CHECKING:
     import xarray
 
 
-Ask = str | Callable[[Case], float]
+RequestedResult = str | Callable[[Case], float]
 CLASS_PLACE_PATTERN = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
-"""Pattern of class places in old files, whose modules may have moved."""
+"""Pattern of full class names in old files. The modules may have been renamed."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Common properties of all cells.
+    """Common properties of all cells of a sweep.
 
     Attributes
     ----------
     subject : Subject
         The subject of the sweep.
     fixed : mapping
-        Parameters that all cells share.
+        Parameters that have the same value in all cells.
     names : tuple of str
         Parameters that vary.
     asked : tuple of str or callable
-        Results: names of `granular.studies.sweeps.results.RESULTS`, or functions of the case.
+        Requested results: names of `granular.studies.sweeps.results.RESULTS`, or functions of the case.
     run : mapping
         Options of the engines.
     at_once : bool
@@ -54,13 +57,13 @@ class Plan:
     key : bytes
         Identifies the plan in any process.
     version : str or None
-        Text by which the caller identifies user-defined functions and classes in a file.
+        Version of user-defined functions and classes, to identify them in a file.
     """
 
     subject: Subject
     fixed: Mapping[str, Any]
     names: tuple[str, ...]
-    asked: tuple[Ask, ...]
+    asked: tuple[RequestedResult, ...]
     run: Mapping[str, Any]
     at_once: bool = True
     key: bytes = field(default_factory=lambda: os.urandom(16))
@@ -68,8 +71,8 @@ class Plan:
 
     @property
     def results(self) -> dict[str, Result]:
-        """Requested results, by name."""
-        return {named(ask): _result(ask) for ask in self.asked}
+        """Requested results by name."""
+        return {named(result): _result(result) for result in self.asked}
 
     @cached_property
     def ways(self) -> tuple[Way, ...]:
@@ -78,27 +81,28 @@ class Plan:
 
     @cached_property
     def root(self) -> Any:
-        """The subject with the parameters that all cells share."""
-        return reduce(lambda root, change: put(root, *change), sorted(self._shared, key=_late), self.subject.root)
+        """Root of the subject, with the fixed parameters set."""
+        return reduce(lambda root, change: put(root, *change), sorted(self._shared, key=_is_applied_last),
+                      self.subject.root)
 
     @cached_property
     def _shared(self) -> list[tuple[Way, Any]]:
         return [(self.subject.way(name), value) for name, value in self.fixed.items()]
 
     def parameters(self, values: Sequence[Any]) -> Any:
-        """Return the root of the cell with these `values` of the varied parameters."""
-        changes = [*filter(_late, self._shared), *zip(self.ways, values, strict=True)]
-        return reduce(lambda root, change: put(root, *change), sorted(changes, key=_late), self.root)
+        """Return the root with the varied parameters set to `values`, for one cell."""
+        changes = [*filter(_is_applied_last, self._shared), *zip(self.ways, values, strict=True)]
+        return reduce(lambda root, change: put(root, *change), sorted(changes, key=_is_applied_last), self.root)
 
     def case(self, values: Sequence[Any]) -> Case:
-        """Return the case of one cell."""
+        """Return the case of the cell with these `values` of the varied parameters."""
         case = self.subject.make(self.parameters(values))
         return replace(case, run={**case.run, **self.run}) if self.run else case
 
     def start(self, values: Sequence[Any]) -> Case:
-        """Return the case of one cell, for a ready-made one without its contacts.
+        """Return the case of one cell. A ready-made case is returned without contacts.
 
-        Many cells share it.
+        Such a case without contacts is shared by many cells.
         """
         if not self.subject.ready:
             return self.case(values)
@@ -106,95 +110,112 @@ class Plan:
         return ready.bare(self.subject.ready, shapes, shapes.pop("t_end", None))
 
     def laws(self, start: Case, values: Sequence[Any]) -> Any:
-        """Return the force laws of one cell."""
+        """Return the force laws of one cell, for its case `start`."""
         if not self.subject.ready:
             return start.physics("md")
         return ready.touching(self.subject.ready, start, **self._sides(self.parameters(values))[1]).law
 
     @cached_property
     def shaping(self) -> tuple[bool, ...]:
-        """Which varied parameters determine scene and end of a cell.
+        """Whether each varied parameter belongs to the scene and the end of a cell.
 
-        The others determine its contacts.
+        The other parameters belong to the contacts.
         """
         return tuple(not self.subject.ready or name.partition("[")[0] in self.shapes for name in self.names)
 
     def _sides(self, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-        sides: tuple[dict[str, Any], dict[str, Any]] = {}, {}
+        parts: tuple[dict[str, Any], dict[str, Any]] = {}, {}
         for name, value in parameters.items():
-            sides[name.partition("[")[0] not in self.shapes][name] = value
-        return sides
+            parts[name.partition("[")[0] not in self.shapes][name] = value
+        return parts
 
     @cached_property
     def shapes(self) -> set[str]:
-        """Names of the parameters of a ready-made case that determine scene and end."""
+        """Names of the parameters of a ready-made case that belong to scene and end."""
         return ready.shaping(self.subject.ready) | {"t_end"}
 
 
 def planned(
-    scene: SceneLike, over: Mapping[str, Values], asked: tuple[Ask, ...], fixed: Mapping[str, Any],
+    scene: SceneLike, over: Mapping[str, Values], asked: tuple[RequestedResult, ...], fixed: Mapping[str, Any],
     run: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """Return the plan. Raises errors that concern all cells."""
-    for ask in asked:
-        check.takes("result", ask, "case") if callable(ask) else check.choice("result", ask, list(RESULTS))
+    """Return the plan of a sweep.
+
+    Raises errors that concern all cells, such as an unknown parameter or result.
+    """
+    for result in asked:
+        check.takes("result", result, "case") if callable(result) else check.choice("result", result, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # raises for names that are not parameters
-    if twice := [name for name in over if name in fixed]:
-        raise ValueError(f"The parameter {twice[0]} is both varied and fixed. Give it once.")
+    if repeated := [name for name in over if name in fixed]:
+        raise ValueError(f"The parameter {repeated[0]} is both varied and fixed. Give it once.")
     return replace(plan, at_once=have_numba() and not run and all(result.many for result in plan.results.values()))
 
 
-def _late(change: tuple[Way, Any]) -> bool:
-    """Whether a parameter must be applied last."""
+def _is_applied_last(change: tuple[Way, Any]) -> bool:
+    """Return whether a parameter must be set after all others: the restitution."""
     return change[0] == RESTITUTION_PATH
 
 
-def named(ask: Ask) -> str:
-    """Return the name of a result."""
-    return ask if isinstance(ask, str) else str(getattr(ask, "__name__", ask))
+def named(result: RequestedResult) -> str:
+    """Return the name of a result: the string, or the name of the function."""
+    return result if isinstance(result, str) else str(getattr(result, "__name__", result))
 
 
 def check_names(plan: Plan, save: Any) -> None:
-    """Raise an error for results whose names no data set, or no file, can have."""
-    taken = {*plan.names, "status", "pair", "body", "edge", "edge_contacts", "jump", "side"}
-    for ask in (one for one in plan.asked if not isinstance(one, str)):
-        if not hasattr(ask, "__name__"):
-            raise TypeError(f"`result` must be a function with a name, got {ask!r}. Define a function with def that "
+    """Raise an error for a result whose name a data set or a file cannot have.
+
+    `save` is the path of the file, or None.
+    """
+    used_names = {*plan.names, "status", "pair", "body", "edge", "edge_contacts", "jump", "side"}
+    for result in (result for result in plan.asked if not isinstance(result, str)):
+        if not hasattr(result, "__name__"):
+            raise TypeError(f"`result` must be a function with a name, got {result!r}. Define a function with def that "
                             "calls it.")
-        name, others = named(ask), [named(other) for other in plan.asked if other is not ask]
+        name, others = named(result), [named(other) for other in plan.asked if other is not result]
         check.refuse({
             f"`result` must be a function whose name is new in the data set, got {name!r}. Rename it.":
-                name in taken or name in others,
+                name in used_names or name in others,
             f"`result` must be a function with a name to be saved, got {name!r}. Define it with def.":
                 save is not None and not name.isidentifier(),
         })
 
 
-def _result(ask: Ask) -> Result:
-    if isinstance(ask, str):
-        return RESULTS[ask]
-    about = (inspect.getdoc(ask) or named(ask)).partition("\n")[0]
+def _result(function: RequestedResult) -> Result:
+    if isinstance(function, str):
+        return RESULTS[function]
+    description = (inspect.getdoc(function) or named(function)).partition("\n")[0]
 
     def single(answer: Any) -> Any:
-        value = ask(answer.case)
+        value = function(answer.case)
         if np.size(value) != 1:
-            raise TypeError(f"The result {named(ask)!r} must be a single number, got {value!r}.")
+            raise TypeError(f"The result {named(function)!r} must be a single number, got {value!r}.")
         return value
 
-    return Result("", "", about, single)
+    return Result("", "", description, single)
 
 
 def xarray_() -> Any:
-    """Return the module xarray."""
+    """Return the module xarray. Raise an error with a hint if it is not installed."""
     return check.optional("xarray", "sweep")
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
-    """Return the data set: a dimension per axis, then pair or body, with attributes.
+    """Return the results of a sweep as a data set with units and provenance.
 
-    Attributes contain units and provenance.
+    There is one dimension per varied parameter, then "pair" or "body".
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    over : dict
+        Values of the varied parameters by name.
+    values : dict
+        Array of each result and of "status", with one row per cell.
+    notes : dict
+        Further attributes of the data set.
     """
     shape = tuple(map(len, over.values()))
     coordinates: dict[str, Any] = {name: (name, array, plan.subject.attributes(name)) for name, array in over.items()}
@@ -215,11 +236,12 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
 
 
 def question(plan: Plan) -> tuple[str, list[Any]]:
-    """Return the text of case, parameters and results, and the caller's objects in it.
+    """Return a description of the sweep as text, and the user-defined objects in it.
 
-    Without such objects, sweeps with equal text and axes have equal answers.
+    The text contains case, parameters and requested results. Without user-defined objects, sweeps with equal text and
+    axes have equal results.
     """
-    own: list[Any] = []
+    user_code: list[Any] = []
 
     def described(value: Any) -> Any:
         if isinstance(value, (np.generic, np.ndarray)):
@@ -227,20 +249,22 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
         if isinstance(value, Mapping):
             return dict(value)
         if isinstance(value, Scene):
-            own.extend(motion for motion in value.motions if motion is not None and "fields" not in to_json(motion))
+            user_code.extend(
+                motion for motion in value.motions if motion is not None and "fields" not in to_json(motion))
             return scene_to_json(value)
-        kind = value if isinstance(value, (type, FunctionType)) else type(value)
-        of_package = kind.__module__.partition(".")[0] == "granular"
-        if of_package and is_dataclass(value) and kind is not value:
-            return [kind.__name__, {one.name: getattr(value, one.name) for one in fields(value)}]
-        own.extend([value] * (not of_package or kind is not value))
-        return kind.__qualname__
+        cls = value if isinstance(value, (type, FunctionType)) else type(value)
+        of_package = cls.__module__.partition(".")[0] == "granular"
+        if of_package and is_dataclass(value) and cls is not value:
+            return [cls.__name__, {entry.name: getattr(value, entry.name) for entry in fields(value)}]
+        user_code.extend([value] * (not of_package or cls is not value))
+        return cls.__qualname__
 
-    words = {"scene": plan.subject.text, "fixed": plan.fixed, "over": plan.names, "results": list(plan.results),
+    contents = {"scene": plan.subject.text, "fixed": plan.fixed, "over": plan.names, "results": list(plan.results),
              "run": plan.run}
-    given = {"functions": [one for one in (plan.subject.source, *plan.asked) if callable(one)], "key": plan.version}
-    words |= {name: one for name, one in given.items() if one not in ([], None)}
-    return json.dumps(words, sort_keys=True, default=described), own
+    user_parts = {"functions": [entry for entry in (plan.subject.source, *plan.asked) if callable(entry)],
+                  "key": plan.version}
+    contents |= {name: entry for name, entry in user_parts.items() if entry not in ([], None)}
+    return json.dumps(contents, sort_keys=True, default=described), user_code
 
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
@@ -258,12 +282,12 @@ def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
 
 
 def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the results and notes of an existing file, or nothing.
+    """Return the results and notes of an existing file, empty without a file.
 
     Raises
     ------
     ValueError
-        If the file belongs to another sweep or to a later version, or if the sweep uses code of the caller without a
+        If the file belongs to another sweep or to a later version, or if the sweep uses user-defined code without a
         key.
     """
     name = files.checked_path("save", path)
@@ -271,48 +295,52 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
     files.check_writable(name)
     if not os.path.isfile(name):
         return {}, {}
-    with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:
-        asked, notes = CLASS_PLACE_PATTERN.sub(r'"\1"', by_words(str(stored.attrs.get("question")))), stored.attrs
+    with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as saved:
+        saved_text, notes = CLASS_PLACE_PATTERN.sub(r'"\1"', by_words(str(saved.attrs.get("question")))), saved.attrs
         files.check_format(name, _format(notes))
-        text, own = question(plan)
-        if own and plan.version is None:
-            raise ValueError(f"`save` must be a new file, got {name!r}, and {own[0]!r} may have changed since. Give a "
-                             "key= that changes with your code, give another name, or remove the file.")
-        if asked != text or not all(_same(stored, axis, array) for axis, array in over.items()):
+        text, user_code = question(plan)
+        if user_code and plan.version is None:
+            raise ValueError(f"`save` must be a new file, got {name!r}, and {user_code[0]!r} may have changed since. "
+                             "Give a key= that changes with your code, give another name, or remove the file.")
+        if saved_text != text or not all(_same(saved, axis, array) for axis, array in over.items()):
             raise ValueError(f"`save` must be a new file or one of the same sweep, got {name!r} of another sweep. Give "
                              "another name, or remove the file.")
         shape = tuple(map(len, over.values()))
-        columns = {one: _column(stored, one, shape, plan, name) for one in ("status", *plan.results)}
+        columns = {column: _column(saved, column, shape, plan, name) for column in ("status", *plan.results)}
         return columns, {"refusal": files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
 
 
 def _format(notes: Any) -> Any:
-    """Return the format number of a file."""
+    """Return the format number of a file, None if it cannot be read."""
     try:
         return json.loads(notes.get("provenance", "{}")).get("format", 1)
     except (TypeError, ValueError, AttributeError, RecursionError):
         return None
 
 
-def _same(stored: Any, axis: str, array: Any) -> bool:
-    """Whether a file has the values of an axis. Sizes are compared before reading."""
-    return axis in stored and stored[axis].shape == array.shape and np.array_equal(
-        stored[axis].values.astype(array.dtype), array)
+def _same(saved: Any, axis: str, array: Any) -> bool:
+    """Return whether a file has the values `array` of an axis.
+
+    Sizes are compared before the values are read.
+    """
+    return axis in saved and saved[axis].shape == array.shape and np.array_equal(
+        saved[axis].values.astype(array.dtype), array)
 
 
-def _column(stored: Any, name: str, shape: tuple[int, ...], plan: Plan, path: str) -> Any:
-    """Return the answers of all cells.
+def _column(saved: Any, name: str, shape: tuple[int, ...], plan: Plan, path: str) -> Any:
+    """Return the values of one result for all cells from a file.
 
-    Nothing is returned unless they have the kind, shape and size of our files.
+    Raises `ValueError` if type, shape or size differ from the files that this module writes.
     """
     result = plan.results.get(name)
-    whole, deep = result is None or isinstance(result.fill, int), result is not None and result.dim != ""
-    there = stored.get(name)
-    good = there is not None and there.dtype.kind == ("i" if whole else "f") and there.nbytes <= os.path.getsize(path)
-    if not good or there.shape[: len(shape)] != shape or there.ndim != len(shape) + deep:
+    is_integer, has_dimension = result is None or isinstance(result.fill, int), result is not None and result.dim != ""
+    variable = saved.get(name)
+    is_valid = (variable is not None and variable.dtype.kind == ("i" if is_integer else "f")
+                and variable.nbytes <= os.path.getsize(path))
+    if not is_valid or variable.shape[: len(shape)] != shape or variable.ndim != len(shape) + has_dimension:
         raise ValueError(f"`save` must be a file of a sweep of shape {shape}, got {path!r} without a fitting {name}. "
                          "Remove the file.")
-    values = there.values
+    values = variable.values
     if result is None and not np.isin(values, list(STATUS_NAMES)).all():
         raise ValueError(
             f"`save` must be a file whose status is one of {', '.join(STATUS_NAMES.values())}, got {path!r} "

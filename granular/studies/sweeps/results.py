@@ -20,14 +20,14 @@ from granular.scene.state import Scene
 NOT_RUN, MISUSE_CODE = -1, 8
 STATUS_NAMES = {NOT_RUN: "not_run", **{code + (code >= MISUSE_CODE): status.name for code, status in enumerate(Status)},
           MISUSE_CODE: "misuse"}
-"""Status codes of cells, as stored in the maps of files.
+"""Status codes of cells, as stored in files.
 
-``misuse``: the cell's parameters were refused, or its run raised. It keeps its number, so that later statuses follow
-it.
+``misuse``: the cell's parameters are invalid, or its run raised an exception. Its code does not change if statuses are
+added.
 """
 STATUS_CODES = {name: code for code, name in STATUS_NAMES.items()}
 CELL_ERRORS = (ValueError, ArithmeticError)
-"""Exceptions of a cell that do not stop the sweep. All others are mistakes."""
+"""Exceptions of a cell that do not stop the sweep. Other exceptions are raised."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,10 @@ class Result:
     of : callable
         Function of an `Answer` that returns the value.
     fill : float or int
-        Value if there is none. It decides the type.
+        Value of cells without a result. It determines the data type.
     many : str
-        "always" if a compiled call of many cells computes it as well. "ended" if contacts that are running at the end
-        first have to be followed, cell by cell.
+        "always" if a compiled call of many cells also computes the result. "ended" if it does so only without
+        unfinished contacts at the end of the run. Otherwise empty.
     """
 
     dim: str
@@ -65,12 +65,15 @@ def impact_speed(scene: Scene) -> float:
 
 
 def specified(scene: Scene, laws: Any) -> float:
-    """Common ε of both contacts at the impact speed, nan if different or other scenes."""
+    """Return the common ε of all contacts at the impact speed.
+
+    It is nan if ε differs between pairs, or if the scene is not a drop of two balls.
+    """
     speed = impact_speed(scene)
     if not speed > 0.0:
         return math.nan
-    each = zip(per_pair("law", laws, scene.n_pairs), scene.pairs, strict=True)
-    eps = [restitution(law, pair, speed) for law, pair in each]
+    laws_and_pairs = zip(per_pair("law", laws, scene.n_pairs), scene.pairs, strict=True)
+    eps = [restitution(law, pair, speed) for law, pair in laws_and_pairs]
     return eps[0] if max(eps) - min(eps) <= 1e-9 else math.nan
 
 
@@ -103,20 +106,22 @@ RESULTS = {
     "hard_status": Result("", "1", "status of the hard run", lambda a: STATUS_CODES[a.hard.status.name], NOT_RUN),
     "error": Result("", "1", "largest difference of a velocity with which a ball leaves an episode of contacts, "
                     "hard to soft, per fastest impact", lambda a: a.report.error),
-    "shared_impulse": _measure("shared_impulse", "φ: share of impulse exchanged while a neighbour is in contact"),
-    "crowding": _measure("crowding", "p: share of hard collisions with a neighbour's within t_c"),
-    "occupation": _measure("occupation", "Λ: share of time a pair is in contact"),
+    "shared_impulse": _measure("shared_impulse", "φ: fraction of impulse exchanged while a neighbour is in contact"),
+    "crowding": _measure("crowding", "p: fraction of hard collisions with a neighbour's within t_c"),
+    "occupation": _measure("occupation", "Λ: fraction of time in which a pair is in contact"),
     "distance": _measure("distance", "D between the engines"),
-    "predictability": _measure("predictability", "D of hard spheres to themselves, gaps shifted by 1e-12"),
+    "predictability": _measure("predictability", "D of two hard-sphere runs, gaps shifted by 1e-12"),
     "mass_centre_ratio": _measure("mass_centre_ratio", "K_cm: soft over hard restitution of the centre of mass"),
-    "isolated_share": _measure("isolated_share", "share of soft contacts that are isolated"),
-    "order": Result("", "1", "a number that stands for the order of all begins and ends", lambda a: a.order, -1),
+    "isolated_share": _measure("isolated_share", "fraction of soft contacts that are isolated"),
+    "order": Result("", "1", "number that identifies the order of all onsets and ends", lambda a: a.order, -1),
     "lag": _measure("lag", "how much later the soft run ends", "s"),
 }
 
 
 class Answers:
-    """An array for each result, as wide as the largest scene, and the first refusal.
+    """Arrays of all results of a sweep, and the message of the first refused cell.
+
+    Arrays with one column per pair or body have the columns of the largest scene.
 
     Parameters
     ----------
@@ -133,21 +138,21 @@ class Answers:
                          for name, result in results.items()}
         self.refusal: tuple[int, str] | None = None
 
-    def put(self, places: Any, columns: Mapping[str, Any]) -> None:
-        """Store results of the cells at these places."""
+    def put(self, cells: Any, columns: Mapping[str, Any]) -> None:
+        """Store results of the cells with the numbers `cells`."""
         for name, values in columns.items():
-            more = values.shape[1] - self.columns[name].shape[1] if values.ndim > 1 else 0
-            if more > 0:
-                self.columns[name] = np.pad(self.columns[name], ((0, 0), (0, more)), constant_values=self.fill[name])
-            self.columns[name][(places, *map(slice, values.shape[1:]))] = values
+            missing = values.shape[1] - self.columns[name].shape[1] if values.ndim > 1 else 0
+            if missing > 0:
+                self.columns[name] = np.pad(self.columns[name], ((0, 0), (0, missing)), constant_values=self.fill[name])
+            self.columns[name][(cells, *map(slice, values.shape[1:]))] = values
 
-    def refuse(self, place: int, sentence: str) -> None:
-        """Store the reason why a cell has no answer."""
-        self.columns["status"][place] = MISUSE_CODE
-        self.refusal = min(self.refusal or (place, sentence), (place, sentence))
+    def refuse(self, cell: int, sentence: str) -> None:
+        """Store the message of the exception that a cell raised."""
+        self.columns["status"][cell] = MISUSE_CODE
+        self.refusal = min(self.refusal or (cell, sentence), (cell, sentence))
 
-    def take(self, places: Any, others: Answers) -> None:
-        """Copy the answers of the cells at these places."""
-        self.put(places, others.columns)
-        if others.refusal is not None:
-            self.refuse(int(places[others.refusal[0]]), others.refusal[1])
+    def take(self, cells: Any, answers: Answers) -> None:
+        """Copy `answers`, which has one row per number in `cells`, to these cells."""
+        self.put(cells, answers.columns)
+        if answers.refusal is not None:
+            self.refuse(int(cells[answers.refusal[0]]), answers.refusal[1])

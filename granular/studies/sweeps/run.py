@@ -1,4 +1,4 @@
-"""`sweep`: results over all combinations of parameters, with bisected boundaries."""
+"""`sweep`: results over all combinations of parameters, with bisected jumps."""
 
 from __future__ import annotations
 
@@ -28,11 +28,14 @@ if TYPE_CHECKING:
 DEFAULT_RESULTS = ("contacts", "v_rel", "eps_ratio")
 """Default results."""
 SAVE_EVERY = 30.0
-"""Time in s between two writes of the file."""
+"""Minimum time in s between two writes of the file."""
 Counts = Callable[[list[Values]], Values]
-"""Function that returns contact counts (S, pairs) for columns of parameters."""
+"""Function that returns contact counts, shape (cells, pairs).
+
+Its argument is a list of columns of parameters, each with one value per cell.
+"""
 Where = tuple[Executor | None, int]
-"""An executor, and the number of threads without one."""
+"""An executor or None, and the number of threads without an executor."""
 
 
 @check.face
@@ -61,16 +64,17 @@ def sweep(
         for other processes), a case itself, or a scene, with `law`, `rule`, `until`, `t_end` as further parameters.
     over : mapping, or text
         Values of the parameters to vary: ``{"gap": [1e-5, 1e-4]}``, or texts such as ``"gap=1e-7:1e-2:300:log"``.
-        ``radii[0]`` is one entry of a list of values. Parameters of a file are the numbers in its tables, of a case
-        the numbers of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``,
-        ``t_end``; ``gap`` of all pairs of balls, ``restitution`` of all laws (at constant stiffness) and of the rule.
+        ``radii[0]`` is one entry of a list of values. Parameters of a file are the numbers in its tables. Parameters
+        of a case are the numbers of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs),
+        ``law[0].k``, ``t_end``. ``gap`` is the gap of all pairs of balls. ``restitution`` is the restitution of all
+        laws (at constant stiffness) and of the rule.
     results : names, or functions of the case that return a number
         Results of every cell in addition to its `status`, see `granular.studies.sweeps.results.RESULTS`.
     run : mapping, optional
-        Options of ``simulate``, such as ``{"engine": "plain"}``. Without them, and for laws that are powers of the
-        overlap, cells run compiled in one call per batch.
+        Options of ``simulate``, such as ``{"engine": "plain"}``. Without such options, and for laws that are powers of
+        the overlap, cells run compiled in one call per batch.
     refine : str, optional
-        Parameter along which jumps of the contact counts are bisected. Needs the result "contacts". The jumps are
+        Parameter along which jumps of the contact counts are bisected. It requires the result "contacts". The jumps are
         `edge`, `edge_contacts` along the dimension "jump". Windows narrower than the spacing of the grid can be missed.
     precision : float
         Relative width to which jumps are bisected.
@@ -86,20 +90,21 @@ def sweep(
         The results are bitwise identical.
     workers : int, optional
         Number of threads of this process, without an executor, for cells that run compiled in one call per batch.
-        Defaults to one per available core if this is faster. Cells that run one by one need processes to be faster.
+        Defaults to one thread per available core if this is faster. Threads do not accelerate cells that run one by
+        one. Use processes for them.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` is called with the share of this call's cells that are solved, and the number of
-        all solved cells, including those of a file.
+        ``on_progress(reached, count)`` is called with two numbers. `reached` is the fraction of this call's cells that
+        are solved. `count` is the number of all solved cells, including those of a file.
     progress : bool
         Show the progress on standard error after 2 s, as a bar if tqdm is installed.
     **fixed
-        Parameters that all cells share.
+        Parameters that have the same value in all cells.
 
     Returns
     -------
     xarray.Dataset
         One dimension per parameter, then "pair" or "body". `status` marks cells that were refused (``misuse``) or did
-        not end properly. The attribute `refusal` is the first message of a refusal.
+        not end properly. The attribute `refusal` is the first message of a refused cell.
 
     Raises
     ------
@@ -117,9 +122,9 @@ def sweep(
     threads = cores() if workers is None else check.whole("workers", workers, at_least=1)
     xarray_()
     varied = checked(over)
-    asked = check.several("results", results, "a name or a function, or several")
-    version = check.of_kind("key", key, str | None, "a text or None")
-    plan = replace(planned(scene, varied, tuple(asked), fixed, run), version=version)
+    requested = check.several("results", results, "a name or a function, or several")
+    version_key = check.of_kind("key", key, str | None, "a text or None")
+    plan = replace(planned(scene, varied, tuple(requested), fixed, run), version=version_key)
     check_names(plan, save)
     if refine is not None:
         check.choice("refine", refine, list(varied))
@@ -137,30 +142,36 @@ def sweep(
 
 
 class _Job:
-    """A sweep in progress. `columns` are the parameters of its cells."""
+    """A sweep in progress.
+
+    `columns` has one array per parameter, with one value per cell. `save` is the path of the file, or None.
+    """
 
     def __init__(self, plan: Plan, over: dict[str, Values], columns: list[Values], save: Any) -> None:
         self.plan, self.over, self.columns, self.save = plan, over, columns, save
         self.answers = Answers(plan.results, len(columns[0]))
-        known, self.notes = resume(save, plan, over) if save is not None else ({}, {})
-        self.answers.put(slice(None), known)
+        saved_columns, self.notes = resume(save, plan, over) if save is not None else ({}, {})
+        self.answers.put(slice(None), saved_columns)
 
-    def solve(self, where: Where, tell: Told | None) -> None:
-        """Solve the missing cells, and keep finished ones in any case."""
+    def solve(self, where: Where, report_progress: Told | None) -> None:
+        """Solve the missing cells.
+
+        If a file is given, solved cells are written to it even if an exception is raised.
+        """
         missing = np.flatnonzero(self.answers.columns["status"] == NOT_RUN)
-        known = done = len(self.columns[0]) - len(missing)
-        saved = time.monotonic()
+        saved_count = solved_count = len(self.columns[0]) - len(missing)
+        save_time = time.monotonic()
         try:
-            for places, found in schedule.batches(self.plan, self.columns, missing, *where):
-                self.answers.take(places, found)
-                done += len(places)
-                if tell is not None:
-                    tell((done - known) / len(missing), done)
-                if time.monotonic() > saved + SAVE_EVERY:
+            for cells, batch_answers in schedule.batches(self.plan, self.columns, missing, *where):
+                self.answers.take(cells, batch_answers)
+                solved_count += len(cells)
+                if report_progress is not None:
+                    report_progress((solved_count - saved_count) / len(missing), solved_count)
+                if time.monotonic() > save_time + SAVE_EVERY:
                     self.written(self.dataset())
-                    saved = time.monotonic()
+                    save_time = time.monotonic()
         finally:
-            if done > known:
+            if solved_count > saved_count:
                 self.written(self.dataset())
         if (self.answers.columns["status"] == MISUSE_CODE).all():
             raise ValueError(self.answers.refusal[1] if self.answers.refusal else self.notes.get(
@@ -172,28 +183,32 @@ class _Job:
         return dataset(self.plan, self.over, self.answers.columns, notes)
 
     def written(self, data: xarray.Dataset) -> xarray.Dataset:
-        """Write the results so far, if there is a file."""
+        """Write the data set if a file is given, and return it."""
         if self.save is not None:
             write(data, self.save)
         return data
 
     def refined(self, name: str, precision: float, where: Where) -> xarray.Dataset:
-        """Add the jumps of the contact counts along one parameter."""
+        """Return the data set with the jumps of the contact counts along one parameter.
+
+        The file, if given, is written.
+        """
         plan = replace(self.plan, asked=("contacts",))
         axis, shape = list(self.over).index(name), tuple(map(len, self.over.values()))
 
         def counts(columns: list[Values]) -> Values:
-            found = Answers(plan.results, len(columns[0]))
-            found.put([], {"contacts": self.answers.columns["contacts"][:0]})  # as wide
-            for places, part in schedule.batches(plan, columns, np.arange(len(columns[0])), *where):
-                found.take(places, part)
-            return np.asarray(found.columns["contacts"])
+            answers = Answers(plan.results, len(columns[0]))
+            answers.put([], {"contacts": self.answers.columns["contacts"][:0]})  # as wide
+            for cells, batch_answers in schedule.batches(plan, columns, np.arange(len(columns[0])), *where):
+                answers.take(cells, batch_answers)
+            return np.asarray(answers.columns["contacts"])
 
         whole = self.plan.subject.is_whole(name)
-        row, ends, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision, whole)
+        row, intervals, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision,
+                                      whole)
         data = self.dataset()
-        about = data[name].attrs | {"comment": f"interval of {name} in which a count jumps"}
-        data["edge"] = ("jump", "side"), ends, about
+        attributes = data[name].attrs | {"comment": f"interval of {name} in which a count jumps"}
+        data["edge"] = ("jump", "side"), intervals, attributes
         data["edge_contacts"] = ("jump", "side", "pair"), sides.astype(np.int64), data["contacts"].attrs
         for other, column in zip(self.over, self.columns, strict=True):
             if other != name:
@@ -202,42 +217,61 @@ class _Job:
 
 
 def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
-          precision: float, whole: bool = False) -> tuple[Values, Values, Values]:
-    """Bisect every jump between neighbours of the grid along `axis`.
+          precision: float, integers_only: bool = False) -> tuple[Values, Values, Values]:
+    """Bisect every jump of contact counts between neighbours of the grid along `axis`.
 
-    Jumps are known to a relative `precision`, for a `whole` parameter to two consecutive integers. An interval whose
-    midpoint has a third count is cut in two. A window between two points of the grid with equal counts is missed. Cells
-    without counts are left out, and an interval whose midpoint has none is not cut.
+    Jumps are known to a relative `precision`, for an integer parameter to two consecutive integers. If a midpoint has
+    a third count, both halves of the interval are bisected. An interval with other counts is missed if it lies between
+    two neighbours with equal counts. Cells without counts are ignored, and an interval whose midpoint has no count is
+    not divided.
+
+    Parameters
+    ----------
+    axis : int
+        Number of the parameter, whose values are ``columns[axis]``.
+    columns : sequence of arrays
+        Values of all parameters, one per cell.
+    grid : array (cells, pairs)
+        Contact counts of all cells, negative if there are none.
+    shape : tuple of int
+        Shape of the grid.
+    counts : callable
+        Function that returns the contact counts of further cells.
+    precision : float
+        Relative width of an interval that is not divided further.
+    integers_only : bool
+        Whether the parameter is an integer.
 
     Returns
     -------
     row, ends, counts : arrays (j,), (j, 2), (j, 2, pairs)
-        For each jump a cell with its values of the other parameters, the interval of this one, and the counts there.
+        For each jump: the number of a cell with the same other parameters, the ends of the interval of the parameter,
+        and the contact counts there.
     """
     check.number("precision", precision, at_least=1e-15, at_most=0.1)
     cells = np.moveaxis(np.arange(len(grid)).reshape(shape), axis, -1)
-    both = np.stack([cells[..., :-1].ravel(), cells[..., 1:].ravel()], axis=1)
-    known: Any = (grid >= 0).any(axis=1)
-    both = both[(grid[both[:, 0]] != grid[both[:, 1]]).any(axis=1) & known[both].all(axis=1)]
-    row, ends, found = both[:, 0], columns[axis].astype(np.float64)[both], grid[both]
-    stuck = np.zeros(len(row), bool)
+    pairs = np.stack([cells[..., :-1].ravel(), cells[..., 1:].ravel()], axis=1)
+    has_counts: Any = (grid >= 0).any(axis=1)
+    pairs = pairs[(grid[pairs[:, 0]] != grid[pairs[:, 1]]).any(axis=1) & has_counts[pairs].all(axis=1)]
+    row, ends, found = pairs[:, 0], columns[axis].astype(np.float64)[pairs], grid[pairs]
+    failed = np.zeros(len(row), bool)
     while True:
         middle = 0.5 * (ends[:, 0] + ends[:, 1])
-        middle = np.floor(middle) if whole else middle
-        wide = ~stuck & (np.abs(ends[:, 1] - ends[:, 0]) > precision * np.abs(ends).max(axis=1))
+        middle = np.floor(middle) if integers_only else middle
+        wide = ~failed & (np.abs(ends[:, 1] - ends[:, 0]) > precision * np.abs(ends).max(axis=1))
         wide &= (middle != ends[:, 0]) & (middle != ends[:, 1])
         if not wide.any():
             break
-        at = middle[wide].astype(np.int64) if whole else middle[wide]
+        at = middle[wide].astype(np.int64) if integers_only else middle[wide]
         there = counts([at if k == axis else column[row[wide]] for k, column in enumerate(columns)])
-        stuck[wide] = (there < 0).all(axis=1)
-        there, wide = there[~stuck[wide]], wide & ~stuck
-        halves = [(row[~wide], ends[~wide], found[~wide], stuck[~wide])]
+        failed[wide] = (there < 0).all(axis=1)
+        there, wide = there[~failed[wide]], wide & ~failed
+        halves = [(row[~wide], ends[~wide], found[~wide], failed[~wide])]
         for side in (0, 1):  # those halves that hold a jump
             end, count = ends[wide].copy(), found[wide].copy()
             end[:, 1 - side], count[:, 1 - side] = middle[wide], there
-            holds = (count[:, 0] != count[:, 1]).any(axis=1)
-            halves.append((row[wide][holds], end[holds], count[holds], stuck[wide][holds]))
-        row, ends, found, stuck = map(np.concatenate, zip(*halves, strict=True))
+            has_jump = (count[:, 0] != count[:, 1]).any(axis=1)
+            halves.append((row[wide][has_jump], end[has_jump], count[has_jump], failed[wide][has_jump]))
+        row, ends, found, failed = map(np.concatenate, zip(*halves, strict=True))
     order = np.lexsort([ends[:, 0], *[column[row] for k, column in enumerate(columns) if k != axis][::-1]])
     return row[order], ends[order], found[order]

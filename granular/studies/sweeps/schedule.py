@@ -1,7 +1,6 @@
 """Solution of the cells of a sweep in batches, one by one, or on an executor.
 
-A batch is one compiled call for many cells. All three methods give bitwise the same results as one run of the located
-engine per cell.
+A batch is one compiled call for many cells. Results are bitwise identical to one run of the located engine per cell.
 """
 
 from __future__ import annotations
@@ -43,22 +42,25 @@ if TYPE_CHECKING:
 LOADING_SECONDS, COMPILING_SECONDS = 0.7, 12.0
 """Times in s to load the machine code from disk, and to compile it."""
 PILOT_CELLS = 16
-"""Cells, spread over all cells, that are solved first to measure the time."""
-MIN_BATCH_SECONDS, MAX_BATCH_SECONDS = 0.25, 2.0
-"""Minimum time of a batch in s.
+"""Number of cells that are solved first to measure the time per cell.
 
-Scheduling takes some milliseconds, below 5 % of it, and progress is visible.
+They are distributed over all cells.
+"""
+MIN_BATCH_SECONDS, MAX_BATCH_SECONDS = 0.25, 2.0
+"""Minimum and maximum time of a batch in s.
+
+Scheduling takes some milliseconds per batch, less than 5 % of the minimum. Progress is reported after each batch.
 """
 MIN_BATCH_COUNT = 64
-"""Minimum number of batches of a sweep, unless they are shorter than that."""
+"""Minimum number of batches of a sweep, unless batches would be too short."""
 MIN_THREADED_SECONDS = 0.1
-"""Total time of the cells in s from which on compiled calls use several threads."""
+"""Total time of the cells in s above which compiled calls use several threads."""
 
 Batch = tuple[Values, Answers]
 
 
 def checked(executor: Executor | None) -> None:
-    """Return an executor, or raise an error."""
+    """Raise `TypeError` if `executor` has no method `submit`. None is allowed."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise TypeError(f"`executor` must be an object with submit(), such as a ProcessPoolExecutor or "
                         f"client.get_executor() of dask, got {executor!r}.")
@@ -66,15 +68,15 @@ def checked(executor: Executor | None) -> None:
 
 @dataclass
 class Answer:
-    """One case on both engines. Runs happen when they are first used."""
+    """One case on both engines. Each run takes place when its result is first used."""
 
     case: Case
 
     @cached_property
     def whole(self) -> Case:
-        """The case with samples at its start and its end, in this order."""
-        rest = {name: x for name, x in self.case.run.items() if name != "samples"}
-        return self.case if len(rest) == len(self.case.run) else replace(self.case, run=rest)
+        """The case without the option `samples`, so that runs record their start and end."""
+        options = {name: x for name, x in self.case.run.items() if name != "samples"}
+        return self.case if len(options) == len(self.case.run) else replace(self.case, run=options)
 
     @cached_property
     def soft(self) -> Trajectory:
@@ -88,7 +90,7 @@ class Answer:
 
     @cached_property
     def report(self) -> Comparison:
-        """The comparison of both."""
+        """The comparison of both engines."""
         return compare(self.case.scene, self.case.physics("md"), self.case.rule, **self.case.options(compare))
 
     contacts = property(lambda self: counts(self.soft))
@@ -102,30 +104,30 @@ class Answer:
     def v_rel(self) -> Any:
         """Separation speeds in m/s after the last contact of each pair in the soft run.
 
-        Contacts that are running at its end are followed to their end.
+        Unfinished contacts at the end of the run are continued to their end.
         """
-        known = {name: x for name, x in self.case.options(md.simulate).items() if name in ("method", "dt", "engine")}
-        return separations(followed(self.soft, known))[0]
+        options = {name: x for name, x in self.case.options(md.simulate).items() if name in ("method", "dt", "engine")}
+        return separations(followed(self.soft, options))[0]
 
     @property
     def longest(self) -> Any:
-        """Longest completed contact of each pair in s."""
+        """Duration in s of the longest completed contact of each pair, nan without one."""
         log, longest = self.soft.contacts, np.full(self.soft.scene.n_pairs, math.nan)
         np.fmax.at(longest, log["pair"], np.where(np.isnan(log["t_end"]), math.nan, log["duration"]))
         return longest
 
     @property
     def order(self) -> int:
-        """Number of the order of begins and ends in the runs used so far."""
-        given = vars(self)
-        runs = [*(given[name] for name in ("soft", "hard") if name in given),
-                *(self.report.counted if "report" in given else ())]
+        """Number that identifies the order of onsets and ends in the runs used so far."""
+        computed = vars(self)
+        runs = [*(computed[name] for name in ("soft", "hard") if name in computed),
+                *(self.report.counted if "report" in computed else ())]
         return reduce(xor, map(order, runs or [self.hard if self.case.law is None else self.soft]))
 
     def status(self, results: Mapping[str, Result]) -> int:
-        """Status of the soft run, or of the hard one if only hard results are requested.
+        """Return the status code of the soft run, or of the hard run.
 
-        The hard one also counts without force law.
+        The hard run counts if only hard results are requested, or if the case has no force law.
         """
         if self.case.law is None or all(name.startswith("hard_") for name in results):
             return STATUS_CODES[self.hard.status.name]
@@ -135,33 +137,48 @@ class Answer:
 def batches(
     plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None, workers: int,
 ) -> Iterator[Batch]:
-    """Solve `cells`, rows of `columns`, and yield each finished batch with its places.
+    """Solve cells in batches. Yield the numbers and the answers of their cells.
 
-    The answers of a cell depend only on its parameters. Batches, threads and executors therefore do not change a bit.
-    Without an executor, compiled calls use `workers` threads.
+    The answers of a cell depend only on its parameters. They are bitwise identical for any batches, threads and
+    executors.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    columns : sequence of arrays
+        Values of the varied parameters, one per cell.
+    cells : array of int
+        Numbers of the cells to solve.
+    executor : Executor or None
+        Executor of the batches. None for this process.
+    workers : int
+        Number of threads of compiled calls without an executor.
     """
     # cells run one by one, with the same bits, until compiling or loading the machine code pays
-    way = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
-    rest, each = yield from _pilot(way, columns, cells)
-    if way.at_once is not plan.at_once and worth(many.solve_rows, each * len(rest), LOADING_SECONDS, COMPILING_SECONDS):
-        way = plan
-        rest, each = yield from _pilot(way, columns, rest)
-    size = max(1, round(min(max(each * len(rest) / MIN_BATCH_COUNT, MIN_BATCH_SECONDS), MAX_BATCH_SECONDS) / each))
+    current_plan = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
+    rest, seconds = yield from _pilot(current_plan, columns, cells)
+    if current_plan.at_once is not plan.at_once and worth(
+            many.solve_rows, seconds * len(rest), LOADING_SECONDS, COMPILING_SECONDS):
+        current_plan = plan
+        rest, seconds = yield from _pilot(current_plan, columns, rest)
+    size = max(1, round(
+        min(max(seconds * len(rest) / MIN_BATCH_COUNT, MIN_BATCH_SECONDS), MAX_BATCH_SECONDS) / seconds))
     if executor is not None:
         size = min(size, math.ceil(len(rest) / (2 * workers)) or 1)
     parts = [rest[i : i + size] for i in range(0, len(rest), size)]
-    threads = workers if executor is None and each * len(rest) > MIN_THREADED_SECONDS else 1
-    tasks = ((way, [column[part] for column in columns], threads) for part in parts)
-    for k, found in each_done(executor, solve, tasks):
-        yield parts[k], found
+    threads = workers if executor is None and seconds * len(rest) > MIN_THREADED_SECONDS else 1
+    tasks = ((current_plan, [column[part] for column in columns], threads) for part in parts)
+    for k, answers in each_done(executor, solve, tasks):
+        yield parts[k], answers
 
 
 def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
-    """Solve the cells that are rows of `columns`, in compiled calls where possible."""
-    answers, left = Answers(plan.results, len(columns[0])), np.ones(len(columns[0]), bool)
+    """Solve the cells with parameters `columns`, in compiled calls if possible."""
+    answers, unsolved = Answers(plan.results, len(columns[0])), np.ones(len(columns[0]), bool)
     for bundle in bundled(plan, columns):
-        left[_write(plan, bundle, bundle.solved(threads), answers)] = False
-    for i in np.flatnonzero(left).tolist():
+        unsolved[_write(plan, bundle, bundle.solved(threads), answers)] = False
+    for i in np.flatnonzero(unsolved).tolist():
         try:
             answer = Answer(plan.case(_point(columns, i)))
             values = {name: np.reshape(result.of(answer), (1, -1) if result.dim else 1)
@@ -175,9 +192,10 @@ def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
 def each_done(
     executor: Executor | None, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]],
 ) -> Iterator[tuple[int, Any]]:
-    """Call `function` for each task, here or on an executor. Yield place and result.
+    """Call `function` for each task, here or on an executor. Yield number and result.
 
-    Results of an executor are yielded as soon as they are available. On an exception the remaining calls are cancelled.
+    The number is the position of the task. Results of an executor are yielded as soon as they are available. On an
+    exception the remaining calls are cancelled.
     """
     if executor is None:
         yield from ((k, function(*task)) for k, task in enumerate(tasks))
@@ -200,9 +218,9 @@ def _call_for_parent(function: Callable[..., Any], task: tuple[Any, ...]) -> Any
 
 @cache
 def end_with_parent(process: int) -> None:
-    """End this process of a pool together with the process that started it.
+    """End this process of a pool as soon as the process that started it ends.
 
-    Otherwise it would wait for work forever.
+    Otherwise it would wait for work forever. `process` is the id of this process, so that the call has an effect once.
     """
     from multiprocessing import parent_process
 
@@ -217,21 +235,24 @@ def _follow(parent: Any) -> None:
 
 
 def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
-    """Solve a few cells and yield them. Return the other cells and the time per cell."""
+    """Solve a few cells and yield them. Return the other cells and the time per cell.
+
+    The time is in s of processor time.
+    """
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT_CELLS, len(cells))).astype(np.int64))
-    spent = 0.0
+    seconds = 0.0
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
         begin = time.process_time()
-        found = solve(plan, [column[cells[part]] for column in columns])
-        spent = time.process_time() - begin
-        yield cells[part], found
-    return np.delete(cells, chosen), max(spent, 1e-5) / max(1, len(chosen) - 1)  # a clock may stand still for a tick
+        answers = solve(plan, [column[cells[part]] for column in columns])
+        seconds = time.process_time() - begin
+        yield cells[part], answers
+    return np.delete(cells, chosen), max(seconds, 1e-5) / max(1, len(chosen) - 1)  # a clock may stand still for a tick
 
 
 class Start(NamedTuple):
-    """Scene with its end, shared by cells, and properties on which laws depend.
+    """Case of a cell without contacts, shared by many cells.
 
-    They are masses, radii and the speed of the first impact.
+    `balls` identifies the properties on which laws depend: masses, radii and the speed of the first impact.
     """
 
     case: Case
@@ -239,9 +260,20 @@ class Start(NamedTuple):
 
 
 class Bundle(NamedTuple):
-    """Cells of one size and one stop condition, for one compiled call.
+    """Cells for one compiled call, with equal number of bodies and stop condition.
 
-    It has their places, their different scenes and the scene of each, ε_spec, and the problem to solve.
+    Attributes
+    ----------
+    places : array (n,)
+        Numbers of the cells.
+    scenes : list of Scene
+        The different scenes.
+    which : array (n,)
+        Number of the scene of each cell.
+    eps : array (n,)
+        ε_spec of each cell.
+    begin, until, ends
+        Initial states with force laws, stop condition, and end times in s.
     """
 
     places: Values
@@ -253,9 +285,9 @@ class Bundle(NamedTuple):
     ends: Array
 
     def solved(self, threads: int = 1) -> many.Many:
-        """Solve the cells in machine code without the interpreter lock, in threads.
+        """Solve the cells in machine code, in threads without the interpreter lock.
 
-        Thread k solves every k-th cell.
+        Thread k solves the cells k, k + `threads`, k + 2 `threads`, …
         """
         threads = min(threads, len(self.places))
 
@@ -267,39 +299,45 @@ class Bundle(NamedTuple):
             return part(0)
         with ThreadPoolExecutor(threads) as pool:
             columns = zip(*pool.map(part, range(threads)), strict=True)
-        back = np.argsort(np.concatenate([self.places[k::threads] for k in range(threads)]))
-        return many.Many(*(np.concatenate(column)[back] for column in columns))
+        order_of_cells = np.argsort(np.concatenate([self.places[k::threads] for k in range(threads)]))
+        return many.Many(*(np.concatenate(column)[order_of_cells] for column in columns))
 
 
 def bundled(plan: Plan, columns: Sequence[Values]) -> list[Bundle]:
-    """Prepare cells that can be solved in one call. Scenes and laws are shared.
+    """Return the bundles of cells that can be solved in compiled calls.
 
-    Cells that are refused or have options of their own, driven walls, forces, or other laws than powers are left out.
+    Equal scenes and laws are created once. The bundles exclude cells that are refused, and cells with options, driven
+    walls, forces, or laws other than powers.
     """
     if not plan.at_once:
         return []
     memory = _memory(plan.key) if plan.subject.ready else {}
-    shapes, others = ([column for column, shape in zip(columns, plan.shaping, strict=True) if shape is side]
+    scene_columns, law_columns = ([column for column, shape in zip(columns, plan.shaping, strict=True) if shape is side]
                       for side in (True, False))
-    first, which = _distinct(shapes, len(columns[0]))
-    starts = [_recalled(memory, _point(shapes, i), _start, plan, _point(columns, i)) for i in first]
-    first, law_of = _distinct([_numbered(start and start.balls for start in starts)[which], *others], len(which))
-    laws = [start and _recalled(memory, (start.balls, _point(others, i)), _law, plan, _point(columns, i), start)
+    first, which = _groups_of_rows(scene_columns, len(columns[0]))
+    starts = [_created_once(memory, _point(scene_columns, i), _start, plan, _point(columns, i)) for i in first]
+    first, law_of = _groups_of_rows(
+        [_numbers_of_keys(start and start.balls for start in starts)[which], *law_columns], len(which))
+    laws = [start and _created_once(
+                memory, (start.balls, _point(law_columns, i)), _law, plan, _point(columns, i), start)
             for i in first for start in (starts[which[i]],)]
-    alike = _numbered(start and (start.case.scene.n, start.case.until) for start in starts)[which]
-    alike[np.array([law is None for law in laws])[law_of]] = -1
-    return [_bundle(np.flatnonzero(alike == kind), starts, which, laws, law_of)
-            for kind in np.unique(alike[alike >= 0])]
+    group = _numbers_of_keys(start and (start.case.scene.n, start.case.until) for start in starts)[which]
+    group[np.array([law is None for law in laws])[law_of]] = -1
+    return [_bundle(np.flatnonzero(group == kind), starts, which, laws, law_of)
+            for kind in np.unique(group[group >= 0])]
 
 
 @lru_cache(maxsize=4)
 def _memory(key: bytes) -> dict[Any, Any]:
-    """Return starts and laws from earlier batches of the plan in this process."""
+    """Return the cases and laws of earlier batches of the plan in this process."""
     return {}
 
 
-def _distinct(columns: Sequence[Values], count: int) -> tuple[list[int], Values]:
-    """Return the first index of each distinct row, and the group number of all rows."""
+def _groups_of_rows(columns: Sequence[Values], count: int) -> tuple[list[int], Values]:
+    """Return the first index of each group of equal rows, and the group of every row.
+
+    Row i consists of the entries i of all `columns`. `count` is the number of rows.
+    """
     which = np.zeros(count, np.int64)
     for column in columns:
         values, code = np.unique(column, return_inverse=True)
@@ -307,7 +345,7 @@ def _distinct(columns: Sequence[Values], count: int) -> tuple[list[int], Values]
     return np.unique(which, return_index=True)[1].tolist(), which
 
 
-def _numbered(keys: Iterable[Any]) -> Values:
+def _numbers_of_keys(keys: Iterable[Any]) -> Values:
     number: dict[Any, int] = {}
     return np.array([number.setdefault(key, len(number)) for key in keys])
 
@@ -316,8 +354,11 @@ def _point(columns: Sequence[Values], i: int) -> tuple[Any, ...]:
     return tuple(column[i].item() for column in columns)
 
 
-def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given: Any) -> Any:
-    """Return a start or law, created once. None if it is refused."""
+def _created_once(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given: Any) -> Any:
+    """Return ``make(*given)`` from `memory`, or call `make` and store the result.
+
+    The result is None if `make` raises an exception of `CELL_ERRORS`.
+    """
     if key not in memory:
         try:
             memory[key] = make(*given)
@@ -329,12 +370,12 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
     balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact_speed(case.scene)
-    singly = bool(case.run or case.scene._flags) or isinstance(case.until, LEVEL_TYPES)
-    return None if singly else Start(case, balls if plan.subject.ready else point)
+    is_special = bool(case.run or case.scene._flags) or isinstance(case.until, LEVEL_TYPES)
+    return None if is_special else Start(case, balls if plan.subject.ready else point)
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:
-    """Return (k, p, γ, d) of every pair, and ε_spec. None for other laws."""
+    """Return (k, p, γ, d) of every pair, and ε_spec. None if a law is not a power law."""
     scene = start.case.scene
     laws = per_pair("law", plan.laws(start.case, point), scene.n_pairs)
     forms = [resolve(law, pair).form for law, pair in zip(laws, scene.pairs, strict=True)]
@@ -353,28 +394,32 @@ def _bundle(places: Values, starts: Sequence[Start], which: Values, laws: Sequen
     return Bundle(places, scenes, which, eps, many.Scenes(mass, gap, velocity, forms, gravity), cases[0].until, ends)
 
 
-def _write(plan: Plan, bundle: Bundle, found: many.Many, answers: Answers) -> Values:
-    """Write the answers of finished cells, and return their places.
+def _write(plan: Plan, bundle: Bundle, solution: many.Many, answers: Answers) -> Values:
+    """Store the answers of the cells of a bundle, and return the cells' numbers.
 
-    Piles that settle slowly, and contacts that are running at the end, are left out.
+    Cells whose run did not end are left out, such as piles that settle slowly. If a result requires it, cells with
+    unfinished contacts are left out, too.
     """
     soft = SimpleNamespace(
-        contacts=found.counts, v_rel=np.where(found.ongoing, math.nan, found.v_upper - found.v_lower),
-        t_f=np.where(found.ongoing, math.nan, found.t_end), longest=found.longest, time=found.time,
-        v_final=_final_velocities(bundle.scenes, bundle.which, found.rate, found.time),
+        contacts=solution.counts, v_rel=np.where(solution.ongoing, math.nan, solution.v_upper - solution.v_lower),
+        t_f=np.where(solution.ongoing, math.nan, solution.t_end), longest=solution.longest, time=solution.time,
+        v_final=_final_velocities(bundle.scenes, bundle.which, solution.rate, solution.time),
         impact=np.array(list(map(impact_speed, bundle.scenes)))[bundle.which],
         eps=bundle.eps)  # read as an `Answer`
-    done: Any = found.status >= 0
+    is_finished: Any = solution.status >= 0
     if any(result.many == "ended" for result in plan.results.values()):
-        done &= ~found.ongoing.any(axis=1)
-    places: Values = bundle.places[done]
-    answers.put(places, {"status": found.status[done]}
-                | {name: result.of(soft)[done] for name, result in plan.results.items()})
+        is_finished &= ~solution.ongoing.any(axis=1)
+    places: Values = bundle.places[is_finished]
+    answers.put(places, {"status": solution.status[is_finished]}
+                | {name: result.of(soft)[is_finished] for name, result in plan.results.items()})
     return places
 
 
 def _final_velocities(scenes: Sequence[Scene], which: Values, rate: Array, time: Array) -> Array:
-    """Return the velocities of all bodies, like `granular.scene.velocities`."""
+    """Return the velocities of all bodies in m/s at the end, shape (cells, bodies).
+
+    They are equal to `granular.scene.velocities`.
+    """
     if all(scene.is_wall[0] for scene in scenes):
         floor = np.array([scene.velocity[0] for scene in scenes])[which]
         offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)

@@ -1,10 +1,11 @@
 """Subject of a sweep, its parameters by name, and axes of values.
 
-A subject is a ready-made case, a function that returns cases, a TOML file, or a `Case`. A name is a path, such as
-``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``, ``external_force[1]``, ``run.dt``.
-The parameters of a file are the numbers in its tables, the parameters of a `Case` its fields. The first word can be
-omitted there: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``. In a user-defined scene ``gap`` means all pairs of
-balls, and ``restitution`` of a `Case` all its laws, at constant stiffness, and its rule.
+A subject is a ready-made case, a function that returns cases, a TOML file, or a `Case`. The name of a parameter is a
+path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``,
+``external_force[1]``, ``run.dt``. The parameters of a file are the numbers in its tables. The parameters of a `Case`
+are its fields. For files and cases the first part of the path can be omitted: ``mass[1]`` is ``scene.mass[1]``, ``k``
+is ``law.k``. In a user-defined scene, ``gap`` is the gap of all pairs of balls. ``restitution`` of a `Case` is the
+restitution of all its laws, at constant stiffness, and of its rule.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ MAX_CELLS = 10**8
 _NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
 _UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m\^\(3/2\)|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
 CASE_PARTS = ("scene", "law", "rule", "run")
-"""Parts of a case that are searched for a name without its first word."""
+"""Parts of a case that are searched for a parameter given without its first part."""
 _WALLS = dict.fromkeys(build.WALL_MOTION_KEYS, tuple(build.WALLS.values()))
 Way = tuple[str | int, ...]
 RESTITUTION_PATH: Way = ("restitution",)
@@ -48,6 +49,8 @@ SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
 @check.face
 def axis(text: str) -> tuple[str, Values]:
     """Parse ``name=first:last:count``, with ``:log``, or ``name=value,value``.
+
+    Returns the name and the array of values.
 
     >>> axis("restitution=0.5:1:3")
     ('restitution', array([0.5 , 0.75, 1.  ]))
@@ -71,9 +74,9 @@ def axis(text: str) -> tuple[str, Values]:
 
 
 def checked(over: Any) -> dict[str, Values]:
-    """Return the axes as checked arrays.
+    """Return the axes of a sweep as checked arrays, by name.
 
-    `over` maps names to values, or is one or several texts in the format of `axis`.
+    `over` maps names to values, or it is one string or several strings in the format of `axis`.
     """
     texts = over if isinstance(over, Iterable) and not isinstance(over, str) else [over]
     axes: dict[str, Values] = {}
@@ -120,23 +123,23 @@ class Subject:
     Attributes
     ----------
     title : str
-        Its title.
+        Description of the subject.
     root : Any
         Parameters of a function by name, the tables of a file, or a `Case`.
     make : callable
-        Function that returns a `Case` for the root, or for one with other numbers.
+        Function that returns a `Case` for the root, in which numbers can have been replaced.
     about : mapping
         Descriptions of the parameters by name.
     text : Any
         Everything besides the parameters that determines the answers, to identify files.
     ready : str
-        Name of the case if it is a ready-made one.
+        Name of a ready-made case whose scene does not depend on the contacts, otherwise empty.
     wholes : set of str
         Names of integer parameters.
     defaults : mapping
         Default values of the parameters of a function.
     source : callable or None
-        Function of the caller, if it is one.
+        The user-defined function, or None.
     """
 
     title: str
@@ -150,12 +153,12 @@ class Subject:
     source: Callable[..., Case] | None = None
 
     def way(self, name: str) -> Way:
-        """Return the path of a parameter from the root.
+        """Return the path of a parameter from the root, a tuple of names and indices.
 
         Raises
         ------
         TypeError, ValueError
-            If it is not a name, or not a parameter of a ready-made case.
+            If `name` is not a valid name, or not a parameter of a ready-made case or of the user-defined function.
         """
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise ValueError(f"A parameter must be a name such as gap or radii[0], got {name!r}.")
@@ -163,9 +166,9 @@ class Subject:
         if self.ready:
             names = [about for about in self.about if "." not in about]
             check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
-        taken = parameters_of(self.source) if self.source is not None else ()
-        if taken and not any(one.kind is one.VAR_KEYWORD for one in taken):
-            check.known([str(way[0])], [one.name for one in taken], f"parameter of {self.title}", TypeError)
+        function_parameters = parameters_of(self.source) if self.source is not None else ()
+        if function_parameters and not any(p.kind is p.VAR_KEYWORD for p in function_parameters):
+            check.known([str(way[0])], [p.name for p in function_parameters], f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
         of_case = isinstance(self.root, Case) and way == RESTITUTION_PATH
         if of_function or of_case or way[0] in {*CASE_PARTS, *_numbers(self.root)}:
@@ -186,9 +189,9 @@ class Subject:
         return {"units": units, "long_name": name.replace("_", " "), "comment": about.partition(". ")[0]}
 
 
-def subject_of(given: SceneLike) -> Subject:
-    """Return the subject for an argument, or raise an error."""
-    case = Case(given, None) if isinstance(given, Scene) else given
+def subject_of(scene: SceneLike) -> Subject:
+    """Return the subject for the argument `scene`. Raise an error for misuse."""
+    case = Case(scene, None) if isinstance(scene, Scene) else scene
     if isinstance(case, Case):
         about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)),
                        **_WALLS)
@@ -212,21 +215,21 @@ def _of_file(path: Path) -> Subject:
     with build.place(path.name):
         tables = tables_of(path)
         of_tables(tables, folder)
-    scene, name = tables["scene"], tables["scene"].get("name")
+    scene, scene_name = tables["scene"], tables["scene"].get("name")
     law, rule = ([kinds[table["type"]] for table in _entries(tables.get(part))]
                  for part, kinds in (("law", build.LAWS), ("rule", build.RULES)))
-    functions: list[Callable[..., Any]] = [md.simulate, *([ready.TEMPLATES[name].make] if name else [])]
+    functions: list[Callable[..., Any]] = [md.simulate, *([ready.TEMPLATES[scene_name].make] if scene_name else [])]
     about = _about([*functions, Scene], law=law, rule=rule, **_WALLS)
-    root = tables | {"scene": _lists(cases.options(name) if name else []) | scene}
-    wholes = frozenset(name for function in functions for name in whole(function))
+    root = tables | {"scene": _lists(cases.options(scene_name) if scene_name else []) | scene}
+    wholes = frozenset(scene_name for function in functions for scene_name in whole(function))
     return Subject(str(tables.get("about", path.name)), root, partial(of_tables, folder=folder), about, tables,
                    wholes=wholes)
 
 
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
-    """Return `holder` with the number at the end of `way` replaced.
+    """Return a copy of `holder` in which the number at the end of `way` is `value`.
 
-    A word applies to every entry of a list.
+    A name in the path applies to every entry of a list. `name` is the part of the path that leads to `holder`.
     """
     if not way:
         if isinstance(holder, np.ndarray) and check.is_one(value):
@@ -240,9 +243,9 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         if step >= len(holder):
             raise ValueError(f"The index of {name}[{step}] must be below {len(holder)}, the number of entries, got "
                              f"{step}.")
-        return [put(one, rest, value, name) if i == step else one for i, one in enumerate(holder)]
+        return [put(entry, rest, value, name) if i == step else entry for i, entry in enumerate(holder)]
     if entries:
-        return [put(one, way, value) for one in holder]
+        return [put(entry, way, value) for entry in holder]
     if (name, way) == ("scene", ("gap",)) and check.is_one(value):
         value = _of_balls(holder, value)
     if isinstance(holder, Mapping):
@@ -256,92 +259,100 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
 
 
 def _of_balls(holder: Any, gap: Any) -> Any:
-    """Return the gaps of a scene with equal gaps between balls, or the gap itself.
+    """Return gaps in m of a scene in which all pairs of balls have the gap `gap`.
 
-    The gap itself is returned for a ready-made case.
+    For a ready-made case, `gap` is returned unchanged.
     """
-    given = _numbers(holder)
-    if not {"mass", "gap"} <= given.keys():
+    fields_of_scene = _numbers(holder)
+    if not {"mass", "gap"} <= fields_of_scene.keys():
         return gap
-    of_balls = _between_balls(given["mass"], given["gap"])
-    if not of_balls.any():
+    between_balls = _between_balls(fields_of_scene["mass"], fields_of_scene["gap"])
+    if not between_balls.any():
         raise ValueError("The parameter gap stands for all pairs of balls, but this scene has none. Name one entry, "
                          "such as gap[0].")
-    return np.where(of_balls, gap, given["gap"]).tolist()
+    return np.where(between_balls, gap, fields_of_scene["gap"]).tolist()
 
 
 def _between_balls(mass: Any, gap: Any) -> Any:
-    """Which pairs consist of two balls."""
+    """Return for each pair whether both of its bodies are balls."""
     wall = np.isinf(np.asarray(mass, float))
     return ~(wall | np.roll(wall, -1))[: len(gap)]
 
 
 def shared(case: Case) -> dict[str, float]:
-    """Return common `gap` and `restitution` of a case, if all pairs or laws have them."""
+    """Return the common values of `gap` and `restitution` of a case, by name.
+
+    A value is missing if pairs or laws differ.
+    """
     scene, speed = case.scene, ready.first_impact_speed(case.scene) or 1.0
     gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], [*check.per_pair("law", case.law, scene.n_pairs)]
-    found = {"gap": float(gap[0])} if len(gap) and np.ptp(gap) == 0.0 else {}
+    common = {"gap": float(gap[0])} if len(gap) and np.ptp(gap) == 0.0 else {}
     if all(hasattr(law, "from_restitution") for law in laws):
         eps = [restitution(law, pair, speed) for law, pair in zip(laws, scene.pairs, strict=True)]
-        found |= {"restitution": eps[0]} if max(eps) - min(eps) <= 1e-12 else {}
-    return found
+        common |= {"restitution": eps[0]} if max(eps) - min(eps) <= 1e-12 else {}
+    return common
 
 
 def _with_restitution(case: Case, eps: float) -> Case:
-    """Return the case with this restitution of all laws and of its rule.
+    """Return the case with the restitution `eps` of all its laws and of its rule.
 
-    The laws keep their stiffness. Only the rule changes if a law cannot be made from its restitution.
+    The laws keep their stiffness. If a law has no `from_restitution`, only the rule is changed. Without a rule,
+    `TypeError` is raised.
     """
     laws, pairs = check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
     rule = None if case.rule is None else put(case.rule, RESTITUTION_PATH, eps)
-    other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
-    if other is not None and rule is None:
-        raise TypeError(f"restitution is not a parameter of {other!r}. Vary its own numbers, such as law.k.")
-    return replace(case, rule=rule, law=case.law if other is not None else build.each_pair(
+    without_restitution = next((law for law in laws if not hasattr(law, "from_restitution")), None)
+    if without_restitution is not None and rule is None:
+        raise TypeError(f"restitution is not a parameter of {without_restitution!r}. Vary its own numbers, such as "
+                        "law.k.")
+    return replace(case, rule=rule, law=case.law if without_restitution is not None else build.each_pair(
         partial(_like, {"restitution": eps, "speed": ready.first_impact_speed(case.scene)}), laws, pairs))
 
 
-def _like(given: dict[str, float], law: Any, pair: Any) -> Any:
-    """Return a law of equal stiffness with another restitution."""
-    known = {one.name for one in parameters_of(law.from_restitution)}
-    values = {name: value for name, value in (_numbers(law) | given).items() if name in known}
+def _like(changes: dict[str, float], law: Any, pair: Any) -> Any:
+    """Return a law of the same stiffness, with the restitution in `changes`."""
+    accepted = {parameter.name for parameter in parameters_of(law.from_restitution)}
+    values = {name: value for name, value in (_numbers(law) | changes).items() if name in accepted}
     return build.call([law.from_restitution], values, pair=pair)
 
 
 def _entry(holder: Any, name: str) -> Any:
-    """Return a field of a dataclass. Missing forces of a scene are zeros."""
-    held = getattr(holder, name)
-    return np.zeros(holder.n) if name == "external_force" and held is None else held
+    """Return a field of a dataclass.
+
+    If a scene has no external forces, its field `external_force` is returned as zeros.
+    """
+    value = getattr(holder, name)
+    return np.zeros(holder.n) if name == "external_force" and value is None else value
 
 
 def _numbers(holder: Any) -> dict[str, Any]:
-    """Return the numbers in a table, a dataclass, or a list of them, by name."""
+    """Return the fields of a table, a dataclass, or a list of these, by name."""
     if isinstance(holder, (list, tuple)):
-        return {name: value for one in holder for name, value in _numbers(one).items()}
+        return {name: value for entry in holder for name, value in _numbers(entry).items()}
     if is_dataclass(holder):
         return {f.name: getattr(holder, f.name) for f in fields(holder)}
     return dict(holder) if isinstance(holder, Mapping) else {}
 
 
 def numbers_in(subject: Subject, root: Any) -> dict[str, float]:
-    """Return the finite non-integer numbers of a root, by the names of `way`."""
-    held = {**subject.defaults, **_numbers(root)}
+    """Return the finite numbers of a root that are not integer parameters, by name."""
+    parts = {**subject.defaults, **_numbers(root)}
     if not isinstance(subject.text, str):
-        held = {**_numbers(held.get("scene")), **{part: held.get(part) for part in ("law", "rule", "t_end")}}
-    found = {name: value for part, one in held.items() for name, value in _leaves(part, one)}
+        parts = {**_numbers(parts.get("scene")), **{part: parts.get(part) for part in ("law", "rule", "t_end")}}
+    found = {name: value for part, content in parts.items() for name, value in _leaves(part, content)}
     return {name: value for name, value in found.items() if math.isfinite(value) and not subject.is_whole(name)}
 
 
 def _leaves(name: str, holder: Any) -> Iterator[tuple[str, float]]:
-    """Yield the numbers in lists, tables and dataclasses, by name."""
+    """Yield the numbers in lists, tables and dataclasses, with their names."""
     if isinstance(holder, (int, float)) and not isinstance(holder, bool):
         yield name, float(holder)
     elif isinstance(holder, (list, tuple, np.ndarray)):
-        for i, one in enumerate(holder.tolist() if isinstance(holder, np.ndarray) else holder):
-            yield from _leaves(f"{name}[{i}]", one)
+        for i, entry in enumerate(holder.tolist() if isinstance(holder, np.ndarray) else holder):
+            yield from _leaves(f"{name}[{i}]", entry)
     else:
-        for word, one in _numbers(holder).items():
-            yield from _leaves(f"{name}.{word}", one)
+        for field_name, entry in _numbers(holder).items():
+            yield from _leaves(f"{name}.{field_name}", entry)
 
 
 def _entries(given: Any) -> list[Any]:
@@ -349,14 +360,17 @@ def _entries(given: Any) -> list[Any]:
 
 
 def _about(plain: Any, **parts: Any) -> dict[str, str]:
-    """Return descriptions of parameters from docstrings, for laws and rules by path."""
+    """Return descriptions of parameters from docstrings, by name.
+
+    Names in `parts`, such as laws and rules, begin with the part.
+    """
     documented = [("", plain), *((f"{part}.", kinds) for part, kinds in parts.items())]
     return {part + name: text for part, kinds in documented for kind in kinds
             for name, text in descriptions(kind).items()}
 
 
 def _lists(options: list[Any]) -> dict[str, Any]:
-    """Return defaults that are lists, whose entries are parameters."""
+    """Return the defaults that are lists. Their entries are parameters."""
     return {option.name: option.default for option in options if isinstance(option.default, (list, tuple))}
 
 
