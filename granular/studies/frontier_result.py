@@ -303,7 +303,7 @@ def _shade(axis: Any, top: float, name: str) -> None:
 
 
 def _legend(figure: Any, report: Frontier) -> None:
-    """Draw a legend of the methods by family, and of the cross."""
+    """Draw a legend of the methods by family, and of the cross at wrong counts."""
     from matplotlib.lines import Line2D
 
     def entry(style: dict[str, Any]) -> Any:

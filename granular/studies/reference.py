@@ -85,7 +85,8 @@ def solve(
         If the motion never ends, if the path of a wall ends before the run, or if walls meet.
 
     Notes
-    ----- A `Sine` wall is evaluated in closed form, a `Motion` by its panels. Each period of a driven wall, and each
+    -----
+    A `Sine` wall is evaluated in closed form, a `Motion` by its panels. Each period of a driven wall, and each
     polynomial of its path, is integrated in at least twenty steps. Contacts shorter than a step can be missed.
     """
     problem = checked_problem(scene, law, until, t_end, t_start)
@@ -97,7 +98,7 @@ def solve(
 
 
 def checked_problem(scene: Scene, law: Any, until: stop.Until | None, t_end: float | None, t_start: float) -> Problem:
-    """Check the inputs of a reference solution, and fit polynomials to wall motions."""
+    """Return the checked inputs, with polynomials fitted to the motions of walls."""
     start = check.number("t_start", t_start)
     stop.without_levels(stop.checked(until, a_scene(scene)), "the reference")
     end = None if t_end is None else check.number("t_end", t_end, at_least=start)
@@ -182,7 +183,10 @@ class Newton:
         return np.append(self.laws.column(lambda law: law.overlap_at(speed)), np.full(self.pairs, speed))
 
     def driven_by(self, t: float, y: Any) -> Any:
-        """Return overlaps in m and rates in m/s at time `t` in s, with driven walls."""
+        """Return the state `y` with the motion of driven walls added.
+
+        `t` is the time in s. The state has overlaps in m, then rates in m/s.
+        """
         driven = y.copy() if self.paths else y
         for b, path in self.paths.items():
             c, sign = (0, 1.0) if b == 0 else (self.pairs - 1, -1.0)

@@ -195,7 +195,7 @@ def real_balls(
 ) -> Scene:
     """Two real balls, one on top of the other, dropped on a hard floor; or one ball.
 
-    Their contact is described in `granular.balls`.
+    `granular.balls` describes the contact of the two balls.
 
     Parameters
     ----------

@@ -236,10 +236,11 @@ def ensemble(
         For an unknown parameter, result or distribution, or if the runs of all draws raise exceptions.
 
     Notes
-    ----- Let d be the mean difference, s its standard error, m the number of quantities, and q the quantile of
-    Student's t at 1 - 0.025/m. All m intervals d ± q s contain the true differences with a probability of 95 % or more
-    (Bonferroni). The answer is "yes" if |d| + q s is at most the margin, and "no" if |d| - q s is above it. This
-    concerns means. Distributions can differ, see `plot`.
+    -----
+    Let d be the mean difference, s its standard error, m the number of quantities, and q the quantile of Student's t at
+    1 - 0.025/m. All m intervals d ± q s contain the true differences with a probability of 95 % or more (Bonferroni).
+    The answer is "yes" if |d| + q s is at most the margin, and "no" if |d| - q s is above it. This concerns means.
+    Distributions can differ, see `plot`.
 
     Examples
     --------

@@ -178,7 +178,7 @@ class _Job:
                 "refusal", f"All cells of {self.save!r} were refused, and the file does not say why. Remove the file."))
 
     def dataset(self) -> xarray.Dataset:
-        """Return the results so far."""
+        """Return the results of all cells that have been solved as a data set."""
         notes = {"refusal": self.answers.refusal[1]} if self.answers.refusal else self.notes
         return dataset(self.plan, self.over, self.answers.columns, notes)
 

@@ -106,11 +106,11 @@ def sensitivity(
         For misuse: an unknown parameter or result, a result that is an integer, an invalid scene.
 
     Notes
-    ----- Outcomes are smooth while all contacts begin and end in the same order. Derivatives are central differences
-    of eight runs of the exact engines, at ± 2⁻⁷ … 2⁻¹⁰ of the parameter, extrapolated (Richardson) to about ten
-    digits. Two more runs, much closer to the value, show whether the order changes at the value itself. Steps are
-    halved until all runs have the same order, and further if this reduces the error. The error is the difference of
-    two estimates.
+    -----
+    Outcomes are smooth while all contacts begin and end in the same order. Derivatives are central differences of eight
+    runs of the exact engines, at ± 2⁻⁷ … 2⁻¹⁰ of the parameter, extrapolated (Richardson) to about ten digits. Two more
+    runs, much closer to the value, show whether the order changes at the value itself. Steps are halved until all runs
+    have the same order, and further if this reduces the error. The error is the difference of two estimates.
 
     At a gap of 0, the derivative is one-sided, towards larger gaps. It is also one-sided if scenes on one side of a
     parameter are invalid.
