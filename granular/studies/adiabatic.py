@@ -147,7 +147,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
 
 
 def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
-    """Return the linear laws of floor contact and ball contact.
+    """Return the laws of the floor contact and of the ball contact as LinearDashpot.
 
     Stiffness and damping of the ball contact are multiplied by `MASS_FACTOR`.
     """

@@ -1,5 +1,7 @@
 """`sweep`, `sensitivity` and `ensemble`: outcomes over parameters.
 
+A cell of a sweep is one combination of parameter values. Each cell is a separate run.
+
 Start with: `run` (`sweep`), `sensitivities` and `ensembles`. Support modules: `subject` (parameters by name), `plan`,
 `results`, `schedule` (solution of the cells) and `sensitivity_report`.
 """

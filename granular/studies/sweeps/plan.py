@@ -40,6 +40,8 @@ CLASS_PLACE_PATTERN = re.compile(r'"granular\.(?:\w+\.)+(\w+)"')
 class Plan:
     """Common properties of all cells of a sweep.
 
+    A cell is one combination of parameter values.
+
     Attributes
     ----------
     subject : Subject

@@ -57,6 +57,8 @@ def sweep(
 ) -> xarray.Dataset:
     """Solve a scene for all combinations of parameter values.
 
+    Each combination is a cell of the sweep.
+
     Parameters
     ----------
     scene : str, path, callable, Case or Scene

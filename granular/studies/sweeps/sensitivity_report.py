@@ -167,6 +167,6 @@ class Sensitivity(Report):
 
 
 def flat(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return numbers by name. Entries of arrays have names such as "v_rel[1]"."""
+    """Return a flat dictionary of numbers, with keys such as "v_rel[1]" for arrays."""
     return {f"{name}[{i[0]}]" if i else name: float(one) for name, value in values.items()
             for i, one in np.ndenumerate(value)}
