@@ -1,9 +1,9 @@
 """Ready-made scenes, materials and balls, and complete cases from TOML files.
 
-A case is a scene with its force law, collision rule and stop condition.
+A case is a scene with its force law, collision rule and stop condition. `make` returns a ready-made case, and `load`
+reads a case from a file.
 
-Start with: `ready`, the ready-made cases by name, and `case`, the class `Case`. Support modules: `toml` (case files),
-`build` (objects from the tables of a file), `balls`, `materials` and `scenes/`.
+Support modules: `balls`, `build`, `case`, `materials`, `ready`, `scenes/`, `toml`.
 """
 
 from typing import TYPE_CHECKING

@@ -135,8 +135,8 @@ class Crossing:
 class Threshold(Report):
     """Validity of hard spheres along one parameter. Draw it with `plot`.
 
-    The result holds between the first and the last value of the scan. An interval between two neighbouring values with
-    the same verdict can be missed. Print it, or save it with `to_json`.
+    The result holds between the first and the last value of the scan. An interval with another verdict is missed if
+    it lies between two neighbouring values of the scan. Print it, or save it with `to_json`.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 The lowest (leftmost) body comes first. Masses and radii of spheres are related by m = (4/3) π R³ ρ. A single number
 for `gap` is the gap of every pair of balls.
 
-Start with: `falling`, balls above a floor. Further scenes: `rows` (cradles and chains) and `gases`.
+Support modules: `falling`, `gases`, `rows`.
 """
 
 from typing import TYPE_CHECKING

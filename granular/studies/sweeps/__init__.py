@@ -2,8 +2,7 @@
 
 A cell of a sweep is one combination of parameter values. Each cell is a separate run.
 
-Start with: `run` (`sweep`), `sensitivities` and `ensembles`. Support modules: `subject` (parameters by name), `plan`,
-`results`, `schedule` (solution of the cells) and `sensitivity_report`.
+Support modules: `ensembles`, `plan`, `results`, `run`, `schedule`, `sensitivities`, `sensitivity_report`, `subject`.
 """
 
 from granular.studies.sweeps.ensembles import Ensemble, Quantity, ensemble
