@@ -40,7 +40,7 @@ def cooling_curves(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
 
 
 def energy_left(model: str, n: int, loss: float, seed: int, end: float, rows: int) -> np.ndarray:
-    """Energy of one gas at the sample times, as a share of its initial energy."""
+    """Energy of one gas at the sample times, as a fraction of its initial energy."""
     scene, eps = gr.scenes.ring_gas(n, float(n), packing=0.0, seed=seed), 1.0 - loss / n
     options = {"t_end": end * math.sqrt(math.pi) / (1.0 - eps * eps), "samples": rows} | RUN_LIMITS
     if model == "hard":
@@ -86,7 +86,7 @@ def heat_flow(n: int, law: Any, end: float, seed: int) -> float:
 def cradle_energy(halves: int) -> dict[str, list[float]]:
     """Energy left after each half period of a cradle of five touching pendula.
 
-    One pendulum starts 1 m beside its rest position. All contacts have ε = 0.9.
+    One pendulum starts at a distance of 1 m from its rest position. All contacts have ε = 0.9.
     """
     scene = gr.Scene([1.0] * 5, [0.1] * 5, [1.0, 0.0, 0.0, 0.0], [0.0] * 5, origin=-1.0, pendulum=1.0)
     law = gr.LinearDashpot.from_restitution(0.9, k=1e6, pair=scene.pairs[0])

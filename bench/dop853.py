@@ -8,8 +8,9 @@ has no event location: steps cross onsets and ends of contacts, which reduces th
 is the first implementation that most people would write.
 
 For each tolerance the table lists errors of the final velocities in units of the initial speed, relative to the located
-method at 1e-16. Times are processor times in µs, minima of interleaved rounds. The peer is a bare function. The public
-call is timed for the located method. "beyond" is its excess over a call that ends after a thousandth of the time.
+method at 1e-16. Times are processor times in µs, minima of interleaved rounds. The peer, DOP853, is a bare function.
+The public call is timed for the located method. "beyond" is its excess over a call that ends after a thousandth of the
+time.
 """
 
 from __future__ import annotations

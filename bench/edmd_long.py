@@ -21,7 +21,7 @@ ELASTIC_RULE = gr.ConstantRestitution(1.0)
 def gas(n: int, spread: float = 0.0, tiny: float = 0.0, walls: bool = True, seed: int = 1) -> gr.Scene:
     """Balls of masses e^±spread in equipartition, between walls or free.
 
-    A share `tiny` of the gaps is 1e-15 m.
+    The fraction `tiny` of the gaps is 1e-15 m.
     """
     random = np.random.default_rng(seed)
     mass = np.exp(random.uniform(-spread, spread, n))

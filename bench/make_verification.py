@@ -172,7 +172,7 @@ def unclipped_damping(restitution: float) -> float:
 
 
 def three_balls() -> Run:
-    """Base scene of Müller & Pöschel, from the first floor contact on."""
+    """Base scene of Müller & Pöschel, starting at the first floor contact."""
     radius, v = np.array([0.0, 0.1, 0.01]), -math.sqrt(2.0 * 9.81 * 0.5)
     mass = [math.inf, *(900.0 * 4.0 / 3.0 * math.pi * r**3 for r in radius[1:])]
     scene = gr.Scene(mass, radius, [0.0, 1e-4], [0.0, v, v], 9.81)

@@ -15,7 +15,7 @@ REPO_ROOT = Path(__file__).resolve().parent.parent
 sys.path.append(str(REPO_ROOT))  # the unpacked tree of REF has no `bench.reference`
 WORK_LIMITS = {"max_events": 80, "max_steps": 3000}
 GAS_SIZES = (60, 1000, 120_000)
-"""Numbers of balls. From 1e5 balls on, compiled hard spheres run in blocks."""
+"""Numbers of balls. With 1e5 balls or more, compiled hard spheres run in blocks."""
 COMPILED_LAWS = 6
 """Number of laws, counted from the first, that the located method can compile."""
 REFERENCE_MODULES = ("granular.reference.taylor", "bench.reference.taylor")

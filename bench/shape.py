@@ -3,11 +3,11 @@
 ``python bench/shape.py [REF]`` prints the figures of this working tree, and of the commit REF if it is given. Rows:
 
 * statements: statements in the syntax tree without docstrings. Code lines exclude docstrings, comments and blank lines.
-  The row docstrings is their share of all lines. Functions are measured without their docstrings.
+  The row docstrings is their fraction of all lines. Functions are measured without their docstrings.
 * longest chain of imports: number of modules. Imports inside functions and names that a package loads lazily count.
   Imports for type checking and names that `granular` itself loads lazily do not count.
 * import cycles: groups of modules that import each other. All imports count.
-* files executed by …: files that an interpreted run of a scene of `walks` executes, from the public call on.
+* files executed by …: files that an interpreted run of a scene of `walks` executes, starting with the public call.
 * statements loaded by compare: statements of all files that `compare` of three dashpot balls imports.
 * reading path: main-line files in the docstrings of the rooms. ``--reading`` writes the rooms into
   docs/development/reading.md.

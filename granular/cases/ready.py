@@ -251,7 +251,7 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     of_scene = {key: value for key, value in options.items() if key in scene_options}
     case = bare(name, of_scene, t_end)
     case = touching(name, case, **{key: value for key, value in options.items() if key in contact_options})
-    return replace(pressed(name, case, of_scene), run={} if run is None else run)
+    return replace(with_static_overlaps(name, case, of_scene), run={} if run is None else run)
 
 
 def of_table(name: str, table: Mapping[str, Any]) -> Case:
@@ -301,7 +301,7 @@ def touching(name: str, case: Case, **of_contact: Any) -> Case:
     return replace(case, law=law, rule=rule)
 
 
-def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
+def with_static_overlaps(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
     """Return `case` with the initial overlaps that its force laws give.
 
     If the case has no end time, the end time is computed, too. Cases whose scene does not depend on the laws are

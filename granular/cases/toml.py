@@ -145,7 +145,7 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     law_of_case, rule = _physics(tables, case)
     if "name" in scene_table:
         with place("[scene]"):
-            case = ready.pressed(scene_table.pop("name"), replace(case, law=law_of_case), scene_table)
+            case = ready.with_static_overlaps(scene_table.pop("name"), replace(case, law=law_of_case), scene_table)
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
         t_end = check.number("t_end", run.pop("t_end")) if "t_end" in run else case.t_end

@@ -15,6 +15,7 @@ from granular.app.cli import main
 from granular.comparison import outcome
 from granular.studies.sweeps import ensembles
 from granular.studies.sweeps.ensembles import judged
+from granular.studies.sweeps.plan import planned
 
 yes, no, undecided = gr.Answer.yes, gr.Answer.no, gr.Answer.undecided
 TOUCHING = {"gap": (1e-4, 1e-5)}
@@ -102,7 +103,7 @@ def test_any_executor_gives_the_same_bits():
     for one, other in zip(here.quantities, there.quantities, strict=True):
         assert one.hard.tobytes() + one.soft.tobytes() == other.hard.tobytes() + other.soft.tobytes()
         assert one.answer is other.answer
-    draws = ensembles.Draws(ensembles.planned("gas", {"seed": np.zeros(0)}, (), {"n": 5}, {}), (None,), 1)
+    draws = ensembles.Draws(planned("gas", {"seed": np.zeros(0)}, (), {"n": 5}, {}), (None,), 1)
     again = pickle.loads(pickle.dumps(draws))
     assert again(3).scene == draws(3).scene != draws(4).scene
 

@@ -201,9 +201,9 @@ def test_command_measures_the_first_contacts_of_a_scene_that_only_its_time_ends(
     monkeypatch.setattr(output, "deliver", lambda report, given: None)
     for line in ("frontier vibrated-column", "frontier vibrated-column --t-end 0.03", "frontier three-balls"):
         assert cli.main(line.split()) == 0
-    end, given, own = asked
+    end, given, default = asked
     assert given == 0.03
-    assert own == cases.make("three-balls").t_end
+    assert default == cases.make("three-balls").t_end
     assert capsys.readouterr().err == f"granular: up to t = {end:.6g} s; give --t-end for another end\n"
     contacts = cases.make("vibrated-column", t_end=1.2 * end).simulate("md").contacts
     times = np.concatenate([contacts["t_begin"], contacts["t_end"]])

@@ -205,8 +205,8 @@ def subject_of(scene: SceneLike) -> Subject:
     name = check.choice("scene", case, cases.names())
     options = cases.options(name)
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
-    shared = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
-    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, shared,
+    ready_name = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
+    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, ready_name,
                    whole(ready.TEMPLATES[name].make), _defaults(options))
 
 
