@@ -64,7 +64,7 @@ def module_path(name: str) -> Path:
 
 
 def remove_sweep_limits() -> None:
-    """Let sweeps solve many cells per compiled call, even if this requires compilation."""
+    """Let sweeps solve many cells per compiled call, even if they must be compiled."""
     name = next(name for name in SCHEDULE_MODULES if module_path(name).exists())
     schedule: Any = import_module(name)
     for names in SCHEDULE_LIMITS:
