@@ -30,7 +30,7 @@ ENGINES = {
     "Box2D 2.3.10, 0.5 m/s": (0.1944, 0.1944, 0.1974, 0.2033, 0.2106),
     "MuJoCo 4.0.0, springs": (-0.6001, 0.3998, 0.4, 0.4001, 0.4002),
 }
-"""Final velocities in units of the initial speed, by the scripts in examples/peers."""
+"""Final velocities over the initial speed, by the scripts in examples/peers."""
 
 
 def row(speed=1.0):
