@@ -128,7 +128,7 @@ class Taylor:
         lower, upper = self.joined[c]
         return self.w[lower] + self.w[upper]
 
-    def asleep(self, c: int) -> Number:
+    def resting_overlap(self, c: int) -> Number:
         """Overlap in m up to which a pair that touched at rest stays dormant.
 
         It is a fraction, below the tolerance, of the overlap at which pair c alone would stop from the largest speed.
@@ -368,7 +368,7 @@ class Taylor:
         self.work[2 + one.side] += one.mass * (speed - was) * (speed + was) / 2
         self.update_speed_scale()
 
-    def take_note(self, c: int, what: str) -> None:
+    def record_event(self, c: int, what: str) -> None:
         """Update the state of pair c after an event."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.touches[c].xi = self.mp.zero

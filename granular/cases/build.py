@@ -23,7 +23,7 @@ from granular.cases.case import parameters_of
 from granular.laws import rules
 from granular.scene import Pair, walls
 
-on_running: list[Callable[[str], object]] = []
+user_code_callbacks: list[Callable[[str], object]] = []
 """Functions to call before user-defined Python code is run.
 
 The argument is the path of the file or the name of the module.
@@ -97,7 +97,7 @@ class Named:
         return Named, (self.name, self.folder)
 
 
-def sentence_of(error: BaseException) -> str:
+def error_sentence(error: BaseException) -> str:
     """Return the message of an exception in one line.
 
     If a user-defined function raised it, the message begins with the name of the function.
@@ -107,7 +107,7 @@ def sentence_of(error: BaseException) -> str:
     return message if owner is None else f"The function {owner} raised {type(error).__name__}: {message}"
 
 
-def name_of(function: Any) -> str:
+def importable_name(function: Any) -> str:
     """Return the name by which a TOML file can refer to `function`.
 
     Raises `TypeError` if the function cannot be imported by its name.
@@ -160,12 +160,12 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
         if len(names) != 2:
             raise ValueError(f"`material` must have one entry, or two (lower, upper), got {len(names)}.")
         arguments["young"], arguments["poisson"] = materials.both(*names)
-    return of_type(LAWS, arguments, pair=pair)
+    return object_of_type(LAWS, arguments, pair=pair)
 
 
 def rule(table: Mapping[str, Any]) -> Any:
     """Return a collision rule from a table with ``type`` and values."""
-    return of_type(RULES, table)
+    return object_of_type(RULES, table)
 
 
 def wall(table: Any, folder: str = "") -> Any:
@@ -179,27 +179,27 @@ def wall(table: Any, folder: str = "") -> Any:
     values = {"type": "Sine", **table}
     if isinstance(function := values.get("function"), str):
         values["function"] = named_function = Named(function, folder)
-        for observe in on_running:
+        for observe in user_code_callbacks:
             observe(named_function.location)
         named_function.function  # noqa: B018  raises here if the function does not exist
     elif isinstance(function, Mapping):
         values["function"] = wall(function)
-    return of_type(WALLS, values)
+    return object_of_type(WALLS, values)
 
 
-def walled(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
+def with_wall_motions(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
     """Return a [scene] table in which each table of a wall is replaced by its motion.
 
     `folder` is the folder of files with user-defined functions.
     """
     values = dict(table)
     for name in table.keys() & set(WALL_MOTION_KEYS):
-        with place(name):
+        with message_prefix(name):
             values[name] = wall(table[name], folder)
     return values
 
 
-def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
+def rule_of_law_tables(tables: Sequence[Mapping[str, Any]]) -> Any:
     """Return the collision rule with the restitution of the [law] tables, or None.
 
     The rule has a constant ε, or one constant ε per pair. It is None if a table has no ``restitution``, or if its
@@ -211,7 +211,7 @@ def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
     return rules.ConstantRestitution(eps[0] if len(set(eps)) == 1 else eps)
 
 
-def each_pair(make: Callable[[Any, Pair], Any], entries: Iterable[Any], pairs: Iterable[Pair]) -> tuple[Any, ...]:
+def laws_of_pairs(make: Callable[[Any, Pair], Any], entries: Iterable[Any], pairs: Iterable[Pair]) -> tuple[Any, ...]:
     """Return one law per pair, with one common law for equal pairs.
 
     Parameters
@@ -249,7 +249,7 @@ def call(functions: Sequence[Constructor], values: Mapping[str, Any], **extra: A
 
 
 @contextmanager
-def place(where: str) -> Iterator[None]:
+def message_prefix(where: str) -> Iterator[None]:
     """Prefix the messages of `TypeError` and `ValueError` with a file or table name."""
     try:
         yield
@@ -258,7 +258,7 @@ def place(where: str) -> Iterator[None]:
         raise kind(f"{where}: {error}") from None
 
 
-def of_type(types: Mapping[str, Any], table: Mapping[str, Any], **extra: Any) -> Any:
+def object_of_type(types: Mapping[str, Any], table: Mapping[str, Any], **extra: Any) -> Any:
     """Return an object of the class that the key ``type`` of a table names.
 
     The other keys, and the additional arguments `extra`, are arguments of the class or of one of its alternative

@@ -56,7 +56,7 @@ def options_of(function: Callable[..., Any]) -> list[Option]:
             for p in parameters_of(function) if p.default is not p.empty]
 
 
-def whole(function: Callable[..., Any]) -> frozenset[str]:
+def integer_parameters(function: Callable[..., Any]) -> frozenset[str]:
     """Return the names of the parameters of `function` annotated as integers."""
     return frozenset(p.name for p in parameters_of(function) if p.annotation in (int, "int", "int | None"))
 

@@ -82,7 +82,7 @@ def of_restitution(
         values = {"restitution": eps, "k": k_pair, "k_load": k_pair, "speed": speed}
         return build.call([constructor], {key: value for key, value in values.items() if key in accepted}, pair=pair)
 
-    laws = build.each_pair(law_of_pair, check.per_pair("restitution", restitutions, scene.n_pairs), scene.pairs)
+    laws = build.laws_of_pairs(law_of_pair, check.per_pair("restitution", restitutions, scene.n_pairs), scene.pairs)
     return laws, None if "speed" in accepted else ConstantRestitution(restitutions)
 
 
@@ -246,26 +246,27 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     TypeError, ValueError
         For an unknown name or option (with a suggestion), or an invalid value.
     """
-    scene_options, contact_options = shaping(name), _contact_option_names(name)
+    scene_options, contact_options = scene_option_names(name), _contact_option_names(name)
     check.known(options, scene_options | contact_options, f"option of {name}", TypeError)
     of_scene = {key: value for key, value in options.items() if key in scene_options}
-    case = bare(name, of_scene, t_end)
-    case = touching(name, case, **{key: value for key, value in options.items() if key in contact_options})
+    case = case_without_contacts(name, of_scene, t_end)
+    case = with_contacts(name, case, **{key: value for key, value in options.items() if key in contact_options})
     return replace(with_static_overlaps(name, case, of_scene), run={} if run is None else run)
 
 
-def of_table(name: str, table: Mapping[str, Any]) -> Case:
+def case_of_table(name: str, table: Mapping[str, Any]) -> Case:
     """Return a ready-made case from the [scene] table of a file.
 
     The options of `of_restitution` are not keys of [scene], because the table [law] contains them. The option
     `pair_rule` of "real-balls" is a key of [scene].
     """
     contact_options = set() if _template_named(name).touch is of_restitution else _contact_option_names(name)
-    case = bare(name, {key: value for key, value in table.items() if key not in contact_options - shaping(name)})
-    return touching(name, case, **{key: value for key, value in table.items() if key in contact_options})
+    others = contact_options - scene_option_names(name)
+    case = case_without_contacts(name, {key: value for key, value in table.items() if key not in others})
+    return with_contacts(name, case, **{key: value for key, value in table.items() if key in contact_options})
 
 
-def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
+def case_without_contacts(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
     """Return a ready-made case without force law and collision rule.
 
     Parameters
@@ -279,9 +280,9 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
     """
     template = _template_named(name)
     if template.pressed is not None:
-        check.known(of_scene, shaping(name), f"parameter of {name}")
+        check.known(of_scene, scene_option_names(name), f"parameter of {name}")
     without_law = {} if template.pressed is None else {"law": None}
-    scene = build.call([template.make], build.walled(of_scene) | without_law)
+    scene = build.call([template.make], build.with_wall_motions(of_scene) | without_law)
     end = template.t_end(scene) if t_end is None else check.number("t_end", t_end, at_least=0.0)
     if end is not None and not math.isfinite(end):
         raise ValueError(f"The end time of {name} exceeds the range of floating-point numbers. Give `t_end`, or use "
@@ -289,8 +290,8 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
     return Case(scene, None, None, template.until, end, about=about(name))
 
 
-def touching(name: str, case: Case, **of_contact: Any) -> Case:
-    """Return `case`, made by `bare`, with its force laws and collision rule.
+def with_contacts(name: str, case: Case, **of_contact: Any) -> Case:
+    """Return `case`, made by `case_without_contacts`, with its force laws and collision rule.
 
     `of_contact` has options of the contacts, such as `restitution`.
     """
@@ -310,11 +311,11 @@ def with_static_overlaps(name: str, case: Case, of_scene: Mapping[str, Any]) -> 
     template = _template_named(name)
     if template.pressed is None or case.law is None:
         return case
-    scene = build.call([template.make], build.walled(of_scene) | {"law": case.law})
+    scene = build.call([template.make], build.with_wall_motions(of_scene) | {"law": case.law})
     return replace(case, scene=scene, t_end=template.pressed(scene, case.law) if case.t_end is None else case.t_end)
 
 
-def is_whole(name: str) -> bool:
+def couples_scene_and_contacts(name: str) -> bool:
     """Return whether scene and contacts of a ready-made case depend on each other.
 
     This holds if the initial overlaps depend on the force laws, or if the names of the balls determine scene and
@@ -355,10 +356,10 @@ def options(name: str) -> list[Option]:
     template = _template_named(name)
     return options_of(template.make) + [
         replace(option, default=template.contact.get(option.name, option.default))
-        for option in options_of(template.touch) if option.name not in shaping(name)]
+        for option in options_of(template.touch) if option.name not in scene_option_names(name)]
 
 
-def shaping(name: str) -> set[str]:
+def scene_option_names(name: str) -> set[str]:
     """Return the names of the scene options of a ready-made case."""
     return {parameter.name for parameter in build.parameters(_template_named(name).make)} - {"law"}
 

@@ -19,7 +19,7 @@ import numpy as np
 from granular._engine import check
 from granular._engine.files import checked_path, write_text
 from granular.cases import build, ready
-from granular.cases.build import LAWS, RULES, WALLS, law, name_of, place, rule_of
+from granular.cases.build import LAWS, RULES, WALLS, importable_name, law, message_prefix, rule_of_law_tables
 from granular.cases.case import Case, checked_run
 from granular.laws.rules import ConstantRestitution
 from granular.run import until
@@ -92,17 +92,18 @@ def load(path: str | PathLike[str]) -> Case:
     TypeError, ValueError
         For a wrong or missing key, or an invalid value. The message names the file and the table.
     """
-    with place(Path(checked_path("path", path)).name):
-        return of_tables(tables_of(path), str(Path(path).parent))
+    with message_prefix(Path(checked_path("path", path)).name):
+        return case_of_tables(read_tables(path), str(Path(path).parent))
 
 
 @check.face
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file, see `load`."""
-    return of_tables(_parsed(check.of_kind("text", text, str, "the text of a TOML file", "To read a file, use load.")))
+    check.of_kind("text", text, str, "the text of a TOML file", "To read a file, use load.")
+    return case_of_tables(_parsed(text))
 
 
-def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
+def read_tables(path: str | PathLike[str]) -> dict[str, Any]:
     """Read the tables of a TOML file, with or without a byte order mark.
 
     Raises `ValueError` if the file is too large, or is not valid TOML.
@@ -129,7 +130,7 @@ def _parsed(text: str) -> dict[str, Any]:
         raise ValueError(f"The file is not valid TOML: {error}.") from None
 
 
-def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
+def case_of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     """Return a case from the tables of a TOML file.
 
     `folder` is the folder of files with user-defined functions.
@@ -139,14 +140,14 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     if "scene" not in tables:
         raise ValueError("The table [scene] is missing. It names a ready-made scene, or gives mass, radius, gap and "
                          "velocity.")
-    with place("[scene]"):
-        scene_table = build.walled(_table(tables["scene"]), folder)
+    with message_prefix("[scene]"):
+        scene_table = build.with_wall_motions(_table(tables["scene"]), folder)
         case = _base(scene_table)
     law_of_case, rule = _physics(tables, case)
     if "name" in scene_table:
-        with place("[scene]"):
+        with message_prefix("[scene]"):
             case = ready.with_static_overlaps(scene_table.pop("name"), replace(case, law=law_of_case), scene_table)
-    with place("[run]"):
+    with message_prefix("[run]"):
         run = dict(_table(tables.get("run", {})))
         t_end = check.number("t_end", run.pop("t_end")) if "t_end" in run else case.t_end
         stop = stop_condition(run.pop("until"), case.scene) if "until" in run else case.until
@@ -163,7 +164,7 @@ def _base(table: Mapping[str, Any]) -> Case:
     if "name" not in table:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
     name = check.choice("name", table["name"], ready.names())
-    return ready.of_table(name, {key: value for key, value in table.items() if key != "name"})
+    return ready.case_of_table(name, {key: value for key, value in table.items() if key != "name"})
 
 
 def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
@@ -178,14 +179,14 @@ def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
         each = isinstance(tables["law"], list)
 
         def law_of_table(table: Any, pair: Pair) -> Any:
-            with place(f"[[law]] of pair {pair.name}" if each else "[law]"):
+            with message_prefix(f"[[law]] of pair {pair.name}" if each else "[law]"):
                 return build.law(_table(table), pair)
 
         of_pairs = check.per_pair("[[law]]", tables["law"], scene.n_pairs)
-        laws, rule = build.each_pair(law_of_table, of_pairs, scene.pairs), build.rule_of(of_pairs)
+        laws, rule = build.laws_of_pairs(law_of_table, of_pairs, scene.pairs), build.rule_of_law_tables(of_pairs)
     if "rule" in tables:
         table = tables["rule"]
-        with place("[rule]"):
+        with message_prefix("[rule]"):
             rules = [build.rule(_table(entry)) for entry in (table if isinstance(table, list) else [table])]
             rule = check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(table, list) else rules[0]
     if laws is None and rule is None:
@@ -202,8 +203,8 @@ def stop_condition(value: Any, scene: Scene) -> until.Until | None:
         return until.separated()
     check.of_kind("until", value, Mapping, '"separated" or a table such as { pair = 0, nth = 2 }')
     ways = {way.__name__: way for way in (until.contact, until.force, until.speed, until.position)}
-    with place("until"):
-        condition: until.Until = build.of_type(ways, {"type": "contact", **value})
+    with message_prefix("until"):
+        condition: until.Until = build.object_of_type(ways, {"type": "contact", **value})
     return until.checked(condition, scene)
 
 
@@ -298,7 +299,7 @@ def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
     laws = check.per_pair("law", case.law, case.scene.n_pairs)
     tables = [_of_restitution(pair_law, rule(0.0, pair), pair)
               for pair_law, pair in zip(laws, case.scene.pairs, strict=True)]
-    return _single_or_list("law", tables) if all(tables) and rule_of(tables) == rule else {}
+    return _single_or_list("law", tables) if all(tables) and rule_of_law_tables(tables) == rule else {}
 
 
 def _of_restitution(law_of_pair: Any, restitution: float, pair: Pair) -> Table:
@@ -320,7 +321,7 @@ def _wall(motion: Any) -> Table:
     table: Table = {"type": type(motion).__name__} | _numbers(motion)
     if "function" in table:
         function = table["function"]
-        table["function"] = function if type(function) in WALLS.values() else name_of(function)
+        table["function"] = function if type(function) in WALLS.values() else importable_name(function)
     return table
 
 

@@ -24,7 +24,7 @@ from granular.run.trajectory import EARLY_STATUSES, Trajectory
 from granular.studies.frontier_methods import Task, contacts_of, errors
 from granular.studies.frontiers import rounding_level
 from granular.studies.reference_events import Reference
-from granular.studies.sweeps.plan import planned
+from granular.studies.sweeps.plan import make_plan
 from granular.studies.sweeps.results import CELL_ERRORS
 from granular.studies.sweeps.subject import SceneLike
 
@@ -277,7 +277,7 @@ def stability(
         check.choices("methods", methods, STABILITY_METHODS, 1),
         check.choices("axes", axes, tuple(EXTREME_AXES)),
     )
-    plan, limit = planned(scene, {}, (), fixed), check.number("error", error, above=0.0)
+    plan, limit = make_plan(scene, {}, (), fixed), check.number("error", error, above=0.0)
     case = replace(original := plan.case(()), run={key: original.run[key] for key in original.run if key == "t_start"})
     with shown(progress, on_progress, "runs") as progress_callback:
         report_progress = progress_callback or (lambda fraction, count: None)

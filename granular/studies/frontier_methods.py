@@ -96,7 +96,7 @@ class Task:
         return resolved(self.laws, self.scene)
 
 
-def own(task: Task, name: str) -> Method:
+def package_method(task: Task, name: str) -> Method:
     """Return the method of this package with that name, with its settings."""
     end: dict[str, Any] = {"until": task.until, "t_end": task.t_end}
     if name == "edmd":
@@ -163,7 +163,7 @@ def _onset_power(law: PairLaw) -> float:
     return math.nan if law.exponent is None or law.rate_dependent else float(law.exponent)
 
 
-def peer(task: Task, name: str) -> Method | None:
+def scipy_method(task: Task, name: str) -> Method | None:
     """Return the scipy method of that name, with its settings.
 
     The result is None for a method without events if a law has memory, because xi_max is unknown inside a step. It is

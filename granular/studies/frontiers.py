@@ -26,8 +26,8 @@ from granular.studies.frontier_methods import (
     contacts_of,
     errors,
     expected_orders,
-    own,
-    peer,
+    package_method,
+    scipy_method,
 )
 from granular.studies.frontier_result import Frontier, Row, floor
 from granular.studies.reference import Reference, solve
@@ -128,7 +128,7 @@ def frontier(
             warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
             level = rounding_level(task)
             _check_reference(truth, run, level)
-            compared = [*filter(None, (peer(task, name) if name in SCIPY_METHODS else own(task, name)
+            compared = [*filter(None, (scipy_method(task, name) if name in SCIPY_METHODS else package_method(task, name)
                                        for name in chosen))]
             rows = _measured_rows(task, compared, count, level, tell)
     return Frontier(

@@ -291,7 +291,7 @@ class Restarted(Newton):
         lower, upper = self.velocities(self.y, self.t - self.t_start)[list(self.scene.bodies(c))].tolist()
         return lower, upper
 
-    def asleep(self, c: int) -> float:
+    def resting_overlap(self, c: int) -> float:
         """Return the overlap in m up to which pair c, touching at rest, has no force."""
         return RESTING_OVERLAP_SHARE * float(self.scale[c])
 
@@ -343,7 +343,7 @@ class Restarted(Newton):
         """
         return float(watch.sign * (self.read(self.zero + t, y, watch.pair, watch.quantity) - watch.level))
 
-    def take_note(self, c: int, event: str) -> None:
+    def record_event(self, c: int, event: str) -> None:
         """Update overlap and memory of pair c for the event `what`.
 
         The overlap is set to zero at touch and separation. For laws with memory, the largest overlap is stored.

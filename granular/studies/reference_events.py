@@ -156,7 +156,7 @@ def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
     return 2 * c / (-b - root) if b > 0 else (root - b) / (2 * a)
 
 
-def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:
+def reached_by_force(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:
     """Return for each pair whether a force acts on it, directly or through neighbours.
 
     Forces are transmitted by touching pairs. They begin at active pairs, and at touching pairs whose acceleration
@@ -251,7 +251,7 @@ class Motion(Protocol):
     def bodies(self, c: int) -> tuple[Number, Number]:
         """Return the velocities of the lower and the upper body of pair c in m/s."""
 
-    def asleep(self, c: int) -> Number:
+    def resting_overlap(self, c: int) -> Number:
         """Return the overlap in m up to which pair c, touching at rest, has no force.
 
         It is negligible compared with the overlap of an impact.
@@ -269,7 +269,7 @@ class Motion(Protocol):
         Returns the event, or None.
         """
 
-    def take_note(self, c: int, what: str) -> None:
+    def record_event(self, c: int, what: str) -> None:
         """Update the data of pair c for the event `what`, before its mode changes."""
 
     def kick(self, c: int) -> None:
@@ -342,7 +342,7 @@ class Run:
 
     def record_loading_times(self) -> None:
         """Record the time and velocities at which a force reaches a pair touching at rest."""
-        is_pushed = roused(self.motion.mode, self.motion.pull, self.motion.ring)
+        is_pushed = reached_by_force(self.motion.mode, self.motion.pull, self.motion.ring)
         for c, mode in enumerate(self.motion.mode):
             if mode == DORMANT and is_pushed[c]:
                 self.since.setdefault(c, (self.motion.t, self.motion.bodies(c)))
@@ -351,7 +351,7 @@ class Run:
 
     def watches(self, c: int) -> list[Watch]:
         """Return the possible events of pair c."""
-        mode, resting_overlap = self.motion.mode[c], self.motion.asleep(c)
+        mode, resting_overlap = self.motion.mode[c], self.motion.resting_overlap(c)
         if mode == OPEN:
             return [Watch(c, "touch", "overlap")]
         if mode == DORMANT:
@@ -385,7 +385,7 @@ class Run:
         motion = self.motion
         if c in motion.heat and what != "part":
             return self.hit_thermal_wall(c)
-        motion.take_note(c, what)
+        motion.record_event(c, what)
         if what in ("touch", "begin"):
             if self.log.begin(c, *(self.since.pop(c, None) or (motion.t, motion.bodies(c)))):
                 return True
@@ -404,7 +404,7 @@ class Run:
         motion = self.motion
         self.since.pop(c, None)
         motion.mode[c] = OPEN
-        motion.take_note(c, "touch")
+        motion.record_event(c, "touch")
         if self.log.begin(c, motion.t, motion.bodies(c)):
             return True
         motion.kick(c)

@@ -11,8 +11,8 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.progress import Told, shown
-from granular.cases.build import sentence_of
-from granular.studies.sweeps.plan import Plan, planned
+from granular.cases.build import error_sentence
+from granular.studies.sweeps.plan import Plan, make_plan
 from granular.studies.sweeps.results import CELL_ERRORS
 from granular.studies.sweeps.subject import SceneLike
 from granular.studies.threshold_result import THRESHOLD_CRITERIA, UNDECIDED, Criterion, Crossing, Threshold, Value
@@ -100,7 +100,7 @@ def threshold(
     """
     chosen_criterion = THRESHOLD_CRITERIA[check.choice("criterion", criterion, list(THRESHOLD_CRITERIA))]
     check.of_kind("over", over, str, "the name of one parameter, such as 'gap'")
-    plan = planned(scene, {over: np.zeros(0)}, (), fixed, run)
+    plan = make_plan(scene, {over: np.zeros(0)}, (), fixed, run)
     if between is None and over.partition("[")[0] not in ("gap", "scene.gap"):
         raise ValueError(f"`between` must give the first and the last value of {over}, such as (0.5, 2), got None.")
     low, high = _checked_interval(
@@ -153,11 +153,11 @@ def _evaluated_values(
         try:
             return Value(number, *criterion.judge(plan.case((int(number) if is_integer else number,)), limit))
         except CELL_ERRORS as refusal:
-            refusal_messages.append(sentence_of(refusal))
+            refusal_messages.append(error_sentence(refusal))
             return Value(number, UNDECIDED, math.nan, refusal_messages[-1])
 
     values: list[Value] = []
-    for value in scanned(judge, grid, within, is_integer):
+    for value in scan_and_bisect(judge, grid, within, is_integer):
         values.append(value)
         if len(values) == len(refusal_messages) == len(grid):
             raise ValueError(refusal_messages[0])
@@ -166,7 +166,7 @@ def _evaluated_values(
     return tuple(sorted(values, key=lambda value: value.value))
 
 
-def scanned(
+def scan_and_bisect(
     judge: Callable[[float], Value], grid: Sequence[float], within: float, integers_only: bool = False
 ) -> Iterator[Value]:
     """Yield the verdict of every value of a grid, then bisect changes of the verdict.
@@ -194,19 +194,19 @@ def scanned(
             values.append(judge(value))
             yield values[-1]
         values.sort(key=lambda value: value.value)
-        next_numbers = [middle(a.value, b.value, integers_only) for a, b in pairwise(values)
-                if a.verdict != b.verdict and wide(a.value, b.value, within, min_scale, integers_only)]
+        next_numbers = [midpoint(a.value, b.value, integers_only) for a, b in pairwise(values)
+                if a.verdict != b.verdict and is_divisible(a.value, b.value, within, min_scale, integers_only)]
 
 
-def wide(low: float, high: float, within: float, min_scale: float, integers_only: bool) -> bool:
+def is_divisible(low: float, high: float, within: float, min_scale: float, integers_only: bool) -> bool:
     """Return whether an interval is wider than required and can be divided.
 
     It must be wider than `within` times its larger end, or times `min_scale` if that is larger.
     """
-    return high - low > within * max(abs(low), abs(high), min_scale) and low < middle(low, high, integers_only) < high
+    return high - low > within * max(abs(low), abs(high), min_scale) and low < midpoint(low, high, integers_only) < high
 
 
-def middle(low: float, high: float, integers_only: bool) -> float:
+def midpoint(low: float, high: float, integers_only: bool) -> float:
     """Return the midpoint of an interval.
 
     It is the geometric mean if both ends are positive and span a factor of more than two, otherwise the mean.

@@ -9,7 +9,7 @@ from bench.reference import solve
 from granular.laws.kinds import checked
 from granular.scene.walls import Motion, Sine
 from granular.studies import frontier_methods as methods
-from granular.studies.frontier_methods import Task, peer
+from granular.studies.frontier_methods import Task, scipy_method
 
 pytest.importorskip("xarray")
 
@@ -73,7 +73,7 @@ def test_scipy_s_answers_beside_a_driven_wall(name):
     law = gr.LinearDashpot.from_restitution(0.6, k=1e3, pair=scene.pairs[0])
     truth = solve(scene, law, t_end=0.2)
     laws = checked(law, scene).given
-    found = peer(Task(scene, laws, None, 0.2, truth), name).run(1e-10).contacts()
+    found = scipy_method(Task(scene, laws, None, 0.2, truth), name).run(1e-10).contacts()
     assert len(found) == len(truth.contacts) >= 2
     for one, other in zip(found, truth.contacts, strict=True):
         assert float(one.t_begin) == pytest.approx(float(other.t_begin), abs=1e-7)

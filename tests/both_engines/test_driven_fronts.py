@@ -15,7 +15,7 @@ from granular.laws import LinearDashpot
 from granular.run.trajectory import CONTACT, Status, Trajectory
 from granular.scene.places import fitted
 from granular.scene.walls import Motion, Panels, Piecewise, Sine
-from granular.studies.sweeps.plan import planned
+from granular.studies.sweeps.plan import make_plan
 from tests.helpers import scenes_at_random
 
 INF = math.inf
@@ -105,7 +105,7 @@ def test_a_function_in_a_file_beside_the_case(tmp_path):
     case = cases.load(tmp_path / "case.toml")
     assert case.scene.floor.displacement(2.0) == 2.0
     assert repr(case.scene.floor) == "Motion(motion.py:shake)"
-    plan = planned(tmp_path / "case.toml", {"gravity": np.array([1.0])}, ("contacts",), {}, {})
+    plan = make_plan(tmp_path / "case.toml", {"gravity": np.array([1.0])}, ("contacts",), {}, {})
     assert pickle.loads(pickle.dumps(plan)).case((1.0,)).scene == case.scene.replace(gravity=1.0)
 
 
@@ -223,15 +223,15 @@ def test_numbers_of_walls_and_forces_are_parameters(name, value, changed, tmp_pa
     (tmp_path / "case.toml").write_text(TEXT.format(WALL), encoding="utf-8")
     case = cases.load(tmp_path / "case.toml")
     for subject in (case, tmp_path / "case.toml"):
-        plan = planned(subject, {name: np.array([value])}, ("contacts",), {}, {})
+        plan = make_plan(subject, {name: np.array([value])}, ("contacts",), {}, {})
         assert plan.case((value,)).scene == case.scene.replace(**changed)
-    assert planned(gr.Case(scene(), LAW), {"external_force[2]": np.array([1.0])}, ("contacts",), {}, {}).case(
+    assert make_plan(gr.Case(scene(), LAW), {"external_force[2]": np.array([1.0])}, ("contacts",), {}, {}).case(
         (1.0,)).scene == scene(external_force=[0.0, 0.0, 1.0])
 
 
 def test_a_plate_by_name_is_varied_too():
     fixed = {"plate": {"type": "Sine", "amplitude": 1.0, "frequency": 50.0}}
-    plan = planned("bouncing-ball", {"plate.amplitude": np.array([1e-3])}, ("contacts",), fixed, {})
+    plan = make_plan("bouncing-ball", {"plate.amplitude": np.array([1e-3])}, ("contacts",), fixed, {})
     assert plan.case((1e-3,)).scene == gr.scenes.bouncing_ball(plate=Sine(1e-3, 50.0))
     assert plan.subject.attributes("plate.amplitude")["units"] == "m"
     assert plan.subject.attributes("plate.frequency")["units"] == "Hz"

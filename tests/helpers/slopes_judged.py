@@ -16,7 +16,7 @@ import granular as gr
 from bench.reference import taylor
 from granular.laws.contact_law import resolve
 from granular.scene.places import fitted, speed_scale
-from granular.studies.sweeps.plan import planned
+from granular.studies.sweeps.plan import make_plan
 from tests.helpers.own_laws import OwnDashpot
 from tests.helpers.scenes_to_judge import KINDS, end_of, laws_of, scene_of
 
@@ -104,7 +104,7 @@ def natural(value, scene):
 
 def reference(case, hard, name, value):
     """The derivative of all velocities by a parameter; None if the order of contacts changes that near."""
-    plan = planned(case, {name: [value]}, (), {}, {})
+    plan = make_plan(case, {name: [value]}, (), {}, {})
     h = STEP * 2.0 ** math.floor(math.log2(natural(value, case.scene)))
     (above, one), (below, other) = (
         (hard_speeds if hard else soft_speeds)(plan.case((value + side * h,))) for side in (1.0, -1.0))

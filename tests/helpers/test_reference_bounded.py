@@ -9,7 +9,7 @@ import granular as gr
 from bench import reference
 from granular.laws.kinds import resolved
 from granular.studies.reference import solve_with
-from granular.studies.reference_events import ACTIVE, DORMANT, OPEN, roused
+from granular.studies.reference_events import ACTIVE, DORMANT, OPEN, reached_by_force
 
 pytest.importorskip("mpmath")
 MP = __import__("mpmath").MPContext()
@@ -63,9 +63,9 @@ def test_modes_of_a_ring_under_pressure(j):
 
 def test_a_row_at_rest_is_felt_around_a_ring():
     modes = [ACTIVE, OPEN, DORMANT, DORMANT]
-    assert roused(modes, [0.0] * 4) == [True, False, False, False]
-    assert roused(modes, [0.0] * 4, ring=True) == [True, False, True, True]
-    assert roused([DORMANT, OPEN, ACTIVE, DORMANT], [0.0] * 4, ring=True) == [True, False, True, True]
+    assert reached_by_force(modes, [0.0] * 4) == [True, False, False, False]
+    assert reached_by_force(modes, [0.0] * 4, ring=True) == [True, False, True, True]
+    assert reached_by_force([DORMANT, OPEN, ACTIVE, DORMANT], [0.0] * 4, ring=True) == [True, False, True, True]
 
 
 def test_the_soft_cradle_of_pendula():

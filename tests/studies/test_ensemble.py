@@ -14,8 +14,8 @@ import granular as gr
 from granular.app.cli import main
 from granular.comparison import outcome
 from granular.studies.sweeps import ensembles
-from granular.studies.sweeps.ensembles import judged
-from granular.studies.sweeps.plan import planned
+from granular.studies.sweeps.ensembles import compared_quantity
+from granular.studies.sweeps.plan import make_plan
 
 yes, no, undecided = gr.Answer.yes, gr.Answer.no, gr.Answer.undecided
 TOUCHING = {"gap": (1e-4, 1e-5)}
@@ -103,7 +103,7 @@ def test_any_executor_gives_the_same_bits():
     for one, other in zip(here.quantities, there.quantities, strict=True):
         assert one.hard.tobytes() + one.soft.tobytes() == other.hard.tobytes() + other.soft.tobytes()
         assert one.answer is other.answer
-    draws = ensembles.Draws(planned("gas", {"seed": np.zeros(0)}, (), {"n": 5}, {}), (None,), 1)
+    draws = ensembles.Draws(make_plan("gas", {"seed": np.zeros(0)}, (), {"n": 5}, {}), (None,), 1)
     again = pickle.loads(pickle.dumps(draws))
     assert again(3).scene == draws(3).scene != draws(4).scene
 
@@ -116,7 +116,7 @@ def test_intervals_and_answers_of_random_numbers(paired, n, of):
     for shift in (0.0, width, 2.0 * width):
         rows = rng.normal(size=(trials, n))
         hard = shift + (rows if paired else rng.normal(size=(trials, n))) + rng.normal(0.0, 0.3, (trials, n))
-        found = [judged("x", "1", (hard[k], rows[k]), 0.1, width, (paired, of)) for k in range(trials)]
+        found = [compared_quantity("x", "1", (hard[k], rows[k]), 0.1, width, (paired, of)) for k in range(trials)]
         share = {answer: np.mean([q.answer is answer for q in found]) for answer in (yes, no, undecided)}
         missed = np.mean([abs(q.difference - shift) > q.reach for q in found])
         noise = 4.0 * math.sqrt(0.05 / trials)

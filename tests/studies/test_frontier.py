@@ -15,7 +15,14 @@ from granular._engine.reports import duration
 from granular.app import cli
 from granular.app.cli import output
 from granular.studies import reference
-from granular.studies.frontier_methods import FRONTIER_METHODS, Task, contacts_of, errors, expected_orders, own
+from granular.studies.frontier_methods import (
+    FRONTIER_METHODS,
+    Task,
+    contacts_of,
+    errors,
+    expected_orders,
+    package_method,
+)
 from granular.studies.frontiers import Frontier, Row
 
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
@@ -117,7 +124,7 @@ def test_expected_orders_follow_from_how_forces_begin():
 def test_nonlinear_laws_have_a_tolerance_and_laws_with_memory_no_solver_without_events():
     scene, law, end = scene_and_law(lambda pair: gr.Hertz(1e9))
     truth = reference.Reference(contacts_of(gr.md.simulate(scene, law, **end)), 0.8, "until", "")
-    method = own(Task(scene, tuple(law), end["until"], None, truth), "located")
+    method = package_method(Task(scene, tuple(law), end["until"], None, truth), "located")
     assert (method.setting_name, len(method.settings)) == ("tol", 7)
     scene, law, end = scene_and_law(lambda pair: gr.WaltonBraun(5e7, 1e8))
     report = gr.frontier(scene, law, **end, methods=("located", "dop853"), repeats=1)

@@ -199,14 +199,14 @@ def test_one_restitution_for_all_laws_and_the_rule_of_a_case(make, ruled):
 
 
 def test_what_all_pairs_share_is_the_number_that_a_case_has():
-    from granular.studies.sweeps.subject import shared
+    from granular.studies.sweeps.subject import common_parameters
 
     scene = gr.Scene([math.inf, 1.0, 2.0, 3.0], [0.0] * 4, [0.5, 0.1, 0.1], [0.0, 2.0, 0.0, -1.0])
     case = gr.Case(scene, [gr.LinearDashpot.from_restitution(0.9, 1e5, p) for p in scene.pairs])
-    assert shared(case) == {"gap": 0.1, "restitution": pytest.approx(0.9, rel=1e-13)}
+    assert common_parameters(case) == {"gap": 0.1, "restitution": pytest.approx(0.9, rel=1e-13)}
     uneven = gr.Case(scene.replace(gap=[0.1, 0.1, 0.2]), [gr.LinearDashpot(1e5, 30.0)] * 3)
-    assert shared(uneven) == {}
-    assert shared(gr.Case(scene, gr.Hertz(1e6))) == {"gap": 0.1}
+    assert common_parameters(uneven) == {}
+    assert common_parameters(gr.Case(scene, gr.Hertz(1e6))) == {"gap": 0.1}
 
 
 def test_what_has_no_restitution_of_its_own_is_one_sentence_and_a_rule_alone_may_have_one():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.studies.sweeps.plan import planned, question
+from granular.studies.sweeps.plan import make_plan, question
 
 GAPS = {"gap": [1e-4, 1e-3]}
 
@@ -81,14 +81,14 @@ def test_code_is_found_wherever_it_takes_part() -> None:
         (made, ("contacts",), 1),
         (gr.scenes.three_balls, ("contacts",), 0),
     ]:
-        text, own = question(planned(case, {}, asked, {}))
+        text, own = question(make_plan(case, {}, asked, {}))
         assert len(own) == many, text
         assert "0x" not in text
 
 
 def test_numbers_of_laws_and_all_entries_of_arrays_are_in_the_text() -> None:
     def asked(case, **fixed):
-        return question(planned(case, {}, ("contacts",), fixed))[0]
+        return question(make_plan(case, {}, ("contacts",), fixed))[0]
 
     scene = gr.scenes.three_balls()
     assert asked(gr.Case(scene, gr.Hertz(1e9))) == asked(gr.Case(scene, gr.Hertz(1e9)))

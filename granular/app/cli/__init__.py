@@ -74,13 +74,13 @@ def _act(arguments: Sequence[str]) -> int:
 
         raise ImportError(overwritten())
     from granular.app.cli import output, parser
-    from granular.cases.build import on_running
+    from granular.cases.build import user_code_callbacks
 
     try:
         given = parser.parse(arguments)
     except SystemExit:  # --help and --version
         return EXIT_OK
-    on_running[:] = [parser.teller(given.target)]
+    user_code_callbacks[:] = [parser.teller(given.target)]
     output.check(given)
     with np.errstate(all="ignore"), _naming(given.given | given.run):  # invalid numbers raise errors with a message
         runs = given.act(given)
@@ -128,9 +128,9 @@ def _report_compiling() -> None:
 
 def _sentence(error: Exception) -> str:
     if hasattr(error, "raised_by"):
-        from granular.cases.build import sentence_of
+        from granular.cases.build import error_sentence
 
-        return sentence_of(error)
+        return error_sentence(error)
     if isinstance(error, MemoryError):
         return "The memory of this machine is too small for this run. Use fewer samples, balls or cells."
     if isinstance(error, (ArithmeticError, RecursionError)):

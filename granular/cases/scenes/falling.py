@@ -77,7 +77,7 @@ def ball_stack(
     if height is not None and speed is not None:
         raise ValueError(f"Only one of `height` and `speed` can be given, got {height!r} and {speed!r}. A stack with a "
                          "speed starts at the floor.")
-    m = geometric(n, mass_ratio) if masses is None else (
+    m = geometric_masses(n, mass_ratio) if masses is None else (
         check.positive("masses", masses, "mass", "The floor is built in."))
     drop = 0.0 if speed is not None else check.number("height", 1.0 if height is None else height, at_least=0.0)
     v = 0.0 if speed is None else check.number("speed", speed, above=0.0, fix="The direction, downwards, is built in.")
@@ -234,7 +234,7 @@ def count_of(n: int, at_least: int = 1) -> int:
 
 
 @np.errstate(over="ignore")
-def geometric(n: int, mass_ratio: float) -> Array:
+def geometric_masses(n: int, mass_ratio: float) -> Array:
     """Return `n` masses in kg: 1, mass_ratio, mass_ratio², …"""
     count = count_of(n)
     return np.asarray(np.power(check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64)))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
-from granular.cases.scenes.falling import count_of, gaps_of, geometric, mass_of, radius_of
+from granular.cases.scenes.falling import count_of, gaps_of, geometric_masses, mass_of, radius_of
 from granular.laws.kinds import resolved
 from granular.scene import Scene, in_order
 
@@ -114,7 +114,7 @@ def chain(
     density : float
         Density in kg/m³ (steel), which determines the radii.
     """
-    m = check.number("mass", mass, above=0.0) * geometric(count_of(n, 2), mass_ratio)
+    m = check.number("mass", mass, above=0.0) * geometric_masses(count_of(n, 2), mass_ratio)
     m[1::2] *= check.number("dimer", dimer, above=0.0)
     if striker is not None:
         m[0] = check.number("striker", striker, above=0.0)

@@ -21,7 +21,7 @@ from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, Report, aligned, 
 from granular.cases import Case
 from granular.comparison.answer import ANSWER_ORDER, Answer as Judgement
 from granular.run.trajectory import EARLY_STATUSES, Trajectory
-from granular.studies.sweeps.plan import Plan, planned
+from granular.studies.sweeps.plan import Plan, make_plan
 from granular.studies.sweeps.results import MISUSE_CODE, NOT_RUN, RESULTS, STATUS_CODES
 from granular.studies.sweeps.run import sweep
 from granular.studies.sweeps.subject import SceneLike
@@ -253,7 +253,7 @@ def ensemble(
     distributions = {vary: None} if isinstance(vary, str) else check.of_kind("vary", vary, Mapping, need)
     if not distributions:
         raise ValueError("`vary` must have at least one parameter with its distribution, got an empty mapping.")
-    plan = planned(scene, dict.fromkeys(distributions, np.zeros(0)), (), fixed)
+    plan = make_plan(scene, dict.fromkeys(distributions, np.zeros(0)), (), fixed)
     for name, distribution in distributions.items():
         _check_distribution(plan, name, distribution)
     draws = Draws(plan, tuple(distributions.values()), check.whole("seed", seed))
@@ -273,7 +273,7 @@ def ensemble(
     compared = {name: (hard[name], values) for name, values in soft.items()
                 if not requested.keys().isdisjoint(_both_names(name))}
     quantities = tuple(
-        judged(name, data[0][_both_names(name)[1]].attrs["units"], values, default_margin,
+        compared_quantity(name, data[0][_both_names(name)[1]].attrs["units"], values, default_margin,
                next((margin_by_name[x] for x in _both_names(name) if x in margin_by_name), None),
                (not separate, len(compared)))
         for name, values in compared.items())
@@ -360,7 +360,7 @@ def _quantity_values(data: Any, name: str, prefix: str) -> Iterator[tuple[str, A
     yield from [(name, values)] if values.ndim == 1 else [(f"{name}[{k}]", column) for k, column in enumerate(values.T)]
 
 
-def judged(
+def compared_quantity(
     name: str, units: str, values: tuple[Array, Array], default: float, own: float | None, pairing: tuple[bool, int],
 ) -> Quantity:
     """Compare the values of both engines for one quantity.

@@ -25,7 +25,15 @@ from granular.cases import ready
 from granular.cases.case import Case, checked_run
 from granular.scene import Scene
 from granular.studies.sweeps.results import RESULTS, STATUS_NAMES, Result
-from granular.studies.sweeps.subject import RESTITUTION_PATH, SceneLike, Subject, Values, Way, put, subject_of
+from granular.studies.sweeps.subject import (
+    RESTITUTION_PATH,
+    SceneLike,
+    Subject,
+    Values,
+    Way,
+    subject_of,
+    with_parameter,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -84,7 +92,7 @@ class Plan:
     @cached_property
     def root(self) -> Any:
         """Root of the subject, with the fixed parameters set."""
-        return reduce(lambda root, change: put(root, *change), sorted(self._shared, key=_is_applied_last),
+        return reduce(lambda root, change: with_parameter(root, *change), sorted(self._shared, key=_is_applied_last),
                       self.subject.root)
 
     @cached_property
@@ -94,7 +102,8 @@ class Plan:
     def parameters(self, values: Sequence[Any]) -> Any:
         """Return the root with the varied parameters set to `values`, for one cell."""
         changes = [*filter(_is_applied_last, self._shared), *zip(self.ways, values, strict=True)]
-        return reduce(lambda root, change: put(root, *change), sorted(changes, key=_is_applied_last), self.root)
+        ordered = sorted(changes, key=_is_applied_last)
+        return reduce(lambda root, change: with_parameter(root, *change), ordered, self.root)
 
     def case(self, values: Sequence[Any]) -> Case:
         """Return the case of the cell with these `values` of the varied parameters."""
@@ -109,13 +118,13 @@ class Plan:
         if not self.subject.ready:
             return self.case(values)
         shapes, _ = self._sides(self.parameters(values))
-        return ready.bare(self.subject.ready, shapes, shapes.pop("t_end", None))
+        return ready.case_without_contacts(self.subject.ready, shapes, shapes.pop("t_end", None))
 
     def laws(self, start: Case, values: Sequence[Any]) -> Any:
         """Return the force laws of one cell, for its case `start`."""
         if not self.subject.ready:
             return start.physics("md")
-        return ready.touching(self.subject.ready, start, **self._sides(self.parameters(values))[1]).law
+        return ready.with_contacts(self.subject.ready, start, **self._sides(self.parameters(values))[1]).law
 
     @cached_property
     def shaping(self) -> tuple[bool, ...]:
@@ -134,10 +143,10 @@ class Plan:
     @cached_property
     def shapes(self) -> set[str]:
         """Names of the parameters of a ready-made case that belong to scene and end."""
-        return ready.shaping(self.subject.ready) | {"t_end"}
+        return ready.scene_option_names(self.subject.ready) | {"t_end"}
 
 
-def planned(
+def make_plan(
     scene: SceneLike, over: Mapping[str, Values], asked: tuple[RequestedResult, ...], fixed: Mapping[str, Any],
     run: Mapping[str, Any] | None = None,
 ) -> Plan:

@@ -64,7 +64,7 @@ def impact_speed(scene: Scene) -> float:
     return -rate_at_contact(float(scene.gap[0]), float(scene.velocity[1] - scene.velocity[0]), scene.gravity)
 
 
-def specified(scene: Scene, laws: Any) -> float:
+def common_restitution(scene: Scene, laws: Any) -> float:
     """Return the common ε of all contacts at the impact speed.
 
     It is nan if ε differs between pairs, or if the scene is not a drop of two balls.

@@ -17,9 +17,9 @@ from granular._engine.progress import Told, shown
 from granular._engine.reports import cores
 from granular.cases import Case
 from granular.studies.sweeps import schedule
-from granular.studies.sweeps.plan import Plan, check_names, dataset, planned, resume, write, xarray_
+from granular.studies.sweeps.plan import Plan, check_names, dataset, make_plan, resume, write, xarray_
 from granular.studies.sweeps.results import MISUSE_CODE, NOT_RUN, Answers
-from granular.studies.sweeps.subject import SceneLike, Values, checked
+from granular.studies.sweeps.subject import SceneLike, Values, checked_axes
 
 if TYPE_CHECKING:
     import xarray
@@ -120,13 +120,13 @@ def sweep(
     >>> data["contacts"].sel(pair=1).values.tolist()
     [4, 4, 3]
     """
-    schedule.checked(executor)
+    schedule.checked_executor(executor)
     threads = cores() if workers is None else check.whole("workers", workers, at_least=1)
     xarray_()
-    varied = checked(over)
+    varied = checked_axes(over)
     requested = check.several("results", results, "a name or a function, or several")
     version_key = check.of_kind("key", key, str | None, "a text or None")
-    plan = replace(planned(scene, varied, tuple(requested), fixed, run), version=version_key)
+    plan = replace(make_plan(scene, varied, tuple(requested), fixed, run), version=version_key)
     check_names(plan, save)
     if refine is not None:
         check.choice("refine", refine, list(varied))
@@ -164,7 +164,7 @@ class _Job:
         saved_count = solved_count = len(self.columns[0]) - len(missing)
         save_time = time.monotonic()
         try:
-            for cells, batch_answers in schedule.batches(self.plan, self.columns, missing, *where):
+            for cells, batch_answers in schedule.solve_in_batches(self.plan, self.columns, missing, *where):
                 self.answers.take(cells, batch_answers)
                 solved_count += len(cells)
                 if report_progress is not None:
@@ -201,13 +201,14 @@ class _Job:
         def counts(columns: list[Values]) -> Values:
             answers = Answers(plan.results, len(columns[0]))
             answers.put([], {"contacts": self.answers.columns["contacts"][:0]})  # as wide
-            for cells, batch_answers in schedule.batches(plan, columns, np.arange(len(columns[0])), *where):
+            for cells, batch_answers in schedule.solve_in_batches(plan, columns, np.arange(len(columns[0])), *where):
                 answers.take(cells, batch_answers)
             return np.asarray(answers.columns["contacts"])
 
         whole = self.plan.subject.is_whole(name)
-        row, intervals, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision,
-                                      whole)
+        row, intervals, sides = bisect_jumps(
+            axis, self.columns, self.answers.columns["contacts"], shape, counts, precision, whole
+        )
         data = self.dataset()
         attributes = data[name].attrs | {"comment": f"interval of {name} in which a count jumps"}
         data["edge"] = ("jump", "side"), intervals, attributes
@@ -218,7 +219,7 @@ class _Job:
         return self.written(data)
 
 
-def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
+def bisect_jumps(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
           precision: float, integers_only: bool = False) -> tuple[Values, Values, Values]:
     """Bisect every jump of contact counts between neighbours of the grid along `axis`.
 

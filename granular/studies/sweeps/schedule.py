@@ -23,7 +23,7 @@ from granular import md
 from granular._engine.check import Array, per_pair
 from granular._engine.kernels import in_memory, worth
 from granular.cases import Case
-from granular.cases.build import sentence_of
+from granular.cases.build import error_sentence
 from granular.cases.ready import first_impact_speed
 from granular.comparison.align import followed
 from granular.comparison.outcome import counts, order, separations
@@ -33,7 +33,7 @@ from granular.md.located import many
 from granular.run.trajectory import Trajectory
 from granular.run.until import LEVEL_TYPES
 from granular.scene import Scene, velocities
-from granular.studies.sweeps.results import CELL_ERRORS, STATUS_CODES, Answers, Result, impact_speed, specified
+from granular.studies.sweeps.results import CELL_ERRORS, STATUS_CODES, Answers, Result, common_restitution, impact_speed
 from granular.studies.sweeps.subject import Values
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ MIN_THREADED_SECONDS = 0.1
 Batch = tuple[Values, Answers]
 
 
-def checked(executor: Executor | None) -> None:
+def checked_executor(executor: Executor | None) -> None:
     """Raise `TypeError` if `executor` has no method `submit`. None is allowed."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise TypeError(f"`executor` must be an object with submit(), such as a ProcessPoolExecutor or "
@@ -98,7 +98,7 @@ class Answer:
     v_final = property(lambda self: self.soft.velocity[-1])
     time = property(lambda self: self.soft.time[-1])
     impact = property(lambda self: impact_speed(self.case.scene))
-    eps = property(lambda self: specified(self.case.scene, self.case.physics("md")))
+    eps = property(lambda self: common_restitution(self.case.scene, self.case.physics("md")))
 
     @cached_property
     def v_rel(self) -> Any:
@@ -134,7 +134,7 @@ class Answer:
         return STATUS_CODES[(self.report.soft if "report" in vars(self) else self.soft).status.name]
 
 
-def batches(
+def solve_in_batches(
     plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None, workers: int,
 ) -> Iterator[Batch]:
     """Solve cells in batches. Yield the numbers and the answers of their cells.
@@ -169,7 +169,7 @@ def batches(
     parts = [rest[i : i + size] for i in range(0, len(rest), size)]
     threads = workers if executor is None and seconds * len(rest) > MIN_THREADED_SECONDS else 1
     tasks = ((current_plan, [column[part] for column in columns], threads) for part in parts)
-    for k, answers in each_done(executor, solve, tasks):
+    for k, answers in run_tasks(executor, solve, tasks):
         yield parts[k], answers
 
 
@@ -185,11 +185,11 @@ def solve(plan: Plan, columns: Sequence[Values], threads: int = 1) -> Answers:
                      for name, result in plan.results.items()}
             answers.put([i], values | {"status": np.array([answer.status(plan.results)])})
         except CELL_ERRORS as error:
-            answers.refuse(i, sentence_of(error))
+            answers.refuse(i, error_sentence(error))
     return answers
 
 
-def each_done(
+def run_tasks(
     executor: Executor | None, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]],
 ) -> Iterator[tuple[int, Any]]:
     """Call `function` for each task, here or on an executor. Yield number and result.
@@ -379,7 +379,7 @@ def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] 
     scene = start.case.scene
     laws = per_pair("law", plan.laws(start.case, point), scene.n_pairs)
     forms = [resolve(law, pair).form for law, pair in zip(laws, scene.pairs, strict=True)]
-    return None if None in forms else (forms, specified(scene, laws))
+    return None if None in forms else (forms, common_restitution(scene, laws))
 
 
 def _bundle(places: Values, starts: Sequence[Start], which: Values, laws: Sequence[Any], law_of: Values) -> Bundle:

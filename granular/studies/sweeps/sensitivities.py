@@ -21,12 +21,12 @@ from granular._engine.progress import shown
 from granular.cases import Case
 from granular.comparison.outcome import ERROR_LIMIT, approach, components
 from granular.run.trajectory import EARLY_STATUSES
-from granular.studies.sweeps.plan import Plan, RequestedResult, named, planned
+from granular.studies.sweeps.plan import Plan, RequestedResult, make_plan, named
 from granular.studies.sweeps.results import MISUSE_CODE, STATUS_CODES
-from granular.studies.sweeps.run import edges
-from granular.studies.sweeps.schedule import Answer, checked, each_done, solve
+from granular.studies.sweeps.run import bisect_jumps
+from granular.studies.sweeps.schedule import Answer, checked_executor, run_tasks, solve
 from granular.studies.sweeps.sensitivity_report import Sensitivity, Start
-from granular.studies.sweeps.subject import SceneLike, numbers_in, shared
+from granular.studies.sweeps.subject import SceneLike, common_parameters, numbers_in
 
 MAX_DERIVATIVE_ERROR = 1e-8
 """Maximum error of a reported derivative, relative to the total sensitivity."""
@@ -125,7 +125,7 @@ def sensitivity(
     >>> print(f"{found.gradient['v_rel[1]']['restitution']:.4f} {found.spread['v_rel[1]']:.4f}")
     0.4716 0.0047
     """
-    checked(executor)
+    checked_executor(executor)
     plan = _planned(
         scene, requested := check.several("results", results, "a name such as 'v_rel', or several", 1), fixed)
     answer = Answer(plan.case(()))
@@ -139,7 +139,7 @@ def sensitivity(
                          int(order[0])) for name, p in parameters.items())
     with shown(progress, on_progress, "parameters") as tell:
         slopes: dict[int, Slope] = {}
-        for k, result in each_done(executor, slope, ((plan, start) for start in starts)):
+        for k, result in run_tasks(executor, slope, ((plan, start) for start in starts)):
             slopes[k] = result
             if tell is not None:
                 tell(len(slopes) / len(starts), len(slopes))
@@ -157,7 +157,7 @@ def _result_name(asked: RequestedResult, until: str = "[") -> str:
 def _planned(scene: SceneLike, requested: Sequence[RequestedResult], fixed: Mapping[str, Any]) -> Plan:
     """Return the plan of all runs, with the order of events as the last result."""
     results = {_result_name(result): result if callable(result) else _result_name(result) for result in requested}
-    plan = planned(scene, {}, tuple(results.values()), fixed)
+    plan = make_plan(scene, {}, tuple(results.values()), fixed)
     for name in [name for name, result in plan.results.items() if isinstance(result.fill, int)]:
         raise ValueError(f"`results` must be continuous outcomes, got {name!r}, an integer, which has no derivative. "
                          "Where the number of contacts changes is found by granular.sweep(..., refine=).")
@@ -195,7 +195,7 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertainty: Any, 
                      if name.removeprefix("scene.") in (key, re.sub(r"\[\d+\]", "", key))}
               for name in names}
     if isinstance(plan.root, Case) and not values.keys().isdisjoint(("gap", "restitution")):
-        values |= {name: {p} for name, p in shared(answer.case).items() if name in values}
+        values |= {name: {p} for name, p in common_parameters(answer.case).items() if name in values}
     for name in [name for name, candidates in values.items() if len(candidates) != 1]:
         plan.subject.way(name)
         raise ValueError(f"The parameter {name} must have one value that can vary continuously, got "
@@ -399,7 +399,7 @@ def borders(plan: Plan, start: Start) -> tuple[float, float]:
     change = np.flatnonzero((counts_on_grid[1:] != counts_on_grid[:-1]).any(axis=1))
 
     def nearest(k: int) -> tuple[float, float]:
-        _, ends, _ = edges(0, [grid[k : k + 2]], counts_on_grid[k : k + 2], (2,), counts, BORDER_PRECISION)
+        _, ends, _ = bisect_jumps(0, [grid[k : k + 2]], counts_on_grid[k : k + 2], (2,), counts, BORDER_PRECISION)
         return (ends[0, 1], ends[-1, 0]) if len(ends) else (math.nan, math.nan)
 
     below, above = change[change < len(BORDER_REACH)][-1:].tolist(), change[change >= len(BORDER_REACH)][:1].tolist()

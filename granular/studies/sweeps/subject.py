@@ -25,8 +25,8 @@ import numpy as np
 from granular import cases, md
 from granular._engine import check
 from granular.cases import build, ready
-from granular.cases.case import Case, descriptions, options_of, parameters_of, whole
-from granular.cases.toml import of_tables, tables_of
+from granular.cases.case import Case, descriptions, integer_parameters, options_of, parameters_of
+from granular.cases.toml import case_of_tables, read_tables
 from granular.md.binary import restitution
 from granular.scene.state import Scene
 
@@ -73,7 +73,7 @@ def axis(text: str) -> tuple[str, Values]:
     return name, (np.geomspace if scale else np.linspace)(a, b, n)
 
 
-def checked(over: Any) -> dict[str, Values]:
+def checked_axes(over: Any) -> dict[str, Values]:
     """Return the axes of a sweep as checked arrays, by name.
 
     `over` maps names to values, or it is one string or several strings in the format of `axis`.
@@ -199,34 +199,35 @@ def subject_of(scene: SceneLike) -> Subject:
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
         return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title,
-                       wholes=whole(case), defaults=_defaults(options_of(case)), source=case)
+                       wholes=integer_parameters(case), defaults=_defaults(options_of(case)), source=case)
     if ready.is_file(case):
         return _of_file(Path(case))
     name = check.choice("scene", case, cases.names())
     options = cases.options(name)
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
-    ready_name = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
+    # cells of different laws may share the scene
+    ready_name = "" if ready.couples_scene_and_contacts(name) else name
     return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, ready_name,
-                   whole(ready.TEMPLATES[name].make), _defaults(options))
+                   integer_parameters(ready.TEMPLATES[name].make), _defaults(options))
 
 
 def _of_file(path: Path) -> Subject:
     folder = str(path.parent)
-    with build.place(path.name):
-        tables = tables_of(path)
-        of_tables(tables, folder)
+    with build.message_prefix(path.name):
+        tables = read_tables(path)
+        case_of_tables(tables, folder)
     scene, scene_name = tables["scene"], tables["scene"].get("name")
     law, rule = ([kinds[table["type"]] for table in _entries(tables.get(part))]
                  for part, kinds in (("law", build.LAWS), ("rule", build.RULES)))
     functions: list[Callable[..., Any]] = [md.simulate, *([ready.TEMPLATES[scene_name].make] if scene_name else [])]
     about = _about([*functions, Scene], law=law, rule=rule, **_WALLS)
     root = tables | {"scene": _lists(cases.options(scene_name) if scene_name else []) | scene}
-    wholes = frozenset(scene_name for function in functions for scene_name in whole(function))
-    return Subject(str(tables.get("about", path.name)), root, partial(of_tables, folder=folder), about, tables,
+    wholes = frozenset(scene_name for function in functions for scene_name in integer_parameters(function))
+    return Subject(str(tables.get("about", path.name)), root, partial(case_of_tables, folder=folder), about, tables,
                    wholes=wholes)
 
 
-def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
+def with_parameter(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     """Return a copy of `holder` in which the number at the end of `way` is `value`.
 
     A name in the path applies to every entry of a list. `name` is the part of the path that leads to `holder`.
@@ -243,19 +244,19 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         if step >= len(holder):
             raise ValueError(f"The index of {name}[{step}] must be below {len(holder)}, the number of entries, got "
                              f"{step}.")
-        return [put(entry, rest, value, name) if i == step else entry for i, entry in enumerate(holder)]
+        return [with_parameter(entry, rest, value, name) if i == step else entry for i, entry in enumerate(holder)]
     if entries:
-        return [put(entry, way, value) for entry in holder]
+        return [with_parameter(entry, way, value) for entry in holder]
     if (name, way) == ("scene", ("gap",)) and check.is_one(value):
         value = _of_balls(holder, value)
     if isinstance(holder, Mapping):
-        return {**holder, step: put(holder.get(step, {}), rest, value, step)}
+        return {**holder, step: with_parameter(holder.get(step, {}), rest, value, step)}
     if holder is None:
         raise TypeError(f"{name}.{step} is not a parameter, because the case has no {name}.")
     if isinstance(holder, Case) and way == RESTITUTION_PATH:
         return _with_restitution(holder, value)
     check.known([step], _numbers(holder), f"parameter of {type(holder).__name__}", TypeError)
-    return replace(holder, **{step: put(_entry(holder, step), rest, value, step)})
+    return replace(holder, **{step: with_parameter(_entry(holder, step), rest, value, step)})
 
 
 def _of_balls(holder: Any, gap: Any) -> Any:
@@ -279,7 +280,7 @@ def _between_balls(mass: Any, gap: Any) -> Any:
     return ~(wall | np.roll(wall, -1))[: len(gap)]
 
 
-def shared(case: Case) -> dict[str, float]:
+def common_parameters(case: Case) -> dict[str, float]:
     """Return the common values of `gap` and `restitution` of a case, by name.
 
     A value is missing if pairs or laws differ.
@@ -300,12 +301,12 @@ def _with_restitution(case: Case, eps: float) -> Case:
     `TypeError` is raised.
     """
     laws, pairs = check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
-    rule = None if case.rule is None else put(case.rule, RESTITUTION_PATH, eps)
+    rule = None if case.rule is None else with_parameter(case.rule, RESTITUTION_PATH, eps)
     without_restitution = next((law for law in laws if not hasattr(law, "from_restitution")), None)
     if without_restitution is not None and rule is None:
         raise TypeError(f"restitution is not a parameter of {without_restitution!r}. Vary its own numbers, such as "
                         "law.k.")
-    return replace(case, rule=rule, law=case.law if without_restitution is not None else build.each_pair(
+    return replace(case, rule=rule, law=case.law if without_restitution is not None else build.laws_of_pairs(
         partial(_like, {"restitution": eps, "speed": ready.first_impact_speed(case.scene)}), laws, pairs))
 
 
