@@ -1,6 +1,6 @@
-"""Outcomes of a run, read from its contact log, and differences of two runs.
+"""Outcomes of a run, from its contact log, and differences between two runs.
 
-Outcomes are the numbers of contacts, the separation speeds of pairs, and the velocities with which balls leave their
+Outcomes are the numbers of contacts, the separation speeds of pairs, and the velocities of balls after their last
 contacts. Balls that touch each other in either run form a component. Each component is compared separately.
 """
 
@@ -18,21 +18,21 @@ from granular.md.isolation import Durations
 from granular.run.trajectory import Trajectory
 
 ERROR_LIMIT = 0.01
-"""Largest difference, over the unit of the error, at which outcomes agree."""
+"""Largest error, in the unit U of the component, at which two runs agree."""
 SIMULTANEITY_TOLERANCE = 1e-12
-"""Collisions are simultaneous if closer than this share of the time elapsed.
+"""Largest delay of simultaneous collisions, relative to the time since the start.
 
-Rounding errors decide their order.
+Rounding errors decide the order of such collisions.
 """
 MIN_CONTACT_STRENGTH = 1e-12
-"""Contacts weaker than this share of the fastest approach are ignored.
+"""Contacts weaker than this fraction of the fastest approach speed are ignored.
 
-One contact leaves a rounding error of about 1e-15, and a thousand contacts leave this one.
+Rounding errors of the velocities are about 1e-15 of this speed after one contact, and 1e-12 after a thousand contacts.
 """
 VELOCITY_ROUNDING_ERROR = 1e-13
-"""Relative rounding error of a difference of two velocities."""
+"""Rounding error of a velocity difference, relative to the largest velocity."""
 MAX_WEIGHT_ITERATIONS = 100
-"""Limit on the iterations of v = a t_c(v).
+"""Limit on the iterations that solve v = a t_c(v).
 
 For F = k ξ^p the error decreases by the factor (p - 1)/(p + 1) per iteration, 1/5 for Hertz spheres.
 """
@@ -40,21 +40,22 @@ For F = k ξ^p the error decreases by the factor (p - 1)/(p + 1) per iteration, 
 
 @dataclass(frozen=True)
 class PairOutcome:
-    """Outcome of one pair under both engines, after its last contact that counts.
+    """Outcome of one pair in the hard run and in the soft run, after its last contact.
 
     Attributes
     ----------
     pair : int
         Number of the pair.
     hard_contacts, soft_contacts : int
-        Number of contacts, without those at rounding level (`granular.comparison.outcome.without_rounding`).
+        Number of contacts, without those at rounding level (`granular.comparison.outcome.without_weak_contacts`).
     hard_v_rel, soft_v_rel : float
-        Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact. nan without contacts.
+        Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact. nan without contacts, and for a
+        contact without end.
     hard_t_f, soft_t_f : float
-        Time in s of that end.
+        Time in s at which the pair's last contact ends. nan in the same cases.
     ongoing : bool
-        Whether the last soft contact was still running at `until` and was followed to its end. v_rel is nan if the pair
-        comes to rest.
+        Whether a soft contact of the pair had not ended when the soft run stopped. The comparison continues such a run
+        until the contact has ended. If the pair comes to rest instead, `soft_v_rel` is nan.
     """
 
     pair: int
@@ -70,13 +71,18 @@ class PairOutcome:
 def pair_outcomes(hard: Trajectory, soft: Trajectory, cut: Trajectory) -> tuple[PairOutcome, ...]:
     """Return the outcome of every pair of two runs with equal contact counts.
 
-    The runs come from `granular.comparison.align.levelled`. `cut` is the soft run before it was continued.
+    Parameters
+    ----------
+    hard, soft : Trajectory
+        The two runs, continued by `granular.comparison.align.levelled`.
+    cut : Trajectory
+        The soft run before it was continued. Its contacts without end determine `PairOutcome.ongoing`.
     """
     ongoing = np.zeros(soft.scene.n_pairs, dtype=np.bool_)
     ongoing[cut.contacts["pair"][np.isnan(cut.contacts["t_end"])]] = True
     columns = [counts(hard), counts(soft), *separations(hard), *separations(soft), ongoing]
-    n_hard, n_soft, hard_v, hard_t, soft_v, soft_t, open_ = (column.tolist() for column in columns)
-    return tuple(map(PairOutcome, range(len(n_hard)), n_hard, n_soft, hard_v, soft_v, hard_t, soft_t, open_))
+    n_hard, n_soft, hard_v, hard_t, soft_v, soft_t, ongoing_ = (column.tolist() for column in columns)
+    return tuple(map(PairOutcome, range(len(n_hard)), n_hard, n_soft, hard_v, soft_v, hard_t, soft_t, ongoing_))
 
 
 def counts(run: Trajectory) -> Any:
@@ -85,50 +91,68 @@ def counts(run: Trajectory) -> Any:
 
 
 def partings(run: Trajectory) -> Array:
-    """Separation speed v′ in m/s after the last contact of every pair, or nan."""
+    """Separation speed in m/s after the last contact of every pair, (n-1,).
+
+    It is nan for a pair without contacts, and after a contact without end.
+    """
     return separations(run)[0]
 
 
 def sticking(run: Trajectory) -> float:
-    """Speed in m/s up to which separating hard spheres are at rest.
+    """Largest separation speed in m/s at which two hard spheres count as stuck.
 
-    It is `merge_below`, 0 if the collision rule itself merges balls, and -1 if no balls merge. Balls that leave one
-    instant with the same velocity do not stick.
+    It is the option `merge_below` of the run. Without this option it is 0 if balls of the run merged or came to rest,
+    and otherwise -1, so that no pair counts as stuck. Two balls that only leave an instant with equal velocities do
+    not stick.
     """
-    rests = run.stats.get("merged", 0) + run.stats.get("settled", 0) > 0
-    return float(run.stats.get("merge_below", 0.0 if rests else -1.0))
+    has_rested = run.stats.get("merged", 0) + run.stats.get("settled", 0) > 0
+    return float(run.stats.get("merge_below", 0.0 if has_rested else -1.0))
 
 
 def separations(run: Trajectory) -> tuple[Array, Array]:
-    """Separation speed in m/s and time in s of the last contact end of every pair.
+    """Separation speed in m/s and end time in s of the last contact of every pair.
 
-    Both are nan without a contact.
+    Both arrays have shape (n-1,). They are nan for a pair without contacts, and after a contact without end.
     """
-    order, edge = run.by_pair
-    met = np.flatnonzero(np.diff(edge))
-    last = run.contacts[order[edge[met + 1] - 1]]
-    speed, time = np.full((2, len(edge) - 1), math.nan)
-    speed[met], time[met] = last["v_out"][:, 1] - last["v_out"][:, 0], last["t_end"]
+    order, starts = run.by_pair
+    touching = np.flatnonzero(np.diff(starts))
+    last = run.contacts[order[starts[touching + 1] - 1]]
+    speed, time = np.full((2, len(starts) - 1), math.nan)
+    speed[touching], time[touching] = last["v_out"][:, 1] - last["v_out"][:, 0], last["t_end"]
     return speed, time
 
 
-def leaving(run: Trajectory) -> tuple[Array, Array]:
-    """Velocity u in m/s after the last contact end of each body, and its time in s.
+def leaving_velocities_and_times(run: Trajectory) -> tuple[Array, Array]:
+    """Velocity in m/s of each body after its last contact, and the time in s.
 
-    Both have shape (n,). Without contacts they are the initial velocity and the start time. They are nan if the last
-    contact to begin has no end.
+    Both arrays have shape (n,). For a body without contacts they contain its initial velocity and the start of the run.
+    They are nan if the last contact has no end. The time is the end of that contact.
     """
-    u, at = run.scene.velocity.copy(), np.full(run.scene.n, float(run.time[0]))
+    u, end = run.scene.velocity.copy(), np.full(run.scene.n, float(run.time[0]))
     body, row, side = last_contacts(run, np.arange(len(run.contacts)), np.zeros(len(run.contacts), np.int64))
-    u[body], at[body] = run.contacts["v_out"][row, side], run.contacts["t_end"][row]
-    return u, at
+    u[body], end[body] = run.contacts["v_out"][row, side], run.contacts["t_end"][row]
+    return u, end
 
 
 def last_contacts(run: Trajectory, rows: Any, group: Any) -> tuple[Any, Any, Any]:
-    """Return, for each body and group of contacts, the contact that ends last.
+    """Find the contact that ends last, for each body in each group of contacts.
 
-    `rows` are rows of the contact log, `group` the number of the group of each. The result contains the number
-    ``group * n + body``, the row, and the side of the body in the pair. A contact without end is the last one.
+    A contact without end is the last one.
+
+    Parameters
+    ----------
+    run : Trajectory
+        The run whose contact log is used.
+    rows : (m,) array of int
+        Rows of the contact log.
+    group : (m,) array of int
+        Number of the group to which each row belongs.
+
+    Returns
+    -------
+    key, row, side : arrays of int
+        For each body with a contact in a group: the number ``group * n + body``, the row of the contact, and the side
+        of the body in its pair (0 for the lower one, 1 for the upper one).
     """
     key = np.repeat(group, 2) * run.scene.n + np.column_stack(run.scene.bodies(run.contacts["pair"][rows])).ravel()
     order = np.lexsort((np.repeat(run.contacts["t_end"][rows], 2), key))
@@ -137,16 +161,16 @@ def last_contacts(run: Trajectory, rows: Any, group: Any) -> tuple[Any, Any, Any
 
 
 def leaving_velocities(run: Trajectory) -> Array:
-    """Velocity u in m/s with which each body leaves its last contact, see `leaving`."""
-    return leaving(run)[0]
+    """Velocity u in m/s of each body after its last contact, (n,), see `leaving_velocities_and_times`."""
+    return leaving_velocities_and_times(run)[0]
 
 
 def at_once(hard: Trajectory) -> Trajectory:
-    """Combine the simultaneous collisions of each pair of hard spheres.
+    """Combine simultaneous collisions of a pair of hard spheres into one contact.
 
-    The order of collisions within an instant follows from the tie rule and has no physical meaning. A pair therefore
-    separates with the velocities that its bodies have after all collisions of the instant. Collisions within
-    `SIMULTANEITY_TOLERANCE` of the elapsed time are simultaneous.
+    The tie rule determines the order of simultaneous collisions, which has no physical meaning. The combined contact
+    ends with the velocities of the two bodies after all their collisions at this time. Collisions are simultaneous if
+    they differ by at most `SIMULTANEITY_TOLERANCE` times the time since the start.
     """
     log = hard.contacts
     if len(log) < 2:
@@ -160,45 +184,51 @@ def at_once(hard: Trajectory) -> Trajectory:
     final = by_body[np.flatnonzero(ends)[np.cumsum(np.append(False, ends[:-1]))]]  # its body's last of the instant
     after.ravel()[by_body] = log["v_out"].ravel()[final]
     order = np.lexsort((rows, instant, log["pair"]))
-    again = np.append(False, (np.diff(log["pair"][order]) == 0) & (np.diff(instant[order]) == 0))
-    if not again.any() and (after == log["v_out"]).all():
+    is_repeated = np.append(False, (np.diff(log["pair"][order]) == 0) & (np.diff(instant[order]) == 0))
+    if not is_repeated.any() and (after == log["v_out"]).all():
         return hard
     log = log.copy()
     log["v_out"] = after
-    return replace(hard, contacts=log[np.sort(order[~again])])
+    return replace(hard, contacts=log[np.sort(order[~is_repeated])])
 
 
 def energy_at_hand(run: Trajectory) -> Array:
-    """Energy in J of every sample, with heights measured between surfaces, (T,).
+    """Energy in J of every sample, with heights between surfaces, (T,).
 
-    It is `Trajectory.energy` with the heights of points above the initial position of body 0. Radii are subtracted as
-    in `granular.measures.height`, so that balls lying on a floor have no potential energy.
+    It is `Trajectory.energy` with heights above the initial position of body 0, from which the radii are subtracted as
+    in `granular.measures.height`. Balls that lie on a floor therefore have no potential energy.
     """
     scene, balls = run.scene, ~run.scene.is_wall
-    below = (run.position[0] - np.append(0.0, run.gap[0].cumsum())[: scene.n])[balls]  # a ring has a gap more
-    fixed = scene.gravity * (scene.mass[balls] @ below)
+    start_height = (run.position[0] - np.append(0.0, run.gap[0].cumsum())[: scene.n])[balls]  # a ring has a gap more
+    fixed = scene.gravity * (scene.mass[balls] @ start_height)
     if scene.external_force is not None:
-        fixed -= scene.external_force[balls] @ below
+        fixed -= scene.external_force[balls] @ start_height
     return np.asarray(run.energy() - fixed)
 
 
 def energy_left(run: Trajectory) -> float:
-    """Share E/E0 of the energy of `energy_at_hand` at the end; nan for E0 = 0."""
+    """Fraction E/E0 of the energy that is left at the end of a run.
+
+    E is the energy of `energy_at_hand`. nan if the initial energy E0 is not positive.
+    """
     energy = energy_at_hand(run)
     return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
 
 
 def strengths(run: Trajectory) -> Array:
-    """Strength in m/s of each contact in the log.
+    """Strength in m/s of each contact in the log, (m,).
 
-    It is the larger one of the approach speed and of impulse / m_eff, because touching balls have no approach speed.
+    It is the larger of the approach speed and of impulse / m_eff. Balls that touch at rest have no approach speed.
     """
     log = run.contacts
     return np.asarray(np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]]))
 
 
 def approach(run: Trajectory) -> Array:
-    """Approach speeds in m/s of the contacts in the log at their onset."""
+    """Approach speed in m/s of each contact in the log at its onset, (m,).
+
+    It is negative for balls that separate at the onset.
+    """
     return np.asarray(run.contacts["v_in"][:, 0] - run.contacts["v_in"][:, 1])
 
 
@@ -211,8 +241,8 @@ class Components:
     count : int
         Number of components.
     of_pair, of_ball : (n-1,), (n,) arrays of int
-        Component of each pair and of each ball. It is `count` for pairs that never touch, for balls that never touch
-        another ball, and for walls.
+        Component of each pair and of each body. The value is `count` for pairs that never touch, for balls that never
+        touch anything, and for walls.
     """
 
     count: int
@@ -220,55 +250,65 @@ class Components:
     of_ball: Any
 
     def largest(self, of_pairs: Array, of_balls: Array | None = None) -> Array:
-        """Largest value over the pairs, and the balls, of each component, (count,).
+        """Largest value over the pairs and balls of each component, (count,), at least 0.
 
         nan is ignored.
         """
-        most = np.zeros(self.count + 1)
-        np.fmax.at(most, self.of_pair, of_pairs)
+        result = np.zeros(self.count + 1)
+        np.fmax.at(result, self.of_pair, of_pairs)
         if of_balls is not None:
-            np.fmax.at(most, self.of_ball, of_balls)
-        return most[:-1]
+            np.fmax.at(result, self.of_ball, of_balls)
+        return result[:-1]
 
     def total(self, of_balls: Array) -> Array:
-        """Sum of values of the balls of each component, (count,); nan is ignored."""
+        """Sum of a quantity over the balls of each component, (count,). nan is ignored."""
         return np.asarray(np.bincount(self.of_ball, np.nan_to_num(of_balls), self.count + 1)[:-1], float)
 
     def weight(self, soft: Trajectory) -> Array:
-        """Speed v_g = a·t_c in m/s that weight and forces give a ball during a contact.
+        """Speed v_g = a·t_c in m/s that a ball gains by weight during a contact, (n-1,).
 
-        Returned for each pair, as the largest value of its component. a is the largest acceleration with which they
-        close a gap of the component: g at a floor, 0 where all balls fall together. v_g is at most the speed gained in
-        the whole run.
+        a is the largest acceleration with which weight and constant forces close a gap of the component: g at a floor,
+        0 if all balls fall together. v_g is at most the speed gained in the whole run. The largest value in a
+        component is returned for all of its pairs. It is 0 for pairs that never touch.
         """
         closing = np.append(self.largest(np.abs(soft.scene.pull)), 0.0)[self.of_pair]
-        most = closing * float(soft.time[-1] - soft.time[0])
-        return np.asarray(np.append(self.largest(np.fmin(_sagging(soft, closing), most)), 0.0)[self.of_pair])
+        limit = closing * float(soft.time[-1] - soft.time[0])
+        return np.asarray(np.append(self.largest(np.fmin(_sagging(soft, closing), limit)), 0.0)[self.of_pair])
 
 
 def components(hard: Trajectory, soft: Trajectory) -> Components:
-    """Return the components: neighbouring pairs with contacts are connected."""
-    scene, met = hard.scene, (counts(hard) + counts(soft)) > 0
-    of_pair = np.cumsum(met) - 1
-    of_pair[1:] -= np.cumsum(met[1:] & met[:-1])
+    """Divide the balls of two runs into components.
+
+    Two neighbouring pairs belong to the same component if both have a contact in either run.
+    """
+    scene, touches = hard.scene, (counts(hard) + counts(soft)) > 0
+    of_pair = np.cumsum(touches) - 1
+    of_pair[1:] -= np.cumsum(touches[1:] & touches[:-1])
     count = int(of_pair[-1]) + 1
-    if scene.ring and count > 1 and met[0] and met[-1]:  # they are one, around the ring
+    if scene.ring and count > 1 and touches[0] and touches[-1]:  # they are one, around the ring
         count -= 1
         of_pair[of_pair == count] = 0
-    of_pair[~met] = count
+    of_pair[~touches] = count
     of_ball = np.full(scene.n, count)
-    for of_body in scene.bodies(np.flatnonzero(met)):
-        of_ball[of_body] = of_pair[met]
+    for of_body in scene.bodies(np.flatnonzero(touches)):
+        of_ball[of_body] = of_pair[touches]
     of_ball[scene.is_wall] = count
     return Components(count, of_pair, of_ball)
 
 
 def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
-    """Unit U of the error in m/s of each component.
+    """Unit U of the error in m/s of each component, (count,).
 
-    U is the largest approach speed, at the onset of contacts and during them, in either run. A contact that begins at
-    rest, such as one of touching balls, later closes at about its separation speed, which is used instead. U is at
-    least the speed that weight gives a ball during a contact, and larger than rounding errors.
+    U is the largest approach speed at the onset of a contact in either run. A contact that does not begin with an
+    approach, such as a contact of touching balls, contributes its separation speed instead. U is at least the speed
+    that weight gives a ball during a contact (`Components.weight`), and larger than rounding errors.
+
+    Parameters
+    ----------
+    hard, soft : Trajectory
+        The two runs.
+    parts : Components
+        Their components.
     """
     speed = parts.weight(soft)
     for run in (hard, soft):
@@ -280,95 +320,139 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
 
 
 def _sagging(soft: Trajectory, acceleration: Array) -> Array:
-    """Speed v = a t_c(v) in m/s that an acceleration gives in a contact, per pair."""
+    """Speed v = a t_c(v) in m/s that a ball gains by a during a contact, (n-1,).
+
+    Parameters
+    ----------
+    soft : Trajectory
+        Soft run, whose force laws determine the contact duration t_c.
+    acceleration : (n-1,) array
+        Acceleration a of each pair in m/s².
+    """
     if not acceleration.any():
         return acceleration
-    speed, alone = acceleration, Durations(soft.law or (), soft.scene)
+    speed, isolated_duration = acceleration, Durations(soft.law or (), soft.scene)
     # the first guess has another unit, so only the limit does not depend on units
     for _ in range(MAX_WEIGHT_ITERATIONS):
-        before, lasting = speed, alone(np.arange(len(speed)), speed)
-        speed = acceleration * np.where(np.isfinite(lasting), lasting, 0.0)
+        before, duration = speed, isolated_duration(np.arange(len(speed)), speed)
+        speed = acceleration * np.where(np.isfinite(duration), duration, 0.0)
         if (np.abs(speed - before) <= np.finfo(float).resolution * speed).all():
             break
     return speed
 
 
 def differences(one: Trajectory, other: Trajectory) -> Array:
-    """Differences in m/s of the velocities with which balls leave two runs, (n,).
+    """Difference in m/s of each ball's final velocity between two runs, (n,).
 
-    Each ball is compared after its last contact in both runs. The ball of `one`, a run of hard spheres, can also be
-    carried in free flight to the time of the other, and the smaller difference is used: contacts that end at different
-    times under gravity do not make a difference. It is nan where a contact has no end.
+    The final velocity is the one after the last contact. If the last contacts of a ball end at different times,
+    gravity alone changes its velocity. The velocity in the first run is therefore also computed for the time of the
+    second run, in free flight, and the smaller difference is used. The difference is nan for walls, and for contacts
+    without end.
+
+    Parameters
+    ----------
+    one, other : Trajectory
+        The runs. `one` is a run of hard spheres.
     """
-    (u, at), (v, then) = leaving(one), leaving(other)
-    apart = np.fmin(np.abs(u - v), np.abs(carried(one, u, np.arange(len(u)), then - at) - v))
-    apart[one.scene.is_wall] = math.nan
-    return np.asarray(apart)
+    (u, end), (v, other_end) = leaving_velocities_and_times(one), leaving_velocities_and_times(other)
+    difference = np.fmin(np.abs(u - v), np.abs(carried(one, u, np.arange(len(u)), other_end - end) - v))
+    difference[one.scene.is_wall] = math.nan
+    return np.asarray(difference)
 
 
 def carried(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any = None) -> Array:
-    """Velocities in m/s of hard balls after a free flight of `elapsed` s.
+    """Velocity in m/s of hard balls after a free flight.
 
-    The balls leave with velocity `u` their last contacts, or the contacts given by rows and sides `contact`.
+    Parameters
+    ----------
+    hard : Trajectory
+        The hard run.
+    u : (m,) array
+        Velocity of each ball in m/s at the start of the flight, when a contact ends.
+    ball : (m,) array of int
+        Numbers of the balls.
+    elapsed : (m,) array
+        Duration of the flight in s. It can be negative.
+    contact : tuple of arrays, optional
+        Rows and sides of the contacts from which the balls leave, for pendula. Defaults to their last contacts.
     """
     scene, omega = hard.scene, hard.scene.pendulum
     if omega == 0.0:
         return np.asarray(u + scene.fall[ball] * elapsed)
-    of_contacts, turn = np.zeros((len(hard.contacts), 2)), omega * elapsed
+    of_contacts, angle = np.zeros((len(hard.contacts), 2)), omega * elapsed
     y, v, now = scene.displacement.copy(), scene.velocity.copy(), np.full(scene.n, float(hard.time[0]))
-    for row, at in zip(hard.contacts, of_contacts, strict=True):
+    for row, at_onset in zip(hard.contacts, of_contacts, strict=True):
         for k, body in enumerate(scene.bodies(row["pair"])):
-            way = omega * (row["t_begin"] - now[body])
-            at[k] = y[body] = y[body] * np.cos(way) + v[body] * np.sin(way) / omega
+            phase = omega * (row["t_begin"] - now[body])
+            at_onset[k] = y[body] = y[body] * np.cos(phase) + v[body] * np.sin(phase) / omega
             v[body], now[body] = row["v_out"][k], row["t_begin"]
-    return np.asarray(u * np.cos(turn) - omega * (y[ball] if contact is None else of_contacts[contact]) * np.sin(turn))
+    return np.asarray(
+        u * np.cos(angle) - omega * (y[ball] if contact is None else of_contacts[contact]) * np.sin(angle))
 
 
 def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
-    """Differences in m/s of two hard runs in pairs that stick in both, per pair.
+    """Differences in m/s between two hard runs, for pairs that stick in both, (n-1,).
 
-    The approach and separation speeds are compared contact by contact. A contact present in only one run contributes
-    its full speed. Contacts of balls that settle, not faster than `weight`, are ignored.
+    The difference of a pair is the largest difference of its approach and separation speeds, contact by contact. A
+    contact that only one run has contributes its full speeds. Pairs that do not stick in both runs have the difference
+    0.
+
+    Parameters
+    ----------
+    one, other : Trajectory
+        The hard runs.
+    weight : (n-1,) array
+        Approach speed in m/s up to which a contact belongs to balls that settle. Such contacts are ignored.
     """
-    apart, runs = np.zeros(one.scene.n_pairs), (one, other)
+    difference, runs = np.zeros(one.scene.n_pairs), (one, other)
     stuck = [(partings(run) == 0.0) & (sticking(run) >= 0.0) for run in runs]
     for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
         speeds = np.zeros((2, max(run.count(c) for run in runs), 2))
-        for run, of in zip(runs, speeds, strict=True):
-            of[: run.count(c)] = np.column_stack([approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"])])
-        apart[c] = np.max(np.abs(np.subtract(*speeds)), where=speeds[:, :, :1].max(axis=0) > weight[c], initial=0.0)
-    return apart
+        for run, of_run in zip(runs, speeds, strict=True):
+            of_run[: run.count(c)] = np.column_stack([approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"])])
+        difference[c] = np.max(
+            np.abs(np.subtract(*speeds)), where=speeds[:, :, :1].max(axis=0) > weight[c], initial=0.0)
+    return difference
 
 
 def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
-    """Remove contacts at rounding level from both runs.
+    """Return a hard and a soft run without contacts at rounding level.
 
-    They are weaker than `MIN_CONTACT_STRENGTH` times the fastest approach of their component in either run.
+    A contact is removed if its strength is at most `MIN_CONTACT_STRENGTH` times the fastest approach speed of its
+    component in either run.
     """
     parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)
     for run in (hard, soft):
         np.maximum.at(speed, run.contacts["pair"], approach(run))
     fastest = np.append(parts.largest(speed), 0.0)[parts.of_pair]
-    return without_rounding(hard, fastest), without_rounding(soft, fastest)
+    return without_weak_contacts(hard, fastest), without_weak_contacts(soft, fastest)
 
 
-def without_rounding(run: Trajectory, fastest: Array) -> Trajectory:
+def without_weak_contacts(run: Trajectory, fastest: Array) -> Trajectory:
     """Remove contacts of a run that are at rounding level.
 
-    They are weaker than `MIN_CONTACT_STRENGTH` times `fastest` (n-1,) in m/s. Balls that an engine leaves with a
-    relative speed of 1e-16 m/s would meet again after about 1e12 s.
+    A contact is removed if its strength is at most `MIN_CONTACT_STRENGTH` times `fastest`. Otherwise balls that an
+    engine leaves with a relative speed of 1e-16 m/s would meet again after about 1e12 s.
+
+    Parameters
+    ----------
+    run : Trajectory
+        The run.
+    fastest : (n-1,) array
+        Reference speed of each pair in m/s: the fastest approach of its component.
     """
     kept = strengths(run) > MIN_CONTACT_STRENGTH * fastest[run.contacts["pair"]]
     return run if kept.all() else replace(run, contacts=run.contacts[kept])
 
 
 def order(run: Trajectory) -> int:
-    """Return a number that identifies the order in which contacts begin and end.
+    """Return a checksum of the order in which contacts begin and end.
 
-    Outcomes depend smoothly on a parameter between runs with the same number. The order concerns events of
-    neighbouring pairs, for soft spheres also of next but one pairs, and of the breaks of a wall's path. The order of
-    distant events does not matter. A contact begins with a touch, with residual overlap, or at rest. Of simultaneous
-    events the lower pair is first.
+    Two runs with the same checksum have the same order. As long as a parameter does not change the order, outcomes
+    depend smoothly on the parameter. Only the relative order of events of neighbouring pairs is included, for soft
+    spheres also of pairs with one pair in between. The events are onsets and ends of contacts, and kinks in the path
+    of a driven wall. An onset counts as a different event if the balls approach, touch at rest, or separate.
+    Simultaneous events are ordered by pair.
     """
     log, scene, closing = run.contacts, run.scene, approach(run)
     begins = np.sign(np.round(closing / (float(np.abs(closing).max(initial=0.0)) or 1.0), 9))
@@ -380,10 +464,10 @@ def order(run: Trajectory) -> int:
     events = events[(events[:, 0] >= run.time[0]) & (events[:, 0] <= run.time[-1])]
     events = events[np.argsort(events[:, 0], kind="stable")]
     events[:, 0] = np.cumsum(np.diff(events[:, 0], prepend=0.0) > SIMULTANEITY_TOLERANCE * (events[:, 0] - run.time[0]))
-    near = range(2 if run.law is None else 3)
-    groups = np.concatenate([(events[:, 1] - shift) % scene.n_pairs for shift in near])
-    found = np.column_stack([groups, np.tile(events, (len(near), 1))])
-    return crc32(found[np.lexsort((found[:, 2], found[:, 1], found[:, 0]))][:, [0, 2, 3]].tobytes()) >> 1
+    shifts = range(2 if run.law is None else 3)
+    groups = np.concatenate([(events[:, 1] - shift) % scene.n_pairs for shift in shifts])
+    columns = np.column_stack([groups, np.tile(events, (len(shifts), 1))])
+    return crc32(columns[np.lexsort((columns[:, 2], columns[:, 1], columns[:, 0]))][:, [0, 2, 3]].tobytes()) >> 1
 
 
 typed(globals(), Trajectory, Components)
