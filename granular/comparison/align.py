@@ -1,12 +1,12 @@
 """Alignment of two runs at their ends, and further runs under other tie rules.
 
-Soft spheres lag behind hard spheres by about one contact duration per collision. The end time of a comparison can
-therefore lie between the n-th contact of a pair in one run and in the other, or within a contact. For each pair, the
-larger number n of contacts at the end counts. Both runs are continued until the n-th contact of the pair has ended,
-and later contacts are ignored. A contact that begins later than the lag allows is missing.
+Soft spheres lag behind hard spheres by about one contact duration per collision. The n-th contact of a pair may
+therefore have ended in one run when the comparison stops, but not in the other run. For each pair, n is the larger
+number of contacts in the two runs. Both runs are continued until the n-th contact of the pair has ended, and later
+contacts are ignored. A contact that begins later than the lag allows counts as missing.
 
-The outcome of collisions between touching balls, or of simultaneous collisions, follows from the force law for soft
-spheres. Hard spheres need a tie rule. If two tie rules give different results, the hard-sphere result is not unique.
+If balls touch, or collide simultaneously, the force law determines the outcome for soft spheres. Hard spheres need a
+tie rule. If two tie rules give different results, the hard-sphere result is not unique.
 """
 
 from __future__ import annotations
@@ -30,186 +30,240 @@ from granular.scene.places import Closing
 from granular.scene.walls.motion import ends
 
 FOLLOWED_DURATIONS = 20.0
-"""Durations of an isolated contact for which a running contact is followed."""
+"""Limit on the time for which an unfinished contact is followed.
+
+In durations of an isolated contact of the same pair.
+"""
 MIN_COLLISION_LIMIT = 100_000
-"""Least limit on the collisions of a continued hard run beside a shaken wall."""
+"""Smallest limit on the collisions of a continued hard run.
+
+Near a shaken wall a continued run may have many more collisions than the original run.
+"""
 CONTINUABLE_STATUSES = (Status.time, Status.until)
 """Statuses of runs that can be continued."""
 TIE_RULES_TO_TRY = ("left", "right", "poisson")
 """Tie rules to try: two sequential orders, and Poisson's rule for groups."""
 MAX_BODIES_FOR_POISSON = 1000
-"""Bodies above which Poisson's rule is not tried: its cost is quadratic."""
+"""Maximum number of bodies for Poisson's rule, whose cost is quadratic in it."""
 COLLISION_LIMIT_FACTOR = 10
-"""Limit on the collisions under another tie rule, over the run's collisions."""
+"""Limit on the collisions of a checking run, over those of the original run."""
 
 
 def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
-    """Continue both runs to equal numbers of contacts, and return them.
+    """Continue a hard and a soft run to equal numbers of contacts.
 
-    For each pair, n is the larger number of contacts at the end of the two runs. The contact logs that are returned
-    contain the first n contacts of every pair, as far as they occur.
+    For each pair, n is the larger number of contacts at the end of the two runs. The returned contact logs contain the
+    first n contacts of every pair. A contact that begins later than the lag allows is left out.
 
     Parameters
     ----------
     hard, soft : Trajectory
-        Runs of one scene, with the contacts that count in their logs.
+        Runs of one scene, without contacts at rounding level.
     options : mapping
-        Options of `granular.md.simulate` with which the soft run was made.
+        Options of `granular.md.simulate` for the soft run.
 
     Notes
-    -----
-    A contact that one run still lacks may begin later by the lag: the isolated duration at its approach speed, plus the
-    time in which its balls travel the distance by which they may be behind. This distance is the largest approach speed
-    times the sum of all durations so far, both of the component. The second part is at most the length of the run. A
-    contact that begins later is missing. Two cases are not continued: hard spheres that touch at the start and have not
-    collided by the end, and pairs at rest at the end if the missing contacts belong to balls that bounce ever lower.
+    ----- A contact that one run still lacks may begin later by the lag. The lag is the isolated duration at its
+    approach speed, plus the time that its balls need to travel the distance by which they may be behind. This distance
+    is the largest approach speed times the sum of all durations so far, both of the component. The second part of the
+    lag is at most the length of the run.
+
+    Two kinds of pairs do not wait for a missing contact: hard spheres that touch at the start and have not collided by
+    the end, and pairs that rest at the end of one run while their balls bounce ever lower in the other run.
     """
-    most, cut = np.maximum(counts(hard), counts(soft)), float(soft.time[-1])
-    latest, followed = _latest(hard, soft, most), _patience(soft, cut)
-    end = float(latest[1].max())
-    later = _continued(soft, end, options)
-    still = _ever_lower(soft, at_once(hard), [c for c in np.flatnonzero(followed > cut).tolist()
-                                     if not later.of(c)["t_end"][soft.count(c) - 1] <= followed[c]])
-    latest[1, still] = cut
-    until = _patience(_due(later, latest[1], most), cut)
-    until[still] = followed[still]
+    needed_counts, stop_time = np.maximum(counts(hard), counts(soft)), float(soft.time[-1])
+    latest_onset, followed_until = _latest_onsets(hard, soft, needed_counts), _followed_until(soft, stop_time)
+    end = float(latest_onset[1].max())
+    continued = _continue_run(soft, end, options)
+    settling = _pairs_bouncing_lower(soft, at_once(hard), [
+        c for c in np.flatnonzero(followed_until > stop_time).tolist()
+        if not continued.of(c)["t_end"][soft.count(c) - 1] <= followed_until[c]])
+    latest_onset[1, settling] = stop_time
+    until = _followed_until(_timely_contacts(continued, latest_onset[1], needed_counts), stop_time)
+    until[settling] = followed_until[settling]
     if until.max() > end:
-        later = _continued(soft, float(until.max()), options)
-    hard, later = counted(at_once(_continued(hard, float(latest[0].max()), {})), later)
-    return _due(hard, latest[0], most), _endless(_due(later, latest[1], most), until)
+        continued = _continue_run(soft, float(until.max()), options)
+    hard, continued = counted(at_once(_continue_run(hard, float(latest_onset[0].max()), {})), continued)
+    return _timely_contacts(hard, latest_onset[0], needed_counts), _without_late_ends(
+        _timely_contacts(continued, latest_onset[1], needed_counts), until)
 
 
 def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
-    """Return the soft run with each contact that has begun followed to its end."""
-    until, begun = _patience(soft, float(soft.time[-1])), counts(soft)
-    return first(_endless(_continued(soft, float(until.max()), options), until), begun)
+    """Return the soft run with each of its contacts continued to its end.
+
+    Contacts that begin after the end of the given run are left out. A contact that lasts longer than
+    `FOLLOWED_DURATIONS` keeps t_end = nan.
+    """
+    until, begun = _followed_until(soft, float(soft.time[-1])), counts(soft)
+    return keep_first_contacts(_without_late_ends(_continue_run(soft, float(until.max()), options), until), begun)
 
 
-def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
-    """Keep the first `most` contacts of each pair that begin by `latest`.
+def _timely_contacts(run: Trajectory, latest: Array, max_counts: Any) -> Trajectory:
+    """Return a run with the contacts of each pair that begin in time.
 
-    `latest` has shape (n-1,).
+    Parameters
+    ----------
+    run : Trajectory
+        The run.
+    latest : (n-1,) array
+        Latest onset in s for each pair.
+    max_counts : (n-1,) array of int
+        Maximum number of contacts for each pair.
     """
     kept = run.contacts["t_begin"] <= latest[run.contacts["pair"]]
-    return first(run if kept.all() else replace(run, contacts=run.contacts[kept]), most)
+    return keep_first_contacts(run if kept.all() else replace(run, contacts=run.contacts[kept]), max_counts)
 
 
-def _patience(soft: Trajectory, cut: float) -> Array:
-    """Time in s until which a contact without end is followed, per pair, (n-1,).
+def _followed_until(soft: Trajectory, stop_time: float) -> Array:
+    """Time in s until which an unfinished contact of each pair is followed, (n-1,).
 
-    It is counted from the end of the run `cut`, or from the onset if that is later.
+    The time allowed by `_unfinished_contacts` starts at the end of the run, `stop_time` in s, or at the onset of the
+    contact if that is later. The value is -inf for pairs without an unfinished contact.
     """
     until = np.full(soft.scene.n_pairs, -np.inf)
-    running, patience = _running(soft)
-    until[running["pair"]] = np.maximum(running["t_begin"], cut) + patience
+    running, patience = _unfinished_contacts(soft)
+    until[running["pair"]] = np.maximum(running["t_begin"], stop_time) + patience
     return until
 
 
-def _running(soft: Trajectory) -> tuple[Any, Array]:
-    """Contacts without an end, and the time in s for which each is followed."""
-    endless = np.isnan(soft.contacts["t_end"])
-    running = soft.contacts[endless]
-    alone = Durations(soft.law or (), soft.scene)(running["pair"], strengths(soft)[endless])
-    return running, FOLLOWED_DURATIONS * np.where(np.isfinite(alone), alone, 0.0)
+def _unfinished_contacts(soft: Trajectory) -> tuple[Any, Array]:
+    """Unfinished contacts of a soft run, and the time in s for which to follow each.
 
-
-def _endless(soft: Trajectory, until: Array) -> Trajectory:
-    """Remove the end of contacts that last longer than they are followed.
-
-    Another pair may need a longer run, in which such a contact ends after all.
+    The time is `FOLLOWED_DURATIONS` isolated durations of the contact. It is 0 if an isolated contact does not end.
     """
-    upto = until[soft.contacts["pair"]]
-    lasting = np.isfinite(upto) & (soft.contacts["t_end"] > upto)
+    is_unfinished = np.isnan(soft.contacts["t_end"])
+    running = soft.contacts[is_unfinished]
+    duration = Durations(soft.law or (), soft.scene)(running["pair"], strengths(soft)[is_unfinished])
+    return running, FOLLOWED_DURATIONS * np.where(np.isfinite(duration), duration, 0.0)
+
+
+def _without_late_ends(soft: Trajectory, until: Array) -> Trajectory:
+    """Return a soft run in which contacts that last too long have no end.
+
+    A contact may last longer than it is followed. If another pair needs a longer run, the end of such a contact may be
+    in the log. It is removed here, so that the result does not depend on the other pair.
+
+    Parameters
+    ----------
+    soft : Trajectory
+        The soft run.
+    until : (n-1,) array
+        Time in s until which a contact of each pair is followed. Values that are not finite remove nothing.
+    """
+    limit = until[soft.contacts["pair"]]
+    lasting = np.isfinite(limit) & (soft.contacts["t_end"] > limit)
     if not lasting.any():
         return soft
     log = soft.contacts.copy()
     log["t_end"][lasting], log["v_out"][lasting] = np.nan, np.nan
-    log["duration"][lasting] = (upto - log["t_begin"])[lasting]
+    log["duration"][lasting] = (limit - log["t_begin"])[lasting]
     return replace(soft, contacts=log)
 
 
-def first(run: Trajectory, most: Array) -> Trajectory:
-    """Keep the first `most` (n-1,) contacts of every pair."""
+def keep_first_contacts(run: Trajectory, max_counts: Array) -> Trajectory:
+    """Return a run with the first `max_counts` (n-1,) contacts of every pair."""
     order, edge = run.by_pair
     nth = np.empty(len(order), np.int64)
     nth[order] = np.arange(len(order)) - np.repeat(edge[:-1], np.diff(edge))
-    kept = nth < most[run.contacts["pair"]]
+    kept = nth < max_counts[run.contacts["pair"]]
     return run if kept.all() else replace(run, contacts=run.contacts[kept])
 
 
-def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
-    """Latest onset in s of the missing contacts of each pair, (2, n-1).
+def _latest_onsets(hard: Trajectory, soft: Trajectory, needed_counts: Any) -> Array:
+    """Latest allowed onset in s of a missing contact of each pair, (2, n-1).
 
-    The first row is for the hard run, the second one for the soft run. A pair with fewer contacts than in the other run
-    may be late by the lag of the contact that it lacks.
+    Row 0 is for the hard run, row 1 for the soft run. If a pair has fewer contacts than in the other run, the lag of
+    the missing contact is added to the end of the run. Otherwise the value is the end of the run. Pairs at rest are
+    treated as described in `levelled`.
+
+    Parameters
+    ----------
+    hard, soft : Trajectory
+        The two runs.
+    needed_counts : (n-1,) array of int
+        Larger number of contacts of each pair in the two runs.
     """
     lag = lags(hard, soft)
     latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
     for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
-        pair = np.flatnonzero(counts(run) < most)
+        pair = np.flatnonzero(counts(run) < needed_counts)
         if len(pair):
-            order, edge = other.by_pair
-            latest[k, pair] += lag(pair, np.abs(approach(other)[order[edge[pair + 1] - 1]]))
-    lying = np.zeros(len(most), np.bool_)
-    lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
-    latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
+            order, starts = other.by_pair
+            latest[k, pair] += lag(pair, np.abs(approach(other)[order[starts[pair + 1] - 1]]))
+    touches_at_start = np.zeros(len(needed_counts), np.bool_)
+    touches_at_start[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
+    latest[0, (counts(hard) == 0) & touches_at_start] = hard.time[-1]  # they touch from the start
     stuck = (hard.gap[-1] == 0.0) & (np.abs(partings(hard)) <= sticking(hard))
-    latest[0, _ever_lower(at_once(hard), soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
+    latest[0, _pairs_bouncing_lower(at_once(hard), soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
     return np.asarray(latest, float)
 
 
 def lags(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], Array]:
-    """Return the function ``lag(pair, speed)``: delay in s allowed for a contact.
+    """Return a function ``lag(pair, speed)`` for the allowed delay of a contact in s.
 
-    It is the isolated duration at an approach speed in m/s, plus the time in which the balls travel the distance by
-    which they may be behind, but at most the length of the run. It is 0 for contacts that do not end.
+    The arguments are pair numbers and approach speeds in m/s. The lag is the isolated duration, plus the time that the
+    balls need to travel the distance by which they may be behind. The second part is at most the length of the run. The
+    lag is 0 for contacts that do not end.
     """
-    alone, span = Durations(soft.law or (), soft.scene), soft.time[-1] - soft.time[0]
-    behind = _behind(hard, soft, alone)
+    isolated_duration, span = Durations(soft.law or (), soft.scene), soft.time[-1] - soft.time[0]
+    behind = _distances_behind(hard, soft, isolated_duration)
 
     def lag(pair: Any, speed: Array) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            late = alone(pair, speed) + np.fmin(behind[pair] / speed, span)
-        return np.asarray(np.nan_to_num(late, posinf=0.0))
+            delay = isolated_duration(pair, speed) + np.fmin(behind[pair] / speed, span)
+        return np.asarray(np.nan_to_num(delay, posinf=0.0))
 
     return lag
 
 
-def _ever_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[int]:
-    """Return the pairs at rest in `run` that only bounce ever lower in `other`.
+def _pairs_bouncing_lower(run: Trajectory, other: Trajectory, resting: list[int]) -> list[int]:
+    """Return the pairs that rest in one run and bounce ever lower in the other run.
 
-    Their contacts in `other` that `run` lacks are no faster than the last contact in `run`, or than contacts of balls
-    that settle.
+    A pair is returned if none of the contacts that `run` lacks is faster than its last contact in `run`, or than
+    contacts of balls that settle.
+
+    Parameters
+    ----------
+    run, other : Trajectory
+        A hard run and a soft run, in either order.
+    resting : list of int
+        Pairs that rest at the end of `run`.
     """
     if not resting:
         return resting
     run, other = counted(run, other)
-    here, there = approach(run), approach(other)
+    speeds, other_speeds = approach(run), approach(other)
     weight = components(run, other).weight(run if run.rule is None else other)
     return [c for c in resting
-            if not (there[other.rows(c)][run.count(c) :] > max(weight[c], *here[run.rows(c)][-1:])).any()]
+            if not (other_speeds[other.rows(c)][run.count(c) :] > max(weight[c], *speeds[run.rows(c)][-1:])).any()]
 
 
-def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:
+def _distances_behind(hard: Trajectory, soft: Trajectory, isolated_duration: Durations) -> Array:
     """Distance in m by which the balls of each pair may be behind, (n-1,).
 
-    It is the total duration of the contacts of a component times its largest approach speed.
+    It is the total duration of all contacts of the component in both runs, times the largest approach speed of the
+    component. Contacts of hard spheres count with their isolated durations `isolated_duration`. Soft contacts without
+    end are ignored.
     """
     parts = components(hard, soft)
-    isolated = np.nan_to_num(alone(hard.contacts["pair"], np.abs(approach(hard))), posinf=0.0)
-    over = np.where(np.isnan(soft.contacts["t_end"]), 0.0, soft.contacts["duration"])
+    hard_durations = np.nan_to_num(isolated_duration(hard.contacts["pair"], np.abs(approach(hard))), posinf=0.0)
+    soft_durations = np.where(np.isnan(soft.contacts["t_end"]), 0.0, soft.contacts["duration"])
     delay, fastest = np.zeros((2, parts.count + 1))
-    for run, lasting in ((hard, isolated), (soft, over)):
-        of = parts.of_pair[run.contacts["pair"]]
-        np.add.at(delay, of, lasting)
-        np.maximum.at(fastest, of, approach(run))
+    for run, durations in ((hard, hard_durations), (soft, soft_durations)):
+        component = parts.of_pair[run.contacts["pair"]]
+        np.add.at(delay, component, durations)
+        np.maximum.at(fastest, component, approach(run))
     return np.asarray((delay * fastest)[parts.of_pair])
 
 
-def _continued(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
-    """Continue a run until `end` in s, and return it with the new contacts."""
+def _continue_run(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
+    """Return a run continued until the time `end` in s, with all contacts in its log.
+
+    The run is returned unchanged if it has reached `end`, or if its status does not allow a continuation. It is not
+    continued beyond the end of a wall's path, or beyond the time when two walls leave no room for the balls.
+    """
     end = min(end, ends(*run.scene.motions))
-    if run.scene.is_wall[[0, -1]].all():  # nor beyond where they leave no room
+    if run.scene.is_wall[[0, -1]].all():  # nor beyond the time when they leave no room
         end = min(end, Closing(run.scene, float(run.time[0]), flattened=run.rule is None).look(end))
     if run.status not in CONTINUABLE_STATUSES or not end > run.time[-1]:
         return run
@@ -218,13 +272,17 @@ def _continued(run: Trajectory, end: float, options: Mapping[str, Any]) -> Traje
     elif run.state:
         later = md.resume(run, t_end=end)
     else:
-        return _restarted(run, end, options)
-    over = run.contacts[~np.isnan(run.contacts["t_end"])]
-    return replace(run, contacts=np.concatenate([over, later.contacts]), stats=later.stats)
+        return _restart_from_last_sample(run, end, options)
+    finished = run.contacts[~np.isnan(run.contacts["t_end"])]
+    return replace(run, contacts=np.concatenate([finished, later.contacts]), stats=later.stats)
 
 
-def _restarted(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
-    """Continue a fixed-step run from its last sample, as it has no checkpoint."""
+def _restart_from_last_sample(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
+    """Continue a fixed-step run from its last sample, because it has no checkpoint.
+
+    The run is returned unchanged if the last sample does not determine the continuation: with thermal walls, or with a
+    force law that has memory.
+    """
     scene, now = run.scene, float(run.time[-1])
     if scene.heated or has_memory(run):
         return run
@@ -243,18 +301,22 @@ def _restarted(run: Trajectory, end: float, options: Mapping[str, Any]) -> Traje
 
 
 def has_memory(soft: Trajectory) -> bool:
-    """Whether a law has memory, so that the last sample does not define the rest."""
+    """Whether a force law of the run has memory.
+
+    The last sample of the run then does not determine the continuation.
+    """
     return soft.law is not None and any(law.memory for law in resolved(soft.law, soft.scene).each)
 
 
 def unfollowed(soft: Trajectory) -> Any:
-    """Whether the last contact of each pair has no end, but may have one, (n-1,).
+    """Whether each pair has a contact that had not ended when its run stopped, (n-1,).
 
-    It was not followed for long enough to be called endless.
+    This means contacts that were followed for less than `FOLLOWED_DURATIONS`. They may still end. Contacts followed for
+    longer count as contacts without end.
     """
-    short, (running, patience) = np.zeros(soft.scene.n_pairs, np.bool_), _running(soft)
-    short[running["pair"]] = running["duration"] < 0.99 * patience
-    return short & (soft.status in CONTINUABLE_STATUSES)
+    is_short, (running, patience) = np.zeros(soft.scene.n_pairs, np.bool_), _unfinished_contacts(soft)
+    is_short[running["pair"]] = running["duration"] < 0.99 * patience
+    return is_short & (soft.status in CONTINUABLE_STATUSES)
 
 
 def touching(scene: Scene) -> Any:
@@ -263,50 +325,51 @@ def touching(scene: Scene) -> Any:
 
 
 def nudged(scene: Scene) -> Scene:
-    """Return the scene with gaps shifted by 1e-12 of themselves, up and down.
+    """Return the scene with its gaps multiplied by 1 + 1e-12 or 1 - 1e-12 alternately.
 
-    Gaps of touching balls are shifted by 1e-12 of the nearest gap beside them, at most of the sum of both radii.
-    Distant gaps therefore do not matter.
+    The gap of two touching balls is 0, and is increased by 1e-12 of a length instead. This length is the smaller one of
+    the nearest nonzero gaps below and above, and at most the sum of the radii of the two balls. It is 1 m if neither
+    exists. Distant gaps therefore do not matter.
     """
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    here, size = touching(scene), np.add(*scene.sides(scene.radius))
+    touches, size = touching(scene), np.add(*scene.sides(scene.radius))
     room = np.where(size > 0.0, size, math.inf)
-    if here.any():
+    if touches.any():
         apart = np.flatnonzero(scene.gap > 0.0)
-        beside = np.searchsorted(apart, np.arange(scene.n_pairs))[:, None] + [-1, 0]
-        beside[(beside < 0) | (beside >= len(apart))] = len(apart)
-        room = np.minimum(room, np.append(scene.gap[apart], math.inf)[beside].min(axis=1))
-    shift = np.where(here, np.where(np.isfinite(room), room, 1.0), scene.gap * sign)
+        neighbour = np.searchsorted(apart, np.arange(scene.n_pairs))[:, None] + [-1, 0]
+        neighbour[(neighbour < 0) | (neighbour >= len(apart))] = len(apart)
+        room = np.minimum(room, np.append(scene.gap[apart], math.inf)[neighbour].min(axis=1))
+    shift = np.where(touches, np.where(np.isfinite(room), room, 1.0), scene.gap * sign)
     return scene.replace(gap=scene.gap + 1e-12 * shift)
 
 
 def tied(run: Trajectory) -> Any:
-    """Whether each pair touches at the start or collides with its neighbour.
+    """Whether each pair touches at the start or collides with a neighbour, (n-1,).
 
-    A pair collides with its neighbour if both collisions are simultaneous. The result has the shape of the gaps.
+    A pair collides with a neighbour if the collisions of two neighbouring pairs are exactly simultaneous.
     """
-    pair, time, found = run.contacts["pair"], run.contacts["t_begin"], run.scene.gap == 0.0
+    pair, time, result = run.contacts["pair"], run.contacts["t_begin"], run.scene.gap == 0.0
     order = np.lexsort([pair, time])
-    at_once = np.flatnonzero((np.diff(time[order]) == 0.0) & (np.abs(np.diff(pair[order])) == 1))
-    found[pair[order[at_once]]] = found[pair[order[at_once + 1]]] = True
-    return found
+    simultaneous = np.flatnonzero((np.diff(time[order]) == 0.0) & (np.abs(np.diff(pair[order])) == 1))
+    result[pair[order[simultaneous]]] = result[pair[order[simultaneous + 1]]] = True
+    return result
 
 
 def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield options of `granular.edmd.simulate` for each of the other tie rules.
+    """Yield the options of `granular.edmd.simulate` for each of the other tie rules.
 
-    Nothing is yielded if no pair is `tied`. Poisson's rule is not defined for balls that stick, for example after a
-    collapse, for the TC model and for an elastic cut-off. It is slow for many bodies. Any tie rule may refuse the
-    scene.
+    Nothing is yielded if no pair is `tied`. Poisson's rule is left out if it is not defined: for balls that stick, for
+    example after a collapse, for the TC model, and for an elastic cut-off. It is also left out for many bodies because
+    it is slow. `granular.edmd.simulate` may still refuse a scene under another tie rule.
     """
     if hard.scene.n < 3 or not tied(hard).any():
         return
     limit = min(
         options.get("max_events", DEFAULT_MAX_EVENTS), COLLISION_LIMIT_FACTOR * (len(hard.contacts) + hard.scene.n)
     )
-    by_itself = hard.scene.n <= MAX_BODIES_FOR_POISSON and "merge_below" not in hard.stats and not (
+    allows_poisson = hard.scene.n <= MAX_BODIES_FOR_POISSON and "merge_below" not in hard.stats and not (
         options.get("collapse") == "merge" or options.get("tc") or options.get("elastic_below"))
-    for name in TIE_RULES_TO_TRY if by_itself else TIE_RULES_TO_TRY[:2]:
+    for name in TIE_RULES_TO_TRY if allows_poisson else TIE_RULES_TO_TRY[:2]:
         if name != options.get("ties", "left"):
             yield {**options, "ties": name, "max_events": limit}
 
