@@ -63,7 +63,8 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
         Options of `granular.md.simulate` for the soft run.
 
     Notes
-    ----- A contact that one run still lacks may begin later by the lag. The lag is the isolated duration at its
+    -----
+    A contact that one run still lacks may begin later by the lag. The lag is the isolated duration at its
     approach speed, plus the time that its balls need to travel the distance by which they may be behind. This distance
     is the largest approach speed times the sum of all durations so far, both of the component. The second part of the
     lag is at most the length of the run.

@@ -1,18 +1,18 @@
 """Answer of a comparison, with its reasons.
 
-The hard spheres run again to check their result: under other tie rules, and from gaps shifted by 1e-12 of themselves.
+The hard spheres run again to check their result: under other tie rules, and from gaps shifted by a relative 1e-12.
 The answer of the scene is the worst answer of its components. For a component, the first matching rule determines the
 answer:
 
-==================  ==================================================================================================
-no                  hard spheres collide forever where soft ones separate; or nothing collides, and soft ones sink
-not uniquely        a ball leaves with another velocity under another tie rule, or from gaps shifted by 1e-12
-not ball by ball    hard spheres diverge from those with gaps shifted by 1e-12 of themselves: beyond predictability
-no verdict          a soft contact was still running and cannot be followed
-no                  other numbers of contacts, an error above `ERROR_LIMIT`, or soft balls at rest that sink
-no verdict          another tie rule, or the run from shifted gaps, was refused or stopped early
-yes                 the error is at most `ERROR_LIMIT`, and all other balls are at rest in both runs
-==================  ==================================================================================================
+================  ====================================================================================================
+no                hard spheres collide forever where soft spheres separate; or nothing collides, and soft spheres sink
+not_unique        a ball leaves with another velocity under another tie rule, or from the shifted gaps
+not_ball_by_ball  hard spheres diverge from those with the shifted gaps, so single balls cannot be predicted
+undecided         a soft contact had not ended when its run stopped, and cannot be continued
+no                other numbers of contacts, an error above `ERROR_LIMIT`, or soft spheres at rest that sink
+undecided         another tie rule, or the run from the shifted gaps, was refused or stopped early
+yes               the error is at most `ERROR_LIMIT`, and all other balls are at rest in both runs
+================  ====================================================================================================
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ class Reason:
     Attributes
     ----------
     answer : Answer
-        The answer that follows.
+        Answer of the component.
     words : str
-        The reason as text that continues the answer.
+        The reason as text. Appended to the value of `answer`, it gives the verdict.
     balls, pairs : tuple of int
         Bodies of the component without walls, and the pairs to which the reason refers.
     error, unit : float
-        Error of the component in its unit, and the unit in m/s. nan without one.
+        Error of the component, in its unit U, and U in m/s. Both are nan for a reason that refers to the whole scene.
     """
 
     answer: Answer
@@ -79,11 +79,16 @@ class Reason:
 
 
 class Checked(Compared):
-    """Both runs of a scene, with further hard runs that check the result."""
+    """Hard and soft run of a scene, with further hard runs that check the result."""
 
     @cached_property
     def measures(self) -> dict[str, float]:
-        """Measures of `granular.measures`, and the share of isolated soft contacts."""
+        """Measures of `granular.measures` and further measures of the comparison, by name.
+
+        The names are "shared_impulse", "crowding", "occupation", "distance" (D of hard against soft spheres),
+        "predictability" (D of two hard runs, see `twin`), "mass_centre_ratio" (soft over hard), "isolated_share"
+        (fraction of isolated soft contacts) and "lag" in s. Values that cannot be computed are nan.
+        """
         hard, soft = self.counted
         hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (hard, soft))
         return {
@@ -100,10 +105,10 @@ class Checked(Compared):
 
     @property
     def _lag(self) -> float:
-        """Soft end time minus hard end time in s.
+        """Time in s by which the soft run ends later than the hard run.
 
-        After a collapse the times at which balls come to rest are used: the time of the collapse, and the onset of the
-        last soft contact without end.
+        If the hard spheres collapse, the runs are compared at the times at which their balls come to rest. These are
+        the time of the collapse, and the onset of the last soft contact without end.
         """
         log, end = self.soft.contacts, float(self.soft.time[-1])
         if "collapse_time" not in self.hard.stats:
@@ -113,30 +118,38 @@ class Checked(Compared):
 
     @cached_property
     def tie_errors(self) -> dict[str, _check.Array]:
-        """Largest difference under each other tie rule, in the unit of each component.
+        """Error of the hard run against its run under each other tie rule, by name.
 
-        Differences of leaving balls and of balls that come to rest. Empty without simultaneous collisions.
+        Each value is an array (count,) with the largest velocity difference in each component, in its unit U. The
+        differences of balls that leave and of pairs that come to rest are included. The dictionary is empty without
+        simultaneous collisions.
         """
-        return {name: self._apart_by_ties(run) for name, run in self._other_answers.items()
+        return {name: self._tie_error(run) for name, run in self._runs_under_other_ties.items()
                 if not isinstance(run, str)}
 
     @cached_property
     def shift_errors(self) -> _check.Array:
-        """Largest difference from gaps shifted by 1e-12, in the unit of each component."""
+        """Error of the hard run against its run from shifted gaps (see `twin`), (count,).
+
+        It is the largest velocity difference in each component, in its unit U.
+        """
         return self.components.largest(np.zeros(self.scene.n_pairs), differences(*self._shifted)) / self.units
 
     @cached_property
     def shifts(self) -> _check.Array:
-        """D between the hard run and its run from gaps shifted by 1e-12, per component."""
+        """Distance D between the hard run and its run from shifted gaps, (count,).
+
+        D = √(Σ m Δu² / Σ m) / U, summed over the balls of each component.
+        """
         mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
-        apart = differences(*self._shifted)
-        return np.sqrt(self.components.total(mass * apart**2) / self.components.total(mass)) / self.units
+        difference = differences(*self._shifted)
+        return np.sqrt(self.components.total(mass * difference**2) / self.components.total(mass)) / self.units
 
     @cached_property
     def twin(self) -> Trajectory:
-        """Second hard run, from gaps shifted by 1e-12 of themselves."""
-        most = align.COLLISION_LIMIT_FACTOR * (self.hard.stats["events"] + self.scene.n)
-        options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], most)}
+        """Second hard run, from gaps shifted by a relative 1e-12."""
+        limit = align.COLLISION_LIMIT_FACTOR * (self.hard.stats["events"] + self.scene.n)
+        options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], limit)}
         return edmd.simulate(align.nudged(self.scene), self.rule, **options)
 
     @cached_property
@@ -145,18 +158,19 @@ class Checked(Compared):
 
     @cached_property
     def _shifted(self) -> tuple[Trajectory, Trajectory]:
-        """The second and the first hard run, without contacts at rounding level.
+        """The hard run from shifted gaps and the hard run itself, ready to be compared.
 
-        Contacts just before a common end time are also removed.
+        Contacts at rounding level, and contacts just before a common end time, are removed. If the run from changed
+        gaps stopped early, the hard run is returned twice.
         """
         hard = self.settled
-        twin = hard if self._twin.status in EARLY_STATUSES else self._twin
-        return measures.before_the_end(*(counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard)))
+        shifted = hard if self._twin.status in EARLY_STATUSES else self._twin
+        return measures.before_the_end(*(counted(outcome.at_once(run), self.soft)[0] for run in (shifted, hard)))
 
     @cached_property
-    def _other_answers(self) -> dict[str, Trajectory | str]:
-        """Hard run under each other tie rule, or the reason why it cannot be used."""
-        found: dict[str, Trajectory | str] = {}
+    def _runs_under_other_ties(self) -> dict[str, Trajectory | str]:
+        """Hard run under each other tie rule, or the reason as text why it cannot be used."""
+        runs: dict[str, Trajectory | str] = {}
         for options in align.others(self.settled, self.hard_options):
             name = options["ties"]
             try:
@@ -165,46 +179,55 @@ class Checked(Compared):
                     continue  # it cannot be carried on: this rule is not defined for balls that stick
                 run = self._carried_on(first, options)
             except (ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
-                found[name] = "refused the scene"
+                runs[name] = "refused the scene"
                 continue
-            found[name] = f"stopped early ({run.status.name})" if run.status in EARLY_STATUSES else counted(
+            runs[name] = f"stopped early ({run.status.name})" if run.status in EARLY_STATUSES else counted(
                 outcome.at_once(run), self.soft)[0]
-        return found
+        return runs
 
     def unchecked(self, j: int) -> str:
         """Return why the answer for component `j` could not be checked, or ""."""
         if self._twin.status in EARLY_STATUSES:
-            return f"the run from gaps shifted by 1e-12 of themselves stopped early ({self._twin.status.name})"
+            return f"the run from gaps shifted by a relative 1e-12 stopped early ({self._twin.status.name})"
         pairs = self.components.of_pair == j
         if pairs.sum() < 2 or not align.tied(self.settled)[pairs].any():
             return ""
-        failed = [(name, why) for name, why in self._other_answers.items() if isinstance(why, str)]
+        failed = [(name, why) for name, why in self._runs_under_other_ties.items() if isinstance(why, str)]
         return f"the run with ties={failed[0][0]!r} {failed[0][1]}" if failed else ""
 
-    def _apart_by_ties(self, one: Trajectory) -> _check.Array:
-        """Largest difference of a run under another tie rule, per component."""
+    def _tie_error(self, tied_run: Trajectory) -> _check.Array:
+        """Error of the hard run against a run under another tie rule, (count,)."""
         hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
-        stuck = outcome.stuck_apart(one, hard, weight)
-        return self.components.largest(stuck, differences(one, hard)) / self.units
+        stuck_difference = outcome.stuck_apart(tied_run, hard, weight)
+        return self.components.largest(stuck_difference, differences(tied_run, hard)) / self.units
 
-    def _distance(self, apart: _check.Array) -> float:
-        """D = √(Σ m Δu² / Σ m U²) over balls with contacts, with the unit U of each."""
-        mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
-        scale = float(mass @ np.append(self.units, 0.0)[of] ** 2)
-        return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
+    def _distance(self, difference: _check.Array) -> float:
+        """D = √(Σ m Δu² / Σ m U²) for velocity differences Δu in m/s of all balls, (n,).
+
+        U is the unit of the component of each ball. Balls without contacts are not counted. nan if no ball has a
+        contact.
+        """
+        mass, component = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
+        scale = float(mass @ np.append(self.units, 0.0)[component] ** 2)
+        return math.sqrt(float(np.nansum(mass * difference**2)) / scale) if scale > 0.0 else math.nan
 
 
 class Judged(Checked):
-    """Both runs of a scene, with the answer and its reasons."""
+    """Hard and soft run of a scene, with the answer and its reasons."""
 
     @cached_property
     def reasons(self) -> tuple[Reason, ...]:
-        """Reason of each component, the worst first, then by decreasing error."""
-        found = [*_unfinished(self)] or [_judged(self, j) for j in range(self.components.count)]
-        found.sort(key=lambda reason: (ANSWER_ORDER.index(reason.answer), -float(np.nan_to_num(reason.error))))
-        if not found or found[0].answer is Answer.yes:
-            found[:0] = [_yes(self, [reason.words for reason in found if reason.words])]
-        return tuple(found)
+        """Reasons for the answers of all components, the worst answer first.
+
+        Equal answers are sorted by decreasing error. If all answers are "yes", a reason for the whole scene is added
+        in front.
+        """
+        ordered = [*_reasons_for_early_stops(self)] or [
+            _component_reason(self, j) for j in range(self.components.count)]
+        ordered.sort(key=lambda reason: (ANSWER_ORDER.index(reason.answer), -float(np.nan_to_num(reason.error))))
+        if not ordered or ordered[0].answer is Answer.yes:
+            ordered[:0] = [_reason_for_yes(self, [reason.words for reason in ordered if reason.words])]
+        return tuple(ordered)
 
     @property
     def answer(self) -> Answer:
@@ -217,75 +240,82 @@ class Judged(Checked):
         return str(self.reasons[0])
 
 
-def _unfinished(report: Checked) -> Iterator[Reason]:
-    """Yield reasons for runs that stopped before their end.
+def _reasons_for_early_stops(report: Checked) -> Iterator[Reason]:
+    """Yield the reasons that follow from runs that stopped early, for the whole scene.
 
-    It is "no" if the soft run is complete and the hard spheres would collide forever, otherwise "undecided".
+    The answer is "undecided". It is "no" if the soft run is complete and the hard spheres would collide forever.
     """
     soft, hard = report.soft, report.settled
     if (
         soft.status not in EARLY_STATUSES
         and hard.status in EARLY_STATUSES
-        and (so := _forever(report, range(report.scene.n_pairs)))
+        and (forever := _endless_collisions_text(report, range(report.scene.n_pairs)))
     ):
-        yield Reason(Answer.no, so)
+        yield Reason(Answer.no, forever)
     for name, run in (("soft-sphere", soft), ("event-driven", hard)):
         if run.status in EARLY_STATUSES:
             yield Reason(Answer.undecided, f": the {name} run did not finish ({run.status.name}: "
                                            f"{run.message.rstrip('.')})")
 
 
-def _judged(report: Checked, j: int) -> Reason:
-    """Return the reason of component `j`."""
-    parts, error, unit = report.components, float(report.errors[j]), float(report.units[j])
-    balls, pairs = (tuple(np.flatnonzero(of == j).tolist()) for of in (parts.of_ball, parts.of_pair))
-    wrong = tuple(c for c in pairs if report.other_counts[c])
+def _component_reason(report: Checked, j: int) -> Reason:
+    """Return the reason for the answer of component `j`, by the rules of this module."""
+    components, error, unit = report.components, float(report.errors[j]), float(report.units[j])
+    balls, pairs = (tuple(np.flatnonzero(of == j).tolist()) for of in (components.of_ball, components.of_pair))
+    miscounted = tuple(c for c in pairs if report.other_counts[c])
 
-    def so(answer: Answer, words: str, about: tuple[int, ...] = pairs) -> Reason:
+    def reason(answer: Answer, words: str, about: tuple[int, ...] = pairs) -> Reason:
         return Reason(answer, words, balls, about, error, unit)
 
-    if forever := _forever(report, pairs):
-        return so(Answer.no, forever)
+    if forever := _endless_collisions_text(report, pairs):
+        return reason(Answer.no, forever)
     sinking = _sinking(report, pairs)
     if sinking and report.lying[j]:
-        return so(*sinking)
+        return reason(*sinking)
     ties, rule = max(((float(e[j]), name) for name, e in report.tie_errors.items()), default=(0.0, ""))
     if ties > ERROR_LIMIT:
-        return so(Answer.not_unique,
-                  ": hard spheres have no unique answer for simultaneous collisions; the tie rules "
-                  f"{report.hard_options['ties']} and {rule} differ by {percent(ties)} of the fastest impact")
-    chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
+        return reason(Answer.not_unique,
+                      ": hard spheres have no unique answer for simultaneous collisions; the tie rules "
+                      f"{report.hard_options['ties']} and {rule} differ by {percent(ties)} of the fastest impact")
+    chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _has_overlap(report, pairs)
     if chaos > ERROR_LIMIT and align.touching(report.scene)[list(pairs)].any():
-        return so(Answer.not_unique,
-                  ": hard spheres have no unique answer for touching balls; it depends on the tie rule")
+        return reason(Answer.not_unique,
+                      ": hard spheres have no unique answer for touching balls; it depends on the tie rule")
     if chaos > ERROR_LIMIT:
         crowded = "; contacts overlap in time" if overlap else ""
-        return so(Answer.not_ball_by_ball, f": single balls are not predictable (compare ensembles){crowded}")
+        return reason(Answer.not_ball_by_ball, f": single balls are not predictable (compare ensembles){crowded}")
     if shift > ERROR_LIMIT:
-        return so(Answer.not_unique,
-                  ": balls collide almost simultaneously, and gaps shifted by 1e-12 of themselves change the hard "
-                  f"spheres by {percent(shift)} of the fastest impact")
-    if lasting := [c for c in pairs if report.unknown[c]]:
-        return so(Answer.undecided, f": a soft contact of pair {report.scene.pairs.name(lasting[0])} was still running "
-                                    "at the end and cannot be continued; choose a later end or method='located'",
-                  tuple(lasting))
-    if wrong:
-        return so(Answer.no, f": {_other_counts(report, wrong, len(pairs))}", wrong)
+        return reason(Answer.not_unique,
+                      ": balls collide almost simultaneously, and a relative shift of the gaps by 1e-12 changes the "
+                      f"hard spheres by {percent(shift)} of the fastest impact")
+    if unfinished := [c for c in pairs if report.unknown[c]]:
+        return reason(Answer.undecided,
+                      f": a soft contact of pair {report.scene.pairs.name(unfinished[0])} had not ended when its run "
+                      "stopped, and cannot be continued; choose a later end or method='located'", tuple(unfinished))
+    if miscounted:
+        return reason(Answer.no, f": {_miscount_text(report, miscounted, len(pairs))}", miscounted)
     if not error <= ERROR_LIMIT:
-        alone = "" if overlap else ", though no contacts overlap in time"
+        no_overlap = "" if overlap else ", though no contacts overlap in time"
         driven = "; at a driven wall, timing affects the outcome" if report.scene.driven and not overlap else ""
-        leaves = _leaves(report, j)
+        leaves = _departure_text(report, j)
         differ = f"{leaves}, an error of" if leaves else "outcomes differ by"
-        return so(Answer.no, f": {differ} {percent(error)} of the fastest impact{alone}{driven}")
-    if not sinking and (check := report.unchecked(j)):
-        return so(Answer.undecided, f": {check}, so the answer could not be checked")
-    return so(*(sinking or (Answer.yes, "")))
+        return reason(Answer.no, f": {differ} {percent(error)} of the fastest impact{no_overlap}{driven}")
+    if not sinking and (failed_check := report.unchecked(j)):
+        return reason(Answer.undecided, f": {failed_check}, so the answer could not be checked")
+    return reason(*(sinking or (Answer.yes, "")))
 
 
-def _yes(report: Checked, trivially: list[str]) -> Reason:
-    """Return the reason for "yes" if the error is at most `ERROR_LIMIT`.
+def _reason_for_yes(report: Checked, trivial_reasons: list[str]) -> Reason:
+    """Return the reason for the answer "yes" of the whole scene.
 
-    Otherwise return the reason for "undecided". `trivially` contains the texts of components that agree trivially.
+    If the error is nan, because no contact has ended, the answer is "undecided".
+
+    Parameters
+    ----------
+    report : Checked
+        The comparison.
+    trivial_reasons : list of str
+        Reasons of the components in which nothing can differ, as text.
     """
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= ERROR_LIMIT:
@@ -293,25 +323,34 @@ def _yes(report: Checked, trivially: list[str]) -> Reason:
     bound = f"within {rounded(100.0 * error, 1, up=True)} % of the fastest impact"
     within = bound if error >= MIN_CONTACT_STRENGTH else "to rounding"
     agree = f"outcomes agree {within}"
-    if len(trivially) == report.components.count:
+    if len(trivial_reasons) == report.components.count:
         touch = len(report.settled.contacts) + len(report.soft.contacts) > 0
         nothing = f", trivially: {'balls touch only at speeds of rounding errors' if touch else 'nothing collides'}"
-        words = max(trivially, default=nothing)
+        words = max(trivial_reasons, default=nothing)
     elif isolated == 1.0:
         words = f": every contact is binary (certified), and {agree}"
     elif report.measures["shared_impulse"] > MIN_CONTACT_STRENGTH:
         words = f", {within}, though contacts overlap in time"
     else:
-        how = "every contact is binary" if not isolated < 1.0 else (
+        why = "every contact is binary" if not isolated < 1.0 else (
             "contacts that overlap in time share no relevant impulse")
-        words = f": {how}, and {agree}"
+        words = f": {why}, and {agree}"
     return Reason(Answer.yes, words, error=error)
 
 
 def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | None:
-    """Return answer and text for soft spheres that sink at rest, or None.
+    """Answer and reason for soft spheres that sink at rest, or None.
 
-    Also the answer for hard spheres that rest and never collide.
+    The answer is "no" if soft spheres at rest overlap by more than `ERROR_LIMIT` times the smaller radius of the pair.
+    It is "yes" if they overlap by less and the hard spheres of the component rest on each other from the start.
+    Otherwise None is returned.
+
+    Parameters
+    ----------
+    report : Checked
+        The comparison.
+    pairs : tuple of int
+        Pairs of the component.
     """
     lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.levelled[1]
     log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
@@ -320,19 +359,27 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
     settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]
     depth = np.where(settled, log["xi_max"], -report.soft.gap[-1][log["pair"]])
     if report.soft.status is Status.resting:
-        still = static_overlaps(report.soft)[log["pair"]]
-        depth = np.fmax(still, np.where(settled | np.isnan(still), depth, 0.0))
+        static_overlap = static_overlaps(report.soft)[log["pair"]]
+        depth = np.fmax(static_overlap, np.where(settled | np.isnan(static_overlap), depth, 0.0))
     load = "their weight" if report.scene.external_force is None and not report.scene.driven else "the applied forces"
-    share = float(np.max(depth / smaller_radius(report.scene)[log["pair"]]))
-    if share > ERROR_LIMIT:
+    depth_ratio = float(np.max(depth / smaller_radius(report.scene)[log["pair"]]))
+    if depth_ratio > ERROR_LIMIT:
         subject = "nothing collides, but soft spheres" if lying else "soft spheres that come to rest"
-        return Answer.no, f": {subject} sink by {percent(share)} of a radius under {load}"
+        return Answer.no, f": {subject} sink by {percent(depth_ratio)} of a radius under {load}"
     deepest = f"soft spheres overlap by {depth.max():.3g} m under {load}"
     return (Answer.yes, f", trivially: nothing collides; {deepest}") if lying else None
 
 
-def _forever(report: Checked, pairs: Sequence[int]) -> str:
-    """Text for hard spheres that collide forever while soft ones separate, or ""."""
+def _endless_collisions_text(report: Checked, pairs: Sequence[int]) -> str:
+    """Reason for hard spheres that collide forever while soft ones separate, or "".
+
+    Parameters
+    ----------
+    report : Checked
+        The comparison.
+    pairs : sequence of int
+        Pairs to consider.
+    """
     hard = report.hard
     if "verdict" not in hard.stats:
         return ""
@@ -346,27 +393,42 @@ def _forever(report: Checked, pairs: Sequence[int]) -> str:
             f"soft spheres separate after {n} contact{'s' * (n != 1)}")
 
 
-def _other_counts(report: Checked, wrong: tuple[int, ...], of: int) -> str:
-    """Text on pairs with different numbers of contacts."""
-    p = max((report.pairs[c] for c in reversed(wrong)), key=lambda p: abs(p.soft_contacts - p.hard_contacts))
-    counted = f"{p.soft_contacts} contact{'s' * (p.soft_contacts != 1)}, not {p.hard_contacts}"
-    said = f"pair {report.scene.pairs.name(p.pair)} has {counted}"
-    many = f"{len(wrong)} of {of} pairs differ in contacts; " if len(wrong) > 1 else ""
-    j = int(report.components.of_pair[p.pair])
+def _miscount_text(report: Checked, miscounted: tuple[int, ...], pair_count: int) -> str:
+    """Reason for pairs with different numbers of contacts in the two runs.
+
+    Parameters
+    ----------
+    report : Checked
+        The comparison.
+    miscounted : tuple of int
+        Pairs with different numbers of contacts.
+    pair_count : int
+        Number of pairs in the component.
+    """
+    worst = max(
+        (report.pairs[c] for c in reversed(miscounted)), key=lambda p: abs(p.soft_contacts - p.hard_contacts))
+    counted = f"{worst.soft_contacts} contact{'s' * (worst.soft_contacts != 1)}, not {worst.hard_contacts}"
+    text = f"pair {report.scene.pairs.name(worst.pair)} has {counted}"
+    prefix = f"{len(miscounted)} of {pair_count} pairs differ in contacts; " if len(miscounted) > 1 else ""
+    j = int(report.components.of_pair[worst.pair])
     error = f"outcomes differ by {percent(float(report.errors[j]))} of the fastest impact"
-    return f"{many}{said}, and {_leaves(report, j) or error}"
+    return f"{prefix}{text}, and {_departure_text(report, j) or error}"
 
 
-def _leaves(report: Checked, j: int) -> str:
-    """Text on the ball of component `j` with the largest difference, or ""."""
-    one = report.departure(j)
-    if one is None or not one.difference > ERROR_LIMIT:
+def _departure_text(report: Checked, j: int) -> str:
+    """Text on the ball of component `j` with the largest velocity difference.
+
+    An empty string if the difference is at most `ERROR_LIMIT`, or if a pair at rest has the largest difference.
+    """
+    departure = report.departure(j)
+    if departure is None or not departure.difference > ERROR_LIMIT:
         return ""
-    digits = 3 + 3 * (f"{one.soft_velocity:.3g}" == f"{one.hard_velocity:.3g}")
-    return f"ball {one.ball} leaves at {one.soft_velocity:.{digits}g} instead of {one.hard_velocity:.{digits}g} m/s"
+    digits = 3 + 3 * (f"{departure.soft_velocity:.3g}" == f"{departure.hard_velocity:.3g}")
+    return (f"ball {departure.ball} leaves at {departure.soft_velocity:.{digits}g} instead of "
+            f"{departure.hard_velocity:.{digits}g} m/s")
 
 
-def _overlap(report: Checked, pairs: tuple[int, ...]) -> bool:
-    """Whether soft contacts of a component overlap in time."""
-    of, log = set(pairs), report.counted[1].contacts["pair"]
-    return any(int(log[o.lower]) in of for o in report.overlaps)
+def _has_overlap(report: Checked, pairs: tuple[int, ...]) -> bool:
+    """Whether a soft contact of these pairs overlaps in time with a neighbour's."""
+    pair_set, log = set(pairs), report.counted[1].contacts["pair"]
+    return any(int(log[o.lower]) in pair_set for o in report.overlaps)

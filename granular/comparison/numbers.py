@@ -1,4 +1,4 @@
-"""Numbers that describe the difference of the two runs of a comparison."""
+"""Numbers that describe the difference between the two runs of a comparison."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from granular.comparison.further import Rises
 
 STICKING_SPEED_FACTOR = 1e-9
-"""Hard spheres stick after a collapse below this share of the fastest approach."""
+"""Speed up to which hard spheres stick after a collapse, over the fastest one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """One scene run as hard and as soft spheres, with numbers; see `Comparison`."""
+    """Hard and soft run of one scene, with all derived numbers; see `Comparison`."""
 
     scene: Scene
     law: tuple[Any, ...]
@@ -47,7 +47,7 @@ class Compared:
 
     @cached_property
     def impact_speed(self) -> float:
-        """Speed v₁ in m/s of the first hard-sphere collision, or nan.
+        """Approach speed v₁ in m/s of the first collision of hard spheres, or nan.
 
         See `granular.measures.impact_speed`.
         """
@@ -55,22 +55,22 @@ class Compared:
 
     @cached_property
     def settled(self) -> Trajectory:
-        """The hard run. After a collapse it is continued, and slow collisions stick."""
+        """The hard run. If it collapsed, it is repeated with slow collisions sticking."""
         return self._carried_on(self.hard, self.hard_options)
 
     @cached_property
     def counted(self) -> tuple[Trajectory, Trajectory]:
         """The hard and the soft run, without contacts at rounding level.
 
-        Simultaneous collisions of a pair are combined.
+        Simultaneous collisions of a pair of hard spheres are combined into one contact.
         """
         return counted(outcome.at_once(self.settled), self.soft)
 
     @cached_property
     def levelled(self) -> tuple[Trajectory, Trajectory]:
-        """Both runs, continued until contact counts are equal where possible.
+        """Both runs, continued to equal contact counts of each pair if possible.
 
-        Every contact is followed to its end.
+        Every contact is followed to its end. See `granular.comparison.align.levelled`.
         """
         return align.levelled(*self.counted, self.soft_options)
 
@@ -86,12 +86,12 @@ class Compared:
 
     @cached_property
     def components(self) -> Components:
-        """Components: balls that touch each other in either run."""
+        """Components: groups of balls that touch each other in either run."""
         return components(*self.levelled)
 
     @cached_property
     def units(self) -> check.Array:
-        """Unit of the error in m/s of each component.
+        """Unit U of the error in m/s of each component, (count,).
 
         See `granular.comparison.outcome.units`.
         """
@@ -101,7 +101,7 @@ class Compared:
     def overlaps(self) -> tuple[Overlap, ...]:
         """Soft contacts of neighbouring pairs that overlap in time.
 
-        They are the reason why the two engines differ.
+        Such overlaps are the reason why the results of the two engines differ.
         """
         return measures.overlapping(self.counted[1])
 
@@ -139,16 +139,16 @@ class Compared:
 
     @property
     def drop(self) -> float:
-        """Height in m from which two to five balls fall together on a floor, or nan.
+        """Height in m through which two to five balls fall together onto a floor, or nan.
 
-        It is also nan for more balls, because their `rises` take longer than the comparison.
+        It is also nan for more balls, because the free flight of the top ball takes longer than the comparison.
         """
         falls = 2 < self.scene.n <= 6 and fall_together(self.scene) and self.scene.gravity > 0.0
         return self.impact_speed**2 / (2.0 * self.scene.gravity) if falls else math.nan
 
     @cached_property
     def rises(self) -> Rises:
-        """Height in m to which the top ball rises, as a hard and as a soft sphere.
+        """Height in m to which the top ball rises, in the hard run and in the soft run.
 
         It is the first apex of its free flight after a contact. A run that stops earlier is continued.
         ``rises(bounce=2)`` starts at the second contact with the floor. A ball whose last contact is at height 0
@@ -174,24 +174,24 @@ class Compared:
         Returns
         -------
         tuple of float
-            Empty without such an ε, several values if it is not unique. EDMD is discontinuous in ε where the
+            Empty if there is no such ε, several values if it is not unique. EDMD is discontinuous in ε where the
             number of collisions changes. A jump across the value is not a root and is left out.
 
         Raises
         ------
         ValueError
-            Without an observable if a wall is driven or thermal. The separation speed then depends on the phase of the
-            wall, which is shifted by the duration of soft contacts, or on the drawn speed.
+            If no observable is given and a wall is driven or thermal. The separation speed then depends on the phase
+            of the wall, which the duration of soft contacts shifts, or on a random speed.
         """
         if observable is None and (self.scene.driven or self.scene.heated):
-            why = "driven wall, a speed depends on the phase, which the duration of soft contacts shifts" if (
+            reason = "driven wall, a speed depends on the phase, which the duration of soft contacts shifts" if (
                 self.scene.driven) else "thermal wall, a speed depends on the last random draw"
-            raise ValueError(f"`observable` must be given for this scene, got None. At a {why}. Give a function of the "
+            raise ValueError(f"`observable` must be given for this scene, got None. At a {reason}. Give a function of the "
                              "run, such as a mean height.")
         from granular.comparison.further import roots
 
         check.callback("observable", observable, "run")
-        fractions = np.linspace(
+        restitutions = np.linspace(
             0.0, 1.0, check.whole("resolution", resolution, at_least=2, at_most=check.MAX_REQUESTED_COUNT)
         )
         measure = observable or self._last_separation
@@ -200,10 +200,13 @@ class Compared:
         def miss(eps: float) -> float:
             return measure(edmd.simulate(self.scene, ConstantRestitution(eps), **self.hard_options)) - target
 
-        return roots(miss, fractions[1:], abs(target))
+        return roots(miss, restitutions[1:], abs(target))
 
     def _last_separation(self, hard: Trajectory) -> float:
-        """Separation speed in m/s of the last pair after its last contact that counts."""
+        """Separation speed in m/s of the last pair of a hard run after its last contact.
+
+        Contacts at rounding level are ignored.
+        """
         return float(outcome.separations(counted(hard, self.soft)[0])[0][-1])
 
     @cached_property
@@ -213,19 +216,22 @@ class Compared:
         error = max over components, episodes E and balls i of |u(i, E, soft) - u(i, E, hard)| / U
 
         An episode E is a group of soft contacts linked by common balls and overlaps in time. u is the velocity with
-        which a ball leaves its last contact in E, and U the unit of the component, see docs/concepts.md. The largest
-        difference of a pair that comes to rest counts if it is larger. The error is 0 if nothing collides, and nan if
+        which a ball leaves its last contact in E, and U the unit of the component, see docs/concepts.md. If a pair
+        that comes to rest differs by more, its difference is the error. The error is 0 if nothing collides, and nan if
         a run did not reach its end.
         """
         return math.nan if self._early else float(self.errors.max(initial=0.0))
 
     @cached_property
     def errors(self) -> check.Array:
-        """Error of each component in its unit. 0 if its balls rest from the start."""
-        at_rest = np.zeros(self.scene.n_pairs)
-        at_rest[list(self.resting)] = list(self.resting.values())
-        off = np.maximum(self.components.largest(at_rest) / self.units, self._departures[1])
-        return np.where(self.lying[:-1], 0.0, off)
+        """Error of each component in its unit U, (count,).
+
+        It is 0 for a component whose hard spheres rest on each other from the start.
+        """
+        rest_difference = np.zeros(self.scene.n_pairs)
+        rest_difference[list(self.resting)] = list(self.resting.values())
+        departure_error = np.maximum(self.components.largest(rest_difference) / self.units, self._departures[1])
+        return np.where(self.lying[:-1], 0.0, departure_error)
 
     @property
     def deciding(self) -> Departure | None:
@@ -240,49 +246,58 @@ class Compared:
 
         None if the component has no error, or if a pair at rest has the largest error.
         """
-        found, largest, which = self._departures
+        departures, largest, index = self._departures
         decides = self.errors[j] == largest[j] > 0.0
-        return found.departure(int(which[j]), float(self.units[j])) if decides else None
+        return departures.departure(int(index[j]), float(self.units[j])) if decides else None
 
     @cached_property
     def _departures(self) -> tuple[Departures, check.Array, Any]:
-        """All departures, and the largest difference and its row for each component."""
-        found = Departures(*self.levelled, self.components.weight(self.levelled[1]),
+        """All departures; and the largest error of each component with its departure.
+
+        The second array has the errors in the unit U, (count,). The third array has the numbers of the departures.
+        """
+        departures = Departures(*self.levelled, self.components.weight(self.levelled[1]),
                            lambda pair, speed: align.lags(*self.counted)(pair, speed))
-        part, largest = self.components.of_ball[found.ball], np.zeros(self.components.count + 1)
-        which = np.zeros(self.components.count + 1, np.int64)
-        off = np.nan_to_num(found.apart) / np.append(self.units, math.inf)[part]
-        order = np.argsort(off, kind="stable")
-        largest[part[order]], which[part[order]] = off[order], order  # the last assignment stays
-        return found, largest[:-1], which[:-1]
+        part, largest = self.components.of_ball[departures.ball], np.zeros(self.components.count + 1)
+        index = np.zeros(self.components.count + 1, np.int64)
+        error = np.nan_to_num(departures.apart) / np.append(self.units, math.inf)[part]
+        order = np.argsort(error, kind="stable")
+        largest[part[order]], index[part[order]] = error[order], order  # the last assignment stays
+        return departures, largest[:-1], index[:-1]
 
     @cached_property
     def lying(self) -> Any:
         """Whether the hard spheres of each component rest on each other from the start.
 
-        A last entry, False, stands for no component.
+        The array has shape (count + 1,). The last entry is False. It is used for balls that belong to no component.
         """
-        hard, lies = self.levelled[0], np.append(np.ones(self.components.count, np.bool_), False)
-        lies[self.components.of_pair[(outcome.counts(hard) > 0) | (hard.gap[-1] != 0.0)]] = False
-        return lies
+        hard, is_lying = self.levelled[0], np.append(np.ones(self.components.count, np.bool_), False)
+        is_lying[self.components.of_pair[(outcome.counts(hard) > 0) | (hard.gap[-1] != 0.0)]] = False
+        return is_lying
 
     @cached_property
     def resting(self) -> dict[int, float]:
-        """Pairs that come to rest in one of the runs, and their difference in m/s."""
+        """Pairs that come to rest in one of the runs, with their differences in m/s.
+
+        See `granular.comparison.episodes.rests_apart`.
+        """
         hard, soft = self.levelled
-        rest = np.any(at_rest(hard, soft))
-        return dict(rests_apart(hard, soft, self.components.weight(soft))) if rest else {}
+        any_rest = np.any(at_rest(hard, soft))
+        return dict(rests_apart(hard, soft, self.components.weight(soft))) if any_rest else {}
 
     @cached_property
     def other_counts(self) -> Any:
-        """Whether the contact counts of each pair differ, except at rest, (n-1,)."""
-        other = np.not_equal(*map(outcome.counts, self.levelled))
-        other[list(self.resting)] = False
-        return other
+        """Whether the contact counts of each pair differ, (n-1,).
+
+        False for pairs in `resting`.
+        """
+        differ = np.not_equal(*map(outcome.counts, self.levelled))
+        differ[list(self.resting)] = False
+        return differ
 
     @cached_property
     def unknown(self) -> Any:
-        """Whether the last soft contact of each pair could not be followed, (n-1,)."""
+        """Whether each pair's last soft contact could not be followed to its end, (n-1,)."""
         return align.unfollowed(self.levelled[1])
 
     @property
@@ -291,25 +306,28 @@ class Compared:
 
     @property
     def _speed(self) -> float:
-        """Speed in m/s at which ε is evaluated."""
+        """Approach speed in m/s at which ε is evaluated: `impact_speed`, or 1 without one."""
         return self.impact_speed if self.impact_speed > 0.0 else 1.0
 
     def _carried_on(self, run: Trajectory, options: Mapping[str, Any]) -> Trajectory:
-        """Repeat a hard run that ended in a collapse, with slow collisions sticking."""
+        """Repeat a hard run that collapsed, with slow collisions that stick.
+
+        Other runs are returned unchanged, as are collapsed runs that the tie rule cannot repeat.
+        """
         if "verdict" in run.stats:
-            merging = {
+            merge_options = {
                 **options,
                 "collapse": "merge",
                 "merge_below": STICKING_SPEED_FACTOR * measures.fastest_approach(run),
             }
-            with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
-                return edmd.simulate(run.scene, self.rule, **merging)
+            with suppress(ValueError, ArithmeticError):  # the tie rule cannot be applied
+                return edmd.simulate(run.scene, self.rule, **merge_options)
         return run
 
 def fall_together(scene: Scene) -> bool:
-    """Whether all balls fall on, or hit, an undriven floor with equal velocities.
+    """Whether all balls have equal velocities above an undriven floor.
 
-    Other forces are absent.
+    There must be no ceiling, thermal wall or external force.
     """
     return scene.is_wall.tolist() == [True] + [False] * (scene.n - 1) and (
         bool((scene.velocity[1:] == scene.velocity[1]).all()) and not scene._flags)
@@ -321,14 +339,24 @@ def is_drop(scene: Scene) -> bool:
 
 
 def effective(v_rel: Any, impact: Any) -> Any:
-    """Effective ε from separation and impact speeds, nan for approaching balls.
+    """Effective ε from separation and impact speeds, elementwise.
 
-    ε_eff = (√(1 + 4x) - 1)/2 with x = v_r′/|v10|, elementwise.
+    ε_eff = (√(1 + 4x) - 1)/2 with x = v_r′/|v10|. nan for balls that approach each other (v_r′ < 0).
+
+    Parameters
+    ----------
+    v_rel : float or array
+        Separation speed v_r′ of the two balls in m/s.
+    impact : float or array
+        Speed |v10| in m/s with which the lower ball hits the floor.
     """
     x = np.where(v_rel >= 0.0, v_rel, math.nan) / impact
     return 2.0 * x / (1.0 + np.sqrt(1.0 + 4.0 * x))
 
 
 def smaller_radius(scene: Scene) -> Any:
-    """Smaller radius in m of the balls of each pair; inf if neither has a radius."""
+    """Smaller radius in m of the balls of each pair, inf if neither has a radius.
+
+    Walls and points have the radius 0, which is ignored.
+    """
     return np.minimum(*scene.sides(np.where(scene.radius > 0.0, scene.radius, math.inf)))

@@ -294,7 +294,7 @@ def test_a_shifted_run_that_stops_early_is_no_yes():
     cut = replace(report)
     cut.__dict__["twin"] = replace(report.twin, status=gr.Status.max_events)
     assert cut.answer is gr.Answer.undecided
-    assert "gaps shifted by 1e-12 of themselves stopped early (max_events)" in cut.verdict
+    assert "gaps shifted by a relative 1e-12 stopped early (max_events)" in cut.verdict
 
 
 @pytest.mark.parametrize("options", [{"collapse": "merge"}, {"tc": 1e-6}, {"elastic_below": 1e-3}])
