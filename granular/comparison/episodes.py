@@ -1,8 +1,9 @@
 """Episodes of linked contacts, and the velocities with which balls leave them.
 
 Two contacts of soft spheres are linked if they share a ball and overlap in time. An episode is a group of contacts
-joined by such links. States within an episode are intermediate. The velocities with which balls leave an episode are
-outcomes, which are compared. A ball also leaves an episode before each long free flight between two of its contacts.
+joined by such links. The velocities with which balls leave an episode are its outcome, and are compared between hard
+and soft spheres. States within an episode are intermediate and are not compared. A long free flight between two
+contacts of the same episode also counts as leaving the episode.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from granular.run.trajectory import Trajectory
 from granular.scene import Scene
 
 LONG_FLIGHT = 5.0
-"""Flight time, over the duration of the contact before it, to be compared."""
+"""Shortest free flight that is compared, over the duration of the last contact."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +38,18 @@ class Departure:
     Attributes
     ----------
     ball, episode : int
-        The ball, and the episode, numbered from 0 by onset.
+        Numbers of the ball and of the episode. Episodes are numbered from 0 by onset.
     contacts : int
         Number of soft contacts in the episode.
     pairs : tuple of int
         The pairs of these contacts, in ascending order.
     hard_t, soft_t : float
-        Time in s at which the ball's last contact ends.
+        Time in s at which the contact ends with which the ball leaves the episode.
     hard_velocity, soft_velocity : float
         Velocity of the ball in m/s at that time.
     difference : float
-        Difference of the velocities divided by the unit U of the component. The hard ball is first carried in free
-        flight towards `soft_t` if this reduces the difference.
+        Difference of the velocities divided by the unit U of the component. If free flight of the hard ball towards
+        `soft_t` reduces the difference, its velocity after this flight is used.
     """
 
     ball: int
@@ -76,48 +77,53 @@ class Departures:
 
     Attributes
     ----------
+    soft : Trajectory
+        The soft run.
     episode : array of int
         Episode of every soft contact, numbered from 0 by onset.
-    ball, of : arrays of int
+    ball, of : (m,) arrays of int
         Ball and episode of every departure.
     time, velocity : (2, m) arrays
-        Time in s and velocity in m/s of every departure, hard and soft.
+        Time in s and velocity in m/s of every departure. Row 0 is the hard run, row 1 the soft run.
     apart : (m,) array
-        Difference in m/s of every departure. It is nan for a ball that is compared only at rest.
+        Difference of the two velocities in m/s. It is nan for walls, and for a ball that rests on a wall when it
+        leaves. The velocities of such a ball are compared by `rests_apart`.
     """
 
     def __init__(self, hard: Trajectory, soft: Trajectory, weight: Array, lag: Callable[[Any, Array], Array]) -> None:
-        scene, mate = hard.scene, mates(hard, soft)
-        met = mate >= 0
+        scene, matching = hard.scene, matching_soft_contacts(hard, soft)
+        is_matched = matching >= 0
         fastest = approach(soft)
-        np.maximum.at(fastest, mate[met], approach(hard)[met])
+        np.maximum.at(fastest, matching[is_matched], approach(hard)[is_matched])
         compared = ~resting_in_both(hard, soft)[soft.contacts["pair"]] | (
             fastest > weight[soft.contacts["pair"]])  # the others are contacts of balls that settle
         self.soft, self.episode = soft, episodes(soft, compared)
-        rows = np.flatnonzero(met & np.append(compared, False)[mate])
-        left = [last_contacts(hard, rows, self.episode[mate[rows]]),
-                last_contacts(soft, np.flatnonzero(compared), self.episode[compared])]
-        found = np.intersect1d(left[0][0], left[1][0], assume_unique=True, return_indices=True)[1:]
-        (row, side), (last, flank) = ([of[i] for of in some] for (_, *some), i in zip(left, found, strict=True))
-        twice = np.isin(np.arange(len(soft.contacts)), mate)
-        duration = (soft.contacts["t_end"] - soft.contacts["t_begin"])[mate[rows], None]
-        free = np.minimum(flights(hard, met)[rows], flights(soft, twice)[mate[rows]])
-        k, of = np.nonzero(free > LONG_FLIGHT * duration)
-        row, side, last, flank = map(np.append, (row, side, last, flank), (rows[k], of, mate[rows[k]], of))
+        rows = np.flatnonzero(is_matched & np.append(compared, False)[matching])
+        leaving = [last_contacts(hard, rows, self.episode[matching[rows]]),
+                   last_contacts(soft, np.flatnonzero(compared), self.episode[compared])]
+        common = np.intersect1d(leaving[0][0], leaving[1][0], assume_unique=True, return_indices=True)[1:]
+        (row, side), (last, soft_side) = (
+            [column[i] for column in columns] for (_, *columns), i in zip(leaving, common, strict=True))
+        is_matched_soft = np.isin(np.arange(len(soft.contacts)), matching)
+        duration = (soft.contacts["t_end"] - soft.contacts["t_begin"])[matching[rows], None]
+        free = np.minimum(flights(hard, is_matched)[rows], flights(soft, is_matched_soft)[matching[rows]])
+        k, body_side = np.nonzero(free > LONG_FLIGHT * duration)
+        row, side, last, soft_side = map(
+            np.append, (row, side, last, soft_side), (rows[k], body_side, matching[rows[k]], body_side))
         self.of = self.episode[last]
-        self.ball = np.array(scene.bodies(soft.contacts["pair"][last]))[flank, np.arange(len(last))]
+        self.ball = np.array(scene.bodies(soft.contacts["pair"][last]))[soft_side, np.arange(len(last))]
         self.time = np.array([hard.contacts["t_end"][row], soft.contacts["t_end"][last]])
-        self.velocity = np.array([hard.contacts["v_out"][row, side], soft.contacts["v_out"][last, flank]])
+        self.velocity = np.array([hard.contacts["v_out"][row, side], soft.contacts["v_out"][last, soft_side]])
         (begin, end), (u, v) = self.time, self.velocity
         self.apart = np.abs(u - v)
         if scene.fall.any() or scene.pendulum > 0.0:
-            late = lag(hard.contacts["pair"][row], approach(hard)[row])
-            free = carried(hard, u, self.ball, np.clip(end - begin, -late, late), (row, side))
+            max_delay = lag(hard.contacts["pair"][row], approach(hard)[row])
+            free = carried(hard, u, self.ball, np.clip(end - begin, -max_delay, max_delay), (row, side))
             self.apart = np.fmin(self.apart, np.abs(free - v))
-        self.apart[scene.is_wall[self.ball] | (end > _held_since(soft)[self.ball])] = np.nan
+        self.apart[scene.is_wall[self.ball] | (end > _wall_contact_since(soft)[self.ball])] = np.nan
 
     def departure(self, k: int, unit: float) -> Departure:
-        """Return the k-th departure, with its difference divided by `unit` in m/s."""
+        """Return departure number `k`, with its difference in units of `unit` in m/s."""
         pair = self.soft.contacts["pair"][self.episode == self.of[k]]
         (begin, end), (u, v) = self.time[:, k].tolist(), self.velocity[:, k].tolist()
         return Departure(int(self.ball[k]), int(self.of[k]), len(pair), tuple(np.unique(pair).tolist()), begin, end,
@@ -125,11 +131,17 @@ class Departures:
 
 
 def episodes(soft: Trajectory, compared: Any) -> Any:
-    """Return the episode of every contact in the log, numbered from 0 by onset.
+    """Episode of every contact in the log, numbered from 0 by onset, (m,).
 
-    If two contacts of neighbouring pairs overlap in time, the later one begins during the last contact of the other
-    pair that has begun by then. Every contact therefore has at most one such link on either side. Contacts without
-    end, and contacts that are not `compared`, are episodes of their own.
+    If two contacts of neighbouring pairs overlap in time, the later contact begins during the last contact of the other
+    pair that has begun by then. To find all links, it is therefore enough to look for one such contact on either side.
+
+    Parameters
+    ----------
+    soft : Trajectory
+        The soft run.
+    compared : (m,) array of bool
+        Contacts that can be linked. All other contacts, and contacts without end, are episodes of their own.
     """
     log, scene, size = soft.contacts, soft.scene, len(soft.contacts)
     onset, links = np.empty(size, np.int64), []
@@ -138,20 +150,26 @@ def episodes(soft: Trajectory, compared: Any) -> Any:
     order = np.lexsort((onset, pair))
     key = (pair * size + onset)[order]
     for step in (-1, 1):
-        beside = (pair + step) % scene.n_pairs if scene.ring else pair + step
-        place = np.searchsorted(key, beside * size + onset) - 1
+        neighbour = (pair + step) % scene.n_pairs if scene.ring else pair + step
+        place = np.searchsorted(key, neighbour * size + onset) - 1
         other = order[place]
-        linked = (place >= 0) & (pair[other] == beside) & (end[other] > begin) & (end == end)
+        linked = (place >= 0) & (pair[other] == neighbour) & (end[other] > begin) & (end == end)
         links.append(np.array([onset[linked], onset[other[linked]]]))
     return np.unique(_groups(size, *np.hstack(links)), return_inverse=True)[1][onset] if size else onset
 
 
 def flights(run: Trajectory, met: Any) -> Array:
-    """Free time in s of both bodies of each contact after its end, shape (m, 2).
+    """Duration in s of the free flight of both bodies after each contact, (m, 2).
 
-    It is not positive if another contact of the body is running, or if the next contact is not in the other run
-    (`met`). It is inf without a next contact. For all hard contacts of a body in one instant it is the flight after
-    the instant.
+    It is negative or 0 if another contact of the body has not ended. It is -inf if the next contact is not `met`, and
+    inf if there is no next contact. All simultaneous contacts of a hard sphere have the flight after the last of them.
+
+    Parameters
+    ----------
+    run : Trajectory
+        The run.
+    met : (m,) array of bool
+        Whether each contact of the run also occurs in the other run.
     """
     log = run.contacts
     body = np.column_stack(run.scene.bodies(log["pair"])).ravel()
@@ -162,17 +180,17 @@ def flights(run: Trajectory, met: Any) -> Array:
     free = np.append(onset[1:], np.inf)[: len(body)] - end[by_end]
     free[np.diff(body[by_end], append=-1) != 0] = np.inf
     if run.rule is not None:
-        over = np.where(
+        last_of_instant = np.where(
             np.abs(free) > SIMULTANEITY_TOLERANCE * (end[by_end] - run.time[0]), np.arange(len(body)), len(body)
         )
-        free = free[np.minimum.accumulate(over[::-1])[::-1]]
+        free = free[np.minimum.accumulate(last_of_instant[::-1])[::-1]]
     return np.asarray(free[np.argsort(by_end)].reshape(-1, 2))
 
 
 def _groups(size: int, one: Any, other: Any) -> Any:
-    """Return the smallest member of the group that each of `size` numbers is in.
+    """Smallest member of the group of each of the numbers 0 to size - 1, (size,).
 
-    The numbers `one` and `other` are linked, element by element.
+    Two numbers belong to the same group if links connect them. Link k connects the numbers ``one[k]`` and ``other[k]``.
     """
     least = np.arange(size)
     while (least[one] != least[other]).any():
@@ -182,75 +200,89 @@ def _groups(size: int, one: Any, other: Any) -> Any:
     return least
 
 
-def mates(hard: Trajectory, soft: Trajectory) -> Any:
-    """Row of the soft contact with the same pair and number, per hard contact.
+def matching_soft_contacts(hard: Trajectory, soft: Trajectory) -> Any:
+    """Row of the soft contact with the same pair and number, for each hard contact.
 
-    It is -1 without one.
+    It is -1 if there is no such contact. The result is in the order of the hard contact log.
     """
     (order, edge), (others, start) = hard.by_pair, soft.by_pair
     pair = hard.contacts["pair"][order]
-    number, mate = np.arange(len(order)) - edge[pair], np.full(len(order), -1)
-    both = number < counts(soft)[pair]
-    mate[order[both]] = others[(start[pair] + number)[both]]
-    return mate
+    number, matching = np.arange(len(order)) - edge[pair], np.full(len(order), -1)
+    in_both = number < counts(soft)[pair]
+    matching[order[in_both]] = others[(start[pair] + number)[in_both]]
+    return matching
 
 
-def _held_since(soft: Trajectory) -> Array:
-    """Time in s from which contacts without end connect each body to a wall, or inf."""
-    endless, since = np.isnan(soft.contacts["t_end"]), np.full(soft.scene.n_pairs, np.inf)
-    since[soft.contacts["pair"][endless]] = soft.contacts["t_begin"][endless]
-    held, wall = np.full((2, soft.scene.n), np.inf), soft.scene.is_wall
+def _wall_contact_since(soft: Trajectory) -> Array:
+    """Time in s from which contacts without end connect each body to a wall, (n,).
+
+    It is inf for a body that is not connected to a wall.
+    """
+    has_no_end, since = np.isnan(soft.contacts["t_end"]), np.full(soft.scene.n_pairs, np.inf)
+    since[soft.contacts["pair"][has_no_end]] = soft.contacts["t_begin"][has_no_end]
+    connected, wall = np.full((2, soft.scene.n), np.inf), soft.scene.is_wall
     if wall[0]:
-        held[0, 1:] = np.maximum.accumulate(since)
+        connected[0, 1:] = np.maximum.accumulate(since)
     if wall[-1]:
-        held[1, :-1] = np.maximum.accumulate(since[::-1])[::-1]
-    return np.asarray(held.min(axis=0))
+        connected[1, :-1] = np.maximum.accumulate(since[::-1])[::-1]
+    return np.asarray(connected.min(axis=0))
 
 
 def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
     """Whether each pair is at rest at the end of the soft run, and of the hard run.
 
-    In the soft run its last contact has no end. In the hard run its bodies stick, and it has fewer contacts. Both
-    arrays have the shape of the gaps.
+    A pair rests in the soft run if its last contact has no end. It rests in the hard run if its bodies stick and if it
+    has fewer contacts than in the soft run. Two arrays of bool, (n-1,).
     """
     sticks = np.abs(partings(hard)) <= sticking(hard)
     return np.isnan(partings(soft)) & (counts(soft) > 0), sticks & (counts(hard) < counts(soft))
 
 
 def resting_in_both(hard: Trajectory, soft: Trajectory) -> Any:
-    """Whether each pair `at_rest` in one run also rests at the end of the other.
-
-    The result has the shape of the gaps.
-    """
-    never, sticks = at_rest(hard, soft)
-    parting = np.where(never, partings(hard), partings(soft))
-    still = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= sticking(hard))
-    return (never | sticks) & still
+    """Whether each pair at rest in one run also rests in the other run, (n-1,)."""
+    has_no_end, sticks = at_rest(hard, soft)
+    parting = np.where(has_no_end, partings(hard), partings(soft))
+    is_resting = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= sticking(hard))
+    return (has_no_end | sticks) & is_resting
 
 
 def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
-    """Yield pairs that rest in a contact without end, and their difference in m/s.
+    """Yield each pair that comes to rest, and the difference between its runs in m/s.
 
-    The difference of the two runs is the largest of the following. A contact before the contact without end that the
-    other run lacks contributes its full speed. The contact without end begins in both runs, and the difference of its
-    approach speeds counts. Further contacts of one run, for example of a ball that bounces ever lower, contribute the
-    speed by which they are faster, and the speed with which they leave the pair. If the pair is at rest in both runs,
-    contacts with an approach speed of at most `weight` (n-1,) belong to balls that settle, and are ignored. The ends of
-    the contacts before it are compared by episodes, see `granular.comparison.episodes`.
+    The pair rests from its contact number k onwards, in the run in which it is `at_rest`. The difference is the
+    largest of the following speeds:
+
+    - The larger of approach and separation speed of each contact before contact k that the other run lacks.
+    - The difference of the approach speeds of contact k, or its approach speed if the other run lacks it.
+    - The excess of the approach speed of each later contact of the other run over the one of contact k.
+    - The speed with which the balls leave the last contact in the other run.
+
+    If the pair is at rest in both runs, contacts with an approach speed of at most `weight` belong to balls that
+    settle. They are ignored, except for the last of these speeds. The velocities after contacts before k are compared
+    by episodes.
+
+    Parameters
+    ----------
+    hard, soft : Trajectory
+        Runs continued to equal contact counts.
+    weight : (n-1,) array
+        Speed in m/s that weight gives a ball during a contact.
     """
-    (never, sticks), still = at_rest(hard, soft), resting_in_both(hard, soft)
-    for c in np.flatnonzero(never | sticks).tolist():
+    (has_no_end, sticks), rests_in_both = at_rest(hard, soft), resting_in_both(hard, soft)
+    for c in np.flatnonzero(has_no_end | sticks).tolist():
         runs = [(approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel()) for run in (hard, soft)]
-        (closing, parting), (others, out) = runs if sticks[c] and not never[c] else runs[::-1]
+        (closing, parting), (other_closing, other_parting) = runs if sticks[c] and not has_no_end[c] else runs[::-1]
         k = len(closing) - 1  # the number of the contact without end
-        both = min(k, len(others))
-        apart = [*np.maximum(np.abs(parting), closing)[both:k]]
-        apart += [abs(closing[k] - others[k]), *(others[k + 1 :] - closing[k])] if len(others) > k else [closing[k]]
-        fastest = np.zeros(max(k + 1, len(others)))
+        common = min(k, len(other_closing))
+        differences = [*np.maximum(np.abs(parting), closing)[common:k]]
+        differences += [abs(closing[k] - other_closing[k]), *(other_closing[k + 1 :] - closing[k])] if (
+            len(other_closing) > k) else [closing[k]]
+        fastest = np.zeros(max(k + 1, len(other_closing)))
         fastest[: k + 1] = closing
-        fastest[: len(others)] = np.maximum(fastest[: len(others)], others)
-        left = float(np.abs(np.nan_to_num(out[-1:])).max(initial=0.0))
-        yield c, max(left, float(np.max(apart, where=fastest[both:] > weight[c] * still[c], initial=0.0)))
+        fastest[: len(other_closing)] = np.maximum(fastest[: len(other_closing)], other_closing)
+        leaving_speed = float(np.abs(np.nan_to_num(other_parting[-1:])).max(initial=0.0))
+        yield c, max(leaving_speed, float(
+            np.max(differences, where=fastest[common:] > weight[c] * rests_in_both[c], initial=0.0)))
 
 
 typed(globals(), Scene, Trajectory)

@@ -1,10 +1,10 @@
 """Measures of the error of event-driven simulation, as functions of trajectories.
 
 =========  ===========================================================================================================
-φ          share of the contact impulse exchanged while a neighbouring pair is active (0: every contact is binary)
-p          share of EDMD events with an event of a neighbouring pair within t_c
-Λ          mean t_c times the collision rate of a pair: share of time a pair spends in contact
-D          √(Σ m (Δu)² / Σ m U²), u the velocity with which a ball leaves its last contact, U the fastest impact
+φ          fraction of the contact impulse exchanged while a neighbouring pair is active (0: every contact is binary)
+p          fraction of EDMD events with an event of a neighbouring pair within t_c
+Λ          mean t_c times the collision rate of a pair: fraction of time that a pair spends in contact
+D          √(Σ m (Δu)² / Σ m U²), u the velocity with which a ball leaves its last contact, U the unit
 K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall at constant velocity
 T          Σ m (v - V)² / (N - 1) of N balls, V the velocity of their centre of mass
 =========  ===========================================================================================================
@@ -40,7 +40,7 @@ BALANCE_LABELS = {
     "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
     "dissipated": "dissipated", "end": "at the end", "remainder": "remainder",
 }
-"""Descriptions of the parts of a `balance`."""
+"""Descriptions of the terms of a `balance`."""
 
 
 @check.face
@@ -51,9 +51,9 @@ class Overlap:
     Attributes
     ----------
     lower, upper : int
-        Rows of the contact log. The pair of `upper` is the next one above the pair of `lower`.
+        Row of each contact in the contact log. The pair of `upper` is the next one above the pair of `lower`.
     begin, end : float
-        The common time interval in s.
+        Start and end in s of the time interval that the contacts share.
     """
 
     lower: int
@@ -63,65 +63,74 @@ class Overlap:
 
 
 def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
-    """Return all overlaps in time of contacts of neighbouring pairs, in time order."""
-    begin, finish = run.contacts["t_begin"], np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
-    found = []
-    for below, above in _beside(run):
-        first = np.searchsorted(finish[above], begin[below], side="right")
-        last = np.searchsorted(begin[above], finish[below], side="left")
-        found += [Overlap(int(i), int(j), float(max(begin[i], begin[j])), float(min(finish[i], finish[j])))
+    """Return all overlaps in time of contacts of neighbouring pairs, in time order.
+
+    A contact without end lasts until the end of the run.
+    """
+    begin, end = run.contacts["t_begin"], np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
+    overlaps = []
+    for below, above in _neighbouring_rows(run):
+        first = np.searchsorted(end[above], begin[below], side="right")
+        last = np.searchsorted(begin[above], end[below], side="left")
+        overlaps += [Overlap(int(i), int(j), float(max(begin[i], begin[j])), float(min(end[i], end[j])))
                   for i, a, b in zip(below, first, last, strict=True) for j in above[a:b]]
-    return tuple(sorted(found, key=lambda o: o.begin))
+    return tuple(sorted(overlaps, key=lambda o: o.begin))
 
 
 def shared_impulse(run: Trajectory) -> float:
-    """Shared impulse φ in [0, 1]; 0 for hard spheres.
+    """Shared impulse φ in [0, 1]: impulse exchanged during neighbouring contacts.
 
-    nan without contacts, and for a run resumed from another run with contacts.
+    It is the fraction of the total contact impulse that is exchanged while a neighbouring pair is active. 0 for hard
+    spheres. nan without contacts, and for a run resumed from another run with contacts.
     """
     total, known = float(run.contacts["impulse"].sum()), run.stats.get("contacts", 0) <= len(run.contacts)
     return float(run.stats.get("shared_impulse", 0.0)) / total if total > 0.0 and known else math.nan
 
 
 def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
-    """Share p in [0, 1] of EDMD events with a neighbour's event within t_c.
+    """Fraction p in [0, 1] of EDMD events with a neighbour's event within t_c.
 
-    nan without events.
+    t_c is the isolated duration of an event under the force law of its pair. An event of a neighbouring pair counts if
+    it occurs less than t_c earlier or later. nan without events.
     """
-    begin, lasting = hard.contacts["t_begin"].copy(), durations(hard, laws)
+    begin, t_c = hard.contacts["t_begin"].copy(), durations(hard, laws)
     crowded = np.zeros(len(begin), dtype=np.bool_)
-    for below, above in _beside(hard):
+    for below, above in _neighbouring_rows(hard):
         if len(below) and len(above):
-            crowded[below] |= _distance(begin[below], begin[above]) < lasting[below]
-            crowded[above] |= _distance(begin[above], begin[below]) < lasting[above]
+            crowded[below] |= _distance(begin[below], begin[above]) < t_c[below]
+            crowded[above] |= _distance(begin[above], begin[below]) < t_c[above]
     return float(crowded.mean()) if len(begin) else math.nan
 
 
 def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
-    """Isolated durations in s of EDMD events under the force laws of their pairs."""
+    """Isolated duration in s of each EDMD event under the force law of its pair, (m,).
+
+    It is the duration of an isolated contact at the approach speed of the event.
+    """
     return Durations(laws, hard.scene)(hard.contacts["pair"], np.abs(approach(hard)))
 
 
-def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
-    """Rows of the contact log of every two neighbouring pairs."""
+def _neighbouring_rows(run: Trajectory) -> Iterator[tuple[Any, Any]]:
+    """Yield the rows of the contact log of two pairs, for all neighbouring pairs."""
     below, above = run.scene.neighbours
     return zip(map(run.rows, below.tolist()), map(run.rows, above.tolist()), strict=True)
 
 
 def occupation(soft: Trajectory) -> float:
-    """Share Λ of time that a pair of soft spheres spends in contact.
+    """Mean fraction Λ of time that a pair of soft spheres spends in contact.
 
     nan for an empty time interval, and without a contact log.
     """
     span = float(soft.time[-1] - soft.time[0])
-    known = span > 0.0 and is_logged(soft)
-    return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if known else math.nan
+    is_known = span > 0.0 and is_logged(soft)
+    return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if is_known else math.nan
 
 
 def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
     """Remove contacts just before a common end time from both runs.
 
-    Rounding errors decide whether such contacts are in the log.
+    Rounding errors decide whether such contacts are in the log. A contact is removed if it begins within the last 1e-9
+    of the run. If the status of one run is not `time`, both runs are returned unchanged.
     """
     if not twin.status is hard.status is Status.time:
         return twin, hard
@@ -131,16 +140,15 @@ def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Traj
 
 
 def fastest_approach(*runs: Trajectory) -> float:
-    """Largest approach speed in m/s of all contacts of these runs; 0 without any."""
+    """Largest approach speed in m/s of all contacts of these runs; 0 without contacts."""
     return max(float(approach(run).max(initial=0.0)) for run in runs)
 
 
 def impact_speed(run: Trajectory) -> float:
-    """Speed v₁ in m/s of the first collision of hard spheres; nan without contacts.
+    """Approach speed v₁ in m/s of the first collision of hard spheres.
 
-    For simultaneous collisions it is the fastest approach before any of them has acted: a ball has the velocity with
-    which it enters its first contact. The result depends neither on the tie rule nor on the order of the rows. Most
-    pairs of a touching group do not approach at all.
+    For simultaneous collisions it is the fastest approach of these pairs before any of the collisions. The result
+    depends neither on the tie rule nor on the order of the contact log. nan without contacts.
     """
     log = run.contacts[run.contacts["t_begin"] == run.contacts["t_begin"][:1]]
     body = np.column_stack(run.scene.bodies(log["pair"])).ravel()
@@ -150,9 +158,9 @@ def impact_speed(run: Trajectory) -> float:
 
 
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
-    """Velocities in m/s just before the first contact of `run`.
+    """Velocities in m/s of all bodies just before the first contact of `run`, (n,).
 
-    They are the initial velocities without a contact, and nan if the first sample is later than the first contact.
+    They are the initial velocities if there is no contact, and nan if the first sample is later than the first contact.
     """
     fall = float(run.contacts["t_begin"][0] - run.time[0]) if len(run.contacts) else 0.0
     if fall < 0.0:
@@ -161,15 +169,16 @@ def impact_velocities(scene: Scene, run: Trajectory) -> Array:
 
 
 def mass_centre_restitution(run: Trajectory) -> float:
-    """Restitution of the centre of mass, -V_cm after / V_cm before all contacts.
+    """Restitution of the centre of mass, -V_cm after all contacts / V_cm before them.
 
-    nan unless the scene has exactly one wall, at constant velocity and not thermal, all contacts have an end, and no
-    ball is a pendulum.
+    The velocities are relative to the wall. nan unless the scene has exactly one wall, which moves at constant velocity
+    and is not thermal. Also nan for pendula, without contacts, after a collapse, and if a contact with the wall has no
+    end.
     """
     scene, balls, log = run.scene, ~run.scene.is_wall, run.contacts
     at_wall = run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)
-    lasting = run.status in (Status.collapse, Status.bounded) or np.isnan(at_wall["t_end"]).any()
-    if scene.is_wall.sum() != 1 or scene.endless or not len(log) or lasting:
+    not_finished = run.status in (Status.collapse, Status.bounded) or np.isnan(at_wall["t_end"]).any()
+    if scene.is_wall.sum() != 1 or scene.endless or not len(log) or not_finished:
         return math.nan
     m, wall = scene.mass[balls], float(scene.velocity[scene.is_wall][0])
     before = float(m @ (impact_velocities(scene, run)[balls] - wall))
@@ -179,46 +188,49 @@ def mass_centre_restitution(run: Trajectory) -> float:
 
 
 def static_overlaps(soft: Trajectory) -> Array:
-    """Overlaps in m of balls in static equilibrium, in the shape of the gaps.
+    """Overlap in m of each pair at rest in static equilibrium, (n-1,).
 
-    nan for pairs that are not at rest, under laws with memory (a dent), between two walls, at driven walls, for
-    pendula and on a ring. The contact of pair c carries F_c = Σ (m_i a + m_i g - f_i) over the balls above it in its
-    pile. On a floor a = 0. Without a wall, a is the acceleration of the centre of mass. Below a ceiling, the balls
-    below are summed.
+    The contact of pair c carries F_c = Σ (m_i a + m_i g - f_i) over the balls above it in its pile. On a floor a = 0.
+    In a pile without a wall, a is the acceleration of its centre of mass. Below a ceiling, the sum is over the balls
+    below the contact. nan for pairs that are not at rest, under laws with memory, and between two walls. All values
+    are nan with driven or thermal walls, for pendula and on a ring.
     """
-    scene, still = soft.scene, np.full(soft.scene.n_pairs, math.nan)
+    scene, overlap = soft.scene, np.full(soft.scene.n_pairs, math.nan)
     log = soft.contacts
-    never = np.zeros(scene.n_pairs, np.bool_)
-    never[log["pair"][np.isnan(log["t_end"])]] = True
-    if scene.endless or not never.any():
-        return still
+    has_no_end = np.zeros(scene.n_pairs, np.bool_)
+    has_no_end[log["pair"][np.isnan(log["t_end"])]] = True
+    if scene.endless or not has_no_end.any():
+        return overlap
     from granular.laws.springs import static_overlap
 
     laws = resolved(soft.law or (), scene)
-    force = scene.external_force if scene.external_force is not None else np.zeros(scene.n)
+    external = scene.external_force if scene.external_force is not None else np.zeros(scene.n)
     m = np.where(scene.is_wall, 0.0, scene.mass)
-    down = m * scene.gravity - np.where(scene.is_wall, 0.0, force)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], never, [False]])))
-    for a, b in edges.reshape(-1, 2).tolist():  # pairs a … b - 1, bodies a … b
-        held = scene.is_wall[[a, b]].tolist()
-        if held == [True, True]:
+    weight = m * scene.gravity - np.where(scene.is_wall, 0.0, external)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], has_no_end, [False]])))
+    for a, b in edges.reshape(-1, 2).tolist():  # pairs a … b - 1, bodies a … b of a pile
+        ends_at_wall = scene.is_wall[[a, b]].tolist()
+        if ends_at_wall == [True, True]:
             continue
-        lift = 0.0 if any(held) else -down[a : b + 1].sum() / m[a : b + 1].sum()
-        load = -np.cumsum(down[a:b]) if held[1] else np.cumsum((down + m * lift)[b:a:-1])[::-1]
-        for c, bears in zip(range(a, b), load.tolist(), strict=True):
+        lift = 0.0 if any(ends_at_wall) else -weight[a : b + 1].sum() / m[a : b + 1].sum()
+        load = -np.cumsum(weight[a:b]) if ends_at_wall[1] else np.cumsum((weight + m * lift)[b:a:-1])[::-1]
+        for c, carried in zip(range(a, b), load.tolist(), strict=True):
             with suppress(ValueError):
-                still[c] = static_overlap(laws[c], bears) if bears > 0.0 and not laws[c].memory else math.nan
-    return still
+                overlap[c] = static_overlap(laws[c], carried) if carried > 0.0 and not laws[c].memory else math.nan
+    return overlap
 
 
 def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float]:
     """Dimensionless groups of a scene at an impact `speed` in m/s.
 
-    They are the mass ratio (largest over smallest ball), the stiffness ratio over the pairs, the largest Δh·ω₀/v and
-    g/(ω₀ v), with ω₀ = √(∂F/∂ξ / m_eff) at the expected overlap. Δh·ω₀/v compares a gap between balls with the duration
-    of the slower neighbouring contact, which ends before the gap has closed for values above about π. g/(ω₀ v) compares
-    gravity with the contact force. For a harmonically shaken wall Γ = A ω²/g and ω/ω₀ of its own contact are added, the
-    larger values if there are two. Values are nan if the balls do not meet.
+    The keys are "mass_ratio" (largest over smallest ball), "stiffness_ratio" (over the pairs), "gap_omega_over_speed"
+    (largest Δh·ω₀/v), "gravity_over_omega_speed" (g/(ω₀ v)), "shaking" (Γ = A ω²/g) and "shaking_omega" (ω/ω₀ of the
+    contact with the wall). Here ω₀ = √(∂F/∂ξ / m_eff) at the overlap expected for this speed.
+
+    Δh·ω₀/v compares a gap between balls with the duration of the slower neighbouring contact, which ends before the
+    gap has closed for values above about π. g/(ω₀ v) compares gravity with the contact force. The last two groups are
+    the larger values of the harmonically shaken walls, and nan without such a wall. Values are also nan if the balls
+    do not meet.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
     speed = speed if isinstance(speed, float) and math.isnan(speed) else check.number("speed", speed, at_least=0.0)
@@ -239,12 +251,20 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
 
 
 def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
-    """Γ and ω/ω₀ of harmonically shaken walls; nan without any."""
-    shaken = [(motion, own) for motion, own in zip(scene.motions, omega[[0, -1]].tolist(), strict=True)
+    """Γ = A ω²/g and ω/ω₀ of harmonically shaken walls, nan without such a wall.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    omega : (n-1,) array
+        Contact frequency ω₀ in rad/s of each pair.
+    """
+    shaken = [(motion, omega_0) for motion, omega_0 in zip(scene.motions, omega[[0, -1]].tolist(), strict=True)
               if motion is not None and isinstance(motion, walls.Sine)]
     largest = max((motion.omega * motion.omega * motion.amplitude for motion, _ in shaken), default=math.nan)
     return {"shaking": largest / scene.gravity if scene.gravity > 0.0 else math.nan,
-            "shaking_omega": max((motion.omega / own for motion, own in shaken), default=math.nan)}
+            "shaking_omega": max((motion.omega / omega_0 for motion, omega_0 in shaken), default=math.nan)}
 
 
 def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
@@ -290,15 +310,15 @@ def temperature(run: Trajectory) -> Array:
     """
     balls = ~run.scene.is_wall
     m, v = run.scene.mass[balls], run.velocity[:, balls]
-    own = v - (v @ m / m.sum())[:, None]
-    return np.asarray((own * own) @ m / (len(m) - 1 or math.nan))
+    relative = v - (v @ m / m.sum())[:, None]
+    return np.asarray((relative * relative) @ m / (len(m) - 1 or math.nan))
 
 
 def height(run: Trajectory) -> Array:
-    """Height h = Σ m s / Σ m in m of the centre of mass, without radii, (T,).
+    """Height h = Σ m s / Σ m in m of the centre of mass, radii subtracted, (T,).
 
-    s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below, above the initial
-    position of body 0, which is the floor if there is one. The height of balls that lie on a floor is 0.
+    s_i is the sum of the gaps below ball i, s_i = x_i - r_i - 2 Σ r_j over the balls j below. It is measured from the
+    initial position of body 0, which is the floor if there is one. Balls that lie on a floor have the height 0.
     """
     balls = ~run.scene.is_wall
     m = run.scene.mass[balls]
@@ -308,9 +328,9 @@ def height(run: Trajectory) -> Array:
 def balance(run: Trajectory) -> dict[str, float]:
     """Energy balance in J from the first to the last sample of a run.
 
-    Energy at the *start*, work of *floor* and *ceiling*, *heat* of both walls, *dissipated* energy, energy at the
-    *end*, and *remainder* = end - start - floor - ceiling - heat + dissipated, which is rounding error. nan for parts
-    that the run did not record; see `Trajectory.account`.
+    The keys are "start" and "end" (energy), "floor" and "ceiling" (work of the walls on the balls), "heat" (from both
+    walls), "dissipated" (energy), and "remainder" = end - start - floor - ceiling - heat + dissipated. The remainder is
+    rounding error. Terms that the run did not record are nan; see `Trajectory.account`.
     """
     account = run.account()
     work, heats, losses = (account[name][-1] - account[name][0] for name in ("work", "heat", "dissipated"))
@@ -321,7 +341,7 @@ def balance(run: Trajectory) -> dict[str, float]:
 
 
 def _distance(times: Array, others: Array) -> Array:
-    """Distance in s from each time to the nearest of the sorted times `others`."""
+    """Time in s from each of `times` to the nearest of the sorted times `others`."""
     at = np.searchsorted(others, times)
     left = np.abs(times - others[np.maximum(at - 1, 0)])
     return np.minimum(left, np.abs(others[np.minimum(at, len(others) - 1)] - times))

@@ -186,8 +186,8 @@ class Compared:
         if observable is None and (self.scene.driven or self.scene.heated):
             reason = "driven wall, a speed depends on the phase, which the duration of soft contacts shifts" if (
                 self.scene.driven) else "thermal wall, a speed depends on the last random draw"
-            raise ValueError(f"`observable` must be given for this scene, got None. At a {reason}. Give a function of the "
-                             "run, such as a mean height.")
+            raise ValueError(f"`observable` must be given for this scene, got None. At a {reason}. Give a function of "
+                             "the run, such as a mean height.")
         from granular.comparison.further import roots
 
         check.callback("observable", observable, "run")
