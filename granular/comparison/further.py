@@ -1,12 +1,12 @@
 """Quantities of a comparison that need further runs.
 
 They are the effective ε of hard spheres, the heights and times of apexes (defined as in
-granular/app/page/physics/apex.mjs), the share of the floor's impulse during contacts above, and the difference between
-a run of another program and both engines.
+granular/app/page/physics/apex.mjs), the fraction of the floor's impulse during contacts above, and the difference
+between a run of another program and both engines.
 
-A ball rises to the first apex of its free flight after a contact, beginning with a given contact with the floor. All
-collisions before that apex are included, and a run that stops earlier is continued. A ball that comes to rest
-instead rises to 0.
+A ball rises to the first apex of its free flight after a contact. Only contacts after a given contact with the floor
+are considered. All collisions before the apex are included, and a run that stops earlier is continued. A ball that
+comes to rest instead rises to 0.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from granular.run.until import Separated
 from granular.scene import Scene, speed_scale
 
 ROOT_ROUNDING_ERROR = 1e-14
-"""Values below this share of the largest one are zero.
+"""Values are zero if they are smaller than this fraction of the largest value.
 
 A function that jumps near its root may have no change of sign there.
 """
 MERGING_SPEED_FACTOR = 1e-4
-"""Hard spheres stick after the stop below this share of the impact speed."""
+"""Speed below which hard spheres stick in a continued run, over the impact speed."""
 MAX_FALL_TIMES = 1000.0
 """Limit on the time to an apex, in fall times."""
 MAX_EVENTS_PER_RUN = 3000
@@ -42,48 +42,76 @@ MAX_STEPS_PER_RUN = 10 * MAX_EVENTS_PER_RUN
 """Limit on the steps of each soft run. A pile that settles has few events."""
 Flight = tuple[float, float, float]
 MAX_PRINTED_BALLS = 12
-"""Number of balls that are printed: those with the largest differences."""
+"""Maximum number of balls that are printed: those with the largest differences."""
 
 
 def roots(function: Callable[[float], float], grid: check.Array, scale: float) -> tuple[float, ...]:
-    """Return the zeros of a function that may jump: grid points, or between them.
+    """Return the zeros of a function that may jump, in ascending order.
 
-    Values at rounding level are zero. A jump across zero is not a root.
+    Zeros are searched at the grid points and between grid points with opposite signs. Values at rounding level are
+    zero. A jump across zero is not a root.
+
+    Parameters
+    ----------
+    function : callable
+        Function of one number.
+    grid : array
+        Increasing arguments at which the function is computed.
+    scale : float
+        Magnitude of the terms that cancel at a zero. It sets the rounding level.
     """
     from scipy.optimize import brentq
 
     values = np.array([function(x) for x in grid.tolist()])
     values[np.abs(values) <= ROOT_ROUNDING_ERROR * (scale + np.nanmax(np.abs(values), initial=0.0))] = 0.0
-    found = grid[values == 0.0].tolist()
+    zeros = grid[values == 0.0].tolist()
     for k in np.flatnonzero(np.multiply(values[:-1], values[1:]) < 0.0):
         root = float(brentq(function, grid[k], grid[k + 1], xtol=1e-14))
         if abs(function(root)) < 1e-6 * (scale + abs(values[k]) + abs(values[k + 1])):
-            found.append(root)
-    return tuple(sorted(found))
+            zeros.append(root)
+    return tuple(sorted(zeros))
 
 
 def with_rows(report: Any, engine: str, times: check.Array, further: bool = False) -> Trajectory:
-    """Repeat one of the two runs with samples at sorted `times` in s.
+    """Repeat the hard or the soft run of a comparison with samples at given times.
 
-    The run extends beyond its end if free flight follows, or if `further`.
+    By default, the samples stop at the end of the original run. They extend beyond it if only free flight follows.
+
+    Parameters
+    ----------
+    report : Comparison
+        The comparison.
+    engine : str
+        "hard" or "soft".
+    times : array
+        Sorted times of the samples in s.
+    further : bool
+        Whether to continue the run to the last of `times` in any case.
     """
     hard = engine == "hard"
     run = report.hard if hard else report.soft
-    parted = run.status is Status.until and (hard or isinstance(report.until, Separated))
-    free = parted or run.status in (Status.quiet, Status.resting, Status.time)
-    free = free and not report.scene.driven  # a path may end with the run
-    stop = float(times[-1]) if free or further else min(float(times[-1]), float(run.time[-1]))
-    rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
+    has_separated = run.status is Status.until and (hard or isinstance(report.until, Separated))
+    continues_freely = has_separated or run.status in (Status.quiet, Status.resting, Status.time)
+    continues_freely = continues_freely and not report.scene.driven  # a path may end with the run
+    stop = float(times[-1]) if continues_freely or further else min(float(times[-1]), float(run.time[-1]))
+    sampling: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
     if hard:
-        return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
-    return md.simulate(report.scene, report.law, **report.soft_options, **rows)
+        return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | sampling | {"until": None}))
+    return md.simulate(report.scene, report.law, **report.soft_options, **sampling)
 
 
 @dataclass(frozen=True, eq=False)
 class Onward:
-    """Continuation of one of the two runs beyond its stop.
+    """Continuation of the hard or the soft run of a comparison beyond its end.
 
-    Hard spheres that collide slowly stick together then.
+    In the continuation, hard spheres that collide slowly stick together.
+
+    Parameters
+    ----------
+    report : Comparison
+        The comparison.
+    engine : str
+        "hard" or "soft".
     """
 
     report: Any
@@ -91,13 +119,13 @@ class Onward:
 
     @cached_property
     def before(self) -> Trajectory:
-        """The run up to its stop. A soft run has a checkpoint."""
+        """The original run. A soft run without a checkpoint is repeated to get one."""
         run: Trajectory = self.report.hard if self.engine == "hard" else self.report.soft
         return run if self.engine == "hard" or "origin" in run.state else md.simulate(
             run.scene, run.law, t_end=float(run.time[-1]), max_events=MAX_EVENTS_PER_RUN, max_steps=MAX_STEPS_PER_RUN)
 
     def run(self, t_end: float, samples: check.Array | None = None) -> Trajectory:
-        """Continue the run up to `t_end` in s."""
+        """Continue the run up to `t_end` in s, with `samples` at the given times."""
         run, start = self.before, float(self.before.time[-1])
         if self.engine == "soft":
             return md.resume(
@@ -110,9 +138,9 @@ class Onward:
             merge_below=MERGING_SPEED_FACTOR * (speed if speed > 0.0 else speed_scale(run.scene) or 1.0))
 
     def heights(self, times: check.Array) -> check.Array:
-        """Heights in m without radii above the lowest body, (len(times), n).
+        """Heights in m above the lowest body, with radii subtracted, (len(times), n).
 
-        `times` in s increase. nan from where the run stops at a limit.
+        `times` in s increase. The heights are nan at times after the run stopped at a limit.
         """
         early = times <= self.before.time[-1]
         gaps = [with_rows(self.report, self.engine, times[early]).gap] if early.any() else []
@@ -124,56 +152,80 @@ class Onward:
 
 
 class Rises(tuple[float, float]):
-    """Height in m to which the top ball rises, as a hard and as a soft sphere.
+    """Height in m to which the top ball rises: the pair (hard, soft).
 
-    Call it for the height after a later bounce.
+    Call the object to get the heights after a later bounce.
     """
 
     report: Any
 
     def __call__(self, bounce: int = 1) -> Rises:
-        """Return the heights after the given contact with the floor, 1 for the first."""
+        """Return the heights after contact number `bounce` with the floor, from 1."""
         return rises(self.report, check.whole("bounce", bounce, at_least=1))
 
 
 def rises(report: Any, bounce: int = 1) -> Rises:
-    """Return how high the top ball rises after the given contact with the floor."""
-    found = Rises(float(apexes(report, engine, [report.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
-    found.report = report
-    return found
+    """Heights to which the top ball rises after floor contact number `bounce`."""
+    heights = Rises(float(apexes(report, engine, [report.scene.n - 1], bounce)[0, 1]) for engine in ("hard", "soft"))
+    heights.report = report
+    return heights
 
 
 def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> check.Array:
     """Time in s and height in m of the apex of each body after a bounce, (count, 2).
 
-    A ball that comes to rest has time nan and height 0. Both are nan if the apex cannot be determined.
+    A ball that comes to rest has the time nan and the height 0. Both are nan if the apex cannot be determined.
+
+    Parameters
+    ----------
+    report : Comparison
+        The comparison.
+    engine : str
+        "hard" or "soft".
+    bodies : sequence of int
+        Numbers of the bodies.
+    bounce : int
+        Number of the contact with the floor after which the apex is searched. 1 includes apexes before this contact.
     """
-    scene, onward, options = report.scene, Onward(report, engine), report.hard_options
-    found = np.full((len(bodies), 2), math.nan)
-    no_end = engine == "hard" and (TIE_ORDERS[options["ties"]] == GROUP
-                                   or options["tc"] > 0.0 or options["elastic_below"] > 0.0)  # carried on without them
-    if report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity or no_end:
-        return found
-    fall, sight = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), found[:, 0]
-    first = onward.before.contacts[~np.isnan(onward.before.contacts["t_end"])]
-    for ahead in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), MAX_FALL_TIMES):
-        end = float(np.fmin(onward.before.time[-1] + ahead, sight.max()))
-        run = onward.run(end)
+    scene, continuation, options = report.scene, Onward(report, engine), report.hard_options
+    result = np.full((len(bodies), 2), math.nan)
+    not_continuable = engine == "hard" and (TIE_ORDERS[options["ties"]] == GROUP
+                                          or options["tc"] > 0.0 or options["elastic_below"] > 0.0)  # not in `Onward`
+    if (report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity
+            or not_continuable):
+        return result
+    fall, apex_times = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), result[:, 0]
+    first = continuation.before.contacts[~np.isnan(continuation.before.contacts["t_end"])]
+    for duration in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), MAX_FALL_TIMES):
+        end = float(np.fmin(continuation.before.time[-1] + duration, apex_times.max()))
+        run = continuation.run(end)
         log = np.concatenate([first, run.contacts])
-        sight[:] = [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce) for body in bodies]
-        # to the end that is asked for, and beyond
-        rests = not (run.gap[-1].any() or run.velocity[-1].any()) or run.stats.get("resting", False)
-        if rests or run.status is not Status.time or (sight <= end).all():
+        apex_times[:] = [0.0 if scene.is_wall[body] else _apex(scene, log, body, bounce) for body in bodies]
+        # the apexes lie within the run, or nothing can follow
+        is_at_rest = not (run.gap[-1].any() or run.velocity[-1].any()) or run.stats.get("resting", False)
+        if is_at_rest or run.status is not Status.time or (apex_times <= end).all():
             break
-    sight[sight > run.time[-1]] = math.nan
-    times, back = np.unique(np.nan_to_num(sight, nan=onward.before.time[-1]), return_inverse=True)
-    tops = np.maximum(0.0, onward.heights(times)[back, list(bodies)])
-    found[:, 1] = np.where(np.isfinite(sight), tops, 0.0 if rests else math.nan)
-    return found
+    apex_times[apex_times > run.time[-1]] = math.nan
+    times, index = np.unique(np.nan_to_num(apex_times, nan=continuation.before.time[-1]), return_inverse=True)
+    tops = np.maximum(0.0, continuation.heights(times)[index, list(bodies)])
+    result[:, 1] = np.where(np.isfinite(apex_times), tops, 0.0 if is_at_rest else math.nan)
+    return result
 
 
 def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
-    """Time in s of the first apex of a body after a bounce, if nothing hits it before."""
+    """Time in s of the first apex of a body after a bounce, or nan.
+
+    An apex counts if the ball reaches it before its next contact.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    log : array
+        Contact log.
+    body, bounce : int
+        Number of the body, and number of the contact with the floor.
+    """
     floor = np.sort(log["t_begin"][log["pair"] == 0])[bounce - 1 :]
     since = float(floor.min(initial=math.inf)) if bounce > 1 else -math.inf
     apex = ((begin + v / scene.gravity, hit) for begin, v, hit in _flights(log, body, since) if v > 0.0)
@@ -181,25 +233,26 @@ def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
 
 
 def _flights(log: Any, body: int, since: float) -> Iterator[Flight]:
-    """Yield start, velocity and end of the free flights of a body, in time order.
+    """Yield start, initial velocity and end of each free flight of a body.
 
-    The flights follow contacts that begin at `since` or later.
+    The flights are in time order. Flights after contacts that begin before `since` are left out. Times are in s, and
+    the velocity in m/s. The last flight ends at inf.
     """
     rows = log[(log["pair"] == body) | (log["pair"] == body - 1)]
     rows = rows[np.argsort(rows["t_end"], kind="stable")]
     for k, row in enumerate(rows[~np.isnan(rows["t_end"])]):
         t = float(row["t_end"])
-        pressed = ((rows["t_begin"] < t) & ~(rows["t_end"] <= t)).any()
+        in_contact = ((rows["t_begin"] < t) & ~(rows["t_end"] <= t)).any()
         later = rows["t_begin"][k + 1 :][rows["t_begin"][k + 1 :] >= t]
-        if not pressed and row["t_begin"] >= since:
+        if not in_contact and row["t_begin"] >= since:
             yield t, float(row["v_out"][int(row["pair"] < body)]), float(later.min(initial=math.inf))
 
 
 def floor_share(report: Any) -> float:
-    """Share of the soft impulse of the floor while its ball is pressed from above.
+    """Fraction of the soft impulse on the floor during contacts of ball 1 with ball 2.
 
-    Between any two times the wall gives Σ m (Δv + g Δt). nan without a floor, with a ceiling, or with other forces than
-    weight.
+    The impulse of the floor between two times is Σ m (Δv + g Δt). The fraction is nan without a floor, with a ceiling,
+    and with forces in addition to weight.
     """
     scene, log, total = report.scene, report.counted[1].contacts, report.soft.of(0)["impulse"].sum()
     if scene._flags or scene.is_wall.tolist() != [True] + [False] * (scene.n - 1) or not total > 0.0:
@@ -207,8 +260,8 @@ def floor_share(report: Any) -> float:
     spans = np.array([2 * (report.soft.time[-1],), *((o.begin, o.end) for o in report.overlaps
                                                      if log["pair"][o.lower] == 0)])  # there may be none
     run = with_rows(report, "soft", np.unique(spans))
-    given = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
-    return float(np.diff(given[np.searchsorted(run.time, spans)], axis=1).sum() / total)
+    momentum = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
+    return float(np.diff(momentum[np.searchsorted(run.time, spans)], axis=1).sum() / total)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,11 +271,12 @@ class Against:
     Attributes
     ----------
     time : (T,) array
-        Times in s of the third run.
+        Times in s of the samples of the third run.
     unit : (n,) array
-        Unit in m/s of each ball: the unit of its component in the report, for balls without contacts the largest one.
+        Unit in m/s of each ball: the unit U of its component. Balls without contacts have the largest unit.
     hard, soft : (T, n) arrays
-        Differences in these units, third run minus ours. nan for walls, and after the end of a run that stopped early.
+        Difference between the third run and the hard or the soft run, in these units. nan for walls, and after the end
+        of a run that stopped early.
     """
 
     time: check.Array
@@ -231,7 +285,8 @@ class Against:
     soft: check.Array
 
     def __str__(self) -> str:
-        rows = [part for one in (self.hard, self.soft) for part in (_last(one), np.fmax.reduce(np.abs(one)))]
+        rows = [part for one in (self.hard, self.soft)
+                for part in (_last_known_differences(one), np.fmax.reduce(np.abs(one)))]
         balls = np.flatnonzero(np.isfinite(rows[3]) | np.isfinite(rows[1]))
         shown = np.sort(balls[np.argsort(-np.nan_to_num(rows[3][balls]), kind="stable")][:MAX_PRINTED_BALLS])
         head = f"{'last known':>12}{'largest':>10}  {f'beyond {ERROR_LIMIT} from':<22}"
@@ -246,7 +301,12 @@ class Against:
     def _since(self, apart: check.Array) -> str:
         """Time from which a ball differs by more than `ERROR_LIMIT`, as text.
 
-        If a run stopped early, the time up to which the ball agrees is known.
+        If the ball agrees until a run stopped early, the text contains the time of the last comparison.
+
+        Parameters
+        ----------
+        apart : (T,) array
+            Differences of the ball in its unit.
         """
         off, known = np.flatnonzero(np.abs(apart) > ERROR_LIMIT), np.flatnonzero(np.isfinite(apart))
         if len(off):
@@ -255,8 +315,8 @@ class Against:
             f"not up to {self.time[known[-1]]:.6g} s" if len(known) else "not known")
 
 
-def _last(apart: check.Array) -> check.Array:
-    """Absolute values of the last known difference of each ball."""
+def _last_known_differences(apart: check.Array) -> check.Array:
+    """Absolute value of the last known difference of each ball, (n,)."""
     row = len(apart) - 1 - np.isfinite(apart)[::-1].argmax(axis=0)
     return np.asarray(np.abs(np.take_along_axis(apart, row[None], axis=0)[0]))
 
@@ -265,22 +325,26 @@ def against(report: Any, run: Trajectory) -> Against:
     """Compare a run of another program with a report, see `Comparison.against`."""
     check.of_kind("run", run, Trajectory, "a granular.Trajectory", "from_arrays makes one")
     for name in ("mass", "radius"):
-        ours, theirs = getattr(report.scene, name), getattr(run.scene, name)
-        if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9, atol=0.0):
+        expected, got = getattr(report.scene, name), getattr(run.scene, name)
+        if expected.shape != got.shape or not np.allclose(expected, got, rtol=1e-9, atol=0.0):
             raise ValueError(f"`run` must be of the same scene: its {name} must be "
-                             f"{np.array2string(ours, threshold=6)}, got {np.array2string(theirs, threshold=6)}.")
+                             f"{np.array2string(expected, threshold=6)}, got {np.array2string(got, threshold=6)}.")
     start, first = float(report.soft.time[0]), float(run.time[0])
     if first < start:
         raise ValueError(f"`run.time[0]` must be at least {start:g} s, the start of the scene, got {first!r}. Shift "
                          "its clock.")
-    others = report.units.max(initial=0.0) or speed_scale(report.scene) or 1.0  # of balls that touch nothing
-    unit = np.append(report.units, others)[report.components.of_ball]
-    apart = [_apart(run, with_rows(report, engine, run.time, further=True), unit) for engine in ("hard", "soft")]
-    return Against(run.time, unit, *apart)
+    other_unit = report.units.max(initial=0.0) or speed_scale(report.scene) or 1.0  # of balls that touch nothing
+    unit = np.append(report.units, other_unit)[report.components.of_ball]
+    differences = [_velocity_differences(run, with_rows(report, engine, run.time, further=True), unit)
+                   for engine in ("hard", "soft")]
+    return Against(run.time, unit, *differences)
 
 
-def _apart(theirs: Trajectory, ours: Trajectory, unit: check.Array) -> check.Array:
-    """Differences of the velocities, at the times of a third run."""
+def _velocity_differences(theirs: Trajectory, ours: Trajectory, unit: check.Array) -> check.Array:
+    """Velocity difference of two runs in the unit of each ball, (T, n).
+
+    It is computed at the times of `theirs`. It is nan for walls, and at times at which `ours` has no sample.
+    """
     row = np.searchsorted(ours.time, theirs.time).clip(max=len(ours.time) - 1)
     known = (ours.time[row] == theirs.time)[:, None] & ~ours.scene.is_wall
     return np.where(known, (theirs.velocity - ours.velocity[row]) / unit, np.nan)

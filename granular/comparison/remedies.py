@@ -20,29 +20,30 @@ if TYPE_CHECKING:
 
 __all__ = ["Remedies", "Remedy"]
 SLOW_SPEED_FACTOR = 0.01
-"""Default speed for merging and elastic collisions, over the fastest impact."""
+"""Default speed for merging and elastic collisions, over the fastest approach."""
 MAX_TC_DURATIONS, TC_STEP_FACTOR, TC_COUNT, TC_HALVINGS = 10.0, 10.0**0.5, 9, 11
-"""Search for tc: from ten contact durations down to a thousandth in these steps.
+"""Search for tc: it starts at ten contact durations and decreases by a factor √10.
 
-The interval is then halved this number of times, to 1e-3 of itself.
+There are `TC_COUNT` values, down to a thousandth of a duration. The interval is then halved `TC_HALVINGS` times on a
+logarithmic scale, to a relative width below 1e-3.
 """
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """One run of the scene.
+    """One row of the table of remedies: a run of the scene.
 
     Attributes
     ----------
     name : str
         Name of the remedy.
     setting : float
-        Its tc in s, or its speed in m/s. 0 for remedies without one.
+        Parameter of the remedy: tc in s, or a speed in m/s. 0 for rows without a parameter.
     value : float
-        Value of the observable at the end of the run. nan if the engine refused the remedy.
+        Value of the observable of the run. nan if the engine refused the remedy.
     error : float
-        Largest error of a velocity in the unit of its component: `granular.Comparison.error` of the run at its end. nan
-        for a run that stopped at a limit.
+        Largest error of all components, see `granular.Comparison.error`. 0 for the soft run, and nan for a run that
+        was refused or stopped at a limit.
     contacts : int
         Number of collisions, or of contacts of soft spheres.
     status : str
@@ -59,7 +60,9 @@ class Remedy:
 
 @dataclass(frozen=True, repr=False)
 class Remedies(Report):
-    """Remedies for inelastic collapse beside soft spheres. Save with `to_json`.
+    """Remedies for inelastic collapse, compared with soft spheres.
+
+    Save with `to_json`.
 
     Attributes
     ----------
@@ -68,7 +71,7 @@ class Remedies(Report):
     what : str
         The observable.
     rows : tuple of Remedy
-        Soft spheres, hard spheres as they stop, and hard spheres with each remedy. If hard spheres are not right
+        Soft spheres, hard spheres without a remedy, and hard spheres with each remedy. If hard spheres are not right
         without a remedy, also the TC model with the value of tc that comes nearest to soft spheres.
     tc : float
         A value of tc in s with which the TC model is right: its observable differs from the value of soft spheres by at
@@ -92,7 +95,7 @@ class Remedies(Report):
     @property
     def _headline(self) -> str:
         newton, *others = self.rows
-        near, last = min(others[:5], key=lambda row: float(f"{_off(row, newton):.3g}")), others[-1]
+        near, last = min(others[:5], key=lambda row: float(f"{_distance_from_soft(row, newton):.3g}")), others[-1]
         right = "is right" if self.tc == last.setting else "comes nearest, none is right"
         return (f"Newton has {self.what} = {number(newton.value, '.4g')}; nearest: {near.name}, "
                 f"{number(near.value, '.4g')}. " + (f"Of all tc {last.setting:.3g} s {right}." if self.tc else
@@ -104,64 +107,95 @@ class Remedies(Report):
 
 def table(report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
           ) -> Remedies:
-    """Return the table of remedies, see `Comparison.remedies`."""
+    """Run all remedies and return their table, see `Comparison.remedies`.
+
+    Parameters
+    ----------
+    report : Comparison
+        The comparison.
+    observable : callable or None
+        Function of a trajectory. None is the fraction of the energy that is left.
+    given : mapping
+        Values of "tc", "merge_below" and "elastic_below", or None for their defaults.
+    """
     measure, soft = check.callback("observable", observable, "run") or energy_left, report.soft
     duration = float(measures.durations(report.hard, report.law).min(initial=math.inf))
     slow = SLOW_SPEED_FACTOR * measures.fastest_approach(report.hard)
     tc, merge, elastic = (
-        report.hard_options[name] or usual if given[name] is None else check.number(name, given[name], above=0.0)
-        for name, usual in (("tc", duration), ("merge_below", slow), ("elastic_below", slow)))
+        report.hard_options[name] or default if given[name] is None else check.number(name, given[name], above=0.0)
+        for name, default in (("tc", duration), ("merge_below", slow), ("elastic_below", slow)))
 
     def row(name: str, setting: float = 0.0, rule: Any = report.rule, **remedy: Any) -> Remedy:
         try:
-            run = _run(report, rule, remedy)
-        except ValueError as refused:
-            return Remedy(name, setting, math.nan, math.nan, 0, f"refused: {refused}")
-        as_it_stops = replace(run, stats={key: run.stats[key] for key in run.stats if key != "verdict"})
-        errors = replace(report, hard=as_it_stops).errors
+            run = _run_with_remedy(report, rule, remedy)
+        except ValueError as refusal:
+            return Remedy(name, setting, math.nan, math.nan, 0, f"refused: {refusal}")
+        as_stopped = replace(run, stats={key: run.stats[key] for key in run.stats if key != "verdict"})
+        errors = replace(report, hard=as_stopped).errors
         error = math.nan if run.status is Status.max_events else float(errors.max(initial=0.0))
         return Remedy(name, setting, float(measure(run)), error, len(run.contacts), run.status.name)
 
     newton = Remedy("Newton, soft spheres", 0.0, float(measure(soft)), 0.0, len(soft.contacts), soft.status.name)
-    hard, within = row("hard spheres"), ERROR_LIMIT * (1.0 if observable is None else abs(newton.value))
+    hard, tolerance = row("hard spheres"), ERROR_LIMIT * (1.0 if observable is None else abs(newton.value))
     rows = [hard, row("merge", merge, collapse="merge", merge_below=merge), row("TC model", tc, tc=tc),
             row("elastic cut-off", elastic, elastic_below=elastic), row("sticky", rule=ConstantRestitution(0.0))]
-    best = hard if _off(hard, newton) <= within else _best(
-        lambda of: row("TC model at its best", of, tc=of), newton, duration)
+    best = hard if _distance_from_soft(hard, newton) <= tolerance else _best(
+        lambda tc_trial: row("TC model at its best", tc_trial, tc=tc_trial), newton, duration)
     what = "E/E0" if observable is None else str(getattr(observable, "__name__", "observable"))
-    right = best.setting if _off(best, newton) <= within else math.nan
+    right = best.setting if _distance_from_soft(best, newton) <= tolerance else math.nan
     return Remedies(report, what, (newton, *rows, *[best] * (best is not hard)), right)
 
 
-def _run(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
-    """Run the hard spheres with this remedy and no other.
+def _run_with_remedy(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
+    """Run the hard spheres with one remedy instead of those of the comparison.
 
-    The limit on collisions is the same as for runs under another tie rule.
+    The number of collisions is limited to ten times the events, soft contacts and bodies of the comparison.
+
+    Parameters
+    ----------
+    report : Comparison
+        The comparison.
+    rule : collision rule
+        Rule of the hard spheres.
+    remedy : mapping
+        Options of `granular.edmd.simulate` for the remedy.
     """
-    none = {"collapse": "stop", "merge_below": None, "tc": 0.0, "elastic_below": 0.0}
-    options = {**report.hard_options, **none, **remedy}
+    no_remedy = {"collapse": "stop", "merge_below": None, "tc": 0.0, "elastic_below": 0.0}
+    options = {**report.hard_options, **no_remedy, **remedy}
     if options == report.hard_options and rule is report.rule:
         return report.hard
-    most = align.COLLISION_LIMIT_FACTOR * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
-    return edmd.simulate(report.scene, rule, **options | {"max_events": min(options["max_events"], most)})
+    limit = align.COLLISION_LIMIT_FACTOR * (report.hard.stats["events"] + len(report.soft.contacts) + report.scene.n)
+    return edmd.simulate(report.scene, rule, **options | {"max_events": min(options["max_events"], limit)})
 
 
-def _off(row: Remedy, newton: Remedy) -> float:
-    """Difference of a row from soft spheres; inf without a value or after a limit."""
+def _distance_from_soft(row: Remedy, newton: Remedy) -> float:
+    """Difference of the observable between a row and soft spheres (`newton`).
+
+    It is inf if the value or the error of the row is not finite.
+    """
     off = abs(row.value - newton.value)
     return off if math.isfinite(off + row.error) else math.inf
 
 
 def _best(at: Callable[[float], Remedy], newton: Remedy, duration: float) -> Remedy:
-    """Return the row of the TC model that is nearest to soft spheres.
+    """Return the row of the TC model whose observable is nearest to soft spheres.
 
-    tc decreases from long durations until it crosses the value of soft spheres, and is then bisected.
+    tc decreases until the observable crosses the value of soft spheres. This interval is then bisected.
+
+    Parameters
+    ----------
+    at : callable
+        Function of tc in s that returns a row of the table.
+    newton : Remedy
+        Row of the soft spheres.
+    duration : float
+        Contact duration in s from which the search starts, see `MAX_TC_DURATIONS`.
     """
-    tried = [at(MAX_TC_DURATIONS * duration / TC_STEP_FACTOR**k) for k in range(TC_COUNT)]
-    above = tried[0].value > newton.value
-    low = next((row.setting for row in tried if (row.value > newton.value) is not above), tried[-1].setting)
+    rows = [at(MAX_TC_DURATIONS * duration / TC_STEP_FACTOR**k) for k in range(TC_COUNT)]
+    starts_above = rows[0].value > newton.value
+    low = next((row.setting for row in rows if (row.value > newton.value) is not starts_above), rows[-1].setting)
     high = TC_STEP_FACTOR * low
     for _ in range(TC_HALVINGS):
-        tried.append(middle := at(math.sqrt(low * high)))
-        low, high = (low, middle.setting) if (middle.value > newton.value) is above else (middle.setting, high)
-    return min(tried, key=lambda row: _off(row, newton))
+        rows.append(middle := at(math.sqrt(low * high)))
+        low, high = (low, middle.setting) if (middle.value > newton.value) is starts_above else (middle.setting, high)
+    return min(rows, key=lambda row: _distance_from_soft(row, newton))

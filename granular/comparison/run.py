@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Judged, Report):
-    """Discrepancy between hard and soft spheres in one scene.
+    """Hard and soft run of one scene, with their differences and the answer.
 
     Print it for a report, draw it with `plot`, save it with `to_json`.
 
@@ -45,19 +45,19 @@ class Comparison(Judged, Report):
     pairs : tuple of PairOutcome
         Numbers of contacts and separation speeds of each pair.
     twin : Trajectory
-        Second event-driven run, from gaps shifted by 1e-12 of themselves. It shows how far the scene can be predicted.
-        Computed when first used. It stops at ten times the number of collisions.
+        Second event-driven run, from gaps shifted by a relative 1e-12. It shows whether the scene can be predicted.
+        It is computed when first used, and stops at ten times the number of collisions.
     levelled : (2,) tuple of Trajectory
-        Both runs, continued until every pair has the same number of contacts where possible, and every contact has
+        Both runs, continued until every pair has the same number of contacts if possible, and every contact has
         ended. Contacts at rounding level are left out.
     deciding : Departure or None
         Ball and episode of contacts with the largest error.
     answer : Answer
         Can these collisions be treated as instantaneous?
     reasons : tuple of Reason
-        Reason for the answer of each component, the worst one first.
+        Reason for the answer of each component, the worst answer first.
     verdict : str
-        The first reason in one line.
+        The answer with its first reason, in one line.
     hard_options, soft_options : mapping
         Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs can be repeated.
     """
@@ -71,8 +71,8 @@ class Comparison(Judged, Report):
         """Draw both runs, and return the figure or save it to `path`.
 
         From top to bottom: the verdict and the parameters, the contacts of each pair over time, the forces of the soft
-        spheres, and the paths of all balls. Where contacts of neighbouring pairs overlap in time, an enlarged panel
-        shows the distance of the two balls that touch most often during the overlap.
+        spheres, and the paths of all balls. If contacts of neighbouring pairs overlap in time, an enlarged panel shows
+        the distance of the two balls that touch most often during the overlap.
         """
         from granular.comparison import figure
 
@@ -86,7 +86,7 @@ class Comparison(Judged, Report):
         merge_below: float | None = None,
         elastic_below: float | None = None,
     ) -> Remedies:
-        """Compare every remedy for inelastic collapse with soft spheres.
+        """Compare the remedies for inelastic collapse with soft spheres.
 
         The remedies are merging balls, the TC model, an elastic cut-off and a sticky rule. Hard spheres without
         a remedy are included.
@@ -94,14 +94,14 @@ class Comparison(Judged, Report):
         Parameters
         ----------
         observable : callable, optional
-            Function of a trajectory that returns the number to compare. Defaults to the share E/E0 of the energy that
-            is left at the end.
+            Function of a trajectory that returns the number to compare. Defaults to the fraction E/E0 of the energy
+            that is left at the end.
         tc : float, optional
-            Contact duration in s of the TC model. Defaults to the one of the comparison, otherwise to the shortest
-            isolated contact under its force laws at the speed of the first collision.
+            Contact duration in s of the TC model. Defaults to the value in this comparison. If that is 0, it is the
+            shortest duration that the contacts of the hard run would have under the force laws.
         merge_below, elastic_below : float, optional
-            Speeds in m/s below which balls merge, or collide elastically. Default to the ones of the comparison,
-            otherwise to 1/100 of the speed of the first collision.
+            Speeds in m/s below which balls merge, or collide elastically. Each defaults to the value in this
+            comparison. If none is set, it is 1/100 of the fastest approach speed of the hard run.
 
         Returns
         -------
@@ -130,7 +130,7 @@ class Comparison(Judged, Report):
         Returns
         -------
         Against
-            Differences of the velocities of each ball, in the units of this report. Printed, it is a small table.
+            Differences of the velocities of each ball, in the units of this report. Printing it gives a small table.
 
         Raises
         ------
@@ -147,12 +147,12 @@ class Comparison(Judged, Report):
     ) -> None:
         """Write a film of both engines side by side, for at most 60 balls.
 
-        The film of a fall has three parts, as on the teaching page: the fall in real time with a stop at the floor, the
-        contacts in slow motion (the factor is shown), and the flight beside a ruler, in real time unless it takes
-        longer than 6 s. Every ball stops at its apex, which is marked with its height in m. The height of the top ball
-        is `rises`. If nothing falls, or if contacts and flights alternate, the whole film has one time scale. Balls
-        without gravity are drawn in a horizontal row. An enlarged view shows the distance of the two balls that touch
-        most often while a neighbouring contact lasts.
+        The film of a fall has three parts, as on the teaching page. The fall is shown in real time and stops at the
+        floor. The contacts are shown in slow motion, with the factor. The flight is shown next to a ruler, in real
+        time unless it takes longer than 6 s. Every ball stops at its apex, which is marked with its height in m. The
+        height of the top ball is `rises`. If nothing falls, or if contacts and flights alternate, the whole film has
+        one time scale. Balls without gravity are drawn in a horizontal row. An enlarged view shows the distance of the
+        two balls that touch most often during a contact of a neighbouring pair.
 
         Parameters
         ----------
