@@ -20,32 +20,35 @@ if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
 MIN_MARK_WIDTH = 1.5
-"""Least width in points of the mark of a contact."""
+"""Line width in points of the mark in the middle of a contact.
+
+It keeps short contacts visible.
+"""
 FORCE_PREFIXES = ((1e6, "M"), (1e3, "k"), *UNIT_PREFIXES[:3])
 """Multiples of the newton."""
 FORCE_MAP_COLUMNS = 300
-"""Time intervals of a force map. Each shows its largest force."""
+"""Number of time intervals of a force map. Each shows its largest force."""
 MAX_FORCE_CURVES = 6
-"""Pairs up to which forces are drawn as curves; for more pairs as a map."""
+"""Maximum number of pairs whose forces are drawn as curves. More pairs get a map."""
 
 
 def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
-    """Draw the figure, see `Comparison.plot`."""
+    """Draw the figure of a comparison, see `Comparison.plot`."""
     view, n = window(report), report.scene.n_pairs
-    look = closeup(view)
+    detail = closeup(view)
     heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= MAX_FORCE_CURVES else [0.2 * min(n, 12) + 1.0]), 2.4]
-    figure, panels = canvas(7.0, sum(heights) + 1.4 + 2.2 * bool(look), len(heights) + bool(look),
-                            height_ratios=heights + [1.9] * bool(look))
+    figure, panels = canvas(7.0, sum(heights) + 1.4 + 2.2 * bool(detail), len(heights) + bool(detail),
+                            height_ratios=heights + [1.9] * bool(detail))
     axes = panels[: len(heights), 0]
     head(figure, report.verdict, parameters(report))
-    runs = both(report, view.moments if look is None else np.union1d(view.moments, look.moments))
+    runs = both(report, view.moments if detail is None else np.union1d(view.moments, detail.moments))
     timeline(axes[0], view)
     _forces(figure, axes[1:-1], view, runs["soft"])
     draw_runs(axes[-1], view, runs)
-    if look is not None:
-        draw_closeup(panels[-1, 0], look, runs)
-        mark(axes[0], view, look)
-    shared = panels[:, 0] if look is None or look.view is view else axes
+    if detail is not None:
+        draw_closeup(panels[-1, 0], detail, runs)
+        shade_detail(axes[0], view, detail)
+    shared = panels[:, 0] if detail is None or detail.view is view else axes
     for axis in shared:
         axis.set_xlim(view.limits)
         axis.tick_params(labelbottom=axis is shared[-1])
@@ -57,14 +60,20 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
 
 
 def both(report: Judged, times: Array) -> dict[str, Trajectory]:
-    """Repeat both runs with samples at `times`; not hard runs of 100 000 collisions."""
-    few = len(report.hard.contacts) < 100_000
-    return {engine: with_rows(report, engine, times) for engine in ("soft", "hard") if engine == "soft" or few}
+    """Repeat both runs with samples at `times` in s, by engine "soft" and "hard".
+
+    A hard run with at least 100 000 collisions is left out.
+    """
+    draws_hard = len(report.hard.contacts) < 100_000
+    return {engine: with_rows(report, engine, times) for engine in ("soft", "hard") if engine == "soft" or draws_hard}
 
 
-def mark(axis: Any, view: View, look: Closeup) -> None:
-    """Shade the interval of the enlarged view if it is only a part of the figure."""
-    begin, end = look.view.begin, look.view.end
+def shade_detail(axis: Any, view: View, detail: Closeup) -> None:
+    """Shade the interval of the enlarged view.
+
+    Nothing is shaded if it covers at least 80 % of the figure.
+    """
+    begin, end = detail.view.begin, detail.view.end
     if end - begin < 0.8 * (view.end - view.begin):
         axis.axvspan(view.clock(begin), view.clock(end), color=GREY_COLOUR, alpha=0.2, lw=0, zorder=0)
 
@@ -72,7 +81,7 @@ def mark(axis: Any, view: View, look: Closeup) -> None:
 def timeline(axis: Any, view: View, named: int = MAX_LABELS) -> None:
     """Draw bars for soft contacts and marks for hard collisions, one line per pair.
 
-    Up to `named` pairs have names.
+    If there are more than `named` pairs, the axis shows their numbers instead of their names.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -104,7 +113,10 @@ def _mark_later_contacts(axis: Any, view: View) -> None:
 
 
 def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
-    """Draw forces: curves with their own units for few pairs, otherwise a map."""
+    """Draw the forces of soft spheres as curves, or as a map for many pairs.
+
+    Each curve has its own panel and unit.
+    """
     force = np.asarray(soft.force)
     if soft.scene.n_pairs > MAX_FORCE_CURVES:
         _force_map(figure, axes[0], view, soft)
@@ -116,16 +128,27 @@ def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
 
 
 def force_curve(axis: Any, clock: Array, force: Array) -> None:
-    """Draw a force over time, filled down to zero."""
+    """Draw a force over time, filled down to zero.
+
+    Parameters
+    ----------
+    axis : matplotlib axes
+        Panel to draw in.
+    clock : array
+        Times in the unit of the axis.
+    force : array
+        Force in the unit of the axis.
+    """
     axis.fill_between(clock, force, color=SOFT_COLOUR, alpha=0.25, lw=0)
     axis.plot(clock, force, color=SOFT_COLOUR, lw=1.0)
     axis.set_ylim(0.0, 1.12 * float(force.max(initial=0.0)) or 1.0)
 
 
 def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
-    """Draw the largest force per time interval and pair.
+    """Draw the largest force of each pair in each time interval.
 
-    From samples, and from the log for short contacts.
+    It is found from the samples. For contacts shorter than an interval, the largest force in the contact log is used
+    too.
     """
     from matplotlib.colors import PowerNorm
 
@@ -153,11 +176,15 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
 
 
 def draw_runs(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
-    """Draw the paths of both runs, with a cross where the hard one ended early."""
-    of = {label: (run.time, np.asarray(points(run))) for label, run in runs.items()}
-    unit = world_lines(axis, view, view.report.scene, of)
-    for t, y in (of["hard"],) if "hard" in of else ():
-        why = next((run.status.name for run in (view.report.hard, runs["hard"]) if run.status in EARLY_STATUSES), "")
-        if why and t[-1] < view.end:
+    """Draw the paths of all balls in both runs.
+
+    If the hard run ended early, a cross marks each ball at that time.
+    """
+    paths = {label: (run.time, np.asarray(points(run))) for label, run in runs.items()}
+    unit = world_lines(axis, view, view.report.scene, paths)
+    for t, y in (paths["hard"],) if "hard" in paths else ():
+        status_name = next(
+            (run.status.name for run in (view.report.hard, runs["hard"]) if run.status in EARLY_STATUSES), "")
+        if status_name and t[-1] < view.end:
             axis.plot(np.full(y.shape[1], view.clock(t[-1])), y[-1] / unit, "x", color=HARD_COLOUR, ms=5,
-                      label=f"end of the hard run: {why}")
+                      label=f"end of the hard run: {status_name}")

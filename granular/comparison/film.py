@@ -1,9 +1,10 @@
 """Films of a comparison: both engines side by side.
 
-A film has two pages. `flying` shows fall and flight in real time against a ruler, `touching` the contacts in slow
-motion. There, balls are drawn by the square root of their radii, and paths and overlaps by a common factor that makes
-them visible. Every flying ball stops at its own apex, which is marked with its height. The height of the top ball is
-`Comparison.rises`. The teaching page tells the same story, see granular/app/page/live/film.mjs.
+A film has two pages. The page `flying` shows fall and flight in real time next to a ruler, the page `touching` shows
+the contacts in slow motion. On the page `touching` the sizes of balls are square roots of their radii. Displacements
+and overlaps are enlarged by a common factor that makes them visible. Every flying ball stops at its own apex, which is
+marked with its height. The height of the top ball is `Comparison.rises`. The teaching page shows the same sequence,
+see granular/app/page/live/film.mjs.
 """
 
 from __future__ import annotations
@@ -28,29 +29,40 @@ from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
-STOP_SECONDS, END_SECONDS = 0.9, 1.2  # how long in s the film stops at the floor, and at its end
-# a flight lasts so many s at least; it and the fall are shown for so many at most
+STOP_SECONDS, END_SECONDS = 0.9, 1.2  # duration in s of the stop at the floor, and of the end
+# shortest flight, and longest shown part of flight and fall, in s
 MIN_FLIGHT_TIME, MAX_SHOWN_SECONDS = 0.2, 6.0
-MIN_SLOWDOWN = 10.0  # contacts that are slowed down less are no act of their own
+MIN_SLOWDOWN = 10.0  # contacts that are slowed down less have no act of their own
 ACT_CAPTIONS = {"fall": "falling, as fast as life", "stop": "stop: the floor is reached", "flight": "flying, {}",
         "end": "the highest point of each ball"}
-PANEL_HEIGHTS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # beside the balls, with their heights
+PANEL_HEIGHTS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # relative heights of the panels
 
 
 def animate(
     report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
     charts: bool = True,
 ) -> None:
-    """Write the film, see `Comparison.animate`."""
+    """Write the film of a comparison, see `Comparison.animate`."""
     check(path, report.scene, seconds, fps)
     save(path, Story(window(report), seconds, fps, whole, charts).pictures(), fps)
 
 
 @dataclass(frozen=True)
 class Story:
-    """Content of a film: the contacts for `seconds`, or the `whole` story.
+    """Content of a film: fall, contacts and flight.
 
-    With `charts` beside the balls.
+    Parameters
+    ----------
+    view : View
+        The comparison, and the interval of its contacts.
+    seconds : float
+        Duration in s of the part that shows the contacts.
+    fps : int
+        Frames per second.
+    whole : bool
+        Whether to show fall and flight as well.
+    charts : bool
+        Whether to draw charts next to the balls.
     """
 
     view: View
@@ -61,14 +73,14 @@ class Story:
 
     @cached_property
     def tops(self) -> dict[str, Array]:
-        """Time in s and height in m of each body's apex, for both engines, (n, 2)."""
+        """Time in s and height in m of each body's apex, (n, 2), for each engine."""
         return {name: apexes(self.view.report, name, range(self.view.report.scene.n)) for name in LINE_COLOURS}
 
     @cached_property
     def acts(self) -> dict[str, Array]:
         """Times in s of the frames of the acts "fall", "stop", "slow", "flight" and "end".
 
-        There is only the act "slow" if contacts cannot be separated from flights: without gravity or without a floor,
+        Only the act "slow" is shown if contacts cannot be separated from flights: without gravity or without a floor,
         if walls exchange energy with the balls, if a run ended early, or if contacts would hardly be slowed down.
         """
         view, fps = self.view, self.fps
@@ -91,52 +103,77 @@ class Story:
         }
 
     def heights(self, name: str, times: Array) -> Array:
-        """Heights in m without radii, (len(times), n), constant from the apex on."""
+        """Height in m of each body at `times`, radii subtracted, (len(times), n).
+
+        It is constant after the apex. `name` is the engine, "hard" or "soft".
+        """
         when, top = self.tops[name].T
         return np.where(times[:, None] >= when, top, Onward(self.view.report, name).heights(times))
 
     def pictures(self) -> list[tuple[Page, int]]:
-        """Page and number on the page of every frame, in order."""
-        contacts, flown = touching(self), count()
+        """Page of every frame, and number of the frame on its page, in order."""
+        contacts, flight_number = touching(self), count()
         flights = flying(self) if len(self.acts) > 1 else contacts
-        return [(contacts, k) if name == "slow" else (flights, next(flown))
+        return [(contacts, k) if name == "slow" else (flights, next(flight_number))
                 for name, times in self.acts.items() for k in range(len(times))]
 
-    def page(self, panels: dict[str, float], beside: float) -> Page:
-        """Return an empty page: the balls of both engines, and panels of given heights."""
+    def page(self, panels: dict[str, float], width: float) -> Page:
+        """Return an empty page with stages for the balls of both engines, and panels.
+
+        Parameters
+        ----------
+        panels : dict
+            Name and relative height of each panel.
+        width : float
+            Width of the panels relative to one stage, if balls fall and the panels are next to the stages.
+        """
         report = self.view.report
-        words = (report.verdict, parameters(report)) if self.charts else ("", "")
-        return blank(*words, report.scene, LINE_COLOURS, panels if self.charts else {}, beside, tall=1.25)
+        titles = (report.verdict, parameters(report)) if self.charts else ("", "")
+        return blank(*titles, report.scene, LINE_COLOURS, panels if self.charts else {}, width, tall=1.25)
 
 
 def flying(story: Story) -> Page:
-    """Return the page of fall and flight: balls beside a ruler, heights over time."""
+    """Return the page of fall and flight: balls with a ruler, heights over time."""
     report, shown = story.view.report, {name: times for name, times in story.acts.items() if name != "slow"}
     time = np.concatenate(list(shown.values()))
     drawn = np.union1d(np.linspace(time[0], time[-1], 1200), time)
     heights = {name: story.heights(name, drawn) for name in LINE_COLOURS}
-    page, above = story.page({"heights": 1.0}, 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
+    page, top = story.page({"heights": 1.0}, 2.2), 1.15 * max(float(np.nanmax(path)) for path in heights.values())
     for name in page.axes.keys() - {"time"}:
-        page.axes[name].set_ylim(0.0, above)
+        page.axes[name].set_ylim(0.0, top)
         page.axes[name].axhline(
             report.impact_speed**2 / (2.0 * report.scene.gravity), color=GREY_COLOUR, lw=0.8, ls=":"
         )
     for name, path in heights.items():
-        stand(page, story, name, time, np.nan_to_num(path[np.searchsorted(drawn, time)], nan=-above))
+        draw_balls(page, story, name, time, np.nan_to_num(path[np.searchsorted(drawn, time)], nan=-top))
         if story.charts:
-            flown = np.where(drawn[:, None] > story.tops[name][:, 0], np.nan, path)
-            page.axes["heights"].plot(drawn, flown, color=LINE_COLOURS[name], ls={"hard": "--"}.get(name, "-"), lw=1.1)
+            in_flight = np.where(drawn[:, None] > story.tops[name][:, 0], np.nan, path)
+            page.axes["heights"].plot(drawn, in_flight, color=LINE_COLOURS[name],
+                                      ls={"hard": "--"}.get(name, "-"), lw=1.1)
     page.panels[0].set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
     page.axes["hard"].set_ylabel("height, radii taken out, m; dotted: dropped from here")
-    fast = pace(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
-    page.tell(page.panels, time, [ACT_CAPTIONS[act].format(fast) for act, times in shown.items() for _ in times])
+    speed = pace(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
+    page.tell(page.panels, time, [ACT_CAPTIONS[act].format(speed) for act, times in shown.items() for _ in times])
     return page
 
 
-def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> None:
-    """Draw the balls of one engine side by side at `heights` (len(time), n) in m.
+def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array) -> None:
+    """Draw the balls of one engine on their page, and the marks of their apexes.
 
-    Marks with the heights of the apexes appear when the balls reach them.
+    A mark with the height appears when the ball reaches its apex.
+
+    Parameters
+    ----------
+    page : Page
+        Page to draw on.
+    story : Story
+        Content of the film.
+    name : str
+        The engine, "hard" or "soft".
+    time : array
+        Times of the frames in s.
+    heights : (len(time), n) array
+        Heights of the bodies in m.
     """
     from matplotlib import markers, transforms
 
@@ -147,7 +184,7 @@ def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> N
     axis.set(xlim=(-0.5, len(balls) - 0.5), xticks=[])
     for place, body in enumerate(balls.tolist()):
         when, top = story.tops[name][body]
-        there = np.where(time >= when, top, -axis.get_ylim()[1])
+        mark_height = np.where(time >= when, top, -axis.get_ylim()[1])
         drawn = [
             *axis.plot([place], [0.0], marker=standing, ms=size[body], mfc=f"{colour}30", mec=colour, gid="ball"),
             *axis.plot([place - 0.4, place + 0.4], [0.0, 0.0], color=colour, lw=1.4),
@@ -165,31 +202,43 @@ def stand(page: Page, story: Story, name: str, time: Array, heights: Array) -> N
             ),
         ]
         page.moving += [(artist, np.stack([0.0 * path, path], 1))
-                        for artist, path in zip(drawn, (heights[:, body], there, there), strict=True)]
+                        for artist, path in zip(drawn, (heights[:, body], mark_height, mark_height), strict=True)]
 
 
 def touching(story: Story) -> Page:
     """Return the page of the contacts: balls, contacts, forces, paths, enlarged view."""
     view, time = story.view, story.acts["slow"]
-    report, look = view.report, closeup(view)
-    if look is not None and (look.view is not view or len(look.touches) < 2):
-        look = None  # a short moment of a long film, or nothing hops
-    runs = both(report, np.unique(np.concatenate([time, view.moments, look.moments if look else []])))
-    page = story.page(dict(list(PANEL_HEIGHTS.items())[: 4 if look else 3]), 3.2)
+    report, detail = view.report, closeup(view)
+    if detail is not None and (detail.view is not view or len(detail.touches) < 2):
+        detail = None  # a short part of a long film, or a single contact
+    runs = both(report, np.unique(np.concatenate([time, view.moments, detail.moments if detail else []])))
+    page = story.page(dict(list(PANEL_HEIGHTS.items())[: 4 if detail else 3]), 3.2)
     if story.charts:
-        chart(page.panels, view, look, runs)
+        draw_charts(page.panels, view, detail, runs)
     slowed(page, report.scene, {
         name: np.asarray(points(run))[np.searchsorted(run.time, time, side="right") - 1] for name, run in runs.items()
     }, view, time, story.fps)
     return page
 
 
-def chart(panels: list[Any], view: View, look: Closeup | None, runs: dict[str, Trajectory]) -> None:
-    """Draw contacts, forces, paths and, if there is one, the enlarged view."""
+def draw_charts(panels: list[Any], view: View, detail: Closeup | None, runs: dict[str, Trajectory]) -> None:
+    """Draw contacts, forces, paths and the enlarged view into the panels of a page.
+
+    Parameters
+    ----------
+    panels : list of matplotlib axes
+        The panels from top to bottom.
+    view : View
+        The interval to draw.
+    detail : Closeup or None
+        The enlarged view, if there is one.
+    runs : dict of str to Trajectory
+        Both runs by engine.
+    """
     timeline(panels[0], view, MAX_LABELS if view.report.scene.gravity > 0.0 else MAX_FORCE_CURVES)
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))
     panels[1].set(ylim=(0.0, 1.05), ylabel="force /\nits peak")
     draw_runs(panels[2], view, runs)
-    if look is not None:
-        draw_closeup(panels[3], look, runs)
+    if detail is not None:
+        draw_closeup(panels[3], detail, runs)

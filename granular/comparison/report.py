@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
 SHORT_PAIR_COUNT, FULL_PAIR_COUNT = 2, 8
-"""Pairs listed in the short report; pairs or laws listed in the full report."""
+"""Number of pairs in the short report, and of pairs or laws in the full report."""
 SAME_RESTITUTION = 1e-9
 """Difference of ε below which two values are equal."""
-OVERLAP_SHARES = 0.5 ** np.arange(16)
-"""Shares of the largest overlap at which force laws are checked for attraction."""
+OVERLAP_FRACTIONS = 0.5 ** np.arange(16)
+"""Fractions of the largest overlap at which force laws are tested for attraction."""
 MIN_DENSITY, MAX_DENSITY, MAX_WAVE_SPEED = 0.15, 23_000.0, 20_000.0
-"""Limits of solids: densities in kg/m³, and the speed of sound in m/s.
+"""Limits of solids: density in kg/m³, and speed of sound in m/s.
 
 Aerographene has 0.16 and osmium 22 590 kg/m³, and diamond 18 000 m/s. The speed of sound has no lower limit:
 soft balls have deep overlaps, which are reported.
@@ -72,16 +72,16 @@ def text(report: Judged) -> str:
     return "\n".join(
         [
             report.verdict,
-            *list(_why(report))[:2],
+            *list(_reason_lines(report))[:2],
             "",
-            f"{shortened(described(report.scene))}, {_eps(report.restitution_spec)}",
+            f"{shortened(described(report.scene))}, {_eps_text(report.restitution_spec)}",
             "",
-            *_head(),
-            *_rises(report),
-            *_deciding(report),
-            *_pairs(report, SHORT_PAIR_COUNT),
-            *_ends(report),
-            *_known(MEASURE_FORMATS, {"error": report.error}),
+            *_header_lines(),
+            *_rise_lines(report),
+            *_deciding_lines(report),
+            *_pair_lines(report, SHORT_PAIR_COUNT),
+            *_end_lines(report),
+            *_format_known(MEASURE_FORMATS, {"error": report.error}),
             *[f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first),
             DETAILS_HINT,
         ]
@@ -93,63 +93,72 @@ def details(report: Judged) -> str:
     from granular.comparison.further import floor_share
 
     return "\n".join([
-        report.verdict, *_why(report), "",
-        described(report.scene), *_laws(report), "",
-        *_head(), *_rises(report), *_deciding(report), *_pairs(report, FULL_PAIR_COUNT, speeds=True),
-        *_ends(report), *_account(report), "",
-        *_known(MEASURE_FORMATS, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
-        "groups: " + ", ".join(_known(GROUP_FORMATS, report.groups)),
+        report.verdict, *_reason_lines(report), "",
+        described(report.scene), *_law_lines(report), "",
+        *_header_lines(), *_rise_lines(report), *_deciding_lines(report),
+        *_pair_lines(report, FULL_PAIR_COUNT, speeds=True),
+        *_end_lines(report), *_energy_lines(report), "",
+        *_format_known(
+            MEASURE_FORMATS, {"error": report.error} | report.measures | {"floor_share": floor_share(report)}),
+        "groups: " + ", ".join(_format_known(GROUP_FORMATS, report.groups)),
         *(f"warning: {w}" for w in warnings(report)),
     ])
 
 
 def warnings(report: Judged) -> list[str]:
-    """Return warnings about the input.
+    """Return warnings about the input, one sentence each.
 
-    They are different ε of law and rule, merged balls, attraction, properties of no solid, and deep overlaps.
+    The warnings concern different ε of law and rule, merged balls, attractive force laws, properties that no solid has,
+    and deep overlaps.
     """
-    return [*_two_restitutions(report), *_merged(report), *_attraction(report), *_no_solid(report), *_extremes(report)]
+    return [*_restitution_warnings(report), *_remedy_warnings(report), *_attraction_warnings(report),
+            *_solid_warnings(report), *_overlap_and_speed_warnings(report)]
 
 
-def _two_restitutions(report: Judged) -> Iterator[str]:
-    """Warn about pairs whose hard spheres have another ε than their force law."""
+def _restitution_warnings(report: Judged) -> Iterator[str]:
+    """Warn if hard spheres have another ε than their force law.
+
+    Only the first such pair is named.
+    """
     hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
-    differ = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
-    for c in differ[:1]:
+    differing = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
+    for c in differing[:1]:
         pair = report.scene.pairs.name(int(c))
-        yield (f"hard spheres of pair {pair}{_and(differ)} collide with ε = {hard[c]:.6g}, but their force law has "
-               f"{law[c]:.6g}")
+        yield (f"hard spheres of pair {pair}{_further_count(differing)} collide with ε = {hard[c]:.6g}, but their "
+               f"force law has {law[c]:.6g}")
 
 
-def _merged(report: Judged) -> Iterator[str]:
-    """Warn about hard spheres that merge or collide elastically by an option."""
-    many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
-    if many and below < math.inf:
-        yield f"{many} hard collisions below {below:.3g} m/s were merged; the result depends on that speed"
+def _remedy_warnings(report: Judged) -> Iterator[str]:
+    """Warn if hard spheres merge, use the TC model, or have an elastic cut-off."""
+    merged, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
+    if merged and below < math.inf:
+        yield f"{merged} hard collisions below {below:.3g} m/s were merged; the result depends on that speed"
     yield from (f"hard spheres run with {name} = {value:.3g} {unit}; the result depends on it, see remedies()"
                 for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
 
 
-def _attraction(report: Judged) -> Iterator[str]:
-    """Warn about force laws that attract at rest at an overlap that a contact reaches.
+def _attraction_warnings(report: Judged) -> Iterator[str]:
+    """Warn about force laws that are attractive at rest at an overlap that occurred.
 
-    Engines clip this force to 0. A dashpot attracts only while balls separate.
+    Engines replace an attractive contact force by 0. Laws of the form F = k ξ^p + damping are not tested: they attract
+    only while balls separate.
     """
     log, (kind, each) = report.soft.contacts, resolved(report.law, report.scene).in_pairs
     depth = np.zeros(len(each))
     np.maximum.at(depth, kind[log["pair"]], log["xi_max"])
     for c, (law, deepest) in enumerate(zip(each, depth.tolist(), strict=True)):
-        pulls = [xi for xi in deepest * OVERLAP_SHARES if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
-        if pulls:
+        attractive = [xi for xi in deepest * OVERLAP_FRACTIONS
+                      if law.force(xi, 0.0, xi) < 0.0] if law.form is None else []
+        if attractive:
             pair = int(np.flatnonzero(kind == c)[0])
-            yield (f"the law of pair {report.scene.pairs.name(pair)} attracts at an overlap of {max(pulls):.2g} m; "
-                   "attractive contact forces are replaced by 0")
+            yield (f"the law of pair {report.scene.pairs.name(pair)} attracts at an overlap of {max(attractive):.2g} "
+                   "m; attractive contact forces are replaced by 0")
 
 
-def _no_solid(report: Judged) -> Iterator[str]:
+def _solid_warnings(report: Judged) -> Iterator[str]:
     """Warn about densities, or speeds of contact waves, that no solid has.
 
-    The speed is 2 R √(∂F/∂ξ / m_eff). The usual reason are wrong units.
+    The speed is 2 R √(∂F/∂ξ / m_eff). The usual reason is wrong units.
     """
     scene = report.scene
     slope = resolved(report.law, scene).column(lambda law: law.impact_stiffness(report.impact_speed))
@@ -157,38 +166,38 @@ def _no_solid(report: Judged) -> Iterator[str]:
         density = scene.mass / (4.0 / 3.0 * math.pi * scene.radius**3)
         waves = 2.0 * smaller_radius(scene) * np.sqrt(slope / scene.pairs.m_eff)
     balls = ~scene.is_wall & (scene.radius > 0.0)
-    odd = np.flatnonzero(balls & ~((density >= MIN_DENSITY) & (density <= MAX_DENSITY)))
-    for i in odd[:1]:
-        yield (f"density of ball {i}{_and(odd)} is {density[i]:.2g} kg/m³, which no solid has: are radii in m and "
-               "masses in kg?")
+    unusual = np.flatnonzero(balls & ~((density >= MIN_DENSITY) & (density <= MAX_DENSITY)))
+    for i in unusual[:1]:
+        yield (f"density of ball {i}{_further_count(unusual)} is {density[i]:.2g} kg/m³, which no solid has: are radii "
+               "in m and masses in kg?")
     fast = np.flatnonzero((waves > MAX_WAVE_SPEED) & (waves < math.inf))
-    for c in fast[:1] if not len(odd) else ():
-        yield (f"waves in the contact of pair {scene.pairs.name(c)}{_and(fast)} travel at {waves[c]:.2g} m/s, faster "
-               "than sound in any solid: is its stiffness in SI units?")
+    for c in fast[:1] if not len(unusual) else ():
+        yield (f"waves in the contact of pair {scene.pairs.name(c)}{_further_count(fast)} travel at {waves[c]:.2g} "
+               "m/s, faster than sound in any solid: is its stiffness in SI units?")
 
 
-def _and(some: Any) -> str:
-    """Return the text for further balls or pairs."""
-    return f" (and of {len(some) - 1} more)" if len(some) > 1 else ""
+def _further_count(items: Any) -> str:
+    """Text for the number of further balls or pairs in `items`, "" for one."""
+    return f" (and of {len(items) - 1} more)" if len(items) > 1 else ""
 
 
-def _extremes(report: Judged) -> Iterator[str]:
-    """Warn about deep overlaps, and speeds near the speed of sound, 2 π R / t_c.
+def _overlap_and_speed_warnings(report: Judged) -> Iterator[str]:
+    """Warn about deep overlaps, and about collisions near the speed of contact waves.
 
-    Both are meaningless for an unstable run.
+    The speed of contact waves is 2 π R / t_c. Unstable runs are ignored because their overlaps have no meaning.
     """
     if report.soft.status is Status.unstable:
         return
     run = report.counted[1]
-    order, edge = run.by_pair
-    met, log = np.flatnonzero(np.diff(edge)), run.contacts[order]
-    size = smaller_radius(report.scene)[met]
-    deepest, fastest = (np.maximum.reduceat(values, edge[met])
+    order, starts = run.by_pair
+    touching, log = np.flatnonzero(np.diff(starts)), run.contacts[order]
+    size = smaller_radius(report.scene)[touching]
+    deepest, fastest = (np.maximum.reduceat(values, starts[touching])
                         for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))
-    shortest = np.minimum.reduceat(log["duration"], edge[met])
+    shortest = np.minimum.reduceat(log["duration"], starts[touching])
     depths, speeds = deepest / size, fastest * (shortest / (2.0 * math.pi * size))
     name = report.scene.pairs.name
-    for c, depth, speed in zip(met.tolist(), depths, speeds, strict=True):
+    for c, depth, speed in zip(touching.tolist(), depths, speeds, strict=True):
         if depth > 0.1:
             yield (f"pair {name(c)} overlaps by {percent(depth)} of the smaller radius; force laws are valid up to "
                    "about 10 %")
@@ -197,12 +206,12 @@ def _extremes(report: Judged) -> Iterator[str]:
 
 
 def numbers(report: Judged) -> dict[str, Any]:
-    """Return all numbers."""
+    """Return all numbers of a comparison as a dictionary for JSON."""
     return {
         **problem(report),
         "rule": repr(report.rule),
         "pairs": [asdict(p) for p in report.pairs],
-        "rounding_contacts": dict(zip(("hard", "soft"), _left_out(report), strict=True)),
+        "rounding_contacts": dict(zip(("hard", "soft"), _ignored_counts(report), strict=True)),
         "impact_speed": report.impact_speed,
         "restitution": report.restitution_spec,
         "law_restitution": report.law_restitution,
@@ -214,15 +223,15 @@ def numbers(report: Judged) -> dict[str, Any]:
         "deciding": None if report.deciding is None else asdict(report.deciding),
         **({} if math.isnan(report.drop) else {"drop": report.drop, "rises": report.rises}),
         "answer": report.answer.name,
-        "reasons": [asdict(one) | {"answer": one.answer.name} for one in report.reasons],
+        "reasons": [asdict(reason) | {"answer": reason.answer.name} for reason in report.reasons],
         "verdict": report.verdict,
         "warnings": warnings(report),
-        "hard": _run(report.hard),
-        "soft": _run(report.soft),
+        "hard": _run_numbers(report.hard),
+        "soft": _run_numbers(report.soft),
     }
 
 
-def _run(run: Trajectory) -> dict[str, Any]:
+def _run_numbers(run: Trajectory) -> dict[str, Any]:
     log = run.contacts[:10_000]
     return {
         "status": run.status.name,
@@ -237,84 +246,101 @@ def _run(run: Trajectory) -> dict[str, Any]:
     }
 
 
-def _laws(report: Judged) -> list[str]:
-    """Return a line for each law, or for each pair, and one for the collision rule."""
+def _law_lines(report: Judged) -> list[str]:
+    """Return a line for each law, or for each pair, and one for the collision rule.
+
+    Each pair has its own line if there are several laws and at most `FULL_PAIR_COUNT` pairs.
+    """
     eps, n = np.array(report.law_restitution), len(report.law)
     of_law = pairs_by_law(report.law)
     few = len(of_law) > 1 and n <= FULL_PAIR_COUNT
     rows = [(repr(law), [c]) for c, law in enumerate(report.law)] if few else list(of_law.items())
     return [
-        *(_law(named_pairs(some, n, report.scene.pairs.name), law, eps[some]) for law, some in rows[:FULL_PAIR_COUNT]),
+        *(_law_line(named_pairs(pairs, n, report.scene.pairs.name), law, eps[pairs])
+          for law, pairs in rows[:FULL_PAIR_COUNT]),
         *[f"({len(rows) - FULL_PAIR_COUNT} more laws not shown)"] * (len(rows) > FULL_PAIR_COUNT),
-        _law("rule", repr(report.rule), np.array(report.restitution_spec)),
+        _law_line("rule", repr(report.rule), np.array(report.restitution_spec)),
     ]
 
 
-def _law(of: str, text: str, eps: Any) -> str:
-    return f"{of:<13} {text if len(text) <= 80 else f'{text[:77]}…'}   {_eps(eps)}"
+def _law_line(of: str, text: str, eps: Any) -> str:
+    return f"{of:<13} {text if len(text) <= 80 else f'{text[:77]}…'}   {_eps_text(eps)}"
 
 
-def _eps(of: Any) -> str:
-    low, high = float(min(of)), float(max(of))
+def _eps_text(values: Any) -> str:
+    low, high = float(min(values)), float(max(values))
     return f"ε = {low:.6g}" + f" … {high:.6g}" * (high - low > SAME_RESTITUTION)
 
 
-def _head() -> Iterator[str]:
-    """Yield the header of the table."""
-    yield _line("", "hard spheres", "soft spheres")
-    yield _line("", "(event-driven)", "(Newton)")
+def _header_lines() -> Iterator[str]:
+    """Yield the two header lines of the table."""
+    yield _table_line("", "hard spheres", "soft spheres")
+    yield _table_line("", "(event-driven)", "(Newton)")
 
 
-def _rises(report: Judged) -> Iterator[str]:
-    """Yield the rises of the top ball after the first and the last bounce."""
+def _rise_lines(report: Judged) -> Iterator[str]:
+    """Yield how high the top ball rises after the first and the last bounce.
+
+    The unit of the heights is the drop height.
+    """
     if math.isnan(report.drop):
         return
     last = report.until.nth - 1 if isinstance(report.until, Contact) and report.until.pair == 0 else 1
     for bounce in sorted({1, max(1, last)}):
         hard, soft = (number(rise / report.drop) for rise in report.rises(bounce))
-        yield _line(f"rise of ball {report.scene.n - 1}, drops", hard, soft,
-                    f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
+        yield _table_line(f"rise of ball {report.scene.n - 1}, drops", hard, soft,
+                          f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
 
 
-def _deciding(report: Judged) -> Iterator[str]:
-    """Yield the ball and the episode with the largest error, for both engines."""
-    one = report.deciding
-    if one is not None:
-        yield _line(f"ball {one.ball} leaves, m/s", number(one.hard_velocity), number(one.soft_velocity),
-                    f"  error {percent(one.difference)}")
-        yield _line("at t, s", f"{one.hard_t:.9g}", f"{one.soft_t:.9g}",
-                    f"  episode {one.episode}, {one.contacts} contact{'s' * (one.contacts != 1)}")
+def _deciding_lines(report: Judged) -> Iterator[str]:
+    """Yield two lines on the ball with the largest error, for both engines."""
+    departure = report.deciding
+    if departure is not None:
+        yield _table_line(f"ball {departure.ball} leaves, m/s", number(departure.hard_velocity),
+                          number(departure.soft_velocity), f"  error {percent(departure.difference)}")
+        yield _table_line("at t, s", f"{departure.hard_t:.9g}", f"{departure.soft_t:.9g}",
+                          f"  episode {departure.episode}, {departure.contacts} contact{'s' * (departure.contacts != 1)}")
 
 
-def _ends(report: Judged) -> Iterator[str]:
-    """Yield numbers of contacts and ends of the runs."""
+def _end_lines(report: Judged) -> Iterator[str]:
+    """Yield the numbers of contacts of both runs, and the times at which they ended."""
     hard, soft = report.hard, report.soft
-    yield _line("all contacts", len(report.settled.contacts), len(soft.contacts))
-    if any(left := _left_out(report)):
-        yield _line("rounding errors, ignored", *left, f"  below {MIN_CONTACT_STRENGTH:g} of U")
-    yield from _not_compared(report)
-    because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
+    yield _table_line("all contacts", len(report.settled.contacts), len(soft.contacts))
+    if any(ignored := _ignored_counts(report)):
+        yield _table_line("rounding errors, ignored", *ignored, f"  below {MIN_CONTACT_STRENGTH:g} of U")
+    yield from _uncompared_lines(report)
+    statuses = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
     at = hard.stats.get("collapse_time", hard.time[-1])
-    yield _line("ended at t, s", f"{at:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
+    yield _table_line("ended at t, s", f"{at:.9g}", f"{soft.time[-1]:.9g}", f"  {statuses}")
     if not math.isnan(ratio := report.restitution_ratio):
-        yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
+        yield _table_line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
 
-def _pairs(report: Judged, most: int, speeds: bool = False) -> Iterator[str]:
-    """Yield contacts and separation speeds of the `most` pairs that differ most."""
-    shown = sorted(sorted(report.pairs, key=_difference_key)[:most], key=lambda p: p.pair)
+def _pair_lines(report: Judged, limit: int, speeds: bool = False) -> Iterator[str]:
+    """Yield contacts and separation speeds of the pairs that differ most.
+
+    Parameters
+    ----------
+    report : Judged
+        The comparison.
+    limit : int
+        Maximum number of pairs.
+    speeds : bool
+        Whether to include the separation speeds.
+    """
+    shown = sorted(sorted(report.pairs, key=_difference_key)[:limit], key=lambda p: p.pair)
     name = report.scene.pairs.name
     for p in shown:
-        yield _line(f"contacts of pair {name(p.pair)}", p.hard_contacts, p.soft_contacts)
+        yield _table_line(f"contacts of pair {name(p.pair)}", p.hard_contacts, p.soft_contacts)
         if speeds:
-            yield _line(f"v_rel′ pair {name(p.pair)}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
-                        "  still in contact at the stop" if p.ongoing else _neighbour_mark(report, p))
+            yield _table_line(f"v_rel′ pair {name(p.pair)}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
+                              "  still in contact at the stop" if p.ongoing else _neighbour_mark(report, p))
     if hidden := len(report.pairs) - len(shown):
         yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
 
 
 def _neighbour_mark(report: Judged, p: PairOutcome) -> str:
-    """Mark a separation speed while a neighbouring soft contact is running."""
+    """Text if a neighbouring soft contact lasts when the pair's last one ends."""
     soft, (below, above) = report.levelled[1], report.scene.neighbours
     for c in {*below[above == p.pair].tolist(), *above[below == p.pair].tolist()}:
         log = soft.of(c)
@@ -324,31 +350,37 @@ def _neighbour_mark(report: Judged, p: PairOutcome) -> str:
 
 
 def _difference_key(p: PairOutcome) -> tuple[bool, float]:
-    """Sort key: pairs that differ most come first."""
+    """Sort key with which pairs that differ most come first.
+
+    Pairs with different numbers of contacts come before all other pairs.
+    """
     return p.hard_contacts == p.soft_contacts, -float(np.nan_to_num(abs(p.soft_v_rel - p.hard_v_rel), nan=-1.0))
 
 
-def _account(report: Judged) -> Iterator[str]:
-    """Yield the energy balance of moving or thermal walls, with notes on its use."""
+def _energy_lines(report: Judged) -> Iterator[str]:
+    """Yield the energy balance with moving or thermal walls, and notes on its use."""
     if not report.scene.fed:
         return
     hard, soft = measures.balance(report.hard), measures.balance(report.soft)
     yield "\nenergy, J"
     for name, words in measures.BALANCE_LABELS.items():
-        if hard[name] or soft[name]:  # what is 0 in both is not shown; nan is
-            yield _line(words, number(hard[name]), number(soft[name]))
+        if hard[name] or soft[name]:  # terms that are 0 in both runs are left out; nan is shown
+            yield _table_line(words, number(hard[name]), number(soft[name]))
     if report.scene.driven:
         yield "The duration of a contact shifts the phase of the next one, so timing matters at a driven wall."
     if report.scene.heated:
         yield "Both runs draw the same sequence of speeds at thermal walls; single balls diverge after some time."
 
 
-def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
+def _table_line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
     return f"{name:26}{hard:>15}{soft:>15}{mark}"
 
 
-def _not_compared(report: Judged) -> Iterator[str]:
-    """Yield a line on further contacts of balls that settle in one of the two runs."""
+def _uncompared_lines(report: Judged) -> Iterator[str]:
+    """Yield a line on contacts of settling balls that only one run has.
+
+    The comparison ignores such contacts.
+    """
     further, fastest = 0, 0.0
     for p in report.pairs:
         fewer, more = sorted((run.of(p.pair) for run in (report.settled, report.soft)), key=len)
@@ -361,39 +393,47 @@ def _not_compared(report: Judged) -> Iterator[str]:
                f"{fastest / scale:.3g} {unit}")
 
 
-def _left_out(report: Judged) -> tuple[int, int]:
+def _ignored_counts(report: Judged) -> tuple[int, int]:
     """Numbers of hard and of soft contacts at rounding level, which are ignored."""
     hard, soft = report.counted
     return len(report.settled.contacts) - len(hard.contacts), len(report.soft.contacts) - len(soft.contacts)
 
 
-def _why(report: Judged) -> Iterator[str]:
-    """Yield the reason why the engines differ, and how many contacts are isolated."""
+def _reason_lines(report: Judged) -> Iterator[str]:
+    """Yield the reason why the engines differ, and the number of isolated contacts."""
     shared = report.overlaps
     if not shared and report.measures["isolated_share"] < 1.0:
         yield "Why: contacts that overlap in time exert no relevant force; only the finite durations differ."
     elif not shared:
         yield "Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."
     else:
-        yield from _overlaps(report)
+        yield from _overlap_lines(report)
     yield from filter(None, [isolation.sentence(report.soft)])
 
 
-def _overlaps(report: Judged) -> Iterator[str]:
-    """Yield the first contacts that overlap in time."""
+def _overlap_lines(report: Judged) -> Iterator[str]:
+    """Yield the reason for overlapping contacts, with up to four overlaps."""
     shared, log = report.overlaps, report.counted[1].contacts
-    some = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"
+    subject = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"
     first = "; the first" * (len(shared) > 1)
-    yield f"Why: {some} in time with a contact of a neighbouring pair{first}:"
+    yield f"Why: {subject} in time with a contact of a neighbouring pair{first}:"
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
-        lower, upper = (report.scene.pairs.name(int(one["pair"])) for one in (below, above))
+        lower, upper = (report.scene.pairs.name(int(row["pair"])) for row in (below, above))
         yield (
             f"  pairs {lower} and {upper} at t = {o.begin:.9g} s for {duration(o.end - o.begin)} "
             f"(they last {duration(below['duration'])} and {duration(above['duration'])})"
         )
 
 
-def _known(texts: dict[str, str], values: dict[str, float]) -> list[str]:
-    """Return the texts whose values are not nan."""
-    return [text.format(**values) for name, text in texts.items() if not math.isnan(values.get(name, math.nan))]
+def _format_known(formats: dict[str, str], values: dict[str, float]) -> list[str]:
+    """Format all texts whose values are not nan.
+
+    Parameters
+    ----------
+    formats : dict
+        Format string for each name.
+    values : dict
+        Value for each name.
+    """
+    return [text.format(**values) for name, text in formats.items() if not math.isnan(values.get(name, math.nan))]

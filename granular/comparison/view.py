@@ -1,7 +1,7 @@
 """Data of the figures and films of a comparison.
 
-The time interval to draw, both runs with enough samples, an enlarged view of one pair while contacts overlap in time,
-and the texts for the scene: pairs, parameters, and numbers with units.
+This module selects the time interval to draw and the samples that it needs. It draws the enlarged view of one pair
+during contacts that overlap in time, and formats the parameters of the scene with units.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from granular.run.trajectory import Status, Trajectory
 if TYPE_CHECKING:
     from granular.comparison.answer import Judged
 
-# late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
-NEGLIGIBLE_IMPULSE_SHARE = 0.01
-MAX_PAIRS_FOR_CLOSEUP = 20  # with more pairs than these, contacts somewhere else would always be found to last
-MAX_CLOSEUP_SHARE = 0.6  # a lens that would show this share of the time axis has the same one
-MAX_NUMBERED_TOUCHES = 12  # so many touches are numbered, and hops measured
-MIN_LABEL_DISTANCE = 0.05  # share of the width that two numbers stand apart at least
+# late contacts may be left out up to this fraction of the impulse; a note at the edge of the axis counts them
+NEGLIGIBLE_IMPULSE_FRACTION = 0.01
+MAX_PAIRS_FOR_CLOSEUP = 20  # with more pairs, some distant contact would nearly always last
+MAX_CLOSEUP_FRACTION = 0.6  # an enlarged view of more than this fraction shows the whole time axis
+MAX_NUMBERED_TOUCHES = 12  # number of contacts that are numbered, and of separations that are labelled
+MIN_LABEL_DISTANCE = 0.05  # smallest distance of two labels, as a fraction of the width
 EQUAL_NUMBER_TOLERANCE = 1e-9
 """Relative difference below which two numbers are equal."""
 SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -45,9 +45,9 @@ class View(Span):
 
     @cached_property
     def moments(self) -> Array:
-        """Times in s to draw: evenly spaced, and within each soft contact.
+        """Times in s to draw: evenly spaced in the interval and within each soft contact.
 
-        For more than 500 contacts, evenly chosen contacts are used.
+        If there are more than 500 contacts, every k-th contact is used.
         """
         log = self.report.counted[1].contacts
         log = log[:: max(1, len(log) // 500)]
@@ -57,22 +57,24 @@ class View(Span):
 def window(report: Judged) -> View:
     """Return the interval to draw: from the first to the last contact, with a margin.
 
-    A few late contacts of negligible impulse are left out if the others would fill less than a third of the interval.
+    Late contacts are left out if they have a negligible part of the impulse, and if the remaining contacts would
+    otherwise fill less than a third of the interval.
     """
     start = float(report.soft.time[0])
     runs = report.levelled
     if not any(len(run.contacts) for run in report.counted):
         return View(start, max(float(report.soft.time[-1]), start + 1.0), 0.0, report)
-    share = np.concatenate([run.contacts["impulse"] / (float(run.contacts["impulse"].sum()) or 1.0) for run in runs])
+    impulse_part = np.concatenate(
+        [run.contacts["impulse"] / (float(run.contacts["impulse"].sum()) or 1.0) for run in runs])
     ends = np.concatenate([np.where(np.isnan(log["t_end"]), np.maximum(log["t_begin"], time), log["t_end"])
                            for log, time in ((run.contacts, float(run.time[-1])) for run in runs)])
     first = float(min(run.contacts["t_begin"].min(initial=math.inf) for run in report.counted))
     last = float(ends.max())
     while (
-        len(bulk := ends[3.0 * (ends - first) < last - first])
-        and share[ends > bulk.max()].sum() <= NEGLIGIBLE_IMPULSE_SHARE
+        len(main_ends := ends[3.0 * (ends - first) < last - first])
+        and impulse_part[ends > main_ends.max()].sum() <= NEGLIGIBLE_IMPULSE_FRACTION
     ):
-        last = float(bulk.max())
+        last = float(main_ends.max())
     margin = CONTACTS_MARGIN * (last - first) or 1e-3 * abs(first) or 1.0
     begin, end = max(first - margin, start), last + margin
     if report.hard.status is report.soft.status is Status.time:
@@ -82,16 +84,17 @@ def window(report: Judged) -> View:
 
 @dataclass(frozen=True)
 class Closeup:
-    """One pair of balls in a short time interval.
+    """One pair of balls in a short time interval, for the enlarged view.
 
     Attributes
     ----------
     pair : int
-        Pair of balls whose soft spheres touch most often while a neighbouring contact lasts, the upper one of equals.
+        Pair of balls whose soft spheres touch most often while contacts overlap in time. Of pairs with equally many
+        contacts it is the upper one.
     view : View
         Interval of the contacts that overlap in time, with a margin.
     touches : (count, 2) array
-        Onset and end in s of the soft contacts in it.
+        Onset and end in s of the soft contacts of the pair in this interval.
     """
 
     pair: int
@@ -104,68 +107,80 @@ class Closeup:
         return self.view.times(self.touches, 800)
 
     def path(self, run: Trajectory) -> tuple[Array, Array]:
-        """Times in s within the interval, and the distances in m of the pair."""
+        """Times in s of the samples within the interval, and gaps in m of the pair."""
         inside = (run.time >= self.view.begin) & (run.time <= self.view.end)
         return run.time[inside], run.gap[inside, self.pair]
 
     def hops(self, soft: Trajectory) -> list[tuple[float, float]]:
-        """Time in s and height in m of the highest point between consecutive contacts."""
+        """Time in s and gap in m of the largest separation between consecutive contacts."""
         time, gap = self.path(soft)
-        found = []
+        result = []
         for end, begin in zip(self.touches[:-1, 1], self.touches[1:, 0], strict=True):
             inside = np.flatnonzero((time > end) & (time < begin))
             if len(inside) and gap[top := inside[gap[inside].argmax()]] > 0.0:
-                found.append((float(time[top]), float(gap[top])))
-        return found
+                result.append((float(time[top]), float(gap[top])))
+        return result
 
 
 def closeup(view: View) -> Closeup | None:
-    """Return the enlarged view, or None if no neighbouring contacts overlap in time."""
+    """Return the enlarged view, or None if no contacts of neighbouring pairs overlap.
+
+    None is also returned for more than `MAX_PAIRS_FOR_CLOSEUP` pairs.
+    """
     report, end = view.report, view.end
     scene, log = report.scene, report.counted[1].contacts
-    between = ~np.logical_or(*scene.sides(scene.is_wall))
-    shared = np.zeros(len(log), bool)
-    shared[[row for overlap in report.overlaps for row in (overlap.lower, overlap.upper)]] = True
-    shared &= log["t_begin"] <= end
-    if not shared.any() or scene.n_pairs > MAX_PAIRS_FOR_CLOSEUP:
+    is_ball_pair = ~np.logical_or(*scene.sides(scene.is_wall))
+    overlaps_in_time = np.zeros(len(log), bool)
+    overlaps_in_time[[row for overlap in report.overlaps for row in (overlap.lower, overlap.upper)]] = True
+    overlaps_in_time &= log["t_begin"] <= end
+    if not overlaps_in_time.any() or scene.n_pairs > MAX_PAIRS_FOR_CLOSEUP:
         return None
-    onset, until = log["t_begin"], np.nan_to_num(log["t_end"], nan=end)
-    spell = np.cumsum(np.append(True, onset[1:] > np.maximum.accumulate(until)[:-1]))
-    looked_at = between[log["pair"]] & np.isin(spell, spell[shared])
-    if not looked_at.any():
+    onset, end_times = log["t_begin"], np.nan_to_num(log["t_end"], nan=end)
+    group = np.cumsum(np.append(True, onset[1:] > np.maximum.accumulate(end_times)[:-1]))
+    is_candidate = is_ball_pair[log["pair"]] & np.isin(group, group[overlaps_in_time])
+    if not is_candidate.any():
         return None
-    (spells, pairs), count = np.unique(np.array([spell, log["pair"]])[:, looked_at], axis=1, return_counts=True)
-    best = np.lexsort((-spells, pairs, count))[-1]  # most touches; of equals the upper pair, in its first spell
-    pair, inside = int(pairs[best]), spell == spells[best]
-    touches = np.column_stack([onset, until])[inside & (log["pair"] == pair)]
-    first, last = float(onset[inside].min()), float(min(until[inside].max(), end))
-    if last - first > MAX_CLOSEUP_SHARE * (end - view.begin):
+    (groups, pairs), count = np.unique(np.array([group, log["pair"]])[:, is_candidate], axis=1, return_counts=True)
+    best = np.lexsort((-groups, pairs, count))[-1]  # most touches; of equals the upper pair, in its first spell
+    pair, inside = int(pairs[best]), group == groups[best]
+    touches = np.column_stack([onset, end_times])[inside & (log["pair"] == pair)]
+    first, last = float(onset[inside].min()), float(min(end_times[inside].max(), end))
+    if last - first > MAX_CLOSEUP_FRACTION * (end - view.begin):
         return Closeup(pair, view, touches)
     margin = CONTACTS_MARGIN * (last - first)
     return Closeup(pair, View(max(first - margin, view.begin), min(last + margin, end), first, report), touches)
 
 
-def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> None:
-    """Draw the distance of a pair over time, with numbered contacts.
+def draw_closeup(axis: Any, detail: Closeup, runs: Mapping[str, Trajectory]) -> None:
+    """Draw the gap of a pair over time, with numbered contacts.
 
-    The scale shows every separation between contacts, which are labelled with their heights.
+    The scale shows each separation between contacts, labelled with the largest gap.
+
+    Parameters
+    ----------
+    axis : matplotlib axes
+        Panel to draw in.
+    detail : Closeup
+        The enlarged view.
+    runs : mapping of str to Trajectory
+        The runs "soft" and "hard", with samples in the interval.
     """
-    view, (time, gap), hops = look.view, look.path(runs["soft"]), look.hops(runs["soft"])
+    view, (time, gap), hops = detail.view, detail.path(runs["soft"]), detail.hops(runs["soft"])
     depth = -float(gap.min(initial=0.0))
-    to_see = max(0.4 * depth, 0.1 * float(gap[:1].max(initial=0.0)), 1e-15)  # overlap or approach, without hops
-    height = max((hop for _, hop in hops), default=to_see)
+    visible_depth = max(0.4 * depth, 0.1 * float(gap[:1].max(initial=0.0)), 1e-15)  # overlap or approach, without hops
+    height = max((hop for _, hop in hops), default=visible_depth)
     bottom = 1.2 * min(depth, 2.0 * height if hops else depth)
     unit, name = unit_of(1.3 * height, "m")
     axis.axhline(0.0, color=GREY_COLOUR, lw=0.6)
     for label, run in runs.items():
         colour, dash = {"soft": (SOFT_COLOUR, "-"), "hard": (HARD_COLOUR, "--")}[label]
-        t, y = look.path(run)
+        t, y = detail.path(run)
         axis.plot(view.clock(t), y / unit, color=colour, ls=dash, lw=1.2)
     axis.fill_between(view.clock(time), np.minimum(gap, 0.0) / unit, color=SOFT_COLOUR, alpha=0.25, lw=0)
     axis.set(xlim=view.limits, ylim=(-bottom / unit, (1.45 * height + 0.2 * bottom) / unit),
-             xlabel=view.named, ylabel=f"distance of\n{view.report.scene.pairs.name(look.pair)}, {name}")
+             xlabel=view.named, ylabel=f"distance of\n{view.report.scene.pairs.name(detail.pair)}, {name}")
     least = MIN_LABEL_DISTANCE * (view.shown[1] - view.shown[0])
-    for i, x in apart(view.clock(look.touches[:MAX_NUMBERED_TOUCHES].mean(axis=1)), least):
+    for i, x in well_separated(view.clock(detail.touches[:MAX_NUMBERED_TOUCHES].mean(axis=1)), least):
         axis.annotate(
             str(i + 1),
             (x, 0.965),
@@ -176,14 +191,17 @@ def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> No
             fontsize=8,
             bbox={"boxstyle": "circle,pad=0.2", "fc": "white", "ec": SOFT_COLOUR, "lw": 0.6},
         )
-    for i, x in apart(view.clock(np.array([t for t, _ in hops[:MAX_NUMBERED_TOUCHES]])), 1.8 * least):
-        size, of = unit_of(hops[i][1], "m", 1.0)
-        axis.annotate(f"{float(f'{hops[i][1] / size:.2g}'):g} {of}", (x, hops[i][1] / unit), (0, 2),
+    for i, x in well_separated(view.clock(np.array([t for t, _ in hops[:MAX_NUMBERED_TOUCHES]])), 1.8 * least):
+        size, unit_name = unit_of(hops[i][1], "m", 1.0)
+        axis.annotate(f"{float(f'{hops[i][1] / size:.2g}'):g} {unit_name}", (x, hops[i][1] / unit), (0, 2),
                       textcoords="offset points", ha="center", va="bottom", color=SOFT_COLOUR, fontsize=8)
 
 
-def apart(places: Array, least: float) -> list[tuple[int, float]]:
-    """Return the places, with their numbers, at least `least` from the last one kept."""
+def well_separated(places: Array, least: float) -> list[tuple[int, float]]:
+    """Indices and values of places that keep at least the distance `least`.
+
+    Places are in ascending order. A place too close to the last one that was kept is left out.
+    """
     kept: list[tuple[int, float]] = []
     for i, place in enumerate(np.asarray(places).tolist()):
         if not kept or place - kept[-1][1] >= least:
@@ -193,10 +211,10 @@ def apart(places: Array, least: float) -> list[tuple[int, float]]:
 
 def parameters(report: Judged) -> str:
     """Return two lines with the parameters of a comparison: the scene, and the laws."""
-    return f"{_scene(report)}\n{_laws(report)}"
+    return f"{_scene_text(report)}\n{_laws_text(report)}"
 
 
-def _scene(report: Judged) -> str:
+def _scene_text(report: Judged) -> str:
     scene, balls = report.scene, ~report.scene.is_wall
     inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
     ratio = report.groups["mass_ratio"]
@@ -205,9 +223,9 @@ def _scene(report: Judged) -> str:
             f"{balls.sum()} balls" if balls.sum() > 1 else "1 ball",
             *["on a ring"] * scene.ring,
             *[f"pendula of Ω = {number(scene.pendulum)} rad/s"] * (scene.pendulum > 0.0),
-            f"m = {_span(1e3 * scene.mass[balls], 'g', MASS_PREFIXES)}"
+            f"m = {_range_text(1e3 * scene.mass[balls], 'g', MASS_PREFIXES)}"
             + f" ({number(ratio)} : 1)" * (ratio > 1.0 + EQUAL_NUMBER_TOLERANCE),
-            *[f"gap {_span(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner)),
+            *[f"gap {_range_text(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner)),
             *[f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0),
             *[f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0),
             *(shortened(repr(wall)) for wall in (scene.floor, scene.ceiling) if wall is not None),
@@ -215,53 +233,56 @@ def _scene(report: Judged) -> str:
     )
 
 
-def _laws(report: Judged) -> str:
-    """Law, constants, ε and t_c at the speed of the first impact, with ranges."""
+def _laws_text(report: Judged) -> str:
+    """Text with the laws, their constants, ε and the isolated duration.
+
+    ε and the duration are those at the speed of the first impact. If pairs differ, the range of each number is shown.
+    """
     kinds = list(dict.fromkeys(type(law).__name__ for law in report.law))
     numbers = {name: np.array([getattr(law, name) for law in report.law])
-               for name in (_constants(report.law) if len(kinds) == 1 else ())}
+               for name in (_constant_names(report.law) if len(kinds) == 1 else ())}
     soft, hard = (np.array(eps) for eps in (report.law_restitution, report.restitution_spec))
-    lasts = _durations(report)
+    durations = _isolated_durations(report)
     return ", ".join([
         " and ".join(kinds),
-        *(f"{name} = {_span(of)}{_stiffness(report) if name == 'k' else ''}" for name, of in numbers.items()),
-        f"ε = {_span(soft)}" + f" (hard spheres {_span(hard)})" * bool((np.abs(soft - hard) > 1e-6).any()),
-        *[f"a contact alone lasts {_span(lasts, 's', digits=3)}"] * bool(np.isfinite(lasts).any()),
+        *(f"{name} = {_range_text(x)}{_stiffness_unit(report) if name == 'k' else ''}" for name, x in numbers.items()),
+        f"ε = {_range_text(soft)}" + f" (hard spheres {_range_text(hard)})" * bool((np.abs(soft - hard) > 1e-6).any()),
+        *[f"an isolated contact lasts {_range_text(durations, 's', digits=3)}"] * bool(np.isfinite(durations).any()),
     ])
 
 
-def _stiffness(report: Judged) -> str:
+def _stiffness_unit(report: Judged) -> str:
     """Return the unit of k in F = k ξ^p, or an empty string for other laws."""
     form = resolved(report.law, report.scene)[0].form
     return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m$^{{{form[1]:g}}}$"
 
 
-def _constants(laws: Sequence[Any]) -> list[str]:
-    """Constants of a law except for its damping, which ε describes."""
+def _constant_names(laws: Sequence[Any]) -> list[str]:
+    """Names of the constants of a law. Its damping is left out because ε describes it."""
     named = [field.name for field in fields(laws[0])] if is_dataclass(laws[0]) else []
     return [name for name in named if name not in ("gamma", "alpha") and isinstance(getattr(laws[0], name), float)]
 
 
-def _durations(report: Judged) -> Any:
+def _isolated_durations(report: Judged) -> Any:
     """Isolated duration in s of each pair at the first impact speed, inf without end."""
     n = report.scene.n_pairs
     return Durations(report.law, report.scene)(np.arange(n), np.full(n, report._speed))
 
 
-def _span(values: Any, unit: str = "", prefixes: Any = UNIT_PREFIXES, digits: int = 4) -> str:
+def _range_text(values: Any, unit: str = "", prefixes: Any = UNIT_PREFIXES, digits: int = 4) -> str:
     """Format finite values with a unit: one number, "a and b", or "low … high"."""
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return "–"
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite.min()), float(finite.max())
     if high - low <= EQUAL_NUMBER_TOLERANCE * abs(high):
-        return _one(high, unit, prefixes, digits)
+        return _value_with_unit(high, unit, prefixes, digits)
     between = " and " if len(values) == 2 else " … "
-    ends = (float(known[0]), float(known[-1])) if len(values) == 2 else (low, high)
-    return between.join(_one(value, unit, prefixes, digits) for value in ends)
+    ends = (float(finite[0]), float(finite[-1])) if len(values) == 2 else (low, high)
+    return between.join(_value_with_unit(value, unit, prefixes, digits) for value in ends)
 
 
-def _one(value: float, unit: str, prefixes: Any, digits: int) -> str:
+def _value_with_unit(value: float, unit: str, prefixes: Any, digits: int) -> str:
     if not unit or value == 0.0:
         return f"{number(value, digits)} {unit}".strip()
     scale, name = unit_of(abs(value), unit, 1.0, prefixes)
@@ -269,7 +290,7 @@ def _one(value: float, unit: str, prefixes: Any, digits: int) -> str:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number with `digits` digits and a power of ten in superscripts."""
+    """Format a number with `digits` digits and a power of ten in superscripts."""
     factor, _, power = f"{value:.{digits}g}".partition("e")
     if not power:
         return factor

@@ -125,11 +125,11 @@ def test_parameters_of_many_kinds_of_scene():
     cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), until=gr.until.separated())
     scene, laws = parameters(cradle).split("\n")
     assert scene == "3 balls, m = 1 kg, touching, first impact at 1 m/s"
-    assert laws.startswith("Hertz, k = 10⁹ N/m$^{1.5}$, ε = 1, a contact alone lasts ")
+    assert laws.startswith("Hertz, k = 10⁹ N/m$^{1.5}$, ε = 1, an isolated contact lasts ")
     real = gr.cases.make("real-balls", gap=0.05)
     report = gr.compare(real.scene, real.law, real.rule, until=real.until)
     assert "m = 624 g and 57.7 g" in parameters(report)
-    assert re.search(r"a contact alone lasts 12 ms and 7\.44 ms", parameters(report))
+    assert re.search(r"an isolated contact lasts 12 ms and 7\.44 ms", parameters(report))
     rule, end = gr.ConstantRestitution(0.5), gr.until.contact(0, 2)
     own = gr.compare(gr.scenes.three_balls(), gr.LinearDashpot(5e7), rule, until=end)
     assert "ε = 1 (hard spheres 0.5)" in parameters(own)
