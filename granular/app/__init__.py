@@ -1,4 +1,4 @@
 """The `granular` command and the teaching page.
 
-A first reader may skip: `cli/`, `page/`.
+Support modules: `cli/`, `page/`.
 """

@@ -1,7 +1,7 @@
 """Run one scene as hard and as soft spheres, and decide whether they agree.
 
-Main line: `run`, `answer`.
-A first reader may skip: `align`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`, `outcome`, `remedies`,
+Start with: `run`, `answer`.
+Support modules: `align`, `episodes`, `figure`, `film`, `further`, `measures`, `numbers`, `outcome`, `remedies`,
 `report`, `view`.
 """
 

@@ -289,7 +289,7 @@ def _rise_lines(report: Judged) -> Iterator[str]:
     for bounce in sorted({1, max(1, last)}):
         hard, soft = (number(rise / report.drop) for rise in report.rises(bounce))
         yield _table_line(f"rise of ball {report.scene.n - 1}, drops", hard, soft,
-                          f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
+                    f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
 
 
 def _deciding_lines(report: Judged) -> Iterator[str]:
@@ -299,7 +299,7 @@ def _deciding_lines(report: Judged) -> Iterator[str]:
         yield _table_line(f"ball {departure.ball} leaves, m/s", number(departure.hard_velocity),
                           number(departure.soft_velocity), f"  error {percent(departure.difference)}")
         yield _table_line("at t, s", f"{departure.hard_t:.9g}", f"{departure.soft_t:.9g}",
-                          f"  episode {departure.episode}, {departure.contacts} contact{'s' * (departure.contacts != 1)}")
+                    f"  episode {departure.episode}, {departure.contacts} contact{'s' * (departure.contacts != 1)}")
 
 
 def _end_lines(report: Judged) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """The `granular` command. Misuse prints one line on stderr, never a traceback.
 
-A first reader may skip: `ends`, `installation`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`.
+Support modules: `ends`, `installation`, `one_scene`, `output`, `pages`, `parser`, `sweep`, `verify`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from granular.run.trajectory import Status
 
 EXIT_OK, EXIT_MISUSE, EXIT_ABNORMAL, EXIT_SIGNAL = 0, 2, 3, 128
 EXPECTED_ERRORS = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError
-"""Exceptions that are printed in one line.
+"""Exceptions that are printed in one line, without a traceback.
 
 Exceptions raised by a function of the user are printed in the same way.
 """
@@ -35,7 +35,7 @@ Exceptions raised by a function of the user are printed in the same way.
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with the arguments `argv`, and return its exit code.
 
-    The default of `argv` are the arguments of the process. Exit codes: 0 success · 1 a number of another code is wrong
+    `argv` defaults to the arguments of the process. Exit codes: 0 success · 1 a number of another code is wrong
     or missing · 2 misuse, or a file that cannot be read or written · 3 the run did not end properly (status
     ``unstable``, ``broken`` or ``max_events``) · 128 + the number of the signal that ended the process, 130 for
     Ctrl-C.
@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.simplefilter("default")
             warnings.showwarning = _show_warning
             on_making[:] = [_report_compiling]
-            code = _act(arguments)
+            code = _run_command(arguments)
         if sys.stdout is not None:  # closed by the shell's >&-
             sys.stdout.flush()
         return code
@@ -62,12 +62,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         if "--traceback" in arguments:
             traceback.print_exc()
-        sentence = _sentence(error)
+        sentence = _error_sentence(error)
         print(f"granular: {plain_text(sentence, len(sentence))}", file=sys.stderr)
         return EXIT_MISUSE
 
 
-def _act(arguments: Sequence[str]) -> int:
+def _run_command(arguments: Sequence[str]) -> int:
     """Run the named command and return its exit code."""
     if getattr(granular, "__version__", None) != VERSION and list(arguments[:1]) != ["info"]:
         from granular.app.cli.installation import overwritten
@@ -77,13 +77,14 @@ def _act(arguments: Sequence[str]) -> int:
     from granular.cases.build import user_code_callbacks
 
     try:
-        given = parser.parse(arguments)
+        parsed = parser.parse(arguments)
     except SystemExit:  # --help and --version
         return EXIT_OK
-    user_code_callbacks[:] = [parser.teller(given.target)]
-    output.check(given)
-    with np.errstate(all="ignore"), _naming(given.given | given.run):  # invalid numbers raise errors with a message
-        runs = given.act(given)
+    user_code_callbacks[:] = [parser.teller(parsed.target)]
+    output.check(parsed)
+    # invalid numbers raise errors with a message
+    with np.errstate(all="ignore"), _extreme_option_named(parsed.scene_options | parsed.run_options):
+        runs = parsed.act(parsed)
     if isinstance(runs, int):
         return runs
     ends = {run.status for run in runs or ()}
@@ -91,27 +92,32 @@ def _act(arguments: Sequence[str]) -> int:
 
 
 @contextmanager
-def _naming(options: Mapping[str, Any]) -> Iterator[None]:
-    """Name the first extreme option in error messages that follow from it.
+def _extreme_option_named(options: Mapping[str, Any]) -> Iterator[None]:
+    """Name an extreme option in the message of an error that it probably caused.
 
-    An example is an infinite end time that follows from a mass that is too small. 0 is not extreme.
+    An option is extreme if its magnitude is outside `MIN_SPEED` to `MAX_NUMBER` of `granular.edmd.physics`. An example
+    is a mass so small that the end time is infinite. 0 is not extreme.
     """
     try:
         yield
     except (ValueError, ArithmeticError) as error:
         from granular.edmd.physics import MAX_NUMBER, MIN_SPEED
 
-        own = hasattr(error, "raised_by")  # by a function of the user's own
-        far = [] if own else [(name, x) for name, x in _numbers_of(options) if not MIN_SPEED <= abs(x) <= MAX_NUMBER]
-        if not far or any(re.search(rf"\b{name}\b", str(error)) for name, _ in far):
+        from_user = hasattr(error, "raised_by")  # by a function of the user's own
+        extreme = [] if from_user else [
+            (name, x) for name, x in _nonzero_numbers(options) if not MIN_SPEED <= abs(x) <= MAX_NUMBER]
+        if not extreme or any(re.search(rf"\b{name}\b", str(error)) for name, _ in extreme):
             raise
-        name, value = far[0]
+        name, value = extreme[0]
         raise ValueError(f"`{name}` must be 0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}, got {value!r}. "
                          f"Use other units. The error was: {str(error).rstrip('.')}.") from error
 
 
-def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield the non-zero numbers of the options, also in lists and tables."""
+def _nonzero_numbers(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield name and value of all nonzero numbers in the options.
+
+    Numbers in lists and tables are included.
+    """
     for name, value in options.items():
         inner = value.items() if isinstance(value, Mapping) else [("", value)]
         for key, entry in inner:
@@ -126,7 +132,7 @@ def _report_compiling() -> None:
         print("granular: compiling once, for up to half a minute; later runs start immediately …", file=sys.stderr)
 
 
-def _sentence(error: Exception) -> str:
+def _error_sentence(error: Exception) -> str:
     if hasattr(error, "raised_by"):
         from granular.cases.build import error_sentence
 

@@ -13,12 +13,12 @@ END_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIG
 REPEAT_AFTER_SECONDS = 0.2
 """Time in s after which the signal is repeated.
 
-Exceptions that are raised inside callbacks of a library, such as a compiler, get lost.
+An exception raised inside a callback of a library, such as a compiler, may be lost.
 """
 
 
 class Asked(KeyboardInterrupt):
-    """The process received the signal with this number."""
+    """Interrupt by a signal, with its `number`."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -26,39 +26,40 @@ class Asked(KeyboardInterrupt):
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Raise `Asked`, a `KeyboardInterrupt`, when one of the signals arrives.
+    """Raise `Asked`, a `KeyboardInterrupt`, when the process receives an end signal.
 
     A second signal does not interrupt the handling of the first one. Signals that are already handled or ignored, for
-    example under `nohup`, are left alone. All handlers are restored at the end.
+    example under `nohup`, are left alone. The context restores all handlers when it ends.
     """
-    over: list[bool] = []
+    is_over: list[bool] = []
     main = main_thread().ident or 0
 
-    def say_again(number: int) -> None:
-        if not over and hasattr(signal, "pthread_kill"):
-            signal.pthread_kill(main, number)  # wakes it, too
+    def repeat_signal(number: int) -> None:
+        if not is_over and hasattr(signal, "pthread_kill"):
+            signal.pthread_kill(main, number)  # also wakes the main thread
 
-    def end(number: int, frame: object) -> None:
-        if over:
+    def handle_signal(number: int, frame: object) -> None:
+        if is_over:
             return
-        again = Timer(REPEAT_AFTER_SECONDS, say_again, [number])
-        again.daemon = True
-        again.start()
-        if not _seen_to(sys.exception()):
+        timer = Timer(REPEAT_AFTER_SECONDS, repeat_signal, [number])
+        timer.daemon = True
+        timer.start()
+        if not _is_handling_interrupt(sys.exception()):
             raise Asked(number)
 
-    usual = (signal.SIG_DFL, signal.default_int_handler) if current_thread() is main_thread() else ()
-    before = {one: was for one in END_SIGNALS if (was := signal.getsignal(one)) in usual}
+    default_handlers = (signal.SIG_DFL, signal.default_int_handler) if current_thread() is main_thread() else ()
+    handlers = {signal_number: handler for signal_number in END_SIGNALS
+                if (handler := signal.getsignal(signal_number)) in default_handlers}
     try:
-        for one in before:
-            signal.signal(one, end)
+        for signal_number in handlers:
+            signal.signal(signal_number, handle_signal)
         yield
     finally:
-        over.append(True)
-        for one, was in before.items():
-            signal.signal(one, was)
+        is_over.append(True)
+        for signal_number, handler in handlers.items():
+            signal.signal(signal_number, handler)
 
 
-def _seen_to(error: BaseException | None) -> bool:
+def _is_handling_interrupt(error: BaseException | None) -> bool:
     """Whether the exception being handled is an interrupt or was caused by one."""
-    return error is not None and (isinstance(error, KeyboardInterrupt) or _seen_to(error.__context__))
+    return error is not None and (isinstance(error, KeyboardInterrupt) or _is_handling_interrupt(error.__context__))

@@ -1,8 +1,8 @@
 """Commands `info` and `warm`: the installed packages, and compilation in advance.
 
-`info` helps to report a fault, and finds another package that overwrote this one. `warm` compiles all kernels once,
-for images, classes and test servers. A kernel is compiled once for each set of flags of a scene
-(`granular._engine.kernels`). The scenes of `WARM_SCENES` have all sets of flags that ready-made scenes have.
+`info` prints versions for bug reports, and detects another package that overwrote this one. `warm` compiles all
+kernels, for example for container images, classes and test servers. A kernel is compiled once for each set of flags of
+a scene (`granular._engine.kernels`). The scenes of `WARM_SCENES` have all sets of flags that ready-made scenes have.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ REINSTALL_HINT = (
     f"Uninstall it and install {NAME} again (--force-reinstall --no-deps), or give each an environment of its own"
 )
 WARM_SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
-"""Scenes without flags, with driven wall, thermal walls, ring, and pendula."""
+"""One scene per flag: none, driven wall, thermal walls, ring, and pendula."""
 WARM_RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "hard": ("edmd", {}),
     "hard, no log": ("edmd", {"log": False}),
@@ -43,19 +43,28 @@ WARM_RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "fixed steps, no log": ("md", {"method": "verlet", "log": False}),
     "elastic": ("md", {"method": "verlet"}),
     "elastic, no log": ("md", {"method": "verlet", "log": False})}
-"""Runs with machine code of their own: an engine, and its options.
+"""Runs that need different kernels: engine and options of each, by name.
 
-The hard balls collapse. The elastic ones use a fixed-step integrator.
+The hard runs end in a collapse. The elastic runs have an elastic force law and a fixed-step integrator.
 """
 WARM_END: dict[str, Any] = {"t_end": 5.0, "until": None, "max_events": 1000}
-"""End of a run that calls all kernels it can call."""
+"""End of these runs, late enough to call all kernels."""
 
 
 @dataclass(frozen=True)
 class Installation(Report):
     """Location of this package, state of numba, and versions of all dependencies.
 
-    Other distributions that install a package `granular` are listed as well.
+    Attributes
+    ----------
+    folder : str
+        Folder of the package.
+    numba : str
+        Folder of compiled kernels, or the reason why they are not stored.
+    extras : dict
+        Version of each package of each extra, None if it is missing.
+    others : list of str
+        Other distributions that install a package `granular`.
     """
 
     folder: str
@@ -85,29 +94,37 @@ class Info(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, json="write it")
+        output.offer(parser, json="write this information")
         return []
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
+    def run(parsed: argparse.Namespace) -> None:
         extras = {extra: {name: files.version_of(name) for name in names.split()} for extra, names in EXTRAS.items()}
-        output.deliver(Installation(str(PACKAGE_FOLDER), numba(), extras, others()), given)
+        output.deliver(Installation(str(PACKAGE_FOLDER), numba(), extras, others()), parsed)
         if getattr(granular, "__version__", None) != VERSION:
             raise ImportError(overwritten())
 
 
 def numba() -> str:
-    """Return where numba caches machine code, or why it cannot."""
+    """Return a sentence on the folder of compiled kernels, or why there is none."""
     try:
         return f"kept in {kept()}, which can be written"
-    except (ImportError, OSError) as why:
-        return str(why)
+    except (ImportError, OSError) as reason:
+        return str(reason)
 
 
 def kept() -> str:
-    """Return the folder of cached machine code. Raises an error without one."""
-    if why := kernels.no_compiler():
-        raise ImportError(why)
+    """Return the folder in which numba stores compiled kernels.
+
+    Raises
+    ------
+    ImportError
+        If numba is not installed or cannot be used.
+    OSError
+        If numba cannot write to any folder.
+    """
+    if reason := kernels.no_compiler():
+        raise ImportError(reason)
     try:
         return str(kernels.load_numba().njit(cache=True)(flight.gap_after).stats.cache_path)
     except RuntimeError:
@@ -122,11 +139,14 @@ def others() -> list[str]:
 
 
 def overwritten() -> str:
-    """Return a message for a `granular/__init__.py` of another package, or none."""
-    who = ", ".join(others()) or "another package"
+    """Return the error message for the case that another package overwrote this one.
+
+    The command uses it if `granular.__version__` is not the version of this package.
+    """
+    packages = ", ".join(others()) or "another package"
     return (
-        f"{PACKAGE_FOLDER / '__init__.py'} does not belong to {NAME} {VERSION}, because {who} was installed over it, "
-        f"or uninstalled. {REINSTALL_HINT}."
+        f"{PACKAGE_FOLDER / '__init__.py'} does not belong to {NAME} {VERSION}, because {packages} was installed over "
+        f"it, or uninstalled. {REINSTALL_HINT}."
     )
 
 
@@ -138,14 +158,14 @@ class Warm(Command):
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         parser.add_argument("scenes", nargs="*", metavar="SCENE",
-                            help=f"code for scenes such as {', '.join(WARM_SCENES)} [all of them]")
+                            help=f"one or several of {', '.join(WARM_SCENES)} [all of them]")
         return []
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        check.known(given.scenes, WARM_SCENES, "scene")
+    def run(parsed: argparse.Namespace) -> None:
+        check.known(parsed.scenes, WARM_SCENES, "scene")
         print(f"machine code is kept in {kept()}")
-        for name in given.scenes or WARM_SCENES:
+        for name in parsed.scenes or WARM_SCENES:
             for kind, make in ways(cases.make(name)).items():
                 print(f"{name:16} {kind:20} {made(make)}", flush=True)
 
@@ -164,8 +184,11 @@ def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
 
 
 def made(make: Callable[[], object]) -> str:
-    """Return the processor time of a call that compiles, or that all was compiled."""
-    begun = process_time()
+    """Call a function, and return the processor time if it compiled kernels.
+
+    The text is "there already" if all kernels had been compiled before.
+    """
+    start = process_time()
     with load_numba().core.event.install_recorder("numba:compile") as recorder:
         make()
-    return f"{process_time() - begun:.1f} s" if recorder.buffer else "there already"
+    return f"{process_time() - start:.1f} s" if recorder.buffer else "there already"

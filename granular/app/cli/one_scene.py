@@ -1,6 +1,7 @@
 """Commands on one scene.
 
-`scenes` prints it, `run` runs one engine, `compare` both. `threshold`, `frontier` and `stability` study it.
+`scenes` prints a scene, `run` runs it with one engine, and `compare` with both engines. `threshold`, `frontier` and
+`stability` study it.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ MAX_CONTACTS_READ = 10**6
 REST_ENERGY_ROUNDING = 1e-14
 """Relative rounding error of the energy of balls at rest, from sums of heights."""
 MAX_STUDY_CONTACTS = 16
-"""Maximum number of contacts of a ready-made scene that only its time ends.
+"""Maximum number of contacts in a study of a ready-made scene.
 
-The slow interpreted solvers take seconds for each contact.
+A longer scene that has only an end time is shortened, because interpreted solvers take seconds per contact.
 """
 
 
@@ -49,9 +50,9 @@ class Scenes(Command):
     USAGE = "SCENE"
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        if given.target is not None:
-            print(cases.dumps(case_of(given)), end="")
+    def run(parsed: argparse.Namespace) -> None:
+        if parsed.target is not None:
+            print(cases.dumps(case_of(parsed)), end="")
             return
         print(output.fitted(aligned([[name, cases.about(name)] for name in cases.names()], "<")))
         print(output.fitted("\ngranular compare SCENE --help lists the parameters of a scene.\n"
@@ -63,35 +64,35 @@ class Run(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        about = "hard (edmd) or soft (md) spheres; default md"
+        about = "edmd for hard spheres, md for soft spheres [md]"
         parser.add_argument("--engine", choices=ENGINE_NAMES, default="md", help=about)
-        parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count collisions that would "
-                            "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
-                            "proof")
+        parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count the collisions "
+                            "whose contacts would overlap in time with one of a neighbouring pair under the force law "
+                            "of the scene: an estimate, not a proof")
         offer_until(parser)
         parser.add_argument("--log", metavar="FILE.npy", help="write the contacts to this file during the run")
-        output.offer(parser, save="write the trajectory and its contact log; by its ending also .nc (netCDF), .csv "
-                                  "(contacts) or .extxyz (OVITO)")
-        each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINE_NAMES}
+        output.offer(parser, save="write the trajectory and its contact log; the suffix .nc (netCDF), .csv "
+                                  "(contacts) or .extxyz (OVITO) selects another format")
+        options_by_engine = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINE_NAMES}
         merged: dict[str, Option] = {}
         for engine, other in (ENGINE_NAMES, ENGINE_NAMES[::-1]):
-            for name, option in each[engine].items():
-                only = "" if name in each[other] else f"(--engine {engine} only) "
-                merged[name] = replace(option, about=only + option.about)
+            for name, option in options_by_engine[engine].items():
+                prefix = "" if name in options_by_engine[other] else f"(--engine {engine} only) "
+                merged[name] = replace(option, about=prefix + option.about)
         return list(merged.values())
 
     @staticmethod
-    def run(given: argparse.Namespace) -> list[Trajectory]:
-        case = case_of(given)
-        if given.log and (given.save or "").endswith(".csv"):
-            raise ValueError(f"--save {given.save} would write the contacts, which --log writes already. Leave out one "
-                             "of the two.")
-        options = given.run | ({"watch": case.physics("md")} if given.watch else {}) | (
-            {"log": given.log} if given.log else {})
-        trajectory = case.simulate(given.engine, **options, progress=True)
+    def run(parsed: argparse.Namespace) -> list[Trajectory]:
+        case = case_of(parsed)
+        if parsed.log and (parsed.save or "").endswith(".csv"):
+            raise ValueError(f"--save {parsed.save} would write the contacts, which --log writes already. Leave out "
+                             "one of the two.")
+        options = parsed.run_options | ({"watch": case.physics("md")} if parsed.watch else {}) | (
+            {"log": parsed.log} if parsed.log else {})
+        trajectory = case.simulate(parsed.engine, **options, progress=True)
         print(output.fitted(summary(case, with_log(trajectory))))
-        if given.save is not None:
-            trajectory.save(given.save)
+        if parsed.save is not None:
+            trajectory.save(parsed.save)
         return [trajectory]
 
 
@@ -100,61 +101,62 @@ class Compare(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw contacts, forces and paths of both engines, and a magnified view",
-                     film="film both engines: fall, contacts slowed down, flight; or .mp4",
+        output.offer(parser, plot="draw contacts, forces and paths of both engines, and an enlarged view",
+                     film="film both engines: fall, contacts in slow motion, flight; also .mp4",
                      json="write every number of the report")
-        parser.add_argument("--remedies", action="store_true", help="print the results of the remedies for an "
-                            "inelastic collapse beside Newton's")
+        parser.add_argument("--remedies", action="store_true", help="compare the remedies for inelastic "
+                            "collapse with the soft spheres")
         offer_until(parser)
         parser.add_argument("-v", "--verbose", action="store_true", help="print the full report")
         return [option for option in offered(gr.compare) if option.name != "rule"]
 
     @staticmethod
-    def run(given: argparse.Namespace) -> list[Trajectory]:
-        case = case_of(given)
+    def run(parsed: argparse.Namespace) -> list[Trajectory]:
+        case = case_of(parsed)
         options = case.options(gr.compare)
         if unused := [name for name in case.run if name not in options]:
             warnings.warn(f"compare ignores {', '.join(unused)} in [run].", stacklevel=1)
-        options |= given.run
+        options |= parsed.run_options
         report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
-        output.deliver(report, given)
-        ends, work = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
-        if given.verbose and 0 < work <= MAX_SENSITIVITY_SIZE and not np.isnan(ends).any():
+        output.deliver(report, parsed)
+        ends, size = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
+        if parsed.verbose and 0 < size <= MAX_SENSITIVITY_SIZE and not np.isnan(ends).any():
             end = {"t_end": options["t_end"]} if options.get("t_end") else {}
-            print(output.fitted(gr.sensitivity(given.target, **given.given | end).line), file=output.stream(given))
+            print(output.fitted(gr.sensitivity(parsed.target, **parsed.scene_options | end).line),
+                  file=output.stream(parsed))
         return [report.soft, report.hard]
 
 
 class Threshold(Command):
-    """Find the gap, stiffness, ... from which hard spheres are valid."""
+    """Find the gap or other parameter value at which hard spheres become valid."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw the deciding measure over the values",
-                     json="write every value with its verdict")
+        output.offer(parser, plot="plot the criterion against the parameter",
+                     json="write all values, with the result at each")
         return offered(gr.threshold, "over", "between", "criterion", "error", "within", "points", "spacing")
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        output.deliver(gr.threshold(given.target, **given.given, **given.run, progress=True), given)
+    def run(parsed: argparse.Namespace) -> None:
+        output.deliver(gr.threshold(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
 
 
 class Frontier(Command):
-    """Measure the error of every method against its run time, for one scene."""
+    """Measure error and run time of every method for one scene."""
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw error over run time",
+        output.offer(parser, plot="plot the error against the run time",
                      json="write every number, with the machine and all versions")
         return offered(gr.frontier, "methods", "repeats")
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        case = case_of(given)
-        if case.until is None and "t_end" not in given.run and not is_file(given.target):
+    def run(parsed: argparse.Namespace) -> None:
+        case = case_of(parsed)
+        if case.until is None and "t_end" not in parsed.run_options and not is_file(parsed.target):
             case = shortened(case)
-        output.deliver(gr.frontier(case.scene, case.physics("md"), **case.options(gr.frontier) | given.run,
-                                   progress=True), given)
+        output.deliver(gr.frontier(case.scene, case.physics("md"), **case.options(gr.frontier) | parsed.run_options,
+                                   progress=True), parsed)
 
 
 class Stability(Command):
@@ -162,27 +164,30 @@ class Stability(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw the table", json="write every run")
+        output.offer(parser, plot="draw the table of results", json="write the results of all runs")
         return offered(gr.stability, "axes", "methods", "error")
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        output.deliver(gr.stability(given.target, **given.given, **given.run, progress=True), given)
+    def run(parsed: argparse.Namespace) -> None:
+        output.deliver(gr.stability(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
 
 
 def with_log(run: Trajectory) -> Trajectory:
-    """Return a run with the contacts of its log file, unless there are too many."""
-    if not run.stats.get("log") or _count(run) > MAX_CONTACTS_READ:
+    """Return a run with the contacts of its log file in its contact log.
+
+    Runs without a file, or with more than `MAX_CONTACTS_READ` contacts, are returned unchanged.
+    """
+    if not run.stats.get("log") or _contact_count(run) > MAX_CONTACTS_READ:
         return run
     log = np.concatenate([run.contacts, *run.contact_batches()])
     return replace(run, contacts=log[np.argsort(log["t_begin"], kind="stable")])
 
 
 def shortened(case: cases.Case) -> cases.Case:
-    """Return a case that ends after its first contacts, if it has too many.
+    """Return a case that ends after about `MAX_STUDY_CONTACTS` contacts.
 
-    The end lies in the longest interval in which none of the later contacts begins or ends. A case is shortened if it
-    would take more than a minute.
+    The end lies in the longest interval in which none of the later contacts that have been computed begins or ends. A
+    case with fewer contacts is returned unchanged.
     """
     first = case.simulate("md", max_events=MAX_STUDY_CONTACTS)
     if first.status is not Status.max_events or np.isnan(first.contacts["t_end"]).all():
@@ -196,9 +201,10 @@ def shortened(case: cases.Case) -> cases.Case:
 
 
 def summary(case: cases.Case, run: Trajectory) -> str:
-    """Return the end of a run, its contacts by pair, and the final state of each body.
+    """Return the text of `granular run`: end of the run, contacts, and final state.
 
-    Numbers that have no meaning after an unstable run are left out.
+    Contacts are listed by pair, the final state by body. Numbers are left out after an unstable or broken run, where
+    they have no meaning.
     """
     from granular.comparison import measures
     from granular.md import isolation
@@ -208,30 +214,30 @@ def summary(case: cases.Case, run: Trajectory) -> str:
     if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"ended ({run.status.name}): {run.message}",
-              f"final state at t = {run.time[-1]:.9g} s, {_count(run)} contacts",
-              *filter(None, [isolation.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
+              f"final state at t = {run.time[-1]:.9g} s, {_contact_count(run)} contacts",
+              *filter(None, [isolation.sentence(run)]), "", *_contact_lines(run), "", *_body_lines(run)]
     if run.scene.fed:
         parts = measures.balance(run)
-        said = (f"{words} {parts[name]:.6g}" for name, words in measures.BALANCE_LABELS.items() if parts[name])
-        return "\n".join([*lines, "", "energy, J: " + ", ".join(said)])
+        terms = (f"{words} {parts[name]:.6g}" for name, words in measures.BALANCE_LABELS.items() if parts[name])
+        return "\n".join([*lines, "", "energy, J: " + ", ".join(terms)])
     energy = energy_at_hand(run)
     if energy[0] > 0.0 and not math.isnan(energy[-1]):
-        left = energy[-1] / energy[0]
-        left = 0.0 if run.scene.gravity > 0.0 and abs(left) < REST_ENERGY_ROUNDING else left
-        lines += ["", f"energy left: {100.0 * left:.6g} % of {energy[0]:.6g} J"]
+        fraction_left = energy[-1] / energy[0]
+        fraction_left = 0.0 if run.scene.gravity > 0.0 and abs(fraction_left) < REST_ENERGY_ROUNDING else fraction_left
+        lines += ["", f"energy left: {100.0 * fraction_left:.6g} % of {energy[0]:.6g} J"]
     return "\n".join(lines)
 
 
-def _count(run: Trajectory) -> int:
+def _contact_count(run: Trajectory) -> int:
     return len(run.contacts) or sum(map(len, run.contact_batches()))
 
 
-def _contacts(run: Trajectory) -> Iterator[str]:
-    if _count(run) > len(run.contacts):
+def _contact_lines(run: Trajectory) -> Iterator[str]:
+    if _contact_count(run) > len(run.contacts):
         yield f"contacts are in {run.stats['log']}"
         return
     yield f"{'pair':>12} {'contacts':>9} {'first onset / s':>16} {'last onset / s':>16} {'max overlap / m':>16}"
-    for pair, row in _some(run.scene.n_pairs):
+    for pair, row in _table_rows(run.scene.n_pairs):
         log = run.of(pair)
         row = row or f"{run.scene.pairs.name(pair):>12} {len(log):9d}"
         if len(log) and "…" not in row:
@@ -240,18 +246,18 @@ def _contacts(run: Trajectory) -> Iterator[str]:
         yield row
 
 
-def _bodies(run: Trajectory) -> Iterator[str]:
+def _body_lines(run: Trajectory) -> Iterator[str]:
     yield f"{'body':>12} {'mass / kg':>12} {'position / m':>14} {'velocity / (m/s)':>18}"
-    for i, row in _some(run.scene.n):
+    for i, row in _table_rows(run.scene.n):
         mass, x, v = run.scene.mass[i], run.position[-1, i], run.velocity[-1, i]
         yield row or f"{body_name(run.scene, i):>12} {mass:12.6g} {x:14.6g} {v:18.6g}"
 
 
-def _some(n: int) -> Iterator[tuple[int, str]]:
-    """Yield the rows of a table of `n` pairs or bodies: index and replacement text.
+def _table_rows(n: int) -> Iterator[tuple[int, str]]:
+    """Yield number and replacement text for the printed rows of a table of length `n`.
 
-    Of a long table only the first rows and the last one are yielded, with one row "… (k more)" between them. The text
-    of all other rows is empty.
+    The replacement text is empty for normal rows. A table with more than `MAX_TABLE_ROWS` rows is shortened: only its
+    first rows and its last row are printed, with one row "… (k more)" between them.
     """
     for i in range(n):
         if i < MAX_TABLE_ROWS - 2 or i == n - 1 or n <= MAX_TABLE_ROWS:

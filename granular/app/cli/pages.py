@@ -18,19 +18,19 @@ class Page(Command):
     """Write the teaching page: both engines live in one HTML file."""
 
     USAGE = "[SCENE] [--NAME VALUE …] [-o FILE.html] [--open]"
-    TITLE = "what it opens with"
+    TITLE = "initial state of the page"
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         scenes = opening.PAGE_SCENES
         parser.add_argument("scene", nargs="?", default=scenes[0], metavar="SCENE", help=f"one of {', '.join(scenes)}")
-        offer_page(parser, NAME, NAME)
+        add_page_options(parser, NAME, NAME)
         return opening.options()
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        live_page(given.output, given.scene, given.run)
-        announce(given.output, given.open)
+    def run(parsed: argparse.Namespace) -> None:
+        live_page(parsed.output, parsed.scene, parsed.run_options)
+        announce(parsed.output, parsed.open)
 
 
 class View(Command):
@@ -40,30 +40,40 @@ class View(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        about = "one or two files of Trajectory.save or run --save"
+        about = "one or two files written by Trajectory.save or granular run --save"
         parser.add_argument("runs", nargs="+", metavar="RUN.npz", help=about)
         parser.add_argument("--title", default="", metavar="WORDS", help="heading of the page [the files' names]")
-        offer_page(parser, None, "the first file's name with .html")
+        add_page_options(parser, None, "the first file's name with .html")
         return []
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        paths = list(map(Path, given.runs))
+    def run(parsed: argparse.Namespace) -> None:
+        paths = list(map(Path, parsed.runs))
         runs = [Trajectory.load(path) for path in paths]
-        written = given.output or str(paths[0].with_suffix(".html"))
-        output.check_apart([written], given.runs)
-        player_page(written, runs, [path.stem for path in paths], given.title)
-        announce(written, given.open)
+        written = parsed.output or str(paths[0].with_suffix(".html"))
+        output.check_apart([written], parsed.runs)
+        player_page(written, runs, [path.stem for path in paths], parsed.title)
+        announce(written, parsed.open)
 
 
-def offer_page(parser: argparse.ArgumentParser, default: str | None, shown: str) -> None:
-    """Add the options of a page."""
-    parser.add_argument("-o", "--output", default=default, metavar="FILE.html", help=f"[{shown}]")
-    parser.add_argument("--open", action="store_true", help="open it in the browser")
+def add_page_options(parser: argparse.ArgumentParser, default: str | None, shown_default: str) -> None:
+    """Add the options --output and --open of a page.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the command.
+    default : str or None
+        Default name of the file.
+    shown_default : str
+        Default that the help text shows.
+    """
+    parser.add_argument("-o", "--output", default=default, metavar="FILE.html", help=f"file to write [{shown_default}]")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
 
 
 def announce(name: str, show: bool) -> None:
-    """Print the size of the file, and open it in the browser if `show`."""
+    """Print the name and size of the file, and open it in the browser if `show`."""
     path = Path(name).resolve()
     print(output.fitted(f"{name}: {path.stat().st_size / 1000:.0f} kB, opens in any browser, needs no network"))
     if show:

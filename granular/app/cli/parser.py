@@ -65,11 +65,14 @@ exit codes:
   143  ended by SIGTERM"""
 UNTIL_SEPARATED = "separated"
 HIDDEN_OPTIONS = CASE_ARGUMENTS | {"engine", "log", "t_start", "watch"}
-"""Options of the engines that only the table [run] of a TOML file offers."""
+"""Options of the engines that the command line does not offer.
+
+They can be set in the table [run] of a TOML file.
+"""
 
 
 class Command:
-    """A command. Its docstring is its description, in one line."""
+    """Base class of all commands. The docstring of a command is its description."""
 
     USAGE = "SCENE|FILE.toml [options]"
     """Arguments, as printed in the help text."""
@@ -78,14 +81,17 @@ class Command:
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        """Add its own options, and return the options that come from a signature."""
+        """Add the command's own options, and return the options from signatures."""
         return []
 
     @staticmethod
-    def run(given: argparse.Namespace) -> list[Trajectory] | int | None:
+    def run(parsed: argparse.Namespace) -> list[Trajectory] | int | None:
         """Run the command.
 
-        Returns an exit code, or runs whose status decides the exit code, or None.
+        Returns
+        -------
+        list of Trajectory, int or None
+            Runs whose status determines the exit code, or an exit code. None is a success.
         """
         raise NotImplementedError
 
@@ -105,10 +111,14 @@ class Parser(argparse.ArgumentParser):
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Parse the arguments.
+    """Parse the arguments of the command line.
 
-    The result has the function `act` of the command, its `target`, and the given options of the scene (`given`) and of
-    the run (`run`).
+    Returns
+    -------
+    argparse.Namespace
+        It has the function `act` that runs the command, the scene or file `target`, and the options of the command. The
+        options that belong to the scene are in the dictionary `scene_options`, and those of the run in
+    the dictionary `run_options`.
     """
     # a negative number such as -1e-4 would be taken for an option, but not behind a space
     command, *rest = [f" {word}" if re.match(r"-[\d.]", word) else word for word in arguments] or ["--help"]
@@ -117,32 +127,34 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     commands = top.add_subparsers(title="commands, each with its own --help", metavar="COMMAND", required=True)
     if command.startswith("-"):
         for name in COMMAND_CLASSES:
-            commands.add_parser(name, help=_about(_command(name)).rstrip("."))
+            commands.add_parser(name, help=_description(_load_command(name)).rstrip("."))
         top.parse_args([command])
     check.known([command], COMMAND_CLASSES, "command")
-    chosen = _command(command)
-    of_scene = chosen.USAGE.startswith("SCENE")
-    target, rest = _target(rest) if of_scene else (None, rest)
-    parser = commands.add_parser(command, **_settings(command, chosen, target))
+    command_class = _load_command(command)
+    of_scene = command_class.USAGE.startswith("SCENE")
+    target, rest = _split_target(rest) if of_scene else (None, rest)
+    parser = commands.add_parser(command, **_parser_settings(command, command_class, target))
     parameters = cases.options(target) if target in cases.names() and command != "scenes" else []
-    _add(parser, f"scene {target}", parameters)
-    offered = [option for option in chosen.arguments(parser) if option.name not in {p.name for p in parameters}]
-    _add(parser, chosen.TITLE, offered)
-    found, extra = top.parse_known_args([command, *rest])
-    flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if extra else []
-    check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, "option")
-    if extra:
-        raise ValueError(f"unexpected argument {extra[0].strip()!r}; see {parser.prog} --help")
+    _add_options(parser, f"scene {target}", parameters)
+    run_options = [option for option in command_class.arguments(parser)
+                   if option.name not in {p.name for p in parameters}]
+    _add_options(parser, command_class.TITLE, run_options)
+    parsed, unknown = top.parse_known_args([command, *rest])
+    flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if unknown else []
+    check.known([word.partition("=")[0] for word in unknown if word[:1] == "-"], flags, "option")
+    if unknown:
+        raise ValueError(f"unexpected argument {unknown[0].strip()!r}; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:
         raise ValueError(f"{command} requires a scene or a TOML file. Known scenes: {', '.join(cases.names())}.")
-    return argparse.Namespace(**vars(found) | {
-        "act": chosen.run, "target": target, "given": _given(parameters, found), "run": _given(offered, found)})
+    return argparse.Namespace(**vars(parsed) | {
+        "act": command_class.run, "target": target, "scene_options": _given_options(parameters, parsed),
+        "run_options": _given_options(run_options, parsed)})
 
 
-def case_of(given: argparse.Namespace) -> cases.Case:
-    """Return the case that a command line names."""
-    case = cases.load(given.target) if is_file(given.target) else cases.make(given.target, **given.given)
-    words = getattr(given, "until", None)
+def case_of(parsed: argparse.Namespace) -> cases.Case:
+    """Return the case that the parsed arguments describe."""
+    case = cases.load(parsed.target) if is_file(parsed.target) else cases.make(parsed.target, **parsed.scene_options)
+    words = getattr(parsed, "until", None)
     if words is None:
         return case
     condition = words[0] if words[0] == UNTIL_SEPARATED else dict(word for word in words if word != UNTIL_SEPARATED)
@@ -152,35 +164,41 @@ def case_of(given: argparse.Namespace) -> cases.Case:
 def offer_until(parser: argparse.ArgumentParser) -> None:
     """Add the option --until."""
     parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
-                        type=lambda text: UNTIL_SEPARATED if text.strip() == UNTIL_SEPARATED else _entry(text),
-                        help="stop the run there: pair=0 nth=2 (a contact); type=force pair=0 above=1e3; type=speed "
-                             "ball=2 above=1.5; type=position ball=2 above=0.8 (or below=); separated")
+                        type=lambda text: UNTIL_SEPARATED if text.strip() == UNTIL_SEPARATED else _parse_entry(text),
+                        help="stop condition: pair=0 nth=2 (a contact); type=force pair=0 above=1e3 (N); type=speed "
+                             "ball=2 above=1.5 (m/s); type=position ball=2 above=0.8 (m; or below=); separated")
 
 
 def teller(target: str | None) -> Callable[[str], None]:
-    """Return a function that prints once per place that a scene runs Python code."""
+    """Return a function that reports that a scene runs Python code.
+
+    The function prints each place in the code once.
+    """
     places: set[str] = set()
 
-    def tell(place: str) -> None:
+    def print_once(place: str) -> None:
         if place not in places:
             places.add(place)
             print(f"granular: {target!r} names Python code: running {place!r}", file=sys.stderr)
 
-    return tell
+    return print_once
 
 
 def offered(function: Callable[..., Any], *names: str) -> list[Option]:
-    """Return options of a run: its end, and options of a function.
+    """Return the options of a run: t_end, and parameters of a function.
 
-    They are the options with the given names, or all but `HIDDEN_OPTIONS`.
+    The parameters are those with the given names. Without names they are all parameters except `HIDDEN_OPTIONS`.
     """
     end = [option for option in options_of(cases.make) if option.name == "t_end"]
     return end + [option for option in options_of(function)
                   if (option.name in names if names else option.name not in HIDDEN_OPTIONS)]
 
 
-def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
-    """Split off the scene or TOML file: the first argument, or one that looks like it."""
+def _split_target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
+    """Split the scene or TOML file off the arguments, and return it and the rest.
+
+    It is the first argument, the name of a ready-made scene, or a name that ends in .toml.
+    """
     for k, word in enumerate(rest):
         if (k == 0 and not word.startswith("-")) or word in cases.names() or word.lower().endswith(".toml"):
             if not is_file(word):
@@ -189,21 +207,21 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     return None, list(rest)
 
 
-def _command(name: str) -> type[Command]:
+def _load_command(name: str) -> type[Command]:
     module, _, word = COMMAND_CLASSES[name].partition(":")
     command: type[Command] = getattr(import_module(f"granular.app.cli.{module}"), word)
     return command
 
 
-def _about(command: type[Command]) -> str:
-    """Return the description of a command with a small first letter."""
+def _description(command: type[Command]) -> str:
+    """Description of a command, beginning with a lower-case letter."""
     about = str(command.__doc__)
     return about[0].lower() + about[1:]
 
 
-def _settings(command: str, chosen: type[Command], target: str | None) -> dict[str, Any]:
+def _parser_settings(command: str, command_class: type[Command], target: str | None) -> dict[str, Any]:
     """Return the argparse settings of a command, for a scene if `target` is given."""
-    description, usage = _about(chosen), chosen.USAGE
+    description, usage = _description(command_class), command_class.USAGE
     settings = {"prog": f"granular {command}"}
     if usage.startswith("SCENE"):
         description += " All numbers are in SI units."
@@ -218,43 +236,48 @@ def _settings(command: str, chosen: type[Command], target: str | None) -> dict[s
     return settings | {"usage": f"granular {command} {usage}", "description": output.fitted(description)}
 
 
-def _add(parser: argparse.ArgumentParser, title: str, options: Iterable[Option]) -> None:
+def _add_options(parser: argparse.ArgumentParser, title: str, options: Iterable[Option]) -> None:
     group = parser.add_argument_group(title)
     for option in options:
         about = re.sub(r"`+|\*(?=\w+\*)|(?<=\w)\*", "", option.about).replace("%", "%%")
-        shown = "" if option.default is None else f" [{_shown(option.default)}]"
+        shown = "" if option.default is None else f" [{_default_text(option.default)}]"
         group.add_argument("--" + option.name.replace("_", "-"), dest=option.name, default=argparse.SUPPRESS,
-                           help=about + shown, **_reading(option.kind))
+                           help=about + shown, **_argparse_settings(option.kind))
 
 
-def _reading(kind: str) -> dict[str, Any]:
-    """Return argparse settings for a parameter with this annotation."""
-    ways: dict[str, dict[str, Any]] = {
+def _argparse_settings(kind: str) -> dict[str, Any]:
+    """Return the argparse settings for a parameter with this annotation."""
+    settings: dict[str, dict[str, Any]] = {
         "bool$": {"action": argparse.BooleanOptionalAction},
         ".*Sequence\\[str\\]": {"nargs": "+", "metavar": "WORD"},
-        ".*Sequence": {"type": _number, "nargs": "+", "metavar": "X"},
-        "Any$": {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE"},
-        "int \\| str": {"type": lambda text: text if text.isalpha() else _whole(text), "metavar": "N|WORD"},
-        "int": {"type": _whole, "metavar": "N"},
-        "float": {"type": _number, "metavar": "X"},
+        ".*Sequence": {"type": _parse_number, "nargs": "+", "metavar": "X"},
+        "Any$": {"type": _parse_entry, "nargs": "+", "metavar": "NAME=VALUE"},
+        "int \\| str": {"type": lambda text: text if text.isalpha() else _parse_integer(text), "metavar": "N|WORD"},
+        "int": {"type": _parse_integer, "metavar": "N"},
+        "float": {"type": _parse_number, "metavar": "X"},
         "": {"metavar": "WORD"},
     }
-    return next(how for start, how in ways.items() if re.match(start, kind))
+    return next(setting for start, setting in settings.items() if re.match(start, kind))
 
 
-def _given(options: Iterable[Option], found: argparse.Namespace) -> dict[str, Any]:
-    """Return the options that are given, by name."""
-    return {one.name: _meant(one.kind, getattr(found, one.name)) for one in options if one.name in found}
+def _given_options(options: Iterable[Option], parsed: argparse.Namespace) -> dict[str, Any]:
+    """Return the values of those options that the command line contains, by name."""
+    return {option.name: _converted_value(option.kind, getattr(parsed, option.name))
+            for option in options if option.name in parsed}
 
 
-def _meant(kind: str, value: Any) -> Any:
-    """Return one number of a list of one, or the table of NAME=VALUE entries."""
+def _converted_value(kind: str, value: Any) -> Any:
+    """Convert a parsed value to the type of its parameter.
+
+    A list of NAME=VALUE entries becomes a dictionary. A list of one number becomes the number if the annotation
+    permits it.
+    """
     if kind == "Any":
         return dict(value)
     return value[0] if kind.startswith("float") and isinstance(value, list) and len(value) == 1 else value
 
 
-def _entry(text: str) -> tuple[str, float | str]:
+def _parse_entry(text: str) -> tuple[str, float | str]:
     name, equals, value = text.strip().partition("=")
     if not equals:
         raise argparse.ArgumentTypeError(f"must be NAME=VALUE, such as type=Sine, got {text.strip()!r}")
@@ -264,21 +287,21 @@ def _entry(text: str) -> tuple[str, float | str]:
         return name, value
 
 
-def _number(text: str) -> float:
+def _parse_number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"must be a number, got {text.strip()!r}") from None
 
 
-def _whole(text: str) -> int:
-    number = _number(text)
+def _parse_integer(text: str) -> int:
+    number = _parse_number(text)
     if number != number // 1:  # also true of nan
         raise argparse.ArgumentTypeError(f"must be an integer, got {text.strip()!r}")
     return int(number)
 
 
-def _shown(default: Any) -> str:
+def _default_text(default: Any) -> str:
     if isinstance(default, (list, tuple)):
-        return " ".join(map(_shown, default))
+        return " ".join(map(_default_text, default))
     return f"{default:g}" if isinstance(default, float) else str(default)

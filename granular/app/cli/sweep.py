@@ -1,4 +1,4 @@
-"""Commands `sweep`, `sensitivity` and `ensemble`, and the pool of processes."""
+"""Commands `sweep`, `sensitivity` and `ensemble`, and their pool of processes."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from granular.studies.sweeps.sensitivities import sensitivity
 from granular.studies.sweeps.subject import axis
 
 MIN_CELLS_FOR_POOL = 20_000
-"""Number of cells from which on several processes are used by default."""
+"""Minimum number of cells for which several processes are used by default."""
 MAX_WORKERS = 1024
 """Maximum number of processes."""
 MAX_TABLE_CELLS = 20
-"""Number of cells up to which each cell is printed."""
+"""Maximum number of cells of a sweep that are printed one by one."""
 MAX_PRINTED_JUMPS = 40
 """Maximum number of jumps that are printed."""
 
@@ -44,27 +44,27 @@ class Sweep(Command):
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         parser.add_argument("--over", action="append", metavar="NAME=FIRST:LAST:COUNT[:log]", default=[],
-                            help="vary a parameter; or NAME=VALUE,VALUE,...; may be given several times")
+                            help="parameter to vary; or NAME=VALUE,VALUE,...; can be repeated")
         parser.add_argument("--result", action="append", choices=list(RESULTS), metavar="NAME", default=[],
-                            help=f"result to store for each cell, may be given several times: {', '.join(RESULTS)}")
+                            help=f"result to store for each cell, can be repeated; one of {', '.join(RESULTS)}")
         parser.add_argument("--workers", type=int, metavar="N",
                             help="number of processes [one per core in large sweeps]")
-        output.offer(parser, save_as="nc", save="write a netCDF file; continue it if it exists")
+        output.offer(parser, save_as="nc", save="write a netCDF file, or continue an existing file of this sweep")
         return offered(sweep, "refine", "precision")
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        if not given.over:
+    def run(parsed: argparse.Namespace) -> None:
+        if not parsed.over:
             raise ValueError("sweep requires --over NAME=FIRST:LAST:COUNT, such as --over restitution=0.5:1:101.")
-        over = dict(map(axis, given.over))
-        if len(over) < len(given.over):
+        over = dict(map(axis, parsed.over))
+        if len(over) < len(parsed.over):
             raise ValueError("--over must give one axis per parameter, got two of the same parameter.")
-        usual = cores() if math.prod(map(len, over.values())) >= MIN_CELLS_FOR_POOL else 1
-        workers = usual if given.workers is None else given.workers
+        default = cores() if math.prod(map(len, over.values())) >= MIN_CELLS_FOR_POOL else 1
+        workers = default if parsed.workers is None else parsed.workers
         check.whole("--workers", workers, at_least=1, at_most=MAX_WORKERS)
         with processes(workers) as executor:
-            data = sweep(given.target, over, given.result or DEFAULT_RESULTS, save=given.save, executor=executor,
-                         workers=given.workers, progress=True, **given.given, **given.run)
+            data = sweep(parsed.target, over, parsed.result or DEFAULT_RESULTS, save=parsed.save, executor=executor,
+                         workers=parsed.workers, progress=True, **parsed.scene_options, **parsed.run_options)
         print(output.fitted(summary(data)))
 
 
@@ -75,51 +75,51 @@ class Sensitivity(Command):
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         known = [name for name, result in RESULTS.items() if not isinstance(result.fill, int)]
         parser.add_argument("--result", action="append", metavar="NAME", default=[],
-                            help=f"an outcome [v_rel], or one number of it, as v_rel[1]; may be given several times: "
+                            help=f"outcome [v_rel], or one of its values such as v_rel[1]; can be repeated; one of "
                                  f"{', '.join(known)}")
         parser.add_argument("--over", action="append", metavar="NAME",
-                            help="a parameter, may be given several times [every number of the scene]")
+                            help="parameter, can be repeated [all numbers of the scene]")
         parser.add_argument("--uncertainty", nargs="+", metavar="NAME=VALUE", default=[],
                             help="standard uncertainties, such as gap=1e-5 or gap=5%%; 1%% applies to every parameter")
         parser.add_argument("--border", action="store_true",
                             help="find the values below and above each parameter at which a contact count changes")
         parser.add_argument("--workers", type=int, metavar="N", default=1, help="number of processes [1]")
-        output.offer(parser, json="write every number")
+        output.offer(parser, json="write all numbers")
         return offered(sensitivity, "t_end")
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        words = [word.strip().partition("=") for word in given.uncertainty]
-        one = len(words) == 1 and not words[0][1]
-        uncertain = words[0][0] if one else {name: value for name, _, value in words}
-        check.whole("--workers", given.workers, at_least=1, at_most=MAX_WORKERS)
-        with processes(given.workers) as executor:
-            report = sensitivity(given.target, given.result or ("v_rel",), given.over, uncertain or None,
-                                 executor=executor, progress=True, **given.given, **given.run)
-        if given.border:
+    def run(parsed: argparse.Namespace) -> None:
+        words = [word.strip().partition("=") for word in parsed.uncertainty]
+        is_single = len(words) == 1 and not words[0][1]
+        uncertainty = words[0][0] if is_single else {name: value for name, _, value in words}
+        check.whole("--workers", parsed.workers, at_least=1, at_most=MAX_WORKERS)
+        with processes(parsed.workers) as executor:
+            report = sensitivity(parsed.target, parsed.result or ("v_rel",), parsed.over, uncertainty or None,
+                                 executor=executor, progress=True, **parsed.scene_options, **parsed.run_options)
+        if parsed.border:
             report.border  # noqa: B018  from now on it is among what is printed
-        output.deliver(report, given)
+        output.deliver(report, parsed)
 
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor | None]:
     """Provide a pool of `count` processes, or None for one process.
 
-    The processes end immediately if an exception is raised, and together with this process.
+    If an exception is raised in the context, the processes are killed immediately. They also end if this process ends.
     """
     if count == 1:
         yield None
         return
-    others, before = set(active_children()), set(threading.enumerate())
-    with ProcessPoolExecutor(count, initializer=_obey) as pool:
+    other_processes, threads_before = set(active_children()), set(threading.enumerate())
+    with ProcessPoolExecutor(count, initializer=_prepare_worker) as pool:
         try:
             pool.submit(int)  # processes start before there is a second thread
             yield pool
         except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in set(active_children()) - others:
+            for process in set(active_children()) - other_processes:
                 process.kill()
-            for thread in set(threading.enumerate()) - before:
+            for thread in set(threading.enumerate()) - threads_before:
                 if not thread.daemon:  # the pool's, which at the exit of Python would be closing its pipes
                     thread.join()
             if isinstance(error, BrokenProcessPool):
@@ -128,10 +128,10 @@ def processes(count: int) -> Iterator[Executor | None]:
             raise
 
 
-def _obey() -> None:
-    """Ignore end signals in a worker process, which ends with its parent."""
-    for one in ends.END_SIGNALS:
-        signal.signal(one, signal.SIG_IGN)
+def _prepare_worker() -> None:
+    """Prepare a worker process: it ignores end signals, and ends with its parent."""
+    for signal_number in ends.END_SIGNALS:
+        signal.signal(signal_number, signal.SIG_IGN)
     end_with_parent(os.getpid())
 
 
@@ -141,39 +141,48 @@ class Ensemble(Command):
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         parser.add_argument("--vary", action="append", metavar="NAME=MEAN,SD", default=[],
-                            help="draw a parameter; or NAME alone if it is a seed; may be given several times")
+                            help="parameter with a normal distribution; or NAME alone for a seed; can be repeated")
         parser.add_argument("--draws", type=int, metavar="N", default=100, help="number of draws [100]")
         parser.add_argument(
             "--result",
             action="append",
             metavar="NAME",
             default=[],
-            help=f"result to compare, such as v_rel[1], may be given several times: {', '.join(COMMON_RESULTS)}",
+            help=f"result to compare, such as v_rel[1], can be repeated; one of {', '.join(COMMON_RESULTS)}",
         )
-        output.offer(parser, plot="draw the distributions", json="write every number")
+        output.offer(parser, plot="draw the distributions", json="write all numbers")
         return offered(ensemble, "margin", "seed", "independent")
 
     @staticmethod
-    def run(given: argparse.Namespace) -> None:
-        vary: Any = dict(axis(word) if "=" in word else (word, None) for word in given.vary)
-        output.deliver(ensemble(given.target, given.draws, vary, given.result or "energy_left", progress=True,
-                                **given.given, **given.run), given)
+    def run(parsed: argparse.Namespace) -> None:
+        vary: Any = dict(axis(word) if "=" in word else (word, None) for word in parsed.vary)
+        output.deliver(ensemble(parsed.target, parsed.draws, vary, parsed.result or "energy_left", progress=True,
+                                **parsed.scene_options, **parsed.run_options), parsed)
 
 
 def summary(data: Any) -> str:
-    """Return the cells, or the ranges of axes and results; then statuses and jumps."""
+    """Return the text of a sweep: its cells, or the ranges of axes and results.
+
+    Statuses and jumps of the contact counts follow. The cells are printed up to `MAX_TABLE_CELLS`, otherwise the
+    ranges.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Result of `granular.sweep`.
+    """
     status = data["status"]
     lines = [f"{data.attrs['title']}: {' × '.join(str(data.sizes[name]) for name in status.dims)} cells"]
     names = [name for name in (*status.dims, *data.data_vars) if name != "status" and not name.startswith("edge")]
     if status.size <= MAX_TABLE_CELLS:
-        lines += ["", _cells(data, names), ""]
+        lines += ["", _cell_table(data, names), ""]
         names = []
     for name in names:
         values, about = data[name].values, data[name].attrs
         if values.dtype.kind in "iuf":
-            known = values[values >= 0] if values.dtype.kind == "i" and name in data.data_vars else values  # -1: none
-            known = known[~np.isnan(known)]
-            text = f"{known.min():.6g} … {known.max():.6g}" if known.size else "no value"
+            valid = values[values >= 0] if values.dtype.kind == "i" and name in data.data_vars else values  # -1: none
+            valid = valid[~np.isnan(valid)]
+            text = f"{valid.min():.6g} … {valid.max():.6g}" if valid.size else "no value"
             text = with_unit(text, about.get("units", ""), " ")
             lines.append(f"  {name!s:16} {text:26} {about.get('comment') or about.get('long_name', '')}")
     codes, counts = np.unique(status.values, return_counts=True)
@@ -182,11 +191,11 @@ def summary(data: Any) -> str:
     )
     if "refusal" in data.attrs:
         lines.append(f"  refused          {data.attrs['refusal']}")
-    return "\n".join(lines + (_jumps(data) if "edge" in data else []))
+    return "\n".join(lines + (_jump_lines(data) if "edge" in data else []))
 
 
-def _cells(data: Any, names: Sequence[str]) -> str:
-    """Return a table with a row for each cell, and a column for each number."""
+def _cell_table(data: Any, names: Sequence[str]) -> str:
+    """Return a table with one row per cell and one column per number."""
     axes = data["status"].dims
     columns = {}
     for name in names:
@@ -199,16 +208,16 @@ def _cells(data: Any, names: Sequence[str]) -> str:
         columns |= {with_unit(f"{name}[{i}]" if inner else name, unit): values[:, i] for i in range(values.shape[1])}
     codes = data["status"].values.ravel().tolist()
     rows = zip(*columns.values(), (STATUS_NAMES[code] for code in codes), strict=True)
-    return blocks([[*columns, "status"], *([one if isinstance(one, str) else number(one) for one in row]
+    return blocks([[*columns, "status"], *([value if isinstance(value, str) else number(value) for value in row]
                                            for row in rows)], ">", len(axes))
 
 
-def _jumps(data: Any) -> list[str]:
-    others = [str(name) for name in data if str(name).startswith("edge_") and name != "edge_contacts"]
+def _jump_lines(data: Any) -> list[str]:
+    edge_names = [str(name) for name in data if str(name).startswith("edge_") and name != "edge_contacts"]
     lines = [f"  {data.sizes['jump']} jumps of the contact counts:"]
     for i in range(min(MAX_PRINTED_JUMPS, data.sizes["jump"])):
         low, high = data["edge"].values[i]
         before, after = map(tuple, data["edge_contacts"].values[i].tolist())
-        where = "".join(f", {name[5:]} = {data[name].values[i]:g}" for name in others)
-        lines.append(f"    {low:.10g} … {high:.10g}: {before} to {after}{where}")
+        position = "".join(f", {name[5:]} = {data[name].values[i]:g}" for name in edge_names)
+        lines.append(f"    {low:.10g} … {high:.10g}: {before} to {after}{position}")
     return lines + ["    …"] * (data.sizes["jump"] > MAX_PRINTED_JUMPS)

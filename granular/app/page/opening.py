@@ -109,9 +109,9 @@ def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
         name.rstrip("_"): Kind(str(i), f"{called}: a name of granular.balls", words=tuple(balls.BALLS)),
         before + "mass": Setting(f"m{i}", f"mass of {called} in kg", 1e-3, 2.0),
         before + "radius": Setting(f"r{i}", f"radius of {called} in m", 2e-3, 0.15),
-        before + "duration": Setting(f"t{i}", f"how long a bounce of {called} on the floor lasts, in s", 1e-5, 0.03),
+        before + "duration": Setting(f"t{i}", f"duration of a bounce of {called} on the floor in s", 1e-5, 0.03),
         before + "restitution": Setting(f"e{i}", f"ε of {called} on the floor", 0.1, 1.0),
-    } | ({before + "filled": Truth(f"air{i}", f"whether air makes {called} stiff")} if before else {})
+    } | ({before + "filled": Truth(f"air{i}", f"whether {called} is filled with air")} if before else {})
 
 
 SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
@@ -121,8 +121,8 @@ SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
         **of_ball(2, "upper_", "the upper ball"),
         "gap": GAP_SETTING,
         "height": HEIGHT_SETTING,
-        "pair_rule": Choice("rule", "how two balls press on each other", words=balls.RULES),
-        "bounces": Setting("bounces", "after how many bounces the flight is looked at", 1, 2, whole=True),
+        "pair_rule": Choice("rule", "rule for the stiffness of the contact of two balls", words=balls.RULES),
+        "bounces": Setting("bounces", "number of the bounce after which the flight is compared", 1, 2, whole=True),
     },
     "three-balls": {
         "gap": GAP_SETTING,
@@ -137,15 +137,15 @@ SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
         "n": COUNT_SETTING,
         "stiffness": STIFFNESS_SETTING,
         "height": HEIGHT_SETTING,
-        "mass_ratio": Setting("massRatio", "mass of each ball relative to the one below", 0.1, 1.0),
+        "mass_ratio": Setting("massRatio", "mass of each ball relative to the ball below", 0.1, 1.0),
     },
     "newtons-cradle": {
         "gap": GAP_SETTING,
         "restitution": RESTITUTION_SETTING,
         "n": Setting("n", "number of balls", 2, 9, whole=True),
         "stiffness": STIFFNESS_SETTING,
-        "moving": Setting("moving", "number of balls that arrive", 1, 8, whole=True),
-        "speed": Setting("speed", "speed in m/s with which they arrive", 0.1, 3.0),
+        "moving": Setting("moving", "number of balls that move at the start", 1, 8, whole=True),
+        "speed": Setting("speed", "speed of these balls in m/s", 0.1, 3.0),
     },
     "bouncing-ball": {**of_ball(1, "", "the ball"), "height": HEIGHT_SETTING},
 }
@@ -153,10 +153,10 @@ SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
 PAGE_SCENES = tuple(SCENE_SETTINGS)
 """Scenes with which the page can open, and its story."""
 COMMON_SETTINGS = {
-    "language": Language("lang", "language of the page; else the browser's", words=LANGUAGES),
-    "at": Setting("at", "share of the time that has passed", 0.0, 1.0),
+    "language": Language("lang", "language of the page [the language of the browser]", words=LANGUAGES),
+    "at": Setting("at", "initial time, as a fraction of the time shown", 0.0, 1.0),
 }
-LABORATORY_SETTINGS = {"predict": Truth("predict", "ask for a prediction first")}
+LABORATORY_SETTINGS = {"predict": Truth("predict", "start with a question for a prediction")}
 
 
 def settings(scene: str) -> dict[str, Setting]:
