@@ -1,10 +1,10 @@
 """The teaching page and the player: single HTML files without network access.
 
-`assemble` joins the parts that lie beside it: ``shell`` (frame, style, time bar, charts), ``physics`` (both engines
+`assemble` joins the parts in these subfolders: ``shell`` (frame, style, time bar, charts), ``physics`` (both engines
 for linear contacts with event location, in JavaScript), ``live`` (the teaching page), ``player`` (recorded runs).
-`opening` has the initial states of the teaching page, `recording` reduces a run to embed it.
+`opening` has the initial states of the teaching page, `recording` reduces a run to a size that a page can embed.
 
-A first reader may skip: `assemble`, `opening`, `recording`.
+Support modules: `assemble`, `opening`, `recording`.
 """
 
 from granular.app.page.assemble import live_page, player_page

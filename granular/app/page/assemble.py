@@ -30,13 +30,16 @@ COMMENT_PATTERN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", 
 """Comments, indents and blank lines, which are removed."""
 LITERAL_PATTERNS = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
-"""Strings and regular expressions of a script, in which spaces matter.
+"""Strings and regular expressions of a script, in which spaces are kept.
 
-Template strings are not nested.
+Nested template strings are not supported.
 """
 OPERATOR_PATTERN = r"(?:[=,;:?{}()\[\]<>*&|!%^]\s*)+"
 SHORT_WORDS = {"const": "let", "Infinity": "1/0", "true": "!0", "false": "!1"}
-"""Words of a script with a shorter equivalent, unless they are property names."""
+"""Words of a script with a shorter equivalent.
+
+They are not replaced where they are names of properties.
+"""
 SPACE_PATTERN = re.compile(
     rf" ?({'|'.join(LITERAL_PATTERNS)}) ?|\s*({OPERATOR_PATTERN})| ?([-+/])(?: (?![-+])|(?==))|(?<![\w.])0(?=\.\d)|"
     rf"(?<![\w.])(?:{'|'.join(SHORT_WORDS)})(?![\w:])"
@@ -53,7 +56,7 @@ STYLE_SPACE_PATTERN = re.compile(
 LIVE_PARTS = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER_PARTS = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 BLOCKED_KEY = "blocked"
-"""Key of the sentence that is shown if scripts are blocked."""
+"""Key of the sentence that is shown if the browser blocks scripts."""
 
 
 def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
@@ -62,7 +65,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
     Parameters
     ----------
     parts : tuple of str
-        Body, main module and styles: `LIVE_PARTS` or `PLAYER_PARTS`.
+        Files of the body, of the main module and of the style sheets: `LIVE_PARTS` or `PLAYER_PARTS`.
     title : str
         Title of the window.
     start : str
@@ -76,7 +79,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
         "version": VERSION,
         "style": STYLE_SPACE_PATTERN.sub("", "".join(shipped(name) for name in parts[2:])),
         "blocked": "\n".join(
-            f'<p lang="{words(one)["tag"]}">{escape(words(one)[BLOCKED_KEY])}</p>' for one in LANGUAGES
+            f'<p lang="{words(language)["tag"]}">{escape(words(language)[BLOCKED_KEY])}</p>' for language in LANGUAGES
         ),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),
@@ -88,7 +91,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
 
 @cache
 def shipped(name: str) -> str:
-    """Return the text of a file of this package."""
+    """Return the text of a file of this package, by its path in the package."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
@@ -108,29 +111,32 @@ def bundle(*mains: str) -> str:
 
 
 def _needed(name: str) -> Iterator[str]:
-    """Yield the names of all modules that a module imports, then its own name."""
+    """Yield the names of all modules that a module imports, then its own name.
+
+    A module can occur several times.
+    """
     for path in IMPORT_PATTERN.findall(shipped(name)):
         yield from _needed(normpath(f"{dirname(name)}/{path}"))
     yield name
 
 
 def _plain(source: str) -> str:
-    bare = COMMENT_PATTERN.sub("", EXPORT_PATTERN.sub("", IMPORT_PATTERN.sub("", source)))
-    tight, before = PARENTHESES_PATTERN.sub(r"\1=>", SPACE_PATTERN.sub(_tight, bare)), ""
-    while tight != before:
-        tight, before = DECLARATION_PATTERN.sub(r"\1,", tight), tight
-    return tight.replace("</script", "<\\/script")
+    stripped = COMMENT_PATTERN.sub("", EXPORT_PATTERN.sub("", IMPORT_PATTERN.sub("", source)))
+    result, previous = PARENTHESES_PATTERN.sub(r"\1=>", SPACE_PATTERN.sub(_shorten, stripped)), ""
+    while result != previous:
+        result, previous = DECLARATION_PATTERN.sub(r"\1,", result), result
+    return result.replace("</script", "<\\/script")
 
 
-def _tight(found: re.Match[str]) -> str:
-    kept, signs, sign = found.groups()
+def _shorten(match: re.Match[str]) -> str:
+    kept, signs, sign = match.groups()
     if signs:
         return re.sub(r";(?=\})", "", "".join(signs.split()))
-    return kept or sign or SHORT_WORDS.get(found[0], "")
+    return kept or sign or SHORT_WORDS.get(match[0], "")
 
 
 def embedded(data: Mapping[str, Any]) -> str:
-    """Return JSON that is safe inside a script element."""
+    """Return data as JSON that is safe inside a script element."""
     return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
@@ -155,7 +161,8 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     start = opening.link(scene, values or {})
     keys = [key for key in words(LANGUAGES[0]) if key != BLOCKED_KEY]
     data = {
-        "keys": " ".join(keys), "sentences": {one: "\n".join(words(one)[key] for key in keys) for one in LANGUAGES},
+        "keys": " ".join(keys),
+        "sentences": {language: "\n".join(words(language)[key] for key in keys) for language in LANGUAGES},
         "balls": {name: astuple(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
     }
     _files.write_text(path, page(LIVE_PARTS, "granular: hard or soft?", start, data))
@@ -171,10 +178,10 @@ def player_page(
     path : str or path
         The HTML file.
     runs : one or two trajectories
-        Runs of any scene, engine and length; two runs of the same balls. Long runs are thinned out, and the page states
-        by how much.
+        Runs of any scene, engine and length. Two runs must have the same balls. Samples of long runs are thinned out,
+        and the page states by how much.
     names : sequence of str, optional
-        Names of the runs.
+        Names of the runs. Defaults to "run 1" and "run 2".
     title : str
         Heading of the page. Defaults to the names.
 
@@ -187,7 +194,7 @@ def player_page(
         raise ValueError(f"`runs` must be one or two trajectories, got {len(runs)}.")
     if other := recording.different_balls(runs[0].scene, runs[-1].scene):
         raise ValueError(f"`runs` must be of the same balls, got different scenes ({other}).")
-    called = [_files.plain_text(name) for name in names or [f"run {i + 1}" for i in range(len(runs))]]
-    recorded = [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]
-    data: dict[str, Any] = {"title": title or " and ".join(called), "runs": recorded}
-    _files.write_text(path, page(PLAYER_PARTS, title or "granular: " + ", ".join(called), data=data))
+    labels = [_files.plain_text(name) for name in names or [f"run {i + 1}" for i in range(len(runs))]]
+    recorded = [recording.recorded(run, name) for run, name in zip(runs, labels, strict=True)]
+    data: dict[str, Any] = {"title": title or " and ".join(labels), "runs": recorded}
+    _files.write_text(path, page(PLAYER_PARTS, title or "granular: " + ", ".join(labels), data=data))

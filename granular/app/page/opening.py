@@ -1,6 +1,6 @@
 """Initial states of the teaching page, as links: scenes, settings and limits.
 
-The library's names are used here (restitution, stiffness, mass_ratio, ...). Links have shorter ones (eps, k,
+The names are those of the library (restitution, stiffness, mass_ratio, ...). Links have shorter names (eps, k,
 massRatio).
 """
 
@@ -24,7 +24,7 @@ DEFAULT_CRADLE_BALLS = 5
 
 @dataclass(frozen=True)
 class Setting:
-    """A number, or an integer.
+    """A setting of the teaching page: a number, or an integer.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ class Setting:
     about : str
         Description for the help text of the command.
     least, most : float
-        Limits.
+        Limits of the value.
     whole, zero : bool
-        Whether the value is an integer, and whether 0 is allowed below `least`.
+        Whether the value is an integer, and whether 0 is allowed although it is below `least`.
     words : tuple of str
         Possible values, if the value is a word.
     """
@@ -48,8 +48,14 @@ class Setting:
     zero: bool = False
     words: tuple[str, ...] = ()
 
-    def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the link parameters for `value`, or raise an error."""
+    def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
+        """Return the link parameters for `value`, by name.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the value is not a number within the limits. The message contains `name`.
+        """
         if self.whole:
             return {self.slider: check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
         if self.zero and type(value) in (int, float) and value == 0:
@@ -59,34 +65,37 @@ class Setting:
 
 
 class Choice(Setting):
-    """One of several words, which a link has as its index."""
+    """Setting whose value is one of several words. A link contains its index."""
 
-    def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the link parameter of a setting with a list of options."""
+    def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
+        """Return the link parameter with the index of the word."""
         return {self.slider: self.words.index(check.choice(name, value, self.words))}
 
 
 class Language(Setting):
-    """Setting of the page that selects its language."""
+    """Setting whose value is a language of the page."""
 
-    def written(self, name: str, value: Any) -> dict[str, Any]:
+    def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
         """Return the link parameter of a language."""
         return {self.slider: check.choice(name, value, self.words)}
 
 
 class Kind(Setting):
-    """A ball by its name in `granular.balls`. `slider` is 1 for the lower ball or 2."""
+    """Setting whose value is the name of a ball in `granular.balls`.
 
-    def written(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the link parameters of a ball."""
+    `slider` is "1" for the lower ball and "2" for the upper ball. The link contains the properties of the ball.
+    """
+
+    def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
+        """Return the link parameters for all properties of a ball."""
         ball = balls.BALLS[check.choice(name, value, self.words)]
         return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT_NAMES.items()}
 
 
 class Truth(Setting):
-    """True or False."""
+    """Setting whose value is True or False."""
 
-    def written(self, name: str, value: Any) -> dict[str, Any]:
+    def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
         """Return the link parameter of a boolean setting as 0 or 1."""
         return {self.slider: +check.truth(name, value)}
 
@@ -99,26 +108,35 @@ CENTRE_SETTING = Setting("height", "height of the lower ball's centre in m", 0.1
 COUNT_SETTING = Setting("n", "number of balls", 2, 8, whole=True)
 
 
-def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
-    """Return the settings of ball `i`: its name, or its numbers.
+def ball_settings(i: int, prefix: str, label: str) -> dict[str, Setting]:
+    """Return the settings of a ball: its name, and its properties.
 
-    Whether a single ball is filled with air does not matter.
+    Only a ball with a prefix has the setting "filled", because it does not matter for a single ball.
+
+    Parameters
+    ----------
+    i : int
+        Number of the ball in links, 1 or 2.
+    prefix : str
+        Prefix of the names of the settings: "lower_", "upper_" or "".
+    label : str
+        Name of the ball in help texts.
     """
-    name = before or "ball_"
+    name = prefix or "ball_"
     return {
-        name.rstrip("_"): Kind(str(i), f"{called}: a name of granular.balls", words=tuple(balls.BALLS)),
-        before + "mass": Setting(f"m{i}", f"mass of {called} in kg", 1e-3, 2.0),
-        before + "radius": Setting(f"r{i}", f"radius of {called} in m", 2e-3, 0.15),
-        before + "duration": Setting(f"t{i}", f"duration of a bounce of {called} on the floor in s", 1e-5, 0.03),
-        before + "restitution": Setting(f"e{i}", f"ε of {called} on the floor", 0.1, 1.0),
-    } | ({before + "filled": Truth(f"air{i}", f"whether {called} is filled with air")} if before else {})
+        name.rstrip("_"): Kind(str(i), f"{label}: a name of granular.balls", words=tuple(balls.BALLS)),
+        prefix + "mass": Setting(f"m{i}", f"mass of {label} in kg", 1e-3, 2.0),
+        prefix + "radius": Setting(f"r{i}", f"radius of {label} in m", 2e-3, 0.15),
+        prefix + "duration": Setting(f"t{i}", f"duration of a bounce of {label} on the floor in s", 1e-5, 0.03),
+        prefix + "restitution": Setting(f"e{i}", f"ε of {label} on the floor", 0.1, 1.0),
+    } | ({prefix + "filled": Truth(f"air{i}", f"whether {label} is filled with air")} if prefix else {})
 
 
 SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
     "story": {"screen": Setting("screen", "screen of the story; 0 is the drop", 0, 6, whole=True)},
     "real-balls": {
-        **of_ball(1, "lower_", "the lower ball"),
-        **of_ball(2, "upper_", "the upper ball"),
+        **ball_settings(1, "lower_", "the lower ball"),
+        **ball_settings(2, "upper_", "the upper ball"),
         "gap": GAP_SETTING,
         "height": HEIGHT_SETTING,
         "pair_rule": Choice("rule", "rule for the stiffness of the contact of two balls", words=balls.RULES),
@@ -147,7 +165,7 @@ SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
         "moving": Setting("moving", "number of balls that move at the start", 1, 8, whole=True),
         "speed": Setting("speed", "speed of these balls in m/s", 0.1, 3.0),
     },
-    "bouncing-ball": {**of_ball(1, "", "the ball"), "height": HEIGHT_SETTING},
+    "bouncing-ball": {**ball_settings(1, "", "the ball"), "height": HEIGHT_SETTING},
 }
 """Settings of each scene, with the limits of ``physics/setups.mjs`` (tested)."""
 PAGE_SCENES = tuple(SCENE_SETTINGS)
@@ -160,7 +178,7 @@ LABORATORY_SETTINGS = {"predict": Truth("predict", "start with a question for a 
 
 
 def settings(scene: str) -> dict[str, Setting]:
-    """Return the settings of one of `PAGE_SCENES`."""
+    """Return the settings of one of `PAGE_SCENES`, by name."""
     own = SCENE_SETTINGS[check.choice("scene", scene, PAGE_SCENES)]
     return own | COMMON_SETTINGS | ({} if scene == "story" else LABORATORY_SETTINGS)
 
@@ -168,37 +186,45 @@ def settings(scene: str) -> dict[str, Setting]:
 def link(scene: str, values: Mapping[str, Any]) -> str:
     """Return the initial state of the page as the query string of its link.
 
+    Parameters
+    ----------
+    scene : str
+        One of `PAGE_SCENES`.
+    values : mapping
+        Values of settings of this scene, with the names and units of the library.
+
     Raises
     ------
     ValueError, TypeError
         If the scene or a name is unknown, or if the page cannot show a value.
     """
     known = settings(scene)
-    begin: dict[str, Any] = {} if scene == "story" else {"scene": scene}
+    parameters: dict[str, Any] = {} if scene == "story" else {"scene": scene}
     check.known(values, known, f"setting of the page {scene}", TypeError)
     if scene == "story" and "at" in values:
-        begin = {"screen": 0}
-    given = [name for name in known if name in values]
-    kinds_first = sorted(given, key=lambda name: not isinstance(known[name], Kind))  # numbers of a ball may differ
-    for name in kinds_first:
-        begin |= known[name].written(name, values[name])
+        parameters = {"screen": 0}
+    names = [name for name in known if name in values]
+    ordered = sorted(names, key=lambda name: not isinstance(known[name], Kind))  # numbers of a ball may differ
+    for name in ordered:
+        parameters |= known[name].link_parameters(name, values[name])
     if "moving" in values:
         fix = "At least one ball has to be at rest."
-        check.whole("moving", values["moving"], at_least=1, at_most=begin.get("n", DEFAULT_CRADLE_BALLS) - 1, fix=fix)
-    return urlencode(begin)
+        check.whole(
+            "moving", values["moving"], at_least=1, at_most=parameters.get("n", DEFAULT_CRADLE_BALLS) - 1, fix=fix)
+    return urlencode(parameters)
 
 
 def options() -> list[Option]:
-    """Return all settings as options of the command line, with their scenes."""
-    everywhere: dict[str, Setting] = {}
+    """Return the settings of all scenes as options of the command line."""
+    all_settings: dict[str, Setting] = {}
     for scene in PAGE_SCENES:
-        everywhere = settings(scene) | everywhere
-    return [Option(name, _kind(setting), None, _about(name, setting)) for name, setting in everywhere.items()]
+        all_settings = settings(scene) | all_settings
+    return [Option(name, _kind(setting), None, _about(name, setting)) for name, setting in all_settings.items()]
 
 
 def _about(name: str, setting: Setting) -> str:
-    having = [scene for scene in PAGE_SCENES if name in settings(scene)]
-    where = "" if len(having) >= len(PAGE_SCENES) - 1 else f" ({', '.join(having)})"
+    scenes = [scene for scene in PAGE_SCENES if name in settings(scene)]
+    where = "" if len(scenes) >= len(PAGE_SCENES) - 1 else f" ({', '.join(scenes)})"
     return ("{" + ", ".join(setting.words) + "}: " if len(setting.words) in range(2, 7) else "") + setting.about + where
 
 

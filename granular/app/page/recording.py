@@ -1,12 +1,14 @@
 """Recorded runs reduced to a size that a page can embed.
 
 Samples and contacts beyond the limits are thinned out evenly, and never merged or smoothed. The page states by how
-much. A map then counts all contacts over pairs and time. Numbers are stored as 32-bit floats. Positions are
-stored without radii, so that equal positions mean contact.
+much. If contacts are thinned out, a map counts all contacts over pairs and time. Times and energies are stored as
+64-bit floats, other numbers with 32 bits or less. Radii are subtracted from positions, so that equal positions mean
+contact.
 
-Hard runs get the samples that they lack (`filled`): at their contacts, and between contacts where paths are curved.
-They follow from the samples and the log: every body flies freely after a sample, and each contact has the velocities
-after it. Nothing is added if this does not reproduce the next sample, because the log is missing or incomplete.
+Hard runs get additional samples (`filled`): at their contacts, and between contacts where paths are curved. They are
+computed from the samples and the contact log. Every body flies freely after a sample, and the log contains the
+velocities after each contact. Nothing is added if this computation does not reproduce the next sample, because the log
+is missing or incomplete.
 """
 
 from __future__ import annotations
@@ -36,9 +38,9 @@ MAP_SIZE = (600, 250)
 RUN_POINTS, FLIGHT_POINTS = 200, 8
 """Number of points on curved paths, for the whole run and between contacts."""
 SAMPLE_TOLERANCE = 1e-6
-"""Tolerance for the reproduction of a sample, relative to the paths."""
+"""Tolerance for the reproduction of a sample, relative to the range of the paths."""
 MAX_LISTED_VALUES = 6
-"""Number of values or laws up to which each one is listed."""
+"""Maximum number of values or laws that are listed one by one."""
 WALL_NAMES = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
 
 
@@ -53,10 +55,10 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         Name of the run.
     """
     bodies = evenly(run.scene.n, MAX_BODIES)
-    most = min(MAX_SAMPLES, max(2, MAX_POSITIONS // len(bodies)))
-    kept = evenly(len(run.contacts), MAX_CONTACTS)
-    played = filled(run, most)
-    thin = part(played, evenly(len(played.time), most))
+    limit = min(MAX_SAMPLES, max(2, MAX_POSITIONS // len(bodies)))
+    contact_rows = evenly(len(run.contacts), MAX_CONTACTS)
+    played = filled(run, limit)
+    shown = with_samples(played, evenly(len(played.time), limit))
     return {
         "name": name,
         "engine": "soft" if run.rule is None else "hard",
@@ -65,19 +67,19 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "upright": run.scene.gravity > 0.0,
         "status": run.status.name,
         "message": run.message,
-        "bodies": packed(bodies),
+        "bodies": as_base64(bodies),
         "n": run.scene.n,
         "pairs": run.scene.n_pairs,
-        "radius": packed(run.scene.radius[bodies]),
+        "radius": as_base64(run.scene.radius[bodies]),
         "walls": np.flatnonzero(run.scene.is_wall).tolist(),
-        "time": packed(thin.time, np.float64),
+        "time": as_base64(shown.time, np.float64),
         "span": [float(run.time[0]), float(run.time[-1])],
-        "offset": packed((run.position[0] - points(part(run, evenly(1, 1)))[0])[bodies]),
-        "path": packed(points(thin)[:, bodies]),
-        "energy": packed(np.nan_to_num(thin.energy(), nan=0.0), np.float64),
-        "account": _account(run),
-        "contacts": contacts(run, kept),
-        "map": contact_map(run) if len(kept) < len(run.contacts) else None,
+        "offset": as_base64((run.position[0] - points(with_samples(run, evenly(1, 1)))[0])[bodies]),
+        "path": as_base64(points(shown)[:, bodies]),
+        "energy": as_base64(np.nan_to_num(shown.energy(), nan=0.0), np.float64),
+        "account": _energy_terms(run),
+        "contacts": contacts(run, contact_rows),
+        "map": contact_map(run) if len(contact_rows) < len(run.contacts) else None,
         "field": velocity_map(played),
         "whole": {"rows": len(run.time), "contacts": len(run.contacts), "bodies": run.scene.n},
     }
@@ -90,28 +92,28 @@ def different_balls(one: Scene, other: Scene) -> str:
     """
     if one.n != other.n:
         return f"{one.n} and {other.n} bodies"
-    heavy = f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
+    gravity = f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
     forces = (np.zeros(scene.n) if scene.external_force is None else scene.external_force for scene in (one, other))
     differ = {"masses": (one.mass != other.mass).any(), "radii": (one.radius != other.radius).any(),
-              heavy: one.gravity != other.gravity, "forces": np.not_equal(*forces).any()}
+              gravity: one.gravity != other.gravity, "forces": np.not_equal(*forces).any()}
     return next((name for name, is_so in differ.items() if is_so), "")
 
 
 def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Return `most` of the numbers 0 ... n-1, evenly spaced, with first and last.
+    """Return `most` evenly spaced integers from 0 to n - 1, with first and last.
 
-    All n numbers are returned if they are fewer.
+    If n is smaller than `most`, all n integers are returned.
     """
     return np.unique(np.round(np.linspace(0, n - 1, min(n, most))).astype(np.int64))
 
 
-def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajectory:
-    """Return the run with the given samples only."""
+def with_samples(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajectory:
+    """Return the run with the samples in `rows` only."""
     names = ("time", "position", "velocity", "gap", "force", "ledger")
     return replace(run, **{name: getattr(run, name)[rows] for name in names if getattr(run, name) is not None})
 
 
-def _account(run: Trajectory) -> list[list[str | float]]:
+def _energy_terms(run: Trajectory) -> list[list[str | float]]:
     """Return the finite, nonzero terms of the energy balance in J, with labels.
 
     The list is empty if no wall exchanges energy with the balls.
@@ -122,26 +124,26 @@ def _account(run: Trajectory) -> list[list[str | float]]:
 
 
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:
-    """Return the log of the contacts `kept`, column by column.
+    """Return the columns of the contact log for the rows `kept`, each as base64.
 
-    A contact without an end ends with the run. The end of a hard contact is its onset.
+    A soft contact without an end ends with the run. Hard contacts have no column "end".
     """
     log = run.contacts[kept]
     before, after = (log[name][:, 1] - log[name][:, 0] for name in ("v_in", "v_out"))
     return {
-        "pair": packed(log["pair"]),
-        "begin": packed(log["t_begin"], np.float64),
-        "end": packed(np.nan_to_num(log["t_end"], nan=run.time[-1]), np.float64) if run.rule is None else None,
-        "before": packed(before),
-        "after": packed(np.nan_to_num(after, nan=0.0)),
-        "impulse": packed(log["impulse"]),
+        "pair": as_base64(log["pair"]),
+        "begin": as_base64(log["t_begin"], np.float64),
+        "end": as_base64(np.nan_to_num(log["t_end"], nan=run.time[-1]), np.float64) if run.rule is None else None,
+        "before": as_base64(before),
+        "after": as_base64(np.nan_to_num(after, nan=0.0)),
+        "impulse": as_base64(log["impulse"]),
     }
 
 
 def contact_map(run: Trajectory) -> dict[str, Any]:
-    """Return the number of running contacts in each cell of a grid of time and pairs.
+    """Return the number of active contacts in each cell of a grid of time and pairs.
 
-    All contacts are counted.
+    All contacts are counted, also if the log of the page is thinned out.
     """
     start, span = float(run.time[0]), float(run.time[-1] - run.time[0]) or 1.0
     columns, lanes = MAP_SIZE[0], min(MAP_SIZE[1], run.scene.n_pairs)
@@ -153,14 +155,14 @@ def contact_map(run: Trajectory) -> dict[str, Any]:
     np.add.at(change, (first, lane), 1)
     np.add.at(change, (last + 1, lane), -1)
     counts = np.cumsum(change, axis=0)[:columns]
-    return {"columns": columns, "lanes": lanes, "counts": packed(np.minimum(counts, 65535), np.uint16)}
+    return {"columns": columns, "lanes": lanes, "counts": as_base64(np.minimum(counts, 65535), np.uint16)}
 
 
 def velocity_map(run: Trajectory) -> dict[str, Any]:
-    """Return velocities of balls over time in 127 steps of the largest one.
+    """Return a map of velocities over balls and time, in 1/127 of the largest one.
 
-    Balls that share a row of the map are represented by the fastest one, so that narrow waves are not lost. Samples are
-    thinned out evenly.
+    If several balls share a row of the map, the row has the velocity of the fastest one, so that narrow waves are not
+    lost. Samples are thinned out evenly.
     """
     rows, balls = evenly(len(run.time), MAP_SIZE[0]), np.flatnonzero(~run.scene.is_wall)
     lanes = np.arange(min(len(balls), MAP_SIZE[1]))
@@ -169,14 +171,14 @@ def velocity_map(run: Trajectory) -> dict[str, Any]:
     up, down = (extreme.reduceat(velocity, first, axis=1) for extreme in (np.maximum, np.minimum))
     fastest = np.where(up >= -down, up, down)
     peak = float(np.abs(fastest).max(initial=0.0)) or 1.0
-    return {"time": packed(run.time[rows], np.float64), "rows": len(lanes), "peak": peak, "first": int(balls[0]),
-            "last": int(balls[-1]), "values": packed(np.rint(fastest * (127.0 / peak)), np.int8)}
+    return {"time": as_base64(run.time[rows], np.float64), "rows": len(lanes), "peak": peak, "first": int(balls[0]),
+            "last": int(balls[-1]), "values": as_base64(np.rint(fastest * (127.0 / peak)), np.int8)}
 
 
-def packed(values: Any, kind: Any = None) -> str:
-    """Return an array as base64.
+def as_base64(values: Any, kind: Any = None) -> str:
+    """Return an array as base64 of little-endian numbers.
 
-    Integers are stored as int32 and other numbers as float32, unless `kind` is given.
+    Integers are stored as int32 and other numbers as float32, unless the type `kind` is given.
     """
     array = np.asarray(values)
     kind = kind or (np.int32 if array.dtype.kind in "iu" else np.float32)
@@ -185,22 +187,22 @@ def packed(values: Any, kind: Any = None) -> str:
 
 
 def filled(run: Trajectory, most: int) -> Trajectory:
-    """Return a hard run with additional samples, `most` at most.
+    """Return a hard run with additional samples, in total at most `most`.
 
-    Soft runs, and runs with driven walls, are returned unchanged.
+    The run is returned unchanged if it is a soft run, has driven walls, or if the samples cannot be reproduced.
     """
     if run.rule is None or run.scene.driven:
         return run
-    instants = next((found for found in _instants(run) if len(found) + len(run.contacts) <= most), run.time)
-    rows = list(_rows(run, instants)) if len(instants) > len(run.time) else []
+    instants = next((times for times in _sample_times(run) if len(times) + len(run.contacts) <= most), run.time)
+    rows = list(_computed_samples(run, instants)) if len(instants) > len(run.time) else []
     if not rows or rows[-1][0] < instants[-1] or not np.array_equal(rows[-1][1], run.position[-1]):
         return run
     time, position, velocity, gap = (np.array(column) for column in zip(*rows, strict=True))
     return replace(run, time=time, position=position, velocity=velocity, gap=gap, ledger=None)
 
 
-def _instants(run: Trajectory) -> Iterator[Array]:
-    """Yield alternative sets of times of frames, the densest first."""
+def _sample_times(run: Trajectory) -> Iterator[Array]:
+    """Yield alternative sets of times in s for the samples, the densest set first."""
     corners = np.union1d(run.time, np.append(run.contacts["t_begin"], run.stats.get("collapse_time", run.time[-1])))
     scene = run.scene
     if scene.gravity or scene.pendulum or scene.external_force is not None:
@@ -211,52 +213,53 @@ def _instants(run: Trajectory) -> Iterator[Array]:
     yield corners
 
 
-def _rows(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Array, Array]]:
-    """Yield time, position, velocity and gap at each instant, around contacts.
+def _computed_samples(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Array, Array]]:
+    """Yield time, position, velocity and gap at and just before each instant.
 
-    Ends early if a sample is not reproduced.
+    The values just before an instant are yielded only if a contact begins then. The generator ends early if it does
+    not reproduce a sample of the run.
     """
-    log, scene, met = run.contacts, run.scene, 0
-    near = SAMPLE_TOLERANCE * float(np.ptp(run.position, axis=0).max(initial=0.0))
-    at = dict(zip(run.time.tolist(), range(len(run.time)), strict=True))
+    log, scene, contact_count = run.contacts, run.scene, 0
+    tolerance = SAMPLE_TOLERANCE * float(np.ptp(run.position, axis=0).max(initial=0.0))
+    row_at = dict(zip(run.time.tolist(), range(len(run.time)), strict=True))
     now, x, v, gap = instants[0], run.position[0], run.velocity[0], run.gap[0]
-    rest = run.stats.get("collapse_time", math.inf)
+    rest_time = run.stats.get("collapse_time", math.inf)
     for t in instants.tolist():
-        if rest <= t and rest < run.time[-1]:  # all balls are at rest on a wall
+        if rest_time <= t and rest_time < run.time[-1]:  # all balls are at rest on a wall
             yield t, run.position[-1] - run.velocity[-1] * (run.time[-1] - t), run.velocity[-1], run.gap[-1]
             continue
-        there, v = _flown(scene, x, v, t - now)
-        now, x, gap = t, there, gap + scene.across(there - x)
-        if met < len(log) and instants[0] < log["t_begin"][met] <= t:
+        x_next, v = _after_free_flight(scene, x, v, t - now)
+        now, x, gap = t, x_next, gap + scene.across(x_next - x)
+        if contact_count < len(log) and instants[0] < log["t_begin"][contact_count] <= t:
             yield t, x, v, gap
         v, touching = v.copy(), []
-        while met < len(log) and log["t_begin"][met] <= t:
-            pair = int(log["pair"][met])
-            v[list(scene.bodies(pair))] = log["v_out"][met]
+        while contact_count < len(log) and log["t_begin"][contact_count] <= t:
+            pair = int(log["pair"][contact_count])
+            v[list(scene.bodies(pair))] = log["v_out"][contact_count]
             touching.append(pair)
-            met += 1
+            contact_count += 1
         if touching:
             gap[touching] = 0.0
-        if t in at:
-            row = at[t]
-            if np.abs(x - run.position[row]).max() > near:
+        if t in row_at:
+            row = row_at[t]
+            if np.abs(x - run.position[row]).max() > tolerance:
                 return
             x, v, gap = run.position[row], run.velocity[row], run.gap[row]
         yield t, x, v, gap
 
 
-def _flown(scene: Scene, x: Array, v: Array, dt: float) -> tuple[Array, Array]:
-    """Return positions and velocities after a free flight."""
+def _after_free_flight(scene: Scene, x: Array, v: Array, dt: float) -> tuple[Array, Array]:
+    """Return positions in m and velocities in m/s after a free flight of `dt` s."""
     if scene.pendulum == 0.0:
         return x + (v + 0.5 * scene.fall * dt) * dt, v + scene.fall * dt
-    rest, turn = scene.at_rest, scene.pendulum * dt
-    y: Any = x - rest
-    moved = y * math.cos(turn) + v / scene.pendulum * math.sin(turn)
-    return rest + moved, v * math.cos(turn) - scene.pendulum * y * math.sin(turn)
+    rest_position, angle = scene.at_rest, scene.pendulum * dt
+    y: Any = x - rest_position
+    displacement = y * math.cos(angle) + v / scene.pendulum * math.sin(angle)
+    return rest_position + displacement, v * math.cos(angle) - scene.pendulum * y * math.sin(angle)
 
 
 def about(run: Trajectory) -> list[list[str]]:
-    """Return names and values that describe a run.
+    """Return names and values that describe a run, as pairs of strings.
 
     Parameters
     ----------
@@ -265,26 +268,26 @@ def about(run: Trajectory) -> list[list[str]]:
     """
     scene, balls = run.scene, ~run.scene.is_wall
     return [
-        ["law or rule", _laws(run)], ["masses, kg", _values(scene.mass[balls])],
-        ["radii, m", _values(scene.radius[balls])], ["gaps at the start, m", _values(scene.gap)],
-        ["velocities at the start, m/s", _values(scene.velocity)],
+        ["law or rule", _laws_text(run)], ["masses, kg", _values_text(scene.mass[balls])],
+        ["radii, m", _values_text(scene.radius[balls])], ["gaps at the start, m", _values_text(scene.gap)],
+        ["velocities at the start, m/s", _values_text(scene.velocity)],
     ]
 
 
 def scene_in_words(of: Scene) -> str:
     """Return a description of a scene: balls, ends and forces.
 
-    The ends are called walls if nothing falls.
+    Without gravity the floor and the ceiling are called walls.
     """
-    said = shortened(str(of)[len("Scene(") : -1])
+    text = shortened(str(of)[len("Scene(") : -1])
     if of.gravity == 0.0:
         for named, words in WALL_NAMES.items():
-            said = said.replace(named, words)
-    return said
+            text = text.replace(named, words)
+    return text
 
 
-def _values(values: Array) -> str:
-    """Return a few values, one value if all are equal, or their range."""
+def _values_text(values: Array) -> str:
+    """Format a few values, one value if all are equal, or their range."""
     low, high = float(values.min()), float(values.max())
     if high - low <= 1e-9 * abs(high):
         return f"{low:.5g}"
@@ -293,29 +296,31 @@ def _values(values: Array) -> str:
     return f"{low:.5g} … {high:.5g}"
 
 
-def _laws(run: Trajectory) -> str:
+def _laws_text(run: Trajectory) -> str:
     """Return every different law or rule with its pairs and, for soft contacts, ε.
 
-    ε holds at the speed of the first impact.
+    ε is that of an isolated contact at the speed of the first impact.
     """
-    given = run.law if run.rule is None else run.rule
-    of_law = pairs_by_law(given or ())
+    laws = run.law if run.rule is None else run.rule
+    of_law = pairs_by_law(laws or ())
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
     n = run.scene.n_pairs
-    shown = [f"{named_pairs(pairs, n, run.scene.pairs.name)}: " * (len(pairs) < n) + shortened(law) + _eps(eps[pairs])
+    shown = [f"{named_pairs(pairs, n, run.scene.pairs.name)}: " * (len(pairs) < n)
+             + shortened(law) + _eps_text(eps[pairs])
              for law, pairs in list(of_law.items())[:MAX_LISTED_VALUES]]
-    more = len(of_law) - len(shown)
-    return "; ".join(shown) + f"; {more} more" * (more > 0)
+    left_out = len(of_law) - len(shown)
+    return "; ".join(shown) + f"; {left_out} more" * (left_out > 0)
 
 
-def _eps(values: Array) -> str:
-    return "" if np.isnan(values).any() else f", ε = {_values(values)}"
+def _eps_text(values: Array) -> str:
+    return "" if np.isnan(values).any() else f", ε = {_values_text(values)}"
 
 
 def _restitutions(run: Trajectory) -> Array:
-    """Return ε of an isolated contact of each pair.
+    """Return ε of an isolated contact of each pair, (n-1,).
 
-    nan if it does not end, or if there are too many kinds of pairs.
+    The approach speed is the speed of the first impact. nan if the contact does not end, or if there are more than
+    `MAX_LISTED_VALUES` kinds of pairs.
     """
     laws, speed = resolved(run.law or (), run.scene), impact_speed(run)
     if len(laws.in_pairs[1]) > MAX_LISTED_VALUES or not speed > 0.0:
