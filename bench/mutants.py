@@ -159,15 +159,20 @@ MUTANTS = [
     ("comparison/outcome.py", "of_ball[scene.is_wall] = count", "pass", COMPARISON_TESTS),
     (
         "comparison/align.py",
-        'kept = nth < most[run.contacts["pair"]]',
-        'kept = nth <= most[run.contacts["pair"]]',
+        'kept = nth < max_counts[run.contacts["pair"]]',
+        'kept = nth <= max_counts[run.contacts["pair"]]',
         COMPARISON_TESTS,
     ),
-    ("comparison/align.py", "late = alone(pair, speed) + np.fmin(", "late = 0.0 * np.fmin(", COMPARISON_TESTS),
+    (
+        "comparison/align.py",
+        "delay = isolated_duration(pair, speed) + np.fmin(",
+        "delay = 0.0 * np.fmin(",
+        COMPARISON_TESTS,
+    ),
     (
         "comparison",
-        "    if not error <= ERROR_LIMIT:\n        alone",
-        "    if error > 0.1:\n        alone",
+        "    if not error <= ERROR_LIMIT:\n        no_overlap",
+        "    if error > 0.1:\n        no_overlap",
         COMPARISON_TESTS,
     ),
     (

@@ -104,8 +104,6 @@ def _timely_contacts(run: Trajectory, latest: Array, max_counts: Any) -> Traject
 
     Parameters
     ----------
-    run : Trajectory
-        The run.
     latest : (n-1,) array
         Latest onset in s for each pair.
     max_counts : (n-1,) array of int
@@ -146,8 +144,6 @@ def _without_late_ends(soft: Trajectory, until: Array) -> Trajectory:
 
     Parameters
     ----------
-    soft : Trajectory
-        The soft run.
     until : (n-1,) array
         Time in s until which a contact of each pair is followed. Values that are not finite remove nothing.
     """
@@ -179,8 +175,6 @@ def _latest_onsets(hard: Trajectory, soft: Trajectory, needed_counts: Any) -> Ar
 
     Parameters
     ----------
-    hard, soft : Trajectory
-        The two runs.
     needed_counts : (n-1,) array of int
         Larger number of contacts of each pair in the two runs.
     """

@@ -312,10 +312,8 @@ def _reason_for_yes(report: Checked, trivial_reasons: list[str]) -> Reason:
 
     Parameters
     ----------
-    report : Checked
-        The comparison.
     trivial_reasons : list of str
-        Reasons of the components in which nothing can differ, as text.
+        Reasons of the components that agree trivially because their balls rest from the start, as text.
     """
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= ERROR_LIMIT:
@@ -344,13 +342,6 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
     The answer is "no" if soft spheres at rest overlap by more than `ERROR_LIMIT` times the smaller radius of the pair.
     It is "yes" if they overlap by less and the hard spheres of the component rest on each other from the start.
     Otherwise None is returned.
-
-    Parameters
-    ----------
-    report : Checked
-        The comparison.
-    pairs : tuple of int
-        Pairs of the component.
     """
     lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.levelled[1]
     log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
@@ -372,13 +363,6 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
 
 def _endless_collisions_text(report: Checked, pairs: Sequence[int]) -> str:
     """Reason for hard spheres that collide forever while soft ones separate, or "".
-
-    Parameters
-    ----------
-    report : Checked
-        The comparison.
-    pairs : sequence of int
-        Pairs to consider.
     """
     hard = report.hard
     if "verdict" not in hard.stats:
@@ -398,8 +382,6 @@ def _miscount_text(report: Checked, miscounted: tuple[int, ...], pair_count: int
 
     Parameters
     ----------
-    report : Checked
-        The comparison.
     miscounted : tuple of int
         Pairs with different numbers of contacts.
     pair_count : int

@@ -77,8 +77,6 @@ class Departures:
 
     Attributes
     ----------
-    soft : Trajectory
-        The soft run.
     episode : array of int
         Episode of every soft contact, numbered from 0 by onset.
     ball, of : (m,) arrays of int
@@ -138,8 +136,6 @@ def episodes(soft: Trajectory, compared: Any) -> Any:
 
     Parameters
     ----------
-    soft : Trajectory
-        The soft run.
     compared : (m,) array of bool
         Contacts that can be linked. All other contacts, and contacts without end, are episodes of their own.
     """
@@ -166,8 +162,6 @@ def flights(run: Trajectory, met: Any) -> Array:
 
     Parameters
     ----------
-    run : Trajectory
-        The run.
     met : (m,) array of bool
         Whether each contact of the run also occurs in the other run.
     """

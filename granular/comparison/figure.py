@@ -132,8 +132,6 @@ def force_curve(axis: Any, clock: Array, force: Array) -> None:
 
     Parameters
     ----------
-    axis : matplotlib axes
-        Panel to draw in.
     clock : array
         Times in the unit of the axis.
     force : array

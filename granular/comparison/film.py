@@ -164,10 +164,6 @@ def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array)
 
     Parameters
     ----------
-    page : Page
-        Page to draw on.
-    story : Story
-        Content of the film.
     name : str
         The engine, "hard" or "soft".
     time : array
@@ -228,8 +224,6 @@ def draw_charts(panels: list[Any], view: View, detail: Closeup | None, runs: dic
     ----------
     panels : list of matplotlib axes
         The panels from top to bottom.
-    view : View
-        The interval to draw.
     detail : Closeup or None
         The enlarged view, if there is one.
     runs : dict of str to Trajectory

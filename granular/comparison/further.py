@@ -79,8 +79,6 @@ def with_rows(report: Any, engine: str, times: check.Array, further: bool = Fals
 
     Parameters
     ----------
-    report : Comparison
-        The comparison.
     engine : str
         "hard" or "soft".
     times : array
@@ -108,8 +106,6 @@ class Onward:
 
     Parameters
     ----------
-    report : Comparison
-        The comparison.
     engine : str
         "hard" or "soft".
     """
@@ -178,12 +174,8 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
 
     Parameters
     ----------
-    report : Comparison
-        The comparison.
     engine : str
         "hard" or "soft".
-    bodies : sequence of int
-        Numbers of the bodies.
     bounce : int
         Number of the contact with the floor after which the apex is searched. 1 includes apexes before this contact.
     """
@@ -219,10 +211,6 @@ def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
-    log : array
-        Contact log.
     body, bounce : int
         Number of the body, and number of the contact with the floor.
     """

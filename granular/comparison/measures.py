@@ -255,8 +255,6 @@ def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
     omega : (n-1,) array
         Contact frequency ω₀ in rad/s of each pair.
     """

@@ -161,7 +161,7 @@ def last_contacts(run: Trajectory, rows: Any, group: Any) -> tuple[Any, Any, Any
 
 
 def leaving_velocities(run: Trajectory) -> Array:
-    """Velocity u in m/s of each body after its last contact, (n,), see `leaving_velocities_and_times`."""
+    """Velocity u in m/s of each body after its last contact, (n,)."""
     return leaving_velocities_and_times(run)[0]
 
 
@@ -302,13 +302,6 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
     U is the largest approach speed at the onset of a contact in either run. A contact that does not begin with an
     approach, such as a contact of touching balls, contributes its separation speed instead. U is at least the speed
     that weight gives a ball during a contact (`Components.weight`), and larger than rounding errors.
-
-    Parameters
-    ----------
-    hard, soft : Trajectory
-        The two runs.
-    parts : Components
-        Their components.
     """
     speed = parts.weight(soft)
     for run in (hard, soft):
@@ -365,12 +358,8 @@ def carried(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any 
 
     Parameters
     ----------
-    hard : Trajectory
-        The hard run.
     u : (m,) array
         Velocity of each ball in m/s at the start of the flight, when a contact ends.
-    ball : (m,) array of int
-        Numbers of the balls.
     elapsed : (m,) array
         Duration of the flight in s. It can be negative.
     contact : tuple of arrays, optional
@@ -399,8 +388,6 @@ def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
 
     Parameters
     ----------
-    one, other : Trajectory
-        The hard runs.
     weight : (n-1,) array
         Approach speed in m/s up to which a contact belongs to balls that settle. Such contacts are ignored.
     """
@@ -436,8 +423,6 @@ def without_weak_contacts(run: Trajectory, fastest: Array) -> Trajectory:
 
     Parameters
     ----------
-    run : Trajectory
-        The run.
     fastest : (n-1,) array
         Reference speed of each pair in m/s: the fastest approach of its component.
     """

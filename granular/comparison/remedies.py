@@ -66,8 +66,6 @@ class Remedies(Report):
 
     Attributes
     ----------
-    report : Comparison
-        The comparison.
     what : str
         The observable.
     rows : tuple of Remedy
@@ -111,8 +109,6 @@ def table(report: Judged, observable: Callable[[Trajectory], float] | None, give
 
     Parameters
     ----------
-    report : Comparison
-        The comparison.
     observable : callable or None
         Function of a trajectory. None is the fraction of the energy that is left.
     given : mapping
@@ -153,10 +149,6 @@ def _run_with_remedy(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Tr
 
     Parameters
     ----------
-    report : Comparison
-        The comparison.
-    rule : collision rule
-        Rule of the hard spheres.
     remedy : mapping
         Options of `granular.edmd.simulate` for the remedy.
     """

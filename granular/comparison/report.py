@@ -321,8 +321,6 @@ def _pair_lines(report: Judged, limit: int, speeds: bool = False) -> Iterator[st
 
     Parameters
     ----------
-    report : Judged
-        The comparison.
     limit : int
         Maximum number of pairs.
     speeds : bool

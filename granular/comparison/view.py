@@ -158,10 +158,6 @@ def draw_closeup(axis: Any, detail: Closeup, runs: Mapping[str, Trajectory]) -> 
 
     Parameters
     ----------
-    axis : matplotlib axes
-        Panel to draw in.
-    detail : Closeup
-        The enlarged view.
     runs : mapping of str to Trajectory
         The runs "soft" and "hard", with samples in the interval.
     """

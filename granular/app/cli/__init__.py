@@ -127,7 +127,7 @@ def _nonzero_numbers(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 
 
 def _report_compiling() -> None:
-    """Print on a terminal why there is no output for up to half a minute."""
+    """Print on a terminal that the first run compiles for up to half a minute."""
     if sys.stderr is not None and sys.stderr.isatty():
         print("granular: compiling once, for up to half a minute; later runs start immediately …", file=sys.stderr)
 

@@ -106,7 +106,7 @@ class Info(Command):
 
 
 def numba() -> str:
-    """Return a sentence on the folder of compiled kernels, or why there is none."""
+    """Return a sentence on the folder of compiled kernels, or why it is missing."""
     try:
         return f"kept in {kept()}, which can be written"
     except (ImportError, OSError) as reason:

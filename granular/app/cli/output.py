@@ -31,8 +31,6 @@ def offer(parser: argparse.ArgumentParser, save_as: str = "npz", **about: str) -
 
     Parameters
     ----------
-    parser : argparse.ArgumentParser
-        Parser of the command.
     save_as : str
         Suffix of the file of --save, without a dot.
     about : str

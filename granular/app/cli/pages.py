@@ -61,8 +61,6 @@ def add_page_options(parser: argparse.ArgumentParser, default: str | None, shown
 
     Parameters
     ----------
-    parser : argparse.ArgumentParser
-        Parser of the command.
     default : str or None
         Default name of the file.
     shown_default : str

@@ -117,8 +117,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     -------
     argparse.Namespace
         It has the function `act` that runs the command, the scene or file `target`, and the options of the command. The
-        options that belong to the scene are in the dictionary `scene_options`, and those of the run in
-    the dictionary `run_options`.
+        dictionary `scene_options` has the options of the scene, `run_options` all other options with a parameter.
     """
     # a negative number such as -1e-4 would be taken for an option, but not behind a space
     command, *rest = [f" {word}" if re.match(r"-[\d.]", word) else word for word in arguments] or ["--help"]

@@ -1,6 +1,6 @@
 """Initial states of the teaching page, as links: scenes, settings and limits.
 
-The names are those of the library (restitution, stiffness, mass_ratio, ...). Links have shorter names (eps, k,
+Names are the names of the library (restitution, stiffness, mass_ratio, ...). Links have shorter names (eps, k,
 massRatio).
 """
 

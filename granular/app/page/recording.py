@@ -299,7 +299,7 @@ def _values_text(values: Array) -> str:
 def _laws_text(run: Trajectory) -> str:
     """Return every different law or rule with its pairs and, for soft contacts, ε.
 
-    ε is that of an isolated contact at the speed of the first impact.
+    ε belongs to an isolated contact at the speed of the first impact.
     """
     laws = run.law if run.rule is None else run.rule
     of_law = pairs_by_law(laws or ())
