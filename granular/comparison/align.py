@@ -197,8 +197,8 @@ def lags(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], Array]:
     """Return a function ``lag(pair, speed)`` for the allowed delay of a contact in s.
 
     The arguments are pair numbers and approach speeds in m/s. The lag is the isolated duration, plus the time that the
-    balls need to travel the distance by which they may be behind. The second part is at most the length of the run. The
-    lag is 0 for contacts that do not end.
+    balls need to travel the distance by which they may lag behind the other run. The second part is at most the length
+    of the run. The lag is 0 for contacts that do not end.
     """
     isolated_duration, span = Durations(soft.law or (), soft.scene), soft.time[-1] - soft.time[0]
     behind = _distances_behind(hard, soft, isolated_duration)
@@ -353,9 +353,9 @@ def tied(run: Trajectory) -> Any:
 def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the options of `granular.edmd.simulate` for each of the other tie rules.
 
-    Nothing is yielded if no pair is `tied`. Poisson's rule is left out if it is not defined: for balls that stick, for
-    example after a collapse, for the TC model, and for an elastic cut-off. It is also left out for many bodies because
-    it is slow. `granular.edmd.simulate` may still refuse a scene under another tie rule.
+    Nothing is yielded without a pair for which `tied` is true. Poisson's rule is left out if it is not defined: for
+    balls that stick, for example after a collapse, for the TC model, and for an elastic cut-off. It is also left out
+    for many bodies because it is slow. `granular.edmd.simulate` may still refuse a scene under another tie rule.
     """
     if hard.scene.n < 3 or not tied(hard).any():
         return

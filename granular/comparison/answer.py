@@ -137,9 +137,10 @@ class Checked(Compared):
 
     @cached_property
     def shifts(self) -> _check.Array:
-        """Distance D between the hard run and its run from shifted gaps, (count,).
+        """Distance D of the hard run from its run from shifted gaps, (count,).
 
-        D = √(Σ m Δu² / Σ m) / U, summed over the balls of each component.
+        D = √(Σ m Δu² / Σ m) / U, summed over the balls of each component. Δu is the difference of a ball's velocities
+        after its last contact.
         """
         mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
         difference = differences(*self._shifted)
@@ -165,7 +166,8 @@ class Checked(Compared):
         """
         hard = self.settled
         shifted = hard if self._twin.status in EARLY_STATUSES else self._twin
-        return measures.before_the_end(*(counted(outcome.at_once(run), self.soft)[0] for run in (shifted, hard)))
+        return measures.before_the_end(
+            *(counted(outcome.at_once(run), self.soft)[0] for run in (shifted, hard)))
 
     @cached_property
     def _runs_under_other_ties(self) -> dict[str, Trajectory | str]:
@@ -363,6 +365,7 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
 
 def _endless_collisions_text(report: Checked, pairs: Sequence[int]) -> str:
     """Reason for hard spheres that collide forever while soft ones separate, or "".
+
     """
     hard = report.hard
     if "verdict" not in hard.stats:

@@ -65,7 +65,8 @@ def both(report: Judged, times: Array) -> dict[str, Trajectory]:
     A hard run with at least 100 000 collisions is left out.
     """
     draws_hard = len(report.hard.contacts) < 100_000
-    return {engine: with_rows(report, engine, times) for engine in ("soft", "hard") if engine == "soft" or draws_hard}
+    return {engine: with_rows(report, engine, times)
+            for engine in ("soft", "hard") if engine == "soft" or draws_hard}
 
 
 def shade_detail(axis: Any, view: View, detail: Closeup) -> None:

@@ -181,8 +181,9 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     """
     scene, continuation, options = report.scene, Onward(report, engine), report.hard_options
     result = np.full((len(bodies), 2), math.nan)
+    # `Onward` continues without these options
     not_continuable = engine == "hard" and (TIE_ORDERS[options["ties"]] == GROUP
-                                          or options["tc"] > 0.0 or options["elastic_below"] > 0.0)  # not in `Onward`
+                                          or options["tc"] > 0.0 or options["elastic_below"] > 0.0)
     if (report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity
             or not_continuable):
         return result

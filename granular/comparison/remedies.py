@@ -103,8 +103,9 @@ class Remedies(Report):
         return {**problem(self.report), "what": self.what, "rows": list(map(asdict, self.rows)), "tc": self.tc}
 
 
-def table(report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
-          ) -> Remedies:
+def table(
+    report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
+) -> Remedies:
     """Run all remedies and return their table, see `Comparison.remedies`.
 
     Parameters

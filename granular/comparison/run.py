@@ -206,7 +206,7 @@ def compare(
         as a function of the approach speed and the pair.
     until, t_end : stop condition, float, optional
         Condition or time in s at which both engines stop. By default they run until no further contact is possible.
-        Scenes that never end, such as balls beside a driven wall or an elastic ball above a floor, need one of the two
+        Scenes that never end, such as balls next to a driven wall or an elastic ball above a floor, need one of the two
         or `max_events`.
     max_events : int, optional
         Maximum number of contacts of each run. Defaults to 1 000 000.

@@ -138,7 +138,8 @@ class Threshold(Command):
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
-        output.deliver(gr.threshold(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
+        output.deliver(
+            gr.threshold(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
 
 
 class Frontier(Command):
@@ -155,8 +156,9 @@ class Frontier(Command):
         case = case_of(parsed)
         if case.until is None and "t_end" not in parsed.run_options and not is_file(parsed.target):
             case = shortened(case)
-        output.deliver(gr.frontier(case.scene, case.physics("md"), **case.options(gr.frontier) | parsed.run_options,
-                                   progress=True), parsed)
+        output.deliver(
+            gr.frontier(case.scene, case.physics("md"), **case.options(gr.frontier) | parsed.run_options,
+                        progress=True), parsed)
 
 
 class Stability(Command):
@@ -169,7 +171,8 @@ class Stability(Command):
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
-        output.deliver(gr.stability(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
+        output.deliver(
+            gr.stability(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
 
 
 def with_log(run: Trajectory) -> Trajectory:

@@ -117,7 +117,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     -------
     argparse.Namespace
         It has the function `act` that runs the command, the scene or file `target`, and the options of the command. The
-        dictionary `scene_options` has the options of the scene, `run_options` all other options with a parameter.
+        dictionary `scene_options` has the options of the scene, `run_options` the other
+        options that come from a signature.
     """
     # a negative number such as -1e-4 would be taken for an option, but not behind a space
     command, *rest = [f" {word}" if re.match(r"-[\d.]", word) else word for word in arguments] or ["--help"]
@@ -245,7 +246,7 @@ def _add_options(parser: argparse.ArgumentParser, title: str, options: Iterable[
 
 
 def _argparse_settings(kind: str) -> dict[str, Any]:
-    """Return the argparse settings for a parameter with this annotation."""
+    """Return the argparse settings for a parameter with the annotation `kind`."""
     settings: dict[str, dict[str, Any]] = {
         "bool$": {"action": argparse.BooleanOptionalAction},
         ".*Sequence\\[str\\]": {"nargs": "+", "metavar": "WORD"},

@@ -107,7 +107,8 @@ def bundle(*mains: str) -> str:
 
     All modules share one scope. Their names must therefore differ: browsers refuse a script that declares a name twice.
     """
-    return "\n".join(_plain(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
+    return "\n".join(
+        _plain(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
 
 
 def _needed(name: str) -> Iterator[str]:
