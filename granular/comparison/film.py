@@ -1,10 +1,10 @@
 """Films of a comparison: both engines side by side.
 
 A film has two pages. The page `flying` shows fall and flight in real time next to a ruler, the page `touching`
-shows the contacts in slow motion. On the page `touching` the sizes of balls are square roots of their radii. Paths and
-overlaps are enlarged by a common factor that makes them visible. Every flying ball stops at its own apex, which is
-marked with its height. The height of the top ball is `Comparison.rises`. The teaching page shows the same sequence,
-see granular/app/page/live/film.mjs.
+shows the contacts in slow motion. On the page `touching` the sizes of balls are square roots of their radii.
+Paths and overlaps are enlarged by a common factor that makes them visible. Every flying ball stops at its own apex,
+which is marked with its height. The height of the top ball is `Comparison.rises`. The teaching page shows the same
+sequence, see granular/app/page/live/film.mjs.
 """
 
 from __future__ import annotations
