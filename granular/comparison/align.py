@@ -20,7 +20,16 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine.check import Array, typed
-from granular.comparison.outcome import approach, at_once, components, counted, counts, partings, sticking, strengths
+from granular.comparison.outcome import (
+    approach,
+    combine_simultaneous,
+    components,
+    counted,
+    counts,
+    separation_speeds,
+    sticking_speed,
+    strengths,
+)
 from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
 from granular.run.drive import DEFAULT_MAX_EVENTS
@@ -49,7 +58,7 @@ COLLISION_LIMIT_FACTOR = 10
 """Limit on the collisions of a checking run, over those of the original run."""
 
 
-def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
+def equalize_counts(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
     """Continue a hard and a soft run to equal numbers of contacts.
 
     For each pair, n is the larger number of contacts at the end of the two runs. The returned contact logs contain the
@@ -76,7 +85,7 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     latest_onset, followed_until = _latest_onsets(hard, soft, needed_counts), _followed_until(soft, stop_time)
     end = float(latest_onset[1].max())
     continued = _continue_run(soft, end, options)
-    settling = _pairs_bouncing_lower(soft, at_once(hard), [
+    settling = _pairs_bouncing_lower(soft, combine_simultaneous(hard), [
         c for c in np.flatnonzero(followed_until > stop_time).tolist()
         if not continued.of(c)["t_end"][soft.count(c) - 1] <= followed_until[c]])
     latest_onset[1, settling] = stop_time
@@ -84,12 +93,12 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     until[settling] = followed_until[settling]
     if until.max() > end:
         continued = _continue_run(soft, float(until.max()), options)
-    hard, continued = counted(at_once(_continue_run(hard, float(latest_onset[0].max()), {})), continued)
+    hard, continued = counted(combine_simultaneous(_continue_run(hard, float(latest_onset[0].max()), {})), continued)
     return _timely_contacts(hard, latest_onset[0], needed_counts), _without_late_ends(
         _timely_contacts(continued, latest_onset[1], needed_counts), until)
 
 
-def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
+def follow_contacts(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
     """Return the soft run with each of its contacts continued to its end.
 
     Contacts that begin after the end of the given run are left out. A contact that lasts longer than
@@ -171,14 +180,14 @@ def _latest_onsets(hard: Trajectory, soft: Trajectory, needed_counts: Any) -> Ar
 
     Row 0 is for the hard run, row 1 for the soft run. If a pair has fewer contacts than in the other run, the lag of
     the missing contact is added to the end of the run. Otherwise the value is the end of the run. Pairs at rest are
-    treated as described in `levelled`.
+    treated as described in `equalize_counts`.
 
     Parameters
     ----------
     needed_counts : (n-1,) array of int
         Larger number of contacts of each pair in the two runs.
     """
-    lag = lags(hard, soft)
+    lag = allowed_delay(hard, soft)
     latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
     for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
         pair = np.flatnonzero(counts(run) < needed_counts)
@@ -188,12 +197,12 @@ def _latest_onsets(hard: Trajectory, soft: Trajectory, needed_counts: Any) -> Ar
     touches_at_start = np.zeros(len(needed_counts), np.bool_)
     touches_at_start[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
     latest[0, (counts(hard) == 0) & touches_at_start] = hard.time[-1]  # they touch from the start
-    stuck = (hard.gap[-1] == 0.0) & (np.abs(partings(hard)) <= sticking(hard))
-    latest[0, _pairs_bouncing_lower(at_once(hard), soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
+    stuck = (hard.gap[-1] == 0.0) & (np.abs(separation_speeds(hard)) <= sticking_speed(hard))
+    latest[0, _pairs_bouncing_lower(combine_simultaneous(hard), soft, np.flatnonzero(stuck).tolist())] = hard.time[-1]
     return np.asarray(latest, float)
 
 
-def lags(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], Array]:
+def allowed_delay(hard: Trajectory, soft: Trajectory) -> Callable[[Any, Array], Array]:
     """Return a function ``lag(pair, speed)`` for the allowed delay of a contact in s.
 
     The arguments are pair numbers and approach speeds in m/s. The lag is the isolated duration, plus the time that the
@@ -303,7 +312,7 @@ def has_memory(soft: Trajectory) -> bool:
     return soft.law is not None and any(law.memory for law in resolved(soft.law, soft.scene).each)
 
 
-def unfollowed(soft: Trajectory) -> Any:
+def has_unfollowed_contact(soft: Trajectory) -> Any:
     """Whether each pair has a contact that had not ended when its run stopped, (n-1,).
 
     This means contacts that were followed for less than `FOLLOWED_DURATIONS`. They may still end. Contacts followed for
@@ -314,12 +323,12 @@ def unfollowed(soft: Trajectory) -> Any:
     return is_short & (soft.status in CONTINUABLE_STATUSES)
 
 
-def touching(scene: Scene) -> Any:
+def balls_touch_at_start(scene: Scene) -> Any:
     """Whether each pair consists of two balls that touch at the start, (n-1,)."""
     return (scene.gap == 0.0) & ~np.logical_or(*scene.sides(scene.is_wall))
 
 
-def nudged(scene: Scene) -> Scene:
+def with_shifted_gaps(scene: Scene) -> Scene:
     """Return the scene with its gaps multiplied by 1 + 1e-12 or 1 - 1e-12 alternately.
 
     The gap of two touching balls is 0, and is increased by 1e-12 of a length instead. This length is the smaller one of
@@ -327,7 +336,7 @@ def nudged(scene: Scene) -> Scene:
     exists. Distant gaps therefore do not matter.
     """
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    touches, size = touching(scene), np.add(*scene.sides(scene.radius))
+    touches, size = balls_touch_at_start(scene), np.add(*scene.sides(scene.radius))
     room = np.where(size > 0.0, size, math.inf)
     if touches.any():
         apart = np.flatnonzero(scene.gap > 0.0)
@@ -338,7 +347,7 @@ def nudged(scene: Scene) -> Scene:
     return scene.replace(gap=scene.gap + 1e-12 * shift)
 
 
-def tied(run: Trajectory) -> Any:
+def has_ties(run: Trajectory) -> Any:
     """Whether each pair touches at the start or collides with a neighbour, (n-1,).
 
     A pair collides with a neighbour if the collisions of two neighbouring pairs are exactly simultaneous.
@@ -350,14 +359,14 @@ def tied(run: Trajectory) -> Any:
     return result
 
 
-def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+def other_tie_rules(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the options of `granular.edmd.simulate` for each of the other tie rules.
 
-    Nothing is yielded without a pair for which `tied` is true. Poisson's rule is left out if it is not defined: for
+    Nothing is yielded without a pair for which `has_ties` is true. Poisson's rule is left out if it is not defined: for
     balls that stick, for example after a collapse, for the TC model, and for an elastic cut-off. It is also left out
     for many bodies because it is slow. `granular.edmd.simulate` may still refuse a scene under another tie rule.
     """
-    if hard.scene.n < 3 or not tied(hard).any():
+    if hard.scene.n < 3 or not has_ties(hard).any():
         return
     limit = min(
         options.get("max_events", DEFAULT_MAX_EVENTS), COLLISION_LIMIT_FACTOR * (len(hard.contacts) + hard.scene.n)

@@ -30,7 +30,7 @@ from granular._engine import check as _check
 from granular._engine.reports import percent, rounded
 from granular.comparison import align, measures, outcome
 from granular.comparison.measures import static_overlaps
-from granular.comparison.numbers import Compared, smaller_radius
+from granular.comparison.numbers import ComparedRuns, smaller_radius
 from granular.comparison.outcome import ERROR_LIMIT, MIN_CONTACT_STRENGTH, counted, differences
 from granular.md import isolation
 from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
@@ -78,7 +78,7 @@ class Reason:
         return f"{self.answer.value}{self.words}."
 
 
-class Checked(Compared):
+class Checked(ComparedRuns):
     """Hard and soft run of a scene, with further hard runs that check the result."""
 
     @cached_property
@@ -151,7 +151,7 @@ class Checked(Compared):
         """Second hard run, from gaps shifted by a relative 1e-12."""
         limit = align.COLLISION_LIMIT_FACTOR * (self.hard.stats["events"] + self.scene.n)
         options = {**self.hard_options, "max_events": min(self.hard_options["max_events"], limit)}
-        return edmd.simulate(align.nudged(self.scene), self.rule, **options)
+        return edmd.simulate(align.with_shifted_gaps(self.scene), self.rule, **options)
 
     @cached_property
     def _twin(self) -> Trajectory:
@@ -167,13 +167,13 @@ class Checked(Compared):
         hard = self.settled
         shifted = hard if self._twin.status in EARLY_STATUSES else self._twin
         return measures.before_the_end(
-            *(counted(outcome.at_once(run), self.soft)[0] for run in (shifted, hard)))
+            *(counted(outcome.combine_simultaneous(run), self.soft)[0] for run in (shifted, hard)))
 
     @cached_property
     def _runs_under_other_ties(self) -> dict[str, Trajectory | str]:
         """Hard run under each other tie rule, or the reason as text why it cannot be used."""
         runs: dict[str, Trajectory | str] = {}
-        for options in align.others(self.settled, self.hard_options):
+        for options in align.other_tie_rules(self.settled, self.hard_options):
             name = options["ties"]
             try:
                 first = edmd.simulate(self.scene, self.rule, **options)
@@ -184,7 +184,7 @@ class Checked(Compared):
                 runs[name] = "refused the scene"
                 continue
             runs[name] = f"stopped early ({run.status.name})" if run.status in EARLY_STATUSES else counted(
-                outcome.at_once(run), self.soft)[0]
+                outcome.combine_simultaneous(run), self.soft)[0]
         return runs
 
     def unchecked(self, j: int) -> str:
@@ -192,7 +192,7 @@ class Checked(Compared):
         if self._twin.status in EARLY_STATUSES:
             return f"the run from gaps shifted by a relative 1e-12 stopped early ({self._twin.status.name})"
         pairs = self.components.of_pair == j
-        if pairs.sum() < 2 or not align.tied(self.settled)[pairs].any():
+        if pairs.sum() < 2 or not align.has_ties(self.settled)[pairs].any():
             return ""
         failed = [(name, why) for name, why in self._runs_under_other_ties.items() if isinstance(why, str)]
         return f"the run with ties={failed[0][0]!r} {failed[0][1]}" if failed else ""
@@ -200,7 +200,7 @@ class Checked(Compared):
     def _tie_error(self, tied_run: Trajectory) -> _check.Array:
         """Error of the hard run against a run under another tie rule, (count,)."""
         hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
-        stuck_difference = outcome.stuck_apart(tied_run, hard, weight)
+        stuck_difference = outcome.stuck_differences(tied_run, hard, weight)
         return self.components.largest(stuck_difference, differences(tied_run, hard)) / self.units
 
     def _distance(self, difference: _check.Array) -> float:
@@ -214,7 +214,7 @@ class Checked(Compared):
         return math.sqrt(float(np.nansum(mass * difference**2)) / scale) if scale > 0.0 else math.nan
 
 
-class Judged(Checked):
+class ComparisonWithAnswer(Checked):
     """Hard and soft run of a scene, with the answer and its reasons."""
 
     @cached_property
@@ -280,7 +280,7 @@ def _component_reason(report: Checked, j: int) -> Reason:
                       ": hard spheres have no unique answer for simultaneous collisions; the tie rules "
                       f"{report.hard_options['ties']} and {rule} differ by {percent(ties)} of the fastest impact")
     chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _has_overlap(report, pairs)
-    if chaos > ERROR_LIMIT and align.touching(report.scene)[list(pairs)].any():
+    if chaos > ERROR_LIMIT and align.balls_touch_at_start(report.scene)[list(pairs)].any():
         return reason(Answer.not_unique,
                       ": hard spheres have no unique answer for touching balls; it depends on the tie rule")
     if chaos > ERROR_LIMIT:

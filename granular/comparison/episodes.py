@@ -18,11 +18,11 @@ from granular._engine.check import Array, typed
 from granular.comparison.outcome import (
     SIMULTANEITY_TOLERANCE,
     approach,
-    carried,
     counts,
     last_contacts,
-    partings,
-    sticking,
+    separation_speeds,
+    sticking_speed,
+    velocities_after_flight,
 )
 from granular.run.trajectory import Trajectory
 from granular.scene import Scene
@@ -69,7 +69,7 @@ class Departures:
     Parameters
     ----------
     hard, soft : Trajectory
-        Runs continued to equal contact counts, see `granular.comparison.align.levelled`.
+        Runs continued to equal contact counts, see `granular.comparison.align.equalize_counts`.
     weight : (n-1,) array
         Speed in m/s that weight gives a ball during a contact, see `granular.comparison.outcome.Components.weight`.
     lag : callable
@@ -85,7 +85,7 @@ class Departures:
         Time in s and velocity in m/s of every departure. Row 0 is the hard run, row 1 the soft run.
     apart : (m,) array
         Difference of the two velocities in m/s. It is nan for walls, and for a ball that rests on a wall when it
-        leaves. The velocities of such a ball are compared by `rests_apart`.
+        leaves. The velocities of such a ball are compared by `rest_differences`.
     """
 
     def __init__(self, hard: Trajectory, soft: Trajectory, weight: Array, lag: Callable[[Any, Array], Array]) -> None:
@@ -116,7 +116,7 @@ class Departures:
         self.apart = np.abs(u - v)
         if scene.fall.any() or scene.pendulum > 0.0:
             max_delay = lag(hard.contacts["pair"][row], approach(hard)[row])
-            free = carried(hard, u, self.ball, np.clip(end - begin, -max_delay, max_delay), (row, side))
+            free = velocities_after_flight(hard, u, self.ball, np.clip(end - begin, -max_delay, max_delay), (row, side))
             self.apart = np.fmin(self.apart, np.abs(free - v))
         self.apart[scene.is_wall[self.ball] | (end > _wall_contact_since(soft)[self.ball])] = np.nan
 
@@ -222,28 +222,28 @@ def _wall_contact_since(soft: Trajectory) -> Array:
     return np.asarray(connected.min(axis=0))
 
 
-def at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
+def is_at_rest(hard: Trajectory, soft: Trajectory) -> tuple[Any, Any]:
     """Whether each pair is at rest at the end of the soft run, and of the hard run.
 
     A pair rests in the soft run if its last contact has no end. It rests in the hard run if its bodies stick and if it
     has fewer contacts than in the soft run. Two arrays of bool, (n-1,).
     """
-    sticks = np.abs(partings(hard)) <= sticking(hard)
-    return np.isnan(partings(soft)) & (counts(soft) > 0), sticks & (counts(hard) < counts(soft))
+    sticks = np.abs(separation_speeds(hard)) <= sticking_speed(hard)
+    return np.isnan(separation_speeds(soft)) & (counts(soft) > 0), sticks & (counts(hard) < counts(soft))
 
 
 def resting_in_both(hard: Trajectory, soft: Trajectory) -> Any:
     """Whether each pair at rest in one run also rests in the other run, (n-1,)."""
-    has_no_end, sticks = at_rest(hard, soft)
-    parting = np.where(has_no_end, partings(hard), partings(soft))
-    is_resting = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= sticking(hard))
+    has_no_end, sticks = is_at_rest(hard, soft)
+    parting = np.where(has_no_end, separation_speeds(hard), separation_speeds(soft))
+    is_resting = np.where(np.isnan(parting), hard.gap[-1] == 0.0, np.abs(parting) <= sticking_speed(hard))
     return (has_no_end | sticks) & is_resting
 
 
-def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
+def rest_differences(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
     """Yield each pair that comes to rest, and the difference between its runs in m/s.
 
-    The pair rests from its contact number k onwards, in the run in which it is `at_rest`. The difference is the
+    The pair rests from its contact number k onwards, in the run in which it is `is_at_rest`. The difference is the
     largest of the following speeds:
 
     - The larger of approach and separation speed of each contact before contact k that the other run lacks.
@@ -262,7 +262,7 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
     weight : (n-1,) array
         Speed in m/s that weight gives a ball during a contact.
     """
-    (has_no_end, sticks), rests_in_both = at_rest(hard, soft), resting_in_both(hard, soft)
+    (has_no_end, sticks), rests_in_both = is_at_rest(hard, soft), resting_in_both(hard, soft)
     for c in np.flatnonzero(has_no_end | sticks).tolist():
         runs = [(approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel()) for run in (hard, soft)]
         (closing, parting), (other_closing, other_parting) = runs if sticks[c] and not has_no_end[c] else runs[::-1]

@@ -11,13 +11,13 @@ import numpy as np
 from granular._engine import files
 from granular._engine.check import Array
 from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, canvas, unit_of
-from granular.comparison.further import with_rows
+from granular.comparison.further import repeat_with_samples
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, parameters, window
 from granular.run.figures import MAX_LABELS, SMALL_FONT, head, world_lines
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
 if TYPE_CHECKING:
-    from granular.comparison.answer import Judged
+    from granular.comparison.answer import ComparisonWithAnswer
 
 MIN_MARK_WIDTH = 1.5
 """Line width in points of the mark in the middle of a contact.
@@ -32,7 +32,7 @@ MAX_FORCE_CURVES = 6
 """Maximum number of pairs whose forces are drawn as curves. More pairs get a map."""
 
 
-def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
+def plot(report: ComparisonWithAnswer, path: str | PathLike[str] | None = None) -> Any:
     """Draw the figure of a comparison, see `Comparison.plot`."""
     view, n = window(report), report.scene.n_pairs
     detail = closeup(view)
@@ -41,8 +41,8 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
                             height_ratios=heights + [1.9] * bool(detail))
     axes = panels[: len(heights), 0]
     head(figure, report.verdict, parameters(report))
-    runs = both(report, view.moments if detail is None else np.union1d(view.moments, detail.moments))
-    timeline(axes[0], view)
+    runs = repeat_both_runs(report, view.moments if detail is None else np.union1d(view.moments, detail.moments))
+    draw_contacts(axes[0], view)
     _forces(figure, axes[1:-1], view, runs["soft"])
     draw_runs(axes[-1], view, runs)
     if detail is not None:
@@ -59,13 +59,13 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     return files.write_figure(path, figure, dpi=200)
 
 
-def both(report: Judged, times: Array) -> dict[str, Trajectory]:
+def repeat_both_runs(report: ComparisonWithAnswer, times: Array) -> dict[str, Trajectory]:
     """Repeat both runs with samples at `times` in s, by engine "soft" and "hard".
 
     A hard run with at least 100 000 collisions is left out.
     """
     draws_hard = len(report.hard.contacts) < 100_000
-    return {engine: with_rows(report, engine, times)
+    return {engine: repeat_with_samples(report, engine, times)
             for engine in ("soft", "hard") if engine == "soft" or draws_hard}
 
 
@@ -79,7 +79,7 @@ def shade_detail(axis: Any, view: View, detail: Closeup) -> None:
         axis.axvspan(view.clock(begin), view.clock(end), color=GREY_COLOUR, alpha=0.2, lw=0, zorder=0)
 
 
-def timeline(axis: Any, view: View, named: int = MAX_LABELS) -> None:
+def draw_contacts(axis: Any, view: View, named: int = MAX_LABELS) -> None:
     """Draw bars for soft contacts and marks for hard collisions, one line per pair.
 
     If there are more than `named` pairs, the axis shows their numbers instead of their names.

@@ -1,7 +1,7 @@
 """Films of a comparison: both engines side by side.
 
-A film has two pages. The page `flying` shows fall and flight in real time next to a ruler, the page `touching`
-shows the contacts in slow motion. On the page `touching` the sizes of balls are square roots of their radii.
+A film has two pages. The page `flight_page` shows fall and flight in real time next to a ruler, the page `contact_page`
+shows the contacts in slow motion. On the page `contact_page` the sizes of balls are square roots of their radii.
 Paths and overlaps are enlarged by a common factor that makes them visible. Every flying ball stops at its own apex,
 which is marked with its height. The height of the top ball is `Comparison.rises`. The teaching page shows the same
 sequence, see granular/app/page/live/film.mjs.
@@ -19,15 +19,15 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.reports import GREY_COLOUR
-from granular.comparison.figure import MAX_FORCE_CURVES, both, draw_runs, force_curve, timeline
-from granular.comparison.further import Onward, apexes
+from granular.comparison.figure import MAX_FORCE_CURVES, draw_contacts, draw_runs, force_curve, repeat_both_runs
+from granular.comparison.further import Continuation, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
 from granular.run.figures import LINE_COLOURS, MAX_LABELS
 from granular.run.films import Page, blank, check, pace, radii, save, slowed
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
 if TYPE_CHECKING:
-    from granular.comparison.answer import Judged
+    from granular.comparison.answer import ComparisonWithAnswer
 
 STOP_SECONDS, END_SECONDS = 0.9, 1.2  # duration in s of the stop at the floor, and of the end
 # shortest flight, and longest shown part of flight and fall, in s
@@ -39,7 +39,7 @@ PANEL_HEIGHTS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5} 
 
 
 def animate(
-    report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
+    report: ComparisonWithAnswer, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True,
     charts: bool = True,
 ) -> None:
     """Write the film of a comparison, see `Comparison.animate`."""
@@ -108,12 +108,12 @@ class Story:
         It is constant after the apex. `name` is the engine, "hard" or "soft".
         """
         when, top = self.tops[name].T
-        return np.where(times[:, None] >= when, top, Onward(self.view.report, name).heights(times))
+        return np.where(times[:, None] >= when, top, Continuation(self.view.report, name).heights(times))
 
     def pictures(self) -> list[tuple[Page, int]]:
         """Page of every frame, and number of the frame on its page, in order."""
-        contacts, flight_number = touching(self), count()
-        flights = flying(self) if len(self.acts) > 1 else contacts
+        contacts, flight_number = contact_page(self), count()
+        flights = flight_page(self) if len(self.acts) > 1 else contacts
         return [(contacts, k) if name == "slow" else (flights, next(flight_number))
                 for name, times in self.acts.items() for k in range(len(times))]
 
@@ -132,7 +132,7 @@ class Story:
         return blank(*titles, report.scene, LINE_COLOURS, panels if self.charts else {}, width, tall=1.25)
 
 
-def flying(story: Story) -> Page:
+def flight_page(story: Story) -> Page:
     """Return the page of fall and flight: balls with a ruler, heights over time."""
     report, shown = story.view.report, {name: times for name, times in story.acts.items() if name != "slow"}
     time = np.concatenate(list(shown.values()))
@@ -201,13 +201,13 @@ def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array)
                         for artist, path in zip(drawn, (heights[:, body], mark_height, mark_height), strict=True)]
 
 
-def touching(story: Story) -> Page:
+def contact_page(story: Story) -> Page:
     """Return the page of the contacts: balls, contacts, forces, paths, enlarged view."""
     view, time = story.view, story.acts["slow"]
     report, detail = view.report, closeup(view)
     if detail is not None and (detail.view is not view or len(detail.touches) < 2):
         detail = None  # a short part of a long film, or a single contact
-    runs = both(report, np.unique(np.concatenate([time, view.moments, detail.moments if detail else []])))
+    runs = repeat_both_runs(report, np.unique(np.concatenate([time, view.moments, detail.moments if detail else []])))
     page = story.page(dict(list(PANEL_HEIGHTS.items())[: 4 if detail else 3]), 3.2)
     if story.charts:
         draw_charts(page.panels, view, detail, runs)
@@ -229,7 +229,7 @@ def draw_charts(panels: list[Any], view: View, detail: Closeup | None, runs: dic
     runs : dict of str to Trajectory
         Both runs by engine.
     """
-    timeline(panels[0], view, MAX_LABELS if view.report.scene.gravity > 0.0 else MAX_FORCE_CURVES)
+    draw_contacts(panels[0], view, MAX_LABELS if view.report.scene.gravity > 0.0 else MAX_FORCE_CURVES)
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))
     panels[1].set(ylim=(0.0, 1.05), ylabel="force /\nits peak")

@@ -72,7 +72,7 @@ def roots(function: Callable[[float], float], grid: check.Array, scale: float) -
     return tuple(sorted(zeros))
 
 
-def with_rows(report: Any, engine: str, times: check.Array, further: bool = False) -> Trajectory:
+def repeat_with_samples(report: Any, engine: str, times: check.Array, further: bool = False) -> Trajectory:
     """Repeat the hard or the soft run of a comparison with samples at given times.
 
     By default, the samples stop at the end of the original run. They extend beyond it if only free flight follows.
@@ -99,7 +99,7 @@ def with_rows(report: Any, engine: str, times: check.Array, further: bool = Fals
 
 
 @dataclass(frozen=True, eq=False)
-class Onward:
+class Continuation:
     """Continuation of the hard or the soft run of a comparison beyond its end.
 
     In the continuation, hard spheres that collide slowly stick together.
@@ -139,7 +139,7 @@ class Onward:
         `times` in s increase. The heights are nan at times after the run stopped at a limit.
         """
         early = times <= self.before.time[-1]
-        gaps = [with_rows(self.report, self.engine, times[early]).gap] if early.any() else []
+        gaps = [repeat_with_samples(self.report, self.engine, times[early]).gap] if early.any() else []
         if not early.all():
             run = self.run(float(times[-1]), times[~early])
             gaps.append(run.gap[run.time.searchsorted(times[~early][times[~early] <= run.time[-1]])])
@@ -179,9 +179,9 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     bounce : int
         Number of the contact with the floor after which the apex is searched. 1 includes apexes before this contact.
     """
-    scene, continuation, options = report.scene, Onward(report, engine), report.hard_options
+    scene, continuation, options = report.scene, Continuation(report, engine), report.hard_options
     result = np.full((len(bodies), 2), math.nan)
-    # `Onward` continues without these options
+    # `Continuation` continues without these options
     not_continuable = engine == "hard" and (TIE_ORDERS[options["ties"]] == GROUP
                                           or options["tc"] > 0.0 or options["elastic_below"] > 0.0)
     if (report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity
@@ -248,7 +248,7 @@ def floor_share(report: Any) -> float:
         return math.nan
     spans = np.array([2 * (report.soft.time[-1],), *((o.begin, o.end) for o in report.overlaps
                                                      if log["pair"][o.lower] == 0)])  # there may be none
-    run = with_rows(report, "soft", np.unique(spans))
+    run = repeat_with_samples(report, "soft", np.unique(spans))
     momentum = run.momentum() + scene.gravity * float(scene.mass[1:].sum()) * run.time
     return float(np.diff(momentum[np.searchsorted(run.time, spans)], axis=1).sum() / total)
 
@@ -324,7 +324,7 @@ def against(report: Any, run: Trajectory) -> Against:
                          "its clock.")
     other_unit = report.units.max(initial=0.0) or speed_scale(report.scene) or 1.0  # of balls that touch nothing
     unit = np.append(report.units, other_unit)[report.components.of_ball]
-    differences = [_velocity_differences(run, with_rows(report, engine, run.time, further=True), unit)
+    differences = [_velocity_differences(run, repeat_with_samples(report, engine, run.time, further=True), unit)
                    for engine in ("hard", "soft")]
     return Against(run.time, unit, *differences)
 

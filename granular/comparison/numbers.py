@@ -14,7 +14,7 @@ import numpy as np
 from granular import edmd
 from granular._engine import check
 from granular.comparison import align, measures, outcome
-from granular.comparison.episodes import Departure, Departures, at_rest, rests_apart
+from granular.comparison.episodes import Departure, Departures, is_at_rest, rest_differences
 from granular.comparison.measures import Overlap
 from granular.comparison.outcome import Components, PairOutcome, components, counted, units
 from granular.laws.kinds import resolved
@@ -32,7 +32,7 @@ STICKING_SPEED_FACTOR = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class ComparedRuns:
     """Hard and soft run of one scene, with all derived numbers; see `Comparison`."""
 
     scene: Scene
@@ -64,15 +64,15 @@ class Compared:
 
         Simultaneous collisions of a pair of hard spheres are combined into one contact.
         """
-        return counted(outcome.at_once(self.settled), self.soft)
+        return counted(outcome.combine_simultaneous(self.settled), self.soft)
 
     @cached_property
     def levelled(self) -> tuple[Trajectory, Trajectory]:
         """Both runs, continued to equal contact counts of each pair if possible.
 
-        Every contact is followed to its end. See `granular.comparison.align.levelled`.
+        Every contact is followed to its end. See `granular.comparison.align.equalize_counts`.
         """
-        return align.levelled(*self.counted, self.soft_options)
+        return align.equalize_counts(*self.counted, self.soft_options)
 
     @property
     def followed(self) -> Trajectory:
@@ -257,7 +257,7 @@ class Compared:
         The second array has the errors in the unit U, (count,). The third array has the numbers of the departures.
         """
         departures = Departures(*self.levelled, self.components.weight(self.levelled[1]),
-                           lambda pair, speed: align.lags(*self.counted)(pair, speed))
+                           lambda pair, speed: align.allowed_delay(*self.counted)(pair, speed))
         part, largest = self.components.of_ball[departures.ball], np.zeros(self.components.count + 1)
         index = np.zeros(self.components.count + 1, np.int64)
         error = np.nan_to_num(departures.apart) / np.append(self.units, math.inf)[part]
@@ -279,11 +279,11 @@ class Compared:
     def resting(self) -> dict[int, float]:
         """Pairs that come to rest in one of the runs, with their differences in m/s.
 
-        See `granular.comparison.episodes.rests_apart`.
+        See `granular.comparison.episodes.rest_differences`.
         """
         hard, soft = self.levelled
-        any_rest = np.any(at_rest(hard, soft))
-        return dict(rests_apart(hard, soft, self.components.weight(soft))) if any_rest else {}
+        any_rest = np.any(is_at_rest(hard, soft))
+        return dict(rest_differences(hard, soft, self.components.weight(soft))) if any_rest else {}
 
     @cached_property
     def other_counts(self) -> Any:
@@ -298,7 +298,7 @@ class Compared:
     @cached_property
     def unknown(self) -> Any:
         """Whether each pair's last soft contact could not be followed to its end, (n-1,)."""
-        return align.unfollowed(self.levelled[1])
+        return align.has_unfollowed_contact(self.levelled[1])
 
     @property
     def _early(self) -> bool:

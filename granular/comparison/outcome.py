@@ -74,7 +74,7 @@ def pair_outcomes(hard: Trajectory, soft: Trajectory, cut: Trajectory) -> tuple[
     Parameters
     ----------
     hard, soft : Trajectory
-        The two runs, continued by `granular.comparison.align.levelled`.
+        The two runs, continued by `granular.comparison.align.equalize_counts`.
     cut : Trajectory
         The soft run before it was continued. Its contacts without end determine `PairOutcome.ongoing`.
     """
@@ -90,7 +90,7 @@ def counts(run: Trajectory) -> Any:
     return np.diff(run.by_pair[1])
 
 
-def partings(run: Trajectory) -> Array:
+def separation_speeds(run: Trajectory) -> Array:
     """Separation speed in m/s after the last contact of every pair, (n-1,).
 
     It is nan for a pair without contacts, and after a contact without end.
@@ -98,7 +98,7 @@ def partings(run: Trajectory) -> Array:
     return separations(run)[0]
 
 
-def sticking(run: Trajectory) -> float:
+def sticking_speed(run: Trajectory) -> float:
     """Largest separation speed in m/s at which two hard spheres count as stuck.
 
     It is the option `merge_below` of the run. Without this option it is 0 if balls of the run merged or came to rest,
@@ -165,7 +165,7 @@ def leaving_velocities(run: Trajectory) -> Array:
     return leaving_velocities_and_times(run)[0]
 
 
-def at_once(hard: Trajectory) -> Trajectory:
+def combine_simultaneous(hard: Trajectory) -> Trajectory:
     """Combine simultaneous collisions of a pair of hard spheres into one contact.
 
     The tie rule determines the order of simultaneous collisions, which has no physical meaning. The combined contact
@@ -192,7 +192,7 @@ def at_once(hard: Trajectory) -> Trajectory:
     return replace(hard, contacts=log[np.sort(order[~is_repeated])])
 
 
-def energy_at_hand(run: Trajectory) -> Array:
+def energy_between_surfaces(run: Trajectory) -> Array:
     """Energy in J of every sample, with heights between surfaces, (T,).
 
     It is `Trajectory.energy` with heights above the initial position of body 0, from which the radii are subtracted as
@@ -209,9 +209,9 @@ def energy_at_hand(run: Trajectory) -> Array:
 def energy_left(run: Trajectory) -> float:
     """Fraction E/E0 of the energy that is left at the end of a run.
 
-    E is the energy of `energy_at_hand`. nan if the initial energy E0 is not positive.
+    E is the energy of `energy_between_surfaces`. nan if the initial energy E0 is not positive.
     """
-    energy = energy_at_hand(run)
+    energy = energy_between_surfaces(run)
     return float(energy[-1] / energy[0]) if energy[0] > 0.0 else math.nan
 
 
@@ -348,12 +348,12 @@ def differences(one: Trajectory, other: Trajectory) -> Array:
         The runs. `one` is a run of hard spheres.
     """
     (u, end), (v, other_end) = leaving_velocities_and_times(one), leaving_velocities_and_times(other)
-    difference = np.fmin(np.abs(u - v), np.abs(carried(one, u, np.arange(len(u)), other_end - end) - v))
+    difference = np.fmin(np.abs(u - v), np.abs(velocities_after_flight(one, u, np.arange(len(u)), other_end - end) - v))
     difference[one.scene.is_wall] = math.nan
     return np.asarray(difference)
 
 
-def carried(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any = None) -> Array:
+def velocities_after_flight(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any = None) -> Array:
     """Velocity in m/s of hard balls after a free flight.
 
     Parameters
@@ -379,7 +379,7 @@ def carried(hard: Trajectory, u: Array, ball: Any, elapsed: Array, contact: Any 
         u * np.cos(angle) - omega * (y[ball] if contact is None else of_contacts[contact]) * np.sin(angle))
 
 
-def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
+def stuck_differences(one: Trajectory, other: Trajectory, weight: Array) -> Array:
     """Differences in m/s between two hard runs, for pairs that stick in both, (n-1,).
 
     The difference of a pair is the largest difference of its approach and separation speeds, contact by contact. A
@@ -392,7 +392,7 @@ def stuck_apart(one: Trajectory, other: Trajectory, weight: Array) -> Array:
         Approach speed in m/s up to which a contact belongs to balls that settle. Such contacts are ignored.
     """
     difference, runs = np.zeros(one.scene.n_pairs), (one, other)
-    stuck = [(partings(run) == 0.0) & (sticking(run) >= 0.0) for run in runs]
+    stuck = [(separation_speeds(run) == 0.0) & (sticking_speed(run) >= 0.0) for run in runs]
     for c in np.flatnonzero(np.logical_and(*stuck)).tolist():
         speeds = np.zeros((2, max(run.count(c) for run in runs), 2))
         for run, of_run in zip(runs, speeds, strict=True):

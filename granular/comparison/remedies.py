@@ -16,7 +16,7 @@ from granular.laws.rules import ConstantRestitution
 from granular.run.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
-    from granular.comparison.answer import Judged
+    from granular.comparison.answer import ComparisonWithAnswer
 
 __all__ = ["Remedies", "Remedy"]
 SLOW_SPEED_FACTOR = 0.01
@@ -77,7 +77,7 @@ class Remedies(Report):
         thousandth. 0 if hard spheres are right without it, nan if none was found because the value jumps with tc.
     """
 
-    report: Judged
+    report: ComparisonWithAnswer
     what: str
     rows: tuple[Remedy, ...]
     tc: float
@@ -103,8 +103,8 @@ class Remedies(Report):
         return {**problem(self.report), "what": self.what, "rows": list(map(asdict, self.rows)), "tc": self.tc}
 
 
-def table(
-    report: Judged, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
+def remedies_table(
+    report: ComparisonWithAnswer, observable: Callable[[Trajectory], float] | None, given: Mapping[str, float | None]
 ) -> Remedies:
     """Run all remedies and return their table, see `Comparison.remedies`.
 
@@ -143,7 +143,7 @@ def table(
     return Remedies(report, what, (newton, *rows, *[best] * (best is not hard)), right)
 
 
-def _run_with_remedy(report: Judged, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
+def _run_with_remedy(report: ComparisonWithAnswer, rule: Any, remedy: Mapping[str, Any]) -> Trajectory:
     """Run the hard spheres with one remedy instead of those of the comparison.
 
     The number of collisions is limited to ten times the events, soft contacts and bodies of the comparison.

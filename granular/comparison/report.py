@@ -29,7 +29,7 @@ from granular.run.trajectory import Status, Trajectory
 from granular.run.until import Contact
 
 if TYPE_CHECKING:
-    from granular.comparison.answer import Judged
+    from granular.comparison.answer import ComparisonWithAnswer
 
 SHORT_PAIR_COUNT, FULL_PAIR_COUNT = 2, 8
 """Number of pairs in the short report, and of pairs or laws in the full report."""
@@ -63,7 +63,7 @@ GROUP_FORMATS = {
 DETAILS_HINT = "More (laws, overlaps, φ, p, Λ, D) with -v, in Python with report.details()."
 
 
-def text(report: Judged) -> str:
+def text(report: ComparisonWithAnswer) -> str:
     """Return the short report of up to 20 lines.
 
     It contains the verdict, its reason, and the largest difference of the engines.
@@ -88,7 +88,7 @@ def text(report: Judged) -> str:
     )
 
 
-def details(report: Judged) -> str:
+def details(report: ComparisonWithAnswer) -> str:
     """Return the full report."""
     from granular.comparison.further import floor_share
 
@@ -105,7 +105,7 @@ def details(report: Judged) -> str:
     ])
 
 
-def warnings(report: Judged) -> list[str]:
+def warnings(report: ComparisonWithAnswer) -> list[str]:
     """Return warnings about the input, one sentence each.
 
     The warnings concern different ε of law and rule, merged balls, attractive force laws, properties that no solid has,
@@ -115,7 +115,7 @@ def warnings(report: Judged) -> list[str]:
             *_solid_warnings(report), *_overlap_and_speed_warnings(report)]
 
 
-def _restitution_warnings(report: Judged) -> Iterator[str]:
+def _restitution_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
     """Warn if hard spheres have another ε than their force law.
 
     Only the first such pair is named.
@@ -128,7 +128,7 @@ def _restitution_warnings(report: Judged) -> Iterator[str]:
                f"force law has {law[c]:.6g}")
 
 
-def _remedy_warnings(report: Judged) -> Iterator[str]:
+def _remedy_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
     """Warn if hard spheres merge, use the TC model, or have an elastic cut-off."""
     merged, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
     if merged and below < math.inf:
@@ -137,7 +137,7 @@ def _remedy_warnings(report: Judged) -> Iterator[str]:
                 for name, unit in (("tc", "s"), ("elastic_below", "m/s")) if (value := report.hard_options[name]))
 
 
-def _attraction_warnings(report: Judged) -> Iterator[str]:
+def _attraction_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
     """Warn about force laws that are attractive at rest at an overlap that occurred.
 
     Engines replace an attractive contact force by 0. Laws of the form F = k ξ^p + damping are not tested: they attract
@@ -155,7 +155,7 @@ def _attraction_warnings(report: Judged) -> Iterator[str]:
                    "m; attractive contact forces are replaced by 0")
 
 
-def _solid_warnings(report: Judged) -> Iterator[str]:
+def _solid_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
     """Warn about densities, or speeds of contact waves, that no solid has.
 
     The speed is 2 R √(∂F/∂ξ / m_eff). The usual reason is wrong units.
@@ -181,7 +181,7 @@ def _further_count(items: Any) -> str:
     return f" (and of {len(items) - 1} more)" if len(items) > 1 else ""
 
 
-def _overlap_and_speed_warnings(report: Judged) -> Iterator[str]:
+def _overlap_and_speed_warnings(report: ComparisonWithAnswer) -> Iterator[str]:
     """Warn about deep overlaps, and about collisions near the speed of contact waves.
 
     The speed of contact waves is 2 π R / t_c. Unstable runs are ignored because their overlaps have no meaning.
@@ -205,7 +205,7 @@ def _overlap_and_speed_warnings(report: Judged) -> Iterator[str]:
             yield f"pair {name(c)} collides at {percent(speed)} of the speed of contact waves"
 
 
-def numbers(report: Judged) -> dict[str, Any]:
+def numbers(report: ComparisonWithAnswer) -> dict[str, Any]:
     """Return all numbers of a comparison as a dictionary for JSON."""
     return {
         **problem(report),
@@ -246,7 +246,7 @@ def _run_numbers(run: Trajectory) -> dict[str, Any]:
     }
 
 
-def _law_lines(report: Judged) -> list[str]:
+def _law_lines(report: ComparisonWithAnswer) -> list[str]:
     """Return a line for each law, or for each pair, and one for the collision rule.
 
     Each pair has its own line if there are several laws and at most `FULL_PAIR_COUNT` pairs.
@@ -278,7 +278,7 @@ def _header_lines() -> Iterator[str]:
     yield _table_line("", "(event-driven)", "(Newton)")
 
 
-def _rise_lines(report: Judged) -> Iterator[str]:
+def _rise_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield how high the top ball rises after the first and the last bounce.
 
     The unit of the heights is the drop height.
@@ -292,7 +292,7 @@ def _rise_lines(report: Judged) -> Iterator[str]:
                     f"  of {report.drop:.4g} m" + f", bounce {bounce}" * (bounce > 1))
 
 
-def _deciding_lines(report: Judged) -> Iterator[str]:
+def _deciding_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield two lines on the ball with the largest error, for both engines."""
     departure = report.deciding
     if departure is not None:
@@ -302,7 +302,7 @@ def _deciding_lines(report: Judged) -> Iterator[str]:
                     f"  episode {departure.episode}, {departure.contacts} contact{'s' * (departure.contacts != 1)}")
 
 
-def _end_lines(report: Judged) -> Iterator[str]:
+def _end_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield the numbers of contacts of both runs, and the times at which they ended."""
     hard, soft = report.hard, report.soft
     yield _table_line("all contacts", len(report.settled.contacts), len(soft.contacts))
@@ -316,7 +316,7 @@ def _end_lines(report: Judged) -> Iterator[str]:
         yield _table_line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
 
-def _pair_lines(report: Judged, limit: int, speeds: bool = False) -> Iterator[str]:
+def _pair_lines(report: ComparisonWithAnswer, limit: int, speeds: bool = False) -> Iterator[str]:
     """Yield contacts and separation speeds of the pairs that differ most.
 
     Parameters
@@ -337,7 +337,7 @@ def _pair_lines(report: Judged, limit: int, speeds: bool = False) -> Iterator[st
         yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
 
 
-def _neighbour_mark(report: Judged, p: PairOutcome) -> str:
+def _neighbour_mark(report: ComparisonWithAnswer, p: PairOutcome) -> str:
     """Text if a neighbouring soft contact lasts when the pair's last one ends."""
     soft, (below, above) = report.levelled[1], report.scene.neighbours
     for c in {*below[above == p.pair].tolist(), *above[below == p.pair].tolist()}:
@@ -355,7 +355,7 @@ def _difference_key(p: PairOutcome) -> tuple[bool, float]:
     return p.hard_contacts == p.soft_contacts, -float(np.nan_to_num(abs(p.soft_v_rel - p.hard_v_rel), nan=-1.0))
 
 
-def _energy_lines(report: Judged) -> Iterator[str]:
+def _energy_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield the energy balance with moving or thermal walls, and notes on its use."""
     if not report.scene.fed:
         return
@@ -374,7 +374,7 @@ def _table_line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
     return f"{name:26}{hard:>15}{soft:>15}{mark}"
 
 
-def _uncompared_lines(report: Judged) -> Iterator[str]:
+def _uncompared_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield a line on contacts of settling balls that only one run has.
 
     The comparison ignores such contacts.
@@ -391,13 +391,13 @@ def _uncompared_lines(report: Judged) -> Iterator[str]:
                f"{fastest / scale:.3g} {unit}")
 
 
-def _ignored_counts(report: Judged) -> tuple[int, int]:
+def _ignored_counts(report: ComparisonWithAnswer) -> tuple[int, int]:
     """Numbers of hard and of soft contacts at rounding level, which are ignored."""
     hard, soft = report.counted
     return len(report.settled.contacts) - len(hard.contacts), len(report.soft.contacts) - len(soft.contacts)
 
 
-def _reason_lines(report: Judged) -> Iterator[str]:
+def _reason_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield the reason why the engines differ, and the number of isolated contacts."""
     shared = report.overlaps
     if not shared and report.measures["isolated_share"] < 1.0:
@@ -409,7 +409,7 @@ def _reason_lines(report: Judged) -> Iterator[str]:
     yield from filter(None, [isolation.sentence(report.soft)])
 
 
-def _overlap_lines(report: Judged) -> Iterator[str]:
+def _overlap_lines(report: ComparisonWithAnswer) -> Iterator[str]:
     """Yield the reason for overlapping contacts, with up to four overlaps."""
     shared, log = report.overlaps, report.counted[1].contacts
     subject = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"

@@ -13,7 +13,7 @@ from granular._engine import check
 from granular._engine.progress import shown
 from granular._engine.reports import Report
 from granular.comparison import report
-from granular.comparison.answer import Judged
+from granular.comparison.answer import ComparisonWithAnswer
 from granular.laws.kinds import checked
 from granular.md.binary import rule_of_comparison
 from granular.run import until as stop
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Judged, Report):
+class Comparison(ComparisonWithAnswer, Report):
     """Hard and soft run of one scene, with their differences and the answer.
 
     Print it for a report, draw it with `plot`, save it with `to_json`.
@@ -64,7 +64,7 @@ class Comparison(Judged, Report):
 
     __str__ = report.text
     details = _whole = report.details
-    __repr__, _headline = Report.__repr__, Judged.verdict
+    __repr__, _headline = Report.__repr__, ComparisonWithAnswer.verdict
     _numbers = report.numbers
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
@@ -113,9 +113,9 @@ class Comparison(Judged, Report):
         TypeError, ValueError
             If a duration or a speed is not a positive number.
         """
-        from granular.comparison.remedies import table
+        from granular.comparison.remedies import remedies_table
 
-        return table(self, observable, {"tc": tc, "merge_below": merge_below, "elastic_below": elastic_below})
+        return remedies_table(self, observable, {"tc": tc, "merge_below": merge_below, "elastic_below": elastic_below})
 
     def against(self, run: Trajectory) -> Against:
         """Compare a run of another program with both engines at the times of its samples.

@@ -22,7 +22,7 @@ from granular.run.figures import CONTACTS_MARGIN, FAR_SPAN_LENGTHS, Span
 from granular.run.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
-    from granular.comparison.answer import Judged
+    from granular.comparison.answer import ComparisonWithAnswer
 
 # late contacts may be left out up to this fraction of the impulse; a note at the edge of the axis counts them
 NEGLIGIBLE_IMPULSE_FRACTION = 0.01
@@ -41,7 +41,7 @@ MASS_PREFIXES = ((1e3, "k"), *UNIT_PREFIXES)
 class View(Span):
     """A comparison over a time interval."""
 
-    report: Judged
+    report: ComparisonWithAnswer
 
     @cached_property
     def moments(self) -> Array:
@@ -54,7 +54,7 @@ class View(Span):
         return self.times(np.column_stack([log["t_begin"], np.nan_to_num(log["t_end"], nan=self.end)]), 1500)
 
 
-def window(report: Judged) -> View:
+def window(report: ComparisonWithAnswer) -> View:
     """Return the interval to draw: from the first to the last contact, with a margin.
 
     Late contacts are left out if they have a negligible part of the impulse, and if the remaining contacts would
@@ -205,12 +205,12 @@ def well_separated(places: Array, least: float) -> list[tuple[int, float]]:
     return kept
 
 
-def parameters(report: Judged) -> str:
+def parameters(report: ComparisonWithAnswer) -> str:
     """Return two lines with the parameters of a comparison: the scene, and the laws."""
     return f"{_scene_text(report)}\n{_laws_text(report)}"
 
 
-def _scene_text(report: Judged) -> str:
+def _scene_text(report: ComparisonWithAnswer) -> str:
     scene, balls = report.scene, ~report.scene.is_wall
     inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
     ratio = report.groups["mass_ratio"]
@@ -229,7 +229,7 @@ def _scene_text(report: Judged) -> str:
     )
 
 
-def _laws_text(report: Judged) -> str:
+def _laws_text(report: ComparisonWithAnswer) -> str:
     """Text with the laws, their constants, ε and the isolated duration.
 
     ε and the duration are those at the speed of the first impact. If pairs differ, the range of each number is shown.
@@ -247,7 +247,7 @@ def _laws_text(report: Judged) -> str:
     ])
 
 
-def _stiffness_unit(report: Judged) -> str:
+def _stiffness_unit(report: ComparisonWithAnswer) -> str:
     """Return the unit of k in F = k ξ^p, or an empty string for other laws."""
     form = resolved(report.law, report.scene)[0].form
     return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m$^{{{form[1]:g}}}$"
@@ -259,7 +259,7 @@ def _constant_names(laws: Sequence[Any]) -> list[str]:
     return [name for name in named if name not in ("gamma", "alpha") and isinstance(getattr(laws[0], name), float)]
 
 
-def _isolated_durations(report: Judged) -> Any:
+def _isolated_durations(report: ComparisonWithAnswer) -> Any:
     """Isolated duration in s of each pair at the first impact speed, inf without end."""
     n = report.scene.n_pairs
     return Durations(report.law, report.scene)(np.arange(n), np.full(n, report._speed))

@@ -115,4 +115,4 @@ def test_one_law_stands_for_all_pairs_and_numpy_numbers_are_numbers():
     assert HARD.of(np.int64(1)).tobytes() == HARD.of(1).tobytes()
     assert gr.until.Contact(np.int64(1), 2.0) == gr.until.contact(1, 2)
     touching = gr.edmd.simulate(FLAT.replace(gap=[0.0, 0.0]), RULE)
-    assert next(align.others(touching, {}))["ties"] == "right"
+    assert next(align.other_tie_rules(touching, {}))["ties"] == "right"

@@ -59,7 +59,7 @@ def test_what_can_be_set_are_the_sliders_of_the_page() -> None:
     assert set(sliders) == set(opening.PAGE_SCENES) - {"story"}
     for scene, limits in sliders.items():
         ours = {s.slider: [s.least, s.most, s.zero] for s in opening.SCENE_SETTINGS[scene].values()
-                if not isinstance(s, opening.Kind)}
+                if not isinstance(s, opening.BallSetting)}
         assert ours == limits
 
 
@@ -70,11 +70,15 @@ def test_every_setting_of_every_scene_reaches_the_link() -> None:
             if name == "moving":
                 continue
             words, whole = setting.words or (True, False), setting.whole
-            value = (str(random.choice(words)) if setting.words else bool(random.choice([True, False]))
-                     if isinstance(setting, opening.Truth) else int(random.integers(setting.least, setting.most + 1))
-                     if whole else float(random.uniform(setting.least, setting.most)))
+            value = float(random.uniform(setting.least, setting.most))
+            if setting.words:
+                value = str(random.choice(words))
+            elif isinstance(setting, opening.BooleanSetting):
+                value = bool(random.choice([True, False]))
+            elif whole:
+                value = int(random.integers(setting.least, setting.most + 1))
             state = dict(parse_qsl(opening.link(scene, {name: value})))
-            if isinstance(setting, opening.Kind):
+            if isinstance(setting, opening.BallSetting):
                 assert float(state[f"t{setting.slider}"]) == gr.balls.BALLS[value].duration
             elif isinstance(setting, opening.Choice):
                 assert words[int(state[setting.slider])] == value
@@ -97,8 +101,8 @@ def test_no_two_modules_of_a_page_have_a_name_in_common(main_module) -> None:
     """They share one scope, so what is a module's own would be another's too."""
     top = re.compile(r"^(?:export )?(const|let|(?:async )?function\*?|class) ([\w$]+)(.*)", re.MULTILINE)
     names: list[str] = []
-    for module in dict.fromkeys(assemble._needed(main_module)):
-        for kind, name, rest in top.findall(assemble.shipped(module)):
+    for module in dict.fromkeys(assemble._needed_modules(main_module)):
+        for kind, name, rest in top.findall(assemble.part_text(module)):
             names += [name, *(re.findall(r", (\w+) = ", rest) if kind == "const" and "=>" not in rest else [])]
     assert len(names) > 80
     assert {name for name in names if names.count(name) > 1} == set()
@@ -107,9 +111,9 @@ def test_no_two_modules_of_a_page_have_a_name_in_common(main_module) -> None:
 def test_a_script_keeps_its_texts_and_patterns() -> None:
     """What is taken away is air: spaces, brackets round a lone name, the last semicolon."""
     source = 'export const a = (x) => { return "b ; }  const " + x - -x; };\nconst c = /[ ;]}"/.test(`d  ${a} ;}`);\n'
-    plain = assemble._plain(source)
-    assert assemble._plain("let a = b === Infinity ? true : -Infinity;\n") == "let a=b===1/0?!0:-1/0;"
-    assert assemble._plain("const a = (1 + b) * 2;\nlet c = [a, 3 % b];\n") == "let a=(1+b)*2,c=[a,3%b];"
+    plain = assemble._minified(source)
+    assert assemble._minified("let a = b === Infinity ? true : -Infinity;\n") == "let a=b===1/0?!0:-1/0;"
+    assert assemble._minified("const a = (1 + b) * 2;\nlet c = [a, 3 % b];\n") == "let a=(1+b)*2,c=[a,3%b];"
     assert plain == 'let a=x=>{return"b ; }  const "+x - -x};let c=/[ ;]}"/.test(`d  ${a} ;}`);'
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import granular as gr
 from granular.app.page import recording
-from granular.app.page.recording import filled
+from granular.app.page.recording import add_samples
 
 
 def test_a_short_run_is_recorded_whole(cradle) -> None:
@@ -27,7 +27,7 @@ def test_a_long_run_is_thinned_out_evenly_and_every_contact_is_counted(monkeypat
     scene = gr.scenes.gas(n=30)
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=20 * float(scene.gap.mean()), samples=300)
     data = recording.recorded(run, "gas")
-    rows = recording.evenly(300, 20)
+    rows = recording.evenly_spaced(300, 20)
     assert (rows[0], rows[-1], len(rows)) == (0, 299, 20)
     assert np.ptp(np.diff(rows)) <= 1
     np.testing.assert_array_equal(unpacked(data["time"], "<f8"), run.time[rows])
@@ -73,7 +73,7 @@ def test_a_hard_run_with_few_rows_gets_those_that_the_engine_would_have_recorded
     """Before, a collapse was drawn with straight lines between a handful of rows."""
     rule = gr.ConstantRestitution(0.8)
     run = gr.edmd.simulate(scene, rule, t_end=end, samples=3)
-    more = filled(run, 3000)
+    more = add_samples(run, 3000)
     assert len(more.time) > len(run.time) + 2 * len(np.unique(run.contacts["t_begin"])) - 2
     last = np.append(np.diff(more.time) > 0.0, True)  # of two rows at a contact that after it
     asked = gr.edmd.simulate(scene, rule, t_end=end, samples=more.time[last])
@@ -91,12 +91,12 @@ def test_rows_are_added_only_where_they_follow_from_the_log() -> None:
     unlogged = gr.edmd.simulate(scene, rule, t_end=2.0, samples=9, log=False)
     soft = gr.md.simulate(scene, gr.LinearDashpot(1e5), t_end=1.0, samples=9)
     shaken = gr.edmd.simulate(gr.scenes.vibrated_column(n=2), rule, t_end=0.2, samples=9)
-    assert all(filled(run, 3000) is run for run in (unlogged, soft, shaken))
-    assert filled(gr.edmd.simulate(scene, rule, t_end=2.0, samples=9), 12).time.shape == (9,)
+    assert all(add_samples(run, 3000) is run for run in (unlogged, soft, shaken))
+    assert add_samples(gr.edmd.simulate(scene, rule, t_end=2.0, samples=9), 12).time.shape == (9,)
     mass, radius, gap = [np.inf, 0.03, 0.03], [0.0, 0.01, 0.01], [0.0, 7e-4]
     resting = gr.Scene(mass=mass, radius=radius, gap=gap, velocity=[0.0] * 3, gravity=9.81)
     ends_in_a_contact = gr.edmd.simulate(resting, gr.ConstantRestitution(0.9), max_events=6)
-    assert filled(ends_in_a_contact, 3000) is ends_in_a_contact  # before, the ball at rest fell through the floor
+    assert add_samples(ends_in_a_contact, 3000) is ends_in_a_contact  # before, the ball at rest fell through the floor
 
 
 def test_energy_falls_in_steps_and_only_what_is_needed_is_written() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from granular.app.cli.output import fitted
+from granular.app.cli.output import wrap_text
 from granular.app.cli.parser import COMMAND_CLASSES
 
 LINES = {
@@ -48,8 +48,8 @@ def test_output_fits_in_the_terminal(granular, monkeypatch, name, columns):
 def test_wrapping_loses_no_word_and_keeps_columns(monkeypatch):
     monkeypatch.setenv("COLUMNS", "40")
     text = "  name    " + "word " * 20 + "\n\n    end\n" + "a" * 50
-    wrapped = fitted(text)
+    wrapped = wrap_text(text)
     assert wrapped.split() == text.split()
     assert all(line.startswith(" " * 10) for line in wrapped.splitlines()[1:4])
     assert wrapped.endswith("\n\n    end\n" + "a" * 50)
-    assert fitted("short\n\nlines") == "short\n\nlines"
+    assert wrap_text("short\n\nlines") == "short\n\nlines"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.comparison.outcome import at_once, counts
+from granular.comparison.outcome import combine_simultaneous, counts
 from granular.md import isolation
 
 pytest.importorskip("xarray")
@@ -79,7 +79,7 @@ def test_all_fronts_give_the_same_numbers(seed, granular, tmp_path):
     v_rel, t_f = np.array(last).T
     for data in swept:
         assert data["contacts"].values[0].tolist() == [len(row) for row in own]
-        assert data["hard_contacts"].values[0].tolist() == counts(at_once(report.hard)).tolist()
+        assert data["hard_contacts"].values[0].tolist() == counts(combine_simultaneous(report.hard)).tolist()
         assert np.array_equal(data["v_rel"].values[0], v_rel, equal_nan=True)
         assert np.array_equal(data["t_f"].values[0], np.where(t_f > end, np.nan, t_f), equal_nan=True)
         assert np.array_equal(data["error"].values[0], report.error, equal_nan=True)

@@ -86,8 +86,8 @@ def test_late_straggler_does_not_squeeze_the_picture():
 
 
 def test_plot_shows_the_tie_rule_of_the_run():
-    from granular.comparison.further import with_rows
+    from granular.comparison.further import repeat_with_samples
 
     cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), ties="poisson", until=gr.until.separated())
-    again = with_rows(cradle, "hard", np.linspace(0.0, 1e-3, 5))
+    again = repeat_with_samples(cradle, "hard", np.linspace(0.0, 1e-3, 5))
     assert again.velocity[-1].tolist() == cradle.hard.velocity[-1].tolist()

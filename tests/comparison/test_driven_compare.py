@@ -33,7 +33,7 @@ def test_a_contact_at_a_shaken_wall_is_followed_in_its_phase():
     cut = gr.md.simulate(scene, law, t_end=float(first["t_begin"] + 0.4 * first["duration"]), **EXACT)
     assert np.isnan(cut.contacts["t_end"]).tolist() == [True]
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.5), t_end=float(cut.time[-1]))
-    row = align.levelled(hard, cut, EXACT)[1].contacts[0]
+    row = align.equalize_counts(hard, cut, EXACT)[1].contacts[0]
     assert row["t_end"] == pytest.approx(first["t_end"], rel=1e-5)
     assert row["duration"] == pytest.approx(first["duration"], rel=1e-2)
     assert row["v_out"].tolist() == pytest.approx(first["v_out"].tolist(), rel=1e-3)
@@ -44,10 +44,10 @@ def test_no_contact_is_followed_beyond_the_path_of_a_wall():
     law = gr.LinearDashpot(1e4)
     cut = gr.md.simulate(scene, law, t_end=0.01, **EXACT)
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=0.01)
-    assert np.isnan(align.levelled(hard, cut, EXACT)[1].contacts["t_end"]).all()
+    assert np.isnan(align.equalize_counts(hard, cut, EXACT)[1].contacts["t_end"]).all()
     ends = gr.md.simulate(scene.replace(floor=Piecewise([0.0, 0.1], [[0.5], [0.0]])), law, t_end=0.01, **EXACT)
     hard = gr.edmd.simulate(ends.scene, gr.ConstantRestitution(1.0), t_end=0.01)
-    assert not np.isnan(align.levelled(hard, ends, EXACT)[1].contacts["t_end"]).any()
+    assert not np.isnan(align.equalize_counts(hard, ends, EXACT)[1].contacts["t_end"]).any()
 
 
 def test_balls_fall_with_their_forces_before_and_after_contacts():

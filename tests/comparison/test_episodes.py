@@ -9,7 +9,7 @@ import pytest
 
 import granular as gr
 from granular.comparison.episodes import _groups, episodes
-from granular.comparison.outcome import partings
+from granular.comparison.outcome import separation_speeds
 from tests.helpers.error_by_hand import ByHand, contacts_of, episodes as by_loops
 from tests.helpers.judge import Judge
 from tests.helpers.scenes_of_outcomes import BounceThreshold, ring_whose_episode_hides_a_wrong_flight
@@ -282,7 +282,7 @@ def test_a_pile_under_a_rule_with_a_threshold_sticks_and_is_judged_alike(ties):
         scene = gr.Scene([INF, *[1.0] * n], [0.0, *[0.05] * n], [0.1, *[gap] * (n - 1)], [0.0] * (n + 1), 9.81)
         report = gr.compare(scene, dashpots(scene, *[(0.5, 1e8)] * n), BounceThreshold(0.5, 0.3), t_end=1.5, ties=ties)
         assert "merge_below" not in report.hard.stats
-        assert (partings(report.hard) == 0.0).all()
+        assert (separation_speeds(report.hard) == 0.0).all()
         own = Judge(scene, report.law, report.rule, 1.5, ties=ties).judge()
         assert report.answer.name == own.answer
         assert report.error == pytest.approx(own.error, rel=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.comparison.figure import both
+from granular.comparison.figure import repeat_both_runs
 from granular.comparison.view import closeup, number, parameters, window
 
 pytest.importorskip("matplotlib")
@@ -38,7 +38,7 @@ def texts(axis):
 def test_the_lens_shows_the_four_hops_on_their_own_scale(two, drawn):
     look, lens = closeup(window(two)), panel(drawn, "distance")
     assert look.pair == 1
-    hops = look.hops(both(two, look.moments)["soft"])
+    hops = look.hops(repeat_both_runs(two, look.moments)["soft"])
     assert [1e6 * height for _, height in hops] == pytest.approx([34.4, 16.0, 8.63], rel=5e-3)  # by the page too
     assert [said for said in texts(lens) if said.endswith("µm")] == ["34 µm", "16 µm", "8.6 µm"]
     assert [said for said in texts(lens) if said.isdigit()] == ["1", "2", "3", "4"]
@@ -62,7 +62,7 @@ def test_every_hop_is_on_the_axis_and_of_the_right_height(seed):
     lens = panel(report.plot(), "distance")
     unit = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9}[lens.get_ylabel().split(", ")[1]]
     low, high = lens.get_ylim()
-    for time, height in look.hops(both(report, look.moments)["soft"]):
+    for time, height in look.hops(repeat_both_runs(report, look.moments)["soft"]):
         again = gr.md.simulate(stack, report.law, t_end=time)
         assert height == pytest.approx(again.gap[-1][look.pair], rel=1e-6)
         assert low < 0.0 < height / unit < 0.8 * high

@@ -6,7 +6,7 @@ import pytest
 
 import granular as gr
 from granular.comparison import further
-from granular.comparison.film import END_SECONDS, MAX_SHOWN_SECONDS, STOP_SECONDS, Story, flying
+from granular.comparison.film import END_SECONDS, MAX_SHOWN_SECONDS, STOP_SECONDS, Story, flight_page
 from granular.comparison.view import window
 
 pytest.importorskip("matplotlib")
@@ -100,7 +100,7 @@ def test_balls_stand_in_a_row_without_gravity_and_upright_with_it(two, cradle):
 
 def test_the_ruler_reads_the_heights_of_the_balls(two):
     story = Story(two, 1.0, 10)
-    page = flying(story)
+    page = flight_page(story)
     hard = balls_of(page, "hard")
     times = np.concatenate([time for act, time in story.acts.items() if act != "slow"])
     run = gr.edmd.simulate(two.report.scene, two.report.rule, t_end=times[-1], samples=np.unique(times))
@@ -172,7 +172,7 @@ def test_a_flight_that_takes_long_is_told_to_be_faster_than_life():
     case = gr.cases.make("ball-stack", n=5)
     report = gr.compare(case.scene, case.law, case.rule, until=case.until)
     story = Story(window(report), 1.0, 5)
-    page = flying(story)
+    page = flight_page(story)
     assert report.rises[0] > 200.0
     assert page.axes["hard"].get_ylim()[1] > report.rises[0]
     assert len(story.acts["flight"]) == 5 * MAX_SHOWN_SECONDS
@@ -184,7 +184,7 @@ def test_what_is_followed_no_farther_leaves_the_picture(two, monkeypatch):
     monkeypatch.setattr(further, "MAX_EVENTS_PER_RUN", 3)
     story = Story(two, 1.0, 10)
     assert np.isnan(story.heights("hard", np.array([0.1, 20.0, 30.0]))[1:, 1]).sum() == 0  # at their apexes
-    assert np.isnan(further.Onward(two.report, "hard").heights(np.array([0.1, 20.0, 30.0]))).sum() == 6
+    assert np.isnan(further.Continuation(two.report, "hard").heights(np.array([0.1, 20.0, 30.0]))).sum() == 6
 
 
 def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():

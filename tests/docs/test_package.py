@@ -12,7 +12,7 @@ from bench import mutants
 from granular._engine import kernels
 from granular._engine.package import EXTRAS, NAME, install
 from granular.app.cli import installation
-from granular.app.page.assemble import LIVE_PARTS, PLAYER_PARTS, _needed
+from granular.app.page.assemble import LIVE_PARTS, PLAYER_PARTS, _needed_modules
 
 pytestmark = pytest.mark.core
 ROOT = Path(__file__).parents[2]
@@ -37,7 +37,7 @@ def test_every_file_of_the_package_is_read_by_it():
     """None is there for tests only."""
     page = ROOT / "granular" / "app" / "page"
     files = {str(file.relative_to(page)) for file in page.rglob("*.*") if file.suffix in (".mjs", ".css", ".html")}
-    read = {name for parts in (LIVE_PARTS, PLAYER_PARTS) for name in (*_needed(parts[1]), parts[0], *parts[2:])}
+    read = {name for parts in (LIVE_PARTS, PLAYER_PARTS) for name in (*_needed_modules(parts[1]), parts[0], *parts[2:])}
     assert files == read | {"shell/shell.html", "shell/transport.html"}
 
 
@@ -58,10 +58,10 @@ def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatc
     monkeypatch.delattr(gr, "__version__")
     monkeypatch.setattr(installation, "packages_distributions", dict)
     code, _, err = granular("scenes")
-    assert (code, err) == (2, f"granular: {installation.overwritten()}\n")
+    assert (code, err) == (2, f"granular: {installation.overwritten_message()}\n")
     assert "another package was installed over it, or uninstalled. " in err
     code, out, err = granular("info")
-    assert (code, err) == (2, f"granular: {installation.overwritten()}\n")
+    assert (code, err) == (2, f"granular: {installation.overwritten_message()}\n")
     assert out.startswith(NAME)
 
 

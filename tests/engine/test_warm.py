@@ -36,7 +36,7 @@ def stubbed(monkeypatch):
         (frozenset(case.scene._flags), (engine, type(case.law).__name__), *sorted(case.run.items()))))
     monkeypatch.setattr(many, "solve_many", lambda *cells, **end: note(MAPS))
     monkeypatch.setattr(installation, "load_numba", lambda: SimpleNamespace(core=SimpleNamespace(event=event)))
-    monkeypatch.setattr(installation, "kept", lambda: "the folder")
+    monkeypatch.setattr(installation, "compiled_kernels_folder", lambda: "the folder")
     return asked
 
 
@@ -65,7 +65,7 @@ def test_code_that_is_there_is_not_made_again(granular, stubbed):
 def test_what_is_run_calls_what_other_runs_may():
     """Interpreted: hard balls collapse, which a closer look decides; soft ones and cells are in contact again and
     again."""
-    ways = installation.ways(cases.make("three-balls"))
+    ways = installation.warm_up_calls(cases.make("three-balls"))
     hard, soft = (replace(ways[kind].func.__self__, run={}) for kind in ("hard", "soft"))
     assert hard.simulate("edmd", **installation.WARM_END).stats["zooms"] == 1
     end = installation.WARM_END | {"t_end": 0.5}

@@ -44,7 +44,7 @@ def test_a_second_signal_does_not_disturb_who_sees_to_the_first():
             signal.raise_signal(signal.SIGINT)
             cleaned.append(True)
 
-    with pytest.raises(ends.Asked) as caught, ends.as_interrupts():
+    with pytest.raises(ends.EndSignal) as caught, ends.as_interrupts():
         interrupted()
     assert cleaned == [True]
     assert caught.value.number == signal.SIGTERM
@@ -59,7 +59,7 @@ def test_a_signal_that_a_library_swallows_is_heard_again(monkeypatch):
             signal.raise_signal(signal.SIGTERM)
         time.sleep(PATIENCE)
 
-    with pytest.raises(ends.Asked), ends.as_interrupts():
+    with pytest.raises(ends.EndSignal), ends.as_interrupts():
         swallowing()
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import granular as gr
 from granular.__main__ import main
-from granular.comparison.outcome import energy_at_hand, energy_left
+from granular.comparison.outcome import energy_between_surfaces, energy_left
 from granular.laws.kinds import hashable_contents
 
 
@@ -36,7 +36,7 @@ def test_it_is_that_of_points_above_the_floor() -> None:
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=0.5, samples=7)
     m, v = scene.mass[1:], run.velocity[:, 1:]
     expected = 0.5 * v**2 @ m + 9.81 * m.sum() * gr.measures.height(run)
-    assert energy_at_hand(run) == pytest.approx(expected, rel=1e-13)
+    assert energy_between_surfaces(run) == pytest.approx(expected, rel=1e-13)
 
 
 @dataclass

@@ -40,7 +40,7 @@ def test_numbers_by_hand(three_balls):
     gaps = [1e-4 + 1e-5 * np.random.default_rng([3, k]).standard_normal() for k in range(8)]
     cases = [gr.cases.make("three-balls", gap=gap) for gap in gaps]
     for pair, q in enumerate(three_balls.quantities):
-        hard, soft = np.array([[outcome.partings(case.simulate(engine))[pair] for case in cases]
+        hard, soft = np.array([[outcome.separation_speeds(case.simulate(engine))[pair] for case in cases]
                                for engine in ("edmd", "md")])
         assert (q.name, q.units, q.lacking) == (f"v_rel[{pair}]", "m s-1", 0)
         assert q.hard == pytest.approx(hard, rel=1e-14)

@@ -205,7 +205,7 @@ def test_command_measures_the_first_contacts_of_a_scene_that_only_its_time_ends(
     """And ends where no contact begins or ends."""
     asked = []
     monkeypatch.setattr(gr, "frontier", lambda scene, law, **options: asked.append(options["t_end"]))
-    monkeypatch.setattr(output, "deliver", lambda report, given: None)
+    monkeypatch.setattr(output, "write_report", lambda report, given: None)
     for line in ("frontier vibrated-column", "frontier vibrated-column --t-end 0.03", "frontier three-balls"):
         assert cli.main(line.split()) == 0
     end, given, default = asked

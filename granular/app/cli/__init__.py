@@ -70,9 +70,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run_command(arguments: Sequence[str]) -> int:
     """Run the named command and return its exit code."""
     if getattr(granular, "__version__", None) != VERSION and list(arguments[:1]) != ["info"]:
-        from granular.app.cli.installation import overwritten
+        from granular.app.cli.installation import overwritten_message
 
-        raise ImportError(overwritten())
+        raise ImportError(overwritten_message())
     from granular.app.cli import output, parser
     from granular.cases.build import user_code_callbacks
 
@@ -80,7 +80,7 @@ def _run_command(arguments: Sequence[str]) -> int:
         parsed = parser.parse(arguments)
     except SystemExit:  # --help and --version
         return EXIT_OK
-    user_code_callbacks[:] = [parser.teller(parsed.target)]
+    user_code_callbacks[:] = [parser.code_notice_printer(parsed.target)]
     output.check(parsed)
     # invalid numbers raise errors with a message
     with np.errstate(all="ignore"), _extreme_option_named(parsed.scene_options | parsed.run_options):

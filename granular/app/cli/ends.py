@@ -17,7 +17,7 @@ An exception raised inside a callback of a library, such as a compiler, may be l
 """
 
 
-class Asked(KeyboardInterrupt):
+class EndSignal(KeyboardInterrupt):
     """Interrupt by a signal, with its `number`."""
 
     def __init__(self, number: int) -> None:
@@ -26,7 +26,7 @@ class Asked(KeyboardInterrupt):
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Raise `Asked`, a `KeyboardInterrupt`, when the process receives an end signal.
+    """Raise `EndSignal`, a `KeyboardInterrupt`, when the process receives an end signal.
 
     A second signal does not interrupt the handling of the first one. Signals that are already handled or ignored, for
     example under `nohup`, are left alone. The context restores all handlers when it ends.
@@ -45,7 +45,7 @@ def as_interrupts() -> Iterator[None]:
         timer.daemon = True
         timer.start()
         if not _is_handling_interrupt(sys.exception()):
-            raise Asked(number)
+            raise EndSignal(number)
 
     default_handlers = (signal.SIG_DFL, signal.default_int_handler) if current_thread() is main_thread() else ()
     handlers = {signal_number: handler for signal_number in END_SIGNALS

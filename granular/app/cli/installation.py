@@ -94,26 +94,26 @@ class Info(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, json="write this information")
+        output.add_outputs(parser, json="write this information")
         return []
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
         extras = {extra: {name: files.version_of(name) for name in names.split()} for extra, names in EXTRAS.items()}
-        output.deliver(Installation(str(PACKAGE_FOLDER), numba(), extras, others()), parsed)
+        output.write_report(Installation(str(PACKAGE_FOLDER), numba(), extras, others()), parsed)
         if getattr(granular, "__version__", None) != VERSION:
-            raise ImportError(overwritten())
+            raise ImportError(overwritten_message())
 
 
 def numba() -> str:
     """Return a sentence on the folder of compiled kernels, or why it is missing."""
     try:
-        return f"kept in {kept()}, which can be written"
+        return f"kept in {compiled_kernels_folder()}, which can be written"
     except (ImportError, OSError) as reason:
         return str(reason)
 
 
-def kept() -> str:
+def compiled_kernels_folder() -> str:
     """Return the folder in which numba stores compiled kernels.
 
     Raises
@@ -138,7 +138,7 @@ def others() -> list[str]:
     return [f"{name} {files.version_of(name)}" for name in sorted(names)]
 
 
-def overwritten() -> str:
+def overwritten_message() -> str:
     """Return the error message for the case that another package overwrote this one.
 
     The command uses it if `granular.__version__` is not the version of this package.
@@ -164,13 +164,13 @@ class Warm(Command):
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
         check.known(parsed.scenes, WARM_SCENES, "scene")
-        print(f"machine code is kept in {kept()}")
+        print(f"machine code is kept in {compiled_kernels_folder()}")
         for name in parsed.scenes or WARM_SCENES:
-            for kind, make in ways(cases.make(name)).items():
-                print(f"{name:16} {kind:20} {made(make)}", flush=True)
+            for kind, make in warm_up_calls(cases.make(name)).items():
+                print(f"{name:16} {kind:20} {compile_duration(make)}", flush=True)
 
 
-def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
+def warm_up_calls(case: cases.Case) -> dict[str, Callable[[], object]]:
     """Return functions that call all kernels for runs and maps of a scene, by name."""
     from granular.md.located import many
 
@@ -183,7 +183,7 @@ def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
     return runs if scene._flags else runs | {"maps": partial(many.solve_many, cells, t_end=WARM_END["t_end"])}
 
 
-def made(make: Callable[[], object]) -> str:
+def compile_duration(make: Callable[[], object]) -> str:
     """Call a function, and return the processor time if it compiled kernels.
 
     The text is "there already" if all kernels had been compiled before.

@@ -19,10 +19,10 @@ import granular as gr
 from granular import cases
 from granular._engine.reports import aligned, described
 from granular.app.cli import output
-from granular.app.cli.parser import Command, case_of, offer_until, offered
+from granular.app.cli.parser import Command, add_until_option, case_of, options_from
 from granular.cases.case import ENGINE_NAMES, Option, engine_named
 from granular.cases.ready import is_file
-from granular.comparison.outcome import energy_at_hand
+from granular.comparison.outcome import energy_between_surfaces
 from granular.run.trajectory import Status, Trajectory
 from granular.scene.pair import body_name
 
@@ -54,8 +54,8 @@ class Scenes(Command):
         if parsed.target is not None:
             print(cases.dumps(case_of(parsed)), end="")
             return
-        print(output.fitted(aligned([[name, cases.about(name)] for name in cases.names()], "<")))
-        print(output.fitted("\ngranular compare SCENE --help lists the parameters of a scene.\n"
+        print(output.wrap_text(aligned([[name, cases.about(name)] for name in cases.names()], "<")))
+        print(output.wrap_text("\ngranular compare SCENE --help lists the parameters of a scene.\n"
                             "granular scenes SCENE prints it as a TOML file."))
 
 
@@ -69,11 +69,11 @@ class Run(Command):
         parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count the collisions "
                             "whose contacts would overlap in time with one of a neighbouring pair under the force law "
                             "of the scene: an estimate, not a proof")
-        offer_until(parser)
+        add_until_option(parser)
         parser.add_argument("--log", metavar="FILE.npy", help="write the contacts to this file during the run")
-        output.offer(parser, save="write the trajectory and its contact log; the suffix .nc (netCDF), .csv "
+        output.add_outputs(parser, save="write the trajectory and its contact log; the suffix .nc (netCDF), .csv "
                                   "(contacts) or .extxyz (OVITO) selects another format")
-        options_by_engine = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINE_NAMES}
+        options_by_engine = {engine: {o.name: o for o in options_from(engine_named(engine))} for engine in ENGINE_NAMES}
         merged: dict[str, Option] = {}
         for engine, other in (ENGINE_NAMES, ENGINE_NAMES[::-1]):
             for name, option in options_by_engine[engine].items():
@@ -90,7 +90,7 @@ class Run(Command):
         options = parsed.run_options | ({"watch": case.physics("md")} if parsed.watch else {}) | (
             {"log": parsed.log} if parsed.log else {})
         trajectory = case.simulate(parsed.engine, **options, progress=True)
-        print(output.fitted(summary(case, with_log(trajectory))))
+        print(output.wrap_text(summary(case, with_log(trajectory))))
         if parsed.save is not None:
             trajectory.save(parsed.save)
         return [trajectory]
@@ -101,14 +101,14 @@ class Compare(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw contacts, forces and paths of both engines, and an enlarged view",
+        output.add_outputs(parser, plot="draw contacts, forces and paths of both engines, and an enlarged view",
                      film="film both engines: fall, contacts in slow motion, flight; also .mp4",
                      json="write every number of the report")
         parser.add_argument("--remedies", action="store_true", help="compare the remedies for inelastic "
                             "collapse with the soft spheres")
-        offer_until(parser)
+        add_until_option(parser)
         parser.add_argument("-v", "--verbose", action="store_true", help="print the full report")
-        return [option for option in offered(gr.compare) if option.name != "rule"]
+        return [option for option in options_from(gr.compare) if option.name != "rule"]
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> list[Trajectory]:
@@ -118,12 +118,12 @@ class Compare(Command):
             warnings.warn(f"compare ignores {', '.join(unused)} in [run].", stacklevel=1)
         options |= parsed.run_options
         report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
-        output.deliver(report, parsed)
+        output.write_report(report, parsed)
         ends, size = report.soft.contacts["t_end"], len(report.soft.contacts) * report.scene.n
         if parsed.verbose and 0 < size <= MAX_SENSITIVITY_SIZE and not np.isnan(ends).any():
             end = {"t_end": options["t_end"]} if options.get("t_end") else {}
-            print(output.fitted(gr.sensitivity(parsed.target, **parsed.scene_options | end).line),
-                  file=output.stream(parsed))
+            print(output.wrap_text(gr.sensitivity(parsed.target, **parsed.scene_options | end).line),
+                  file=output.text_stream(parsed))
         return [report.soft, report.hard]
 
 
@@ -132,13 +132,13 @@ class Threshold(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="plot the criterion against the parameter",
+        output.add_outputs(parser, plot="plot the criterion against the parameter",
                      json="write all values, with the result at each")
-        return offered(gr.threshold, "over", "between", "criterion", "error", "within", "points", "spacing")
+        return options_from(gr.threshold, "over", "between", "criterion", "error", "within", "points", "spacing")
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
-        output.deliver(
+        output.write_report(
             gr.threshold(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
 
 
@@ -147,16 +147,16 @@ class Frontier(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="plot the error against the run time",
+        output.add_outputs(parser, plot="plot the error against the run time",
                      json="write every number, with the machine and all versions")
-        return offered(gr.frontier, "methods", "repeats")
+        return options_from(gr.frontier, "methods", "repeats")
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
         case = case_of(parsed)
         if case.until is None and "t_end" not in parsed.run_options and not is_file(parsed.target):
             case = shortened(case)
-        output.deliver(
+        output.write_report(
             gr.frontier(case.scene, case.physics("md"), **case.options(gr.frontier) | parsed.run_options,
                         progress=True), parsed)
 
@@ -166,12 +166,12 @@ class Stability(Command):
 
     @staticmethod
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-        output.offer(parser, plot="draw the table of results", json="write the results of all runs")
-        return offered(gr.stability, "axes", "methods", "error")
+        output.add_outputs(parser, plot="draw the table of results", json="write the results of all runs")
+        return options_from(gr.stability, "axes", "methods", "error")
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
-        output.deliver(
+        output.write_report(
             gr.stability(parsed.target, **parsed.scene_options, **parsed.run_options, progress=True), parsed)
 
 
@@ -223,7 +223,7 @@ def summary(case: cases.Case, run: Trajectory) -> str:
         parts = measures.balance(run)
         terms = (f"{words} {parts[name]:.6g}" for name, words in measures.BALANCE_LABELS.items() if parts[name])
         return "\n".join([*lines, "", "energy, J: " + ", ".join(terms)])
-    energy = energy_at_hand(run)
+    energy = energy_between_surfaces(run)
     if energy[0] > 0.0 and not math.isnan(energy[-1]):
         fraction_left = energy[-1] / energy[0]
         fraction_left = 0.0 if run.scene.gravity > 0.0 and abs(fraction_left) < REST_ENERGY_ROUNDING else fraction_left

@@ -26,7 +26,7 @@ The text of a column that starts further to the right is not continued below the
 DEFAULT_SUFFIXES = {"plot": "png", "film": "gif", "json": "json"}
 
 
-def offer(parser: argparse.ArgumentParser, save_as: str = "npz", **about: str) -> None:
+def add_outputs(parser: argparse.ArgumentParser, save_as: str = "npz", **about: str) -> None:
     """Add the options --plot, --film, --json and --save for which a text is given.
 
     Parameters
@@ -77,7 +77,7 @@ def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
         used.add(os.path.realpath(name))
 
 
-def fitted(text: str) -> str:
+def wrap_text(text: str) -> str:
     """Wrap lines at the width of the terminal, or at 80 columns if it is unknown.
 
     A line of a table is continued below its last column, any other line two columns further to the right.
@@ -93,14 +93,14 @@ def fitted(text: str) -> str:
     return "\n".join(lines)
 
 
-def deliver(report: Any, parsed: argparse.Namespace) -> None:
+def write_report(report: Any, parsed: argparse.Namespace) -> None:
     """Print a report, and write the files that the options name.
 
     If standard output receives JSON, the text is printed to stderr.
     """
     text = report.details() if getattr(parsed, "verbose", False) else report
     remedies = f"\n\n{report.remedies()}" if getattr(parsed, "remedies", False) else ""
-    print(fitted(f"{text}{remedies}"), file=stream(parsed))
+    print(wrap_text(f"{text}{remedies}"), file=text_stream(parsed))
     if getattr(parsed, "plot", None) is not None:
         report.plot(parsed.plot)
     if getattr(parsed, "film", None) is not None:
@@ -109,6 +109,6 @@ def deliver(report: Any, parsed: argparse.Namespace) -> None:
         report.to_json(parsed.json)
 
 
-def stream(parsed: argparse.Namespace) -> Any:
+def text_stream(parsed: argparse.Namespace) -> Any:
     """Return the stream for text: stderr if standard output receives JSON."""
     return sys.stderr if parsed.json == _files.STDOUT else sys.stdout

@@ -73,7 +73,7 @@ def add_page_options(parser: argparse.ArgumentParser, default: str | None, shown
 def announce(name: str, show: bool) -> None:
     """Print the name and size of the file, and open it in the browser if `show`."""
     path = Path(name).resolve()
-    print(output.fitted(f"{name}: {path.stat().st_size / 1000:.0f} kB, opens in any browser, needs no network"))
+    print(output.wrap_text(f"{name}: {path.stat().st_size / 1000:.0f} kB, opens in any browser, needs no network"))
     if show:
         import webbrowser
 

@@ -161,7 +161,7 @@ def case_of(parsed: argparse.Namespace) -> cases.Case:
     return replace(case, until=stop_condition(condition, case.scene))
 
 
-def offer_until(parser: argparse.ArgumentParser) -> None:
+def add_until_option(parser: argparse.ArgumentParser) -> None:
     """Add the option --until."""
     parser.add_argument("--until", nargs="+", metavar="NAME=VALUE",
                         type=lambda text: UNTIL_SEPARATED if text.strip() == UNTIL_SEPARATED else _parse_entry(text),
@@ -169,7 +169,7 @@ def offer_until(parser: argparse.ArgumentParser) -> None:
                              "ball=2 above=1.5 (m/s); type=position ball=2 above=0.8 (m; or below=); separated")
 
 
-def teller(target: str | None) -> Callable[[str], None]:
+def code_notice_printer(target: str | None) -> Callable[[str], None]:
     """Return a function that reports that a scene runs Python code.
 
     The function prints each place in the code once.
@@ -184,7 +184,7 @@ def teller(target: str | None) -> Callable[[str], None]:
     return print_once
 
 
-def offered(function: Callable[..., Any], *names: str) -> list[Option]:
+def options_from(function: Callable[..., Any], *names: str) -> list[Option]:
     """Return the options of a run: t_end, and parameters of a function.
 
     The parameters are those with the given names. Without names they are all parameters except `HIDDEN_OPTIONS`.
@@ -226,14 +226,14 @@ def _parser_settings(command: str, command_class: type[Command], target: str | N
     if usage.startswith("SCENE"):
         description += " All numbers are in SI units."
         listed = ", ".join(cases.names())
-        settings["epilog"] = output.fitted(
+        settings["epilog"] = output.wrap_text(
             f"scenes: {listed}\ngranular {command} SCENE --help lists the parameters of a scene.")
     if target is not None:
         settings = {"prog": f"granular {command} {target}"}
         usage = " ".join([target, *usage.split()[1:]])
         if target in cases.names():
             description = f"{cases.about(target)}\n\n{description}"
-    return settings | {"usage": f"granular {command} {usage}", "description": output.fitted(description)}
+    return settings | {"usage": f"granular {command} {usage}", "description": output.wrap_text(description)}
 
 
 def _add_options(parser: argparse.ArgumentParser, title: str, options: Iterable[Option]) -> None:

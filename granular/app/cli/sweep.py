@@ -19,7 +19,7 @@ import numpy as np
 from granular._engine import check
 from granular._engine.reports import blocks, cores, number, with_unit
 from granular.app.cli import ends, output
-from granular.app.cli.parser import Command, offered
+from granular.app.cli.parser import Command, options_from
 from granular.cases.case import Option
 from granular.studies.sweeps.ensembles import COMMON_RESULTS, ensemble
 from granular.studies.sweeps.results import RESULTS, STATUS_NAMES
@@ -49,8 +49,8 @@ class Sweep(Command):
                             help=f"result to store for each cell, can be repeated; one of {', '.join(RESULTS)}")
         parser.add_argument("--workers", type=int, metavar="N",
                             help="number of processes [one per core in large sweeps]")
-        output.offer(parser, save_as="nc", save="write a netCDF file, or continue an existing file of this sweep")
-        return offered(sweep, "refine", "precision")
+        output.add_outputs(parser, save_as="nc", save="write a netCDF file, or continue an existing file of this sweep")
+        return options_from(sweep, "refine", "precision")
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
@@ -65,7 +65,7 @@ class Sweep(Command):
         with processes(workers) as executor:
             data = sweep(parsed.target, over, parsed.result or DEFAULT_RESULTS, save=parsed.save, executor=executor,
                          workers=parsed.workers, progress=True, **parsed.scene_options, **parsed.run_options)
-        print(output.fitted(summary(data)))
+        print(output.wrap_text(summary(data)))
 
 
 class Sensitivity(Command):
@@ -84,8 +84,8 @@ class Sensitivity(Command):
         parser.add_argument("--border", action="store_true",
                             help="find the values below and above each parameter at which a contact count changes")
         parser.add_argument("--workers", type=int, metavar="N", default=1, help="number of processes [1]")
-        output.offer(parser, json="write all numbers")
-        return offered(sensitivity, "t_end")
+        output.add_outputs(parser, json="write all numbers")
+        return options_from(sensitivity, "t_end")
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
@@ -98,7 +98,7 @@ class Sensitivity(Command):
                                  executor=executor, progress=True, **parsed.scene_options, **parsed.run_options)
         if parsed.border:
             report.border  # noqa: B018  from now on it is among what is printed
-        output.deliver(report, parsed)
+        output.write_report(report, parsed)
 
 
 @contextmanager
@@ -150,13 +150,13 @@ class Ensemble(Command):
             default=[],
             help=f"result to compare, such as v_rel[1], can be repeated; one of {', '.join(COMMON_RESULTS)}",
         )
-        output.offer(parser, plot="draw the distributions", json="write all numbers")
-        return offered(ensemble, "margin", "seed", "independent")
+        output.add_outputs(parser, plot="draw the distributions", json="write all numbers")
+        return options_from(ensemble, "margin", "seed", "independent")
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
         vary: Any = dict(axis(word) if "=" in word else (word, None) for word in parsed.vary)
-        output.deliver(ensemble(parsed.target, parsed.draws, vary, parsed.result or "energy_left", progress=True,
+        output.write_report(ensemble(parsed.target, parsed.draws, vary, parsed.result or "energy_left", progress=True,
                                 **parsed.scene_options, **parsed.run_options), parsed)
 
 

@@ -40,8 +40,8 @@ class Verify(Command):
                 raise ValueError(f"{'--check' if parsed.check else '-o'} requires a case: one of "
                                  f"{', '.join(verification.names())}.")
             rows = [[name, verification.case(name)["about"]] for name in verification.names()]
-            print(output.fitted(aligned(rows, "<")))
-            print(output.fitted("\ngranular verify CASE -o FILE.csv writes a case.\n"
+            print(output.wrap_text(aligned(rows, "<")))
+            print(output.wrap_text("\ngranular verify CASE -o FILE.csv writes a case.\n"
                                 "granular verify CASE --check FILE.csv checks your numbers."))
         elif parsed.check:
             return _check_table(parsed)
@@ -62,7 +62,7 @@ def _print_case(name: str) -> None:
     if len(rows) > MAX_PRINTED_ANSWERS:
         lines.append(f"… {len(rows) - MAX_PRINTED_ANSWERS} more; granular verify {name} -o FILE.json writes all of "
                      "them, and the set-up.")
-    print(output.fitted("\n".join(lines)))
+    print(output.wrap_text("\n".join(lines)))
 
 
 def _check_table(parsed: argparse.Namespace) -> int:
@@ -74,7 +74,7 @@ def _check_table(parsed: argparse.Namespace) -> int:
     first = next((check for check in failures if check.word == "wrong"), None)
     print(f"{parsed.case}: of {len(checks)} answers {counts}.")
     if first is not None:
-        print(output.fitted(
+        print(output.wrap_text(
             f"First wrong: {first.answer.run}: {first.answer.quantity}: {files.plain_text(first.theirs)} instead of "
             f"{first.answer.value} {first.answer.unit}, relative difference {first.off:.1e}."))
     for check in [check for check in checks if check.word != "right"][:MAX_PRINTED_ANSWERS]:

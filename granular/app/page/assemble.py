@@ -77,20 +77,20 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
         "title": escape(title),
         "start": escape(start),
         "version": VERSION,
-        "style": STYLE_SPACE_PATTERN.sub("", "".join(shipped(name) for name in parts[2:])),
+        "style": STYLE_SPACE_PATTERN.sub("", "".join(part_text(name) for name in parts[2:])),
         "blocked": "\n".join(
             f'<p lang="{words(language)["tag"]}">{escape(words(language)[BLOCKED_KEY])}</p>' for language in LANGUAGES
         ),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),
     }
-    html = shipped("shell/shell.html").replace("<body>", '<body data-start="{{start}}">')
-    body = shipped(parts[0]).replace("{{transport}}", shipped("shell/transport.html"))
+    html = part_text("shell/shell.html").replace("<body>", '<body data-start="{{start}}">')
+    body = part_text(parts[0]).replace("{{transport}}", part_text("shell/transport.html"))
     return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html.replace("{{body}}", re.sub(r"\n\s+", "\n", body)))
 
 
 @cache
-def shipped(name: str) -> str:
+def part_text(name: str) -> str:
     """Return the text of a file of this package, by its path in the package."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
@@ -98,7 +98,7 @@ def shipped(name: str) -> str:
 @cache
 def words(language: str) -> dict[str, str]:
     """Return all sentences of the pages in one language, by key."""
-    return dict(json.loads(shipped(f"words/{language}.json")))
+    return dict(json.loads(part_text(f"words/{language}.json")))
 
 
 @cache
@@ -108,20 +108,20 @@ def bundle(*mains: str) -> str:
     All modules share one scope. Their names must therefore differ: browsers refuse a script that declares a name twice.
     """
     return "\n".join(
-        _plain(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
+        _minified(part_text(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed_modules, mains))))
 
 
-def _needed(name: str) -> Iterator[str]:
+def _needed_modules(name: str) -> Iterator[str]:
     """Yield the names of all modules that a module imports, then its own name.
 
     A module can occur several times.
     """
-    for path in IMPORT_PATTERN.findall(shipped(name)):
-        yield from _needed(normpath(f"{dirname(name)}/{path}"))
+    for path in IMPORT_PATTERN.findall(part_text(name)):
+        yield from _needed_modules(normpath(f"{dirname(name)}/{path}"))
     yield name
 
 
-def _plain(source: str) -> str:
+def _minified(source: str) -> str:
     stripped = COMMENT_PATTERN.sub("", EXPORT_PATTERN.sub("", IMPORT_PATTERN.sub("", source)))
     result, previous = PARENTHESES_PATTERN.sub(r"\1=>", SPACE_PATTERN.sub(_shorten, stripped)), ""
     while result != previous:

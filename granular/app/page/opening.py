@@ -80,7 +80,7 @@ class Language(Setting):
         return {self.slider: check.choice(name, value, self.words)}
 
 
-class Kind(Setting):
+class BallSetting(Setting):
     """Setting whose value is the name of a ball in `granular.balls`.
 
     `slider` is "1" for the lower ball and "2" for the upper ball. The link contains the properties of the ball.
@@ -92,7 +92,7 @@ class Kind(Setting):
         return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT_NAMES.items()}
 
 
-class Truth(Setting):
+class BooleanSetting(Setting):
     """Setting whose value is True or False."""
 
     def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
@@ -124,12 +124,12 @@ def ball_settings(i: int, prefix: str, label: str) -> dict[str, Setting]:
     """
     name = prefix or "ball_"
     return {
-        name.rstrip("_"): Kind(str(i), f"{label}: a name of granular.balls", words=tuple(balls.BALLS)),
+        name.rstrip("_"): BallSetting(str(i), f"{label}: a name of granular.balls", words=tuple(balls.BALLS)),
         prefix + "mass": Setting(f"m{i}", f"mass of {label} in kg", 1e-3, 2.0),
         prefix + "radius": Setting(f"r{i}", f"radius of {label} in m", 2e-3, 0.15),
         prefix + "duration": Setting(f"t{i}", f"duration of a bounce of {label} on the floor in s", 1e-5, 0.03),
         prefix + "restitution": Setting(f"e{i}", f"ε of {label} on the floor", 0.1, 1.0),
-    } | ({prefix + "filled": Truth(f"air{i}", f"whether {label} is filled with air")} if prefix else {})
+    } | ({prefix + "filled": BooleanSetting(f"air{i}", f"whether {label} is filled with air")} if prefix else {})
 
 
 SCENE_SETTINGS: dict[str, dict[str, Setting]] = {
@@ -174,7 +174,7 @@ COMMON_SETTINGS = {
     "language": Language("lang", "language of the page [the language of the browser]", words=LANGUAGES),
     "at": Setting("at", "initial time, as a fraction of the time shown", 0.0, 1.0),
 }
-LABORATORY_SETTINGS = {"predict": Truth("predict", "start with a question for a prediction")}
+LABORATORY_SETTINGS = {"predict": BooleanSetting("predict", "start with a question for a prediction")}
 
 
 def settings(scene: str) -> dict[str, Setting]:
@@ -204,7 +204,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
     if scene == "story" and "at" in values:
         parameters = {"screen": 0}
     names = [name for name in known if name in values]
-    ordered = sorted(names, key=lambda name: not isinstance(known[name], Kind))  # numbers of a ball may differ
+    ordered = sorted(names, key=lambda name: not isinstance(known[name], BallSetting))  # numbers of a ball may differ
     for name in ordered:
         parameters |= known[name].link_parameters(name, values[name])
     if "moving" in values:
@@ -229,6 +229,6 @@ def _about(name: str, setting: Setting) -> str:
 
 
 def _kind(setting: Setting) -> str:
-    if isinstance(setting, Truth):
+    if isinstance(setting, BooleanSetting):
         return "bool"
     return "str" if setting.words else "int" if setting.whole else "float"

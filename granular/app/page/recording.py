@@ -5,8 +5,8 @@ much. If contacts are thinned out, a map counts all contacts over pairs and time
 64-bit floats, other numbers with 32 bits or less. Radii are subtracted from positions, so that equal positions mean
 contact.
 
-Hard runs get additional samples (`filled`): at their contacts, and between contacts where paths are curved. They are
-computed from the samples and the contact log. Every body flies freely after a sample, and the log contains the
+Hard runs get additional samples (`add_samples`) at their contacts, and between contacts where paths are curved. They
+are computed from the samples and the contact log. Every body flies freely after a sample, and the log contains the
 velocities after each contact. Nothing is added if this computation does not reproduce the next sample, because the log
 is missing or incomplete.
 """
@@ -54,11 +54,11 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
     name : str
         Name of the run.
     """
-    bodies = evenly(run.scene.n, MAX_BODIES)
+    bodies = evenly_spaced(run.scene.n, MAX_BODIES)
     limit = min(MAX_SAMPLES, max(2, MAX_POSITIONS // len(bodies)))
-    contact_rows = evenly(len(run.contacts), MAX_CONTACTS)
-    played = filled(run, limit)
-    shown = with_samples(played, evenly(len(played.time), limit))
+    contact_rows = evenly_spaced(len(run.contacts), MAX_CONTACTS)
+    played = add_samples(run, limit)
+    shown = with_samples(played, evenly_spaced(len(played.time), limit))
     return {
         "name": name,
         "engine": "soft" if run.rule is None else "hard",
@@ -74,7 +74,7 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "walls": np.flatnonzero(run.scene.is_wall).tolist(),
         "time": as_base64(shown.time, np.float64),
         "span": [float(run.time[0]), float(run.time[-1])],
-        "offset": as_base64((run.position[0] - points(with_samples(run, evenly(1, 1)))[0])[bodies]),
+        "offset": as_base64((run.position[0] - points(with_samples(run, evenly_spaced(1, 1)))[0])[bodies]),
         "path": as_base64(points(shown)[:, bodies]),
         "energy": as_base64(np.nan_to_num(shown.energy(), nan=0.0), np.float64),
         "account": _energy_terms(run),
@@ -99,7 +99,7 @@ def different_balls(one: Scene, other: Scene) -> str:
     return next((name for name, is_so in differ.items() if is_so), "")
 
 
-def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+def evenly_spaced(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Return `most` evenly spaced integers from 0 to n - 1, with first and last.
 
     If n is smaller than `most`, all n integers are returned.
@@ -164,7 +164,7 @@ def velocity_map(run: Trajectory) -> dict[str, Any]:
     If several balls share a row of the map, the row has the velocity of the fastest one, so that narrow waves are not
     lost. Samples are thinned out evenly.
     """
-    rows, balls = evenly(len(run.time), MAP_SIZE[0]), np.flatnonzero(~run.scene.is_wall)
+    rows, balls = evenly_spaced(len(run.time), MAP_SIZE[0]), np.flatnonzero(~run.scene.is_wall)
     lanes = np.arange(min(len(balls), MAP_SIZE[1]))
     velocity = run.velocity[rows][:, balls]
     first = lanes * len(balls) // len(lanes)
@@ -186,7 +186,7 @@ def as_base64(values: Any, kind: Any = None) -> str:
     return base64.b64encode(np.ascontiguousarray(array, dtype=little).tobytes()).decode("ascii")
 
 
-def filled(run: Trajectory, most: int) -> Trajectory:
+def add_samples(run: Trajectory, most: int) -> Trajectory:
     """Return a hard run with additional samples, in total at most `most`.
 
     The run is returned unchanged if it is a soft run, has driven walls, or if the samples cannot be reproduced.

@@ -12,7 +12,7 @@ import numpy as np
 from granular._engine.check import per_pair
 from granular._engine.flight import rate_at_contact
 from granular.comparison.numbers import effective, is_drop
-from granular.comparison.outcome import at_once, counts, energy_left, separations
+from granular.comparison.outcome import combine_simultaneous, counts, energy_left, separations
 from granular.md.binary import restitution
 from granular.run.trajectory import Status
 from granular.scene.state import Scene
@@ -95,11 +95,13 @@ RESULTS = {
                         lambda a: effective(a.v_rel[..., -1], a.impact) / a.eps, many="ended"),
     "energy_left": Result("", "1", "E/E0, energy at the end over that at the start, soft",
                           lambda a: energy_left(a.soft)),
-    "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(at_once(a.hard)), -1),
+    "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(combine_simultaneous(a.hard)), -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
     "hard_v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, hard",
-                         lambda a: separations(at_once(a.hard))[0]),
-    "hard_t_f": Result("pair", "s", "end of the pair's last contact, hard", lambda a: separations(at_once(a.hard))[1]),
+                         lambda a: separations(combine_simultaneous(a.hard))[0]),
+    "hard_t_f": Result(
+        "pair", "s", "end of the pair's last contact, hard", lambda a: separations(combine_simultaneous(a.hard))[1]
+    ),
     "hard_time": Result("", "s", "end of the run, hard", lambda a: a.hard.time[-1]),
     "hard_energy_left": Result("", "1", "E/E0, energy at the end over that at the start, hard",
                                lambda a: energy_left(a.hard)),

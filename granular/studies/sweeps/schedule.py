@@ -25,7 +25,7 @@ from granular._engine.kernels import in_memory, worth
 from granular.cases import Case
 from granular.cases.build import error_sentence
 from granular.cases.ready import first_impact_speed
-from granular.comparison.align import followed
+from granular.comparison.align import follow_contacts
 from granular.comparison.outcome import counts, order, separations
 from granular.comparison.run import Comparison, compare
 from granular.laws.contact_law import resolve
@@ -107,7 +107,7 @@ class Answer:
         Unfinished contacts at the end of the run are continued to their end.
         """
         options = {name: x for name, x in self.case.options(md.simulate).items() if name in ("method", "dt", "engine")}
-        return separations(followed(self.soft, options))[0]
+        return separations(follow_contacts(self.soft, options))[0]
 
     @property
     def longest(self) -> Any:

@@ -146,13 +146,13 @@ def ball_of(report):
 
 def told_if_stuck_alike(name, v, ties):
     """Return the answer as if balls that stick under two tie rules stuck alike."""
-    with patch.object(outcomes, "stuck_apart", lambda one, *_: np.zeros(one.scene.n_pairs)):
+    with patch.object(outcomes, "stuck_differences", lambda one, *_: np.zeros(one.scene.n_pairs)):
         return answer_of(compared(name, v, ties))
 
 
 def part_at_rounding(report):
     """Whether hard spheres carried on after a collapse end at less than the speed at which they stick, but not at 0."""
-    slow = np.abs(outcomes.partings(report.levelled[0])) / gr.measures.fastest_approach(report.hard)
+    slow = np.abs(outcomes.separation_speeds(report.levelled[0])) / gr.measures.fastest_approach(report.hard)
     return report.settled is not report.hard and bool(((slow > 0.0) & (slow < 1e-8)).any())
 
 
