@@ -246,8 +246,8 @@ def _stepped(
         return drive(made[-1])
 
     run = in_time(solve, request)
-    if made[-1].doubt:
-        warnings.warn(made[-1].doubt, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
+    if made[-1].step_warning:
+        warnings.warn(made[-1].step_warning, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
     if run.status is not Status.unstable and len(run.contacts):
         check_deepest(laws, run.contacts)
     return run

@@ -1,7 +1,8 @@
-"""Parallel steps of a long chain: each core steps a part of the windows.
+"""Parallel steps of a long chain: each thread steps a group of windows.
 
-Windows are independent until all parts have taken their steps, so the assignment to cores changes no bit. Compiled code
-runs without the interpreter lock. The loop of the march itself is unchanged.
+Windows are independent of each other within one call of `march.take_steps`. Results are therefore bitwise independent
+of the number of threads. Compiled kernels run without the interpreter lock. The source of `march.march` is used
+unchanged, with the functions of this module in place of three kernels.
 """
 
 from __future__ import annotations
@@ -15,49 +16,56 @@ from granular._engine.reports import cores
 from granular.md.fixed import march
 
 MIN_PAIRS_PER_PART = 20_000
-"""Smallest number of pairs per part.
+"""Minimum number of pairs per thread.
 
-Stepping them takes ten times as long as synchronizing."""
+Stepping that number of pairs takes about ten times as long as synchronizing the threads."""
 
 Crew = namedtuple("Crew", "whole parts pool code ended log pair nth")
-"""Work spaces of the whole chain and of its parts, thread pool and kernels.
+"""Work space of a chain that is stepped in parallel.
 
-The other four fields are fields of the first work space."""
+`whole` is the `window.Work` of the chain, and `parts` are those of the threads. `pool` runs all parts except the first,
+and `code` contains the compiled kernels. The last four fields are fields of `whole`."""
 
 
 def parts(pairs: int) -> int:
-    """Return the number of parts in which a chain is stepped."""
+    """Return the number of threads that step a chain of `pairs` pairs."""
     return max(1, min(cores(), pairs // MIN_PAIRS_PER_PART))
 
 
-def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Crew:
-    """Return the work space of `march.march` for steps of the parts in parallel."""
-    return Crew(whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
+def parallel_workspace(whole: Any, parts: list[Any], code: Any) -> Crew:
+    """Return the work space for steps of the `parts` of a chain in parallel.
+
+    `whole` is the work space of the chain, and `code` contains its compiled kernels.
+    """
+    return Crew(whole, parts, ThreadPoolExecutor(len(parts) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
 
 
-def take_steps(physics: Any, here: Any, there: Any, work: Crew, *how: Any) -> tuple[int, int]:
-    """Take steps as `march.take_steps` does, all parts in parallel."""
-    mine, *others = work.parts
+def take_steps(physics: Any, here: Any, there: Any, work: Crew, *arguments: Any) -> tuple[int, int]:
+    """Take steps like `march.take_steps`, with each part in its own thread.
+
+    `arguments` are the last four arguments of `march.take_steps`.
+    """
+    first_part, *other_parts = work.parts
     for part in work.parts:
         part.ended[0] = 0
-    waited = [work.pool.submit(work.code.take_steps, physics, here, there, part, *how) for part in others]
-    found = [work.code.take_steps(physics, here, there, mine, *how), *(one.result() for one in waited)]
+    futures = [work.pool.submit(work.code.take_steps, physics, here, there, part, *arguments) for part in other_parts]
+    results = [work.code.take_steps(physics, here, there, first_part, *arguments), *(f.result() for f in futures)]
     flags = 0
-    for part, (_, seen) in zip(work.parts, found, strict=True):
-        begun, flags = work.ended[0], flags | seen
+    for part, (_, part_flags) in zip(work.parts, results, strict=True):
+        log_start, flags = work.ended[0], flags | part_flags
         work.ended[0] += part.ended[0]
         if physics.logged:
-            work.log[begun : work.ended[0]] = part.log[: part.ended[0]]
-    return min(taken for taken, _ in found), flags
+            work.log[log_start : work.ended[0]] = part.log[: part.ended[0]]
+    return min(taken for taken, _ in results), flags
 
 
 def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: Any, work: Crew) -> None:
-    """Log contacts as `notes.log_contacts` does."""
+    """Record onsets and ends of contacts of the whole chain, see `notes.log_contacts`."""
     work.code.log_contacts(first, stop, lo, k, physics, was, now, work.whole)
 
 
 def deepest(xi: Any) -> int:
-    """Return the same as `march.deepest`."""
+    """Return the number of the pair with the largest overlap, see `march.deepest`."""
     return int(compiled(march.deepest)(xi))
 
 

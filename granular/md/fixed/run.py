@@ -1,6 +1,7 @@
-"""One run with a fixed time step: steps while pairs are closed, else a flight.
+"""Run with a fixed time step: steps during contacts, free flight between them.
 
-At its end the run reports whether the time step was short enough to be trusted.
+While no pair overlaps, the balls move in closed form by a whole number of steps (a flight). At its end, the run checks
+whether the time step was short enough.
 """
 
 from __future__ import annotations
@@ -33,17 +34,38 @@ from granular.scene import Scene, positions
 from granular.scene.places import Closing
 
 FIRST_CHUNK_PAIR_STEPS = 1 << 15
-"""Number of pair steps before the clock is checked for the first time.
+"""Work before the first pause of a run: number of pairs times number of steps.
 
-The checks serve progress reports and the switch to compiled code."""
+At a pause the run can report its progress and switch to compiled code."""
 LOADING_SECONDS, COMPILING_SECONDS = 0.4, 3.0
-"""Time in s to load cached machine code, and to compile it."""
+"""Typical times in s to load cached machine code, and to compile it."""
 MAX_STEP_NUMBER = 1 << 53
-"""Largest step number. The next one has no exact float."""
+"""Largest step number. The next integer has no exact float."""
 
 
 class Run:
-    """State of one run, `k` steps after its start. Free flights are not `steps`."""
+    """Run of soft spheres with a fixed time step (protocol `granular.run.drive.Run`).
+
+    Parameters
+    ----------
+    scene : Scene
+        Initial state.
+    laws : SceneLaws
+        Force laws of its pairs.
+    request : Request
+        Options that all engines share.
+    method : str
+        Name of the integrator, a key of `INTEGRATORS`.
+    dt : float
+        Time step in s.
+    engine : {"auto", "plain", "compiled"}
+        See `granular.md.simulate`.
+
+    Notes
+    -----
+    The run is at time `start` + `k`·`dt`. `k` includes the time steps passed in flights. `steps` counts only the steps
+    that were integrated.
+    """
 
     in_order = False
     adds_up = True
@@ -58,77 +80,90 @@ class Run:
         self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled",
                                self.start)
         self.k = self.steps = self.flights = self.contacts = 0
-        self.met = math.inf  # s, time at which the stop level is passed
-        self.halted = False  # between two steps, at the onset of the contact to stop at
-        self.crowded = False  # a ball would hit a thermal wall too often in one step
-        self.take_off: tuple[int, Any] | None = None  # step and state at the start of the flight that ends here
-        self.note = self.doubt = ""
-        self.chunk = max(1, FIRST_CHUNK_PAIR_STEPS // scene.n_pairs)
+        self.level_time = math.inf  # s, time at which the stop level is passed
+        self.is_stopped_at_onset = False  # the run ended between two steps, at the onset of the contact to stop at
+        self.has_too_many_hits = False  # a ball would hit a thermal wall too often in one step
+        self.flight_start: tuple[int, Any] | None = None  # step and state at the start of the flight that ends here
+        self.note = self.step_warning = ""
+        self.chunk_steps = max(1, FIRST_CHUNK_PAIR_STEPS // scene.n_pairs)
         if engine == "auto":
-            # march, or take_steps
-            self.toll = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING_SECONDS, COMPILING_SECONDS)
+            # index 0 is the kernel `march`, index 1 is `take_steps`
+            self.compile_timer = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING_SECONDS, COMPILING_SECONDS)
         if scene.driven:
             self.closing = Closing(scene, self.start, flattened=True)
 
     def time(self) -> float:
-        """Return the time in s of the current step."""
+        """Return the time in s reached by the run, at its current step."""
         return self.start + self.k * self.dt
 
     def progress(self) -> tuple[float, int]:
-        """Return the time in s and the number of contacts so far."""
+        """Return the time in s reached by the run, and its number of finished contacts."""
         return self.time(), self.contacts
 
     def row(self, time: float) -> Row:
-        """Return the scene at `time`, at most one step ahead, by a shorter step on a copy.
+        """Return the state of the scene at `time` in s, without advancing the run.
 
-        An earlier time within the flight just completed is evaluated on that flight.
+        `time` is at most one step after the current step. The state there is computed by one shorter step on a copy.
+        If `time` is before the current step, it lies in the flight that ended there, and the flight is evaluated.
         """
-        behind = self.take_off if time < self.time() else None
-        k, flying = behind or (self.k, None)
-        ahead = max(0.0, time - (self.start + k * self.dt))  # rounding can put k dt after `time`
-        state = self.stepper.after(k, ahead) if flying is None else self.stepper.glide(copied(flying), k, ahead)
-        return self._row(time, state, state if flying is None else self.stepper.here)
+        flight = self.flight_start if time < self.time() else None
+        k, flight_state = flight or (self.k, None)
+        span = max(0.0, time - (self.start + k * self.dt))  # rounding can put k dt after `time`
+        state = (self.stepper.after(k, span) if flight_state is None else
+                 self.stepper.glide(copied(flight_state), k, span))
+        return self._row_from_state(time, state, state if flight_state is None else self.stepper.here)
 
-    def _row(self, time: float, state: Any, booked: Any) -> Row:
+    def _row_from_state(self, time: float, state: Any, account_state: Any) -> Row:
+        """Convert the arrays `state` at `time` in s to a `Row`.
+
+        The energies are read from the arrays `account_state`.
+        """
         xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
-        ledger = None if self.stepper.walls is None else self.stepper.account(booked, xi)
+        ledger = None if self.stepper.walls is None else self.stepper.account(account_state, xi)
         return Row(time, time - self.start, -xi[1:-1], v[1 : self.scene.n + 1], force=np.fmax(0.0, raw[1:-1]),
                    ledger=ledger)
 
     def to(self, time: float, last: bool) -> Pause:
-        """Take steps up to `time`, to the end of a chunk, or to a final event."""
-        if self.k == 0 and self._halts_at_start():
+        """Advance towards `time` in s, and return the reason for the pause.
+
+        The run pauses at the last whole step before `time`, after a limited number of steps, or where it ends. If
+        `last`, no later time is requested, and hits of thermal walls in the partial step before `time` are counted.
+        """
+        if self.k == 0 and self._clear_stop_contact_at_start():
             return Pause.until
         if self.k == 0:
-            self.met = self._meets()
-        limit = self._steps(time - self.start)
-        pause = self._advance(limit) if self.k < limit and self.met == math.inf else Pause.reached
-        if self.met < math.inf and self.met <= time:
+            self.level_time = self._level_crossing_time()
+        limit = self._whole_steps(time - self.start)
+        reason = self._advance(limit) if self.k < limit and self.level_time == math.inf else Pause.reached
+        if self.level_time < math.inf and self.level_time <= time:
             return Pause.until
         if self.scene.driven:
-            self.closing.refuse(time if pause is Pause.reached else self.time(), self.request.end)
-        if pause is Pause.reached:
-            return self._last_part(time) if last and self.stepper.heaters else pause
+            self.closing.refuse(time if reason is Pause.reached else self.time(), self.request.end)
+        if reason is Pause.reached:
+            return self._process_last_partial_step(time) if last and self.stepper.heaters else reason
         if not np.isfinite(self.stepper.balls()).all():
             return Pause.unstable
-        return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
+        return Pause.work if reason is Pause.full and self.steps >= self.request.max_steps else reason
 
-    def _steps(self, span: float) -> float:
-        """Return the number of whole steps in a time span in s."""
+    def _whole_steps(self, span: float) -> float:
+        """Return the number of whole time steps in a time span in s, possibly inf.
+
+        Raises `ValueError` if the number of steps in a finite time span overflows.
+        """
         steps = span / self.dt
         if span < steps == math.inf:
-            raise self._beyond(steps)
+            raise self._uncountable_step_error(steps)
         return math.floor(steps) if steps < math.inf else steps
 
-    def _beyond(self, step: float) -> ValueError:
-        """Return the error for a step number that has no exact float."""
+    def _uncountable_step_error(self, step: float) -> ValueError:
+        """Return the exception for a `dt` so short that step number `step` is not exact."""
         return ValueError(f"`dt` must be large enough that the steps can be counted, got {self.dt:g}: the run reaches "
                           f"step {step:.3g}. Use a larger dt, or method='located'.")
 
-    def _halts_at_start(self) -> bool:
-        """Return whether the contact to stop at exists at the start.
+    def _clear_stop_contact_at_start(self) -> bool:
+        """Remove the contact to stop at, if it exists already in the initial state.
 
-        If so, its force is set to 0, because the contact must not act.
+        Its force and its contact count are set to 0. Return whether the contact existed.
         """
         here, j = self.stepper.here, self.pair + 1
         if j == 0 or here[COUNT][j] < self.nth:
@@ -137,109 +172,126 @@ class Run:
         return True
 
     def _advance(self, limit: float) -> Pause:
-        """Complete a free flight, then take steps until step number `limit`."""
+        """Fly to the next touch if no pair overlaps, then take steps up to step `limit`.
+
+        At most `chunk_steps` steps are taken. Return the reason for the pause.
+        """
         stepper = self.stepper
         if not (stepper.pairs(XI) > 0.0).any():
             if isinstance(self.request.until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
-                if self.take_off is None:  # at most one flight per march
-                    if self._fly():
+                if self.flight_start is None:  # at most one flight per march
+                    if self._fly_to_next_touch():
                         return Pause.quiet
-                    self.met = self._meets()
-                if self.k >= limit or self.met < math.inf:
+                    self.level_time = self._level_crossing_time()
+                if self.k >= limit or self.level_time < math.inf:
                     return Pause.full
         if self.k > MAX_STEP_NUMBER:
-            raise self._beyond(self.k)
+            raise self._uncountable_step_error(self.k)
         if self.engine == "auto":
-            self._compile_if_worth_it()
+            self._compile_if_worthwhile()
         # 1 << 60 keeps an infinite `max_events` within the integers of the kernel
-        room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        most = 1 if self.request.singly else self.chunk
-        begun, steps = process_time(), int(min(most, limit - self.k, self.request.max_steps - self.steps))
-        why, k = stepper.march(self.k, steps, room)
-        self.chunk = portion(steps, process_time() - begun)
-        self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
-        self.met = self._meets()
-        self.crowded = why == CROWDED
-        if self._counted(halts=why == UNTIL):
+        contact_budget = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
+        step_limit = 1 if self.request.singly else self.chunk_steps
+        start_time, steps = process_time(), int(min(step_limit, limit - self.k, self.request.max_steps - self.steps))
+        reason, k = stepper.march(self.k, steps, contact_budget)
+        self.chunk_steps = portion(steps, process_time() - start_time)
+        self.flight_start, self.steps, self.k = None, self.steps + k - self.k, k
+        self.level_time = self._level_crossing_time()
+        self.has_too_many_hits = reason == CROWDED
+        if self._count_finished_contacts(halts=reason == UNTIL):
             return Pause.until
-        if self.crowded:
+        if self.has_too_many_hits:
             return Pause.unstable
         if self.contacts >= self.request.max_events:
             return Pause.work
         return Pause.full
 
-    def _meets(self) -> float:
-        """Return the time in s at which a level is passed, or inf.
+    def _level_crossing_time(self) -> float:
+        """Return the first time in s at which a stop condition on a level is met, or inf.
 
-        The flight that ends at the current step is searched, or else the step itself.
+        If a flight ends at the current step, the flight is searched. Otherwise only the current step is checked.
         """
-        level, first = self.request.until, self.k if self.take_off is None else self.take_off[0]
+        level, first = self.request.until, self.k if self.flight_start is None else self.flight_start[0]
         if not isinstance(level, stop.LEVEL_TYPES):
             return math.inf
         return first_met(partial(shown, self, level), level, self.scene, self.start + first * self.dt, self.time())
 
-    def _last_part(self, end: float) -> Pause:
-        """Count the hits of thermal walls in the partial step before the end."""
-        halts = self.stepper.hit_within(self.k, max(0.0, end - self.time()))
-        return Pause.until if self._counted(halts) else Pause.reached
+    def _process_last_partial_step(self, end: float) -> Pause:
+        """Count and log the hits of thermal walls between the last step and `end` in s.
 
-    def _counted(self, halts: bool) -> bool:
-        """Count the finished contacts, and return whether the run halts at an onset.
-
-        If it does, the counted contacts ended before that onset.
+        Return the reason for the pause: the stop condition if the hit to stop at is among them, else the end time.
         """
-        self.halted = halts
+        halts = self.stepper.hit_within(self.k, max(0.0, end - self.time()))
+        return Pause.until if self._count_finished_contacts(halts) else Pause.reached
+
+    def _count_finished_contacts(self, halts: bool) -> bool:
+        """Add the contacts that ended in the last steps to `contacts`, and return `halts`.
+
+        `halts` states whether the run stops at the onset of a contact. Contacts that ended after this onset are not
+        counted.
+        """
+        self.is_stopped_at_onset = halts
         if halts and self.stepper.heaters:
-            self._forget_later_hits()
+            self._remove_later_hits()
         self.contacts += int(self.stepper.work.ended[0])
         return halts
 
-    def _forget_later_hits(self) -> None:
-        """Remove later hits of thermal walls in the current step from the log.
+    def _remove_later_hits(self) -> None:
+        """Remove the hits of thermal walls after the onset to stop at from the log.
 
-        A hit is later if it follows the onset to stop at.
+        Only the current step can contain such hits.
         """
-        log, ended, part = self.stepper.work.log, self.stepper.work.ended, self._part()
-        late = [log[i]["step_out"] == self.k and log[i]["part_out"] > part for i in range(ended[0])]
-        # a stable sort keeps the order of the remaining rows
-        order = sorted(range(ended[0]), key=late.__getitem__)
+        log, ended, part = self.stepper.work.log, self.stepper.work.ended, self._onset_fraction()
+        is_later = [log[i]["step_out"] == self.k and log[i]["part_out"] > part for i in range(ended[0])]
+        # move the later hits to the end; a stable sort keeps the order of the remaining rows
+        order = sorted(range(ended[0]), key=is_later.__getitem__)
         log[: ended[0]] = [log[i] for i in order] if isinstance(log, list) else log[order]
-        ended[0] -= sum(late)
+        ended[0] -= sum(is_later)
 
-    def _part(self) -> float:
-        """Return the fraction of the step at which the contact to stop at begins."""
+    def _onset_fraction(self) -> float:
+        """Return the onset of the contact to stop at, as a fraction of the current step."""
         old, new, j = self.stepper.here, self.stepper.there, self.pair + 1
-        return float(new[PART][j] if self._at_thermal_wall() else part_of_step(j, old[XI][j], old, new))
+        return float(new[PART][j] if self._stops_at_thermal_wall() else part_of_step(j, old[XI][j], old, new))
 
-    def _at_thermal_wall(self) -> bool:
-        """Return whether the contact to stop at belongs to a thermal wall."""
+    def _stops_at_thermal_wall(self) -> bool:
+        """Return whether the contact to stop at is a hit of a thermal wall."""
         return any(wall.pair == self.pair for wall in self.stepper.heaters)
 
-    def _fly(self) -> bool:
-        """Advance by whole steps while all pairs are open.
+    def _fly_to_next_touch(self) -> bool:
+        """Move the balls freely, by whole steps, to the last step before the next touch.
 
-        Return whether no touch follows and no end time is set. A flight extends to the next touch or to the end of the
-        run. Samples do not interrupt it, so they do not change any bit of the result.
+        The flight ends earlier at the end time of the run. Samples do not interrupt it, so the result is bitwise
+        independent of them.
+
+        Returns
+        -------
+        bool
+            True if there is neither a next touch nor an end time. The state is then unchanged.
         """
         span, stepper = self.request.end - self.start, self.stepper
-        last = self._steps(span)
+        last_step = self._whole_steps(span)
         touch = stepper.time_to_touch(self.k, span - self.k * self.dt)
-        if touch == last == math.inf:
+        if touch == last_step == math.inf:
             return True
-        jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is nan
-        if jump == math.inf:
-            raise self._beyond(jump)
-        if jump > 0.0:
-            self.take_off = self.k, copied(stepper.here)
-            stepper.glide(stepper.here, self.k, jump * self.dt)
-            self.k += int(jump)
+        # inf // dt is nan
+        step_count = min(touch // self.dt, last_step - self.k) if touch < math.inf else last_step - self.k
+        if step_count == math.inf:
+            raise self._uncountable_step_error(step_count)
+        if step_count > 0.0:
+            self.flight_start = self.k, copied(stepper.here)
+            stepper.glide(stepper.here, self.k, step_count * self.dt)
+            self.k += int(step_count)
             self.flights += 1
         return False
 
-    def _compile_if_worth_it(self) -> None:
-        if not self.toll.due() and (have_numba() or self.toll.lap() < LOADING_SECONDS):
+    def _compile_if_worthwhile(self) -> None:
+        """Switch from interpreted to compiled steps if the run so far justifies it.
+
+        If the kernels cannot be compiled, the run continues interpreted, and `note` contains the reason.
+        """
+        if not self.compile_timer.due() and (have_numba() or self.compile_timer.lap() < LOADING_SECONDS):
             return
         self.engine = "plain"
         try:
@@ -250,16 +302,16 @@ class Run:
             self.note = str(reason)
 
     def rows(self) -> list[Rows]:
-        """Return the contacts that ended since the last call."""
+        """Return the log rows of the contacts that ended since the last call."""
         work = self.stepper.work
         ended, work.ended[0] = work.ended[0], 0
         if ended == 0 or not self.request.rows:
             return []
         log = packed(work.log[:ended], STEP_ROW)
-        return [self._settled(log[np.lexsort((log["pair"], log["step_out"]))])]
+        return [self._with_times(log[np.lexsort((log["pair"], log["step_out"]))])]
 
-    def _settled(self, raw: Rows) -> Rows:
-        """Convert step numbers and fractions to times."""
+    def _with_times(self, raw: Rows) -> Rows:
+        """Return rows of type `STEP_ROW` with their step numbers converted to times in s."""
         rows = np.zeros(len(raw), CONTACT_ROW)
         for name in ("pair", *(name for name, _ in SOFT_FIELDS)):
             rows[name] = raw[name]
@@ -268,33 +320,39 @@ class Run:
         rows["duration"] = ((raw["step_out"] - raw["step_in"]) + (raw["part_out"] - raw["part_in"])) * self.dt
         return rows
 
-    def _running(self, end: float) -> Rows | None:
-        """Return the contacts that are not finished at the end."""
-        going = np.flatnonzero(self.stepper.pairs(RAW) > 0.0)
-        if not self.request.rows or len(going) == 0:
+    def _unfinished_contacts(self, end: float) -> Rows | None:
+        """Return log rows of the contacts that have not ended at `end` in s, or None.
+
+        The values of such a row are its values so far. Its end time and the velocities at its end are nan.
+        """
+        unfinished = np.flatnonzero(self.stepper.pairs(RAW) > 0.0)
+        if not self.request.rows or len(unfinished) == 0:
             return None
-        raw = np.zeros(len(going), STEP_ROW)
-        raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
-        found = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
-        for name in (*found, "xi_max", "force_max", "impulse"):
-            raw[name] = self.stepper.pairs(ROW_NAMES.index(found.get(name, name)))[going]
-        rows = self._settled(raw)
+        raw = np.zeros(len(unfinished), STEP_ROW)
+        raw["pair"], raw["lower_out"], raw["upper_out"] = unfinished, math.nan, math.nan
+        state_names = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
+        for name in (*state_names, "xi_max", "force_max", "impulse"):
+            raw[name] = self.stepper.pairs(ROW_NAMES.index(state_names.get(name, name)))[unfinished]
+        rows = self._with_times(raw)
         rows["t_end"], rows["duration"] = math.nan, end - rows["t_begin"]
         return rows
 
     def end(self, pause: Pause, seen: float) -> End:
-        """Return how the run ended: at its end time, before an onset, or at its step."""
+        """Return the last row, the status, the message and the statistics of the run.
+
+        `pause` is the reason for its last pause, and `seen` the time in s of the last sample.
+        """
         if self.engine == "auto":
-            self.toll.lap()
-        at = self.request.end if pause is Pause.reached else min(self.met, self.time())
-        row = self._onset() if self.halted else self.row(at)
+            self.compile_timer.lap()
+        end_time = self.request.end if pause is Pause.reached else min(self.level_time, self.time())
+        row = self._row_at_onset() if self.is_stopped_at_onset else self.row(end_time)
         if isinstance(self.stepper.physics.laws, Called):
             reevaluate_laws(self.stepper.laws, self.stepper.physics.laws)
-        status, message, trust = self._judge(pause.value, row.time)
+        status, message, dt_lambda = self._status_and_message(pause.value, row.time)
         stats = {
             "method": self.integrator.name,
             "dt": self.dt,
-            "dt_lambda": trust,
+            "dt_lambda": dt_lambda,
             "steps": self.steps,
             "flights": self.flights,
             "evaluations": self.steps * self.integrator.evaluations,
@@ -302,57 +360,64 @@ class Run:
             "shared_impulse": math.fsum(self.stepper.pairs(SHARED)),
             "engine": "compiled" if self.stepper.compiled else "plain",
         } | ({"note": self.note} if self.note else {})
-        return End(row if row.time > seen else None, status, message, stats, {}, self._running(row.time))
+        return End(row if row.time > seen else None, status, message, stats, {}, self._unfinished_contacts(row.time))
 
-    def _onset(self) -> Row:
-        """Return the scene between two steps, at the onset of the contact to stop at."""
-        old, new, part = self.stepper.here, self.stepper.there, self._part()
-        if self._at_thermal_wall():
+    def _row_at_onset(self) -> Row:
+        """Return the state of the scene at the onset of the contact to stop at.
+
+        The onset lies between two steps. The state is interpolated linearly between them. For a hit of a thermal
+        wall it is computed by a partial step.
+        """
+        old, new, part = self.stepper.here, self.stepper.there, self._onset_fraction()
+        if self._stops_at_thermal_wall():
             state = self.stepper.after(self.k, part * self.dt)
-            return self._row(self.start + (self.k + part) * self.dt, state, state)
+            return self._row_from_state(self.start + (self.k + part) * self.dt, state, state)
         ends = zip(*((np.asarray(x[XI]), np.fmax(0.0, x[RAW]), np.asarray(x[V])) for x in (old, new)), strict=True)
-        return self._row(self.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends], old)
+        return self._row_from_state(self.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends], old)
 
-    # -- judgement ------------------------------------------------------------------------------------------------
+    # -- check of the time step -----------------------------------------------------------------------------------
 
     @np.errstate(all="ignore")
-    def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
-        """Return status, message and dt·λ of the contacts that took place.
+    def _status_and_message(self, status: Status, end: float) -> tuple[Status, str, float]:
+        """Return status, message and dt·λ of a run that ended at `end` in s with `status`.
 
-        If the step was too long, `doubt` is set as well.
+        λ is the highest rate of the contacts that took place, see `granular.md.time_step`. The status becomes
+        ``unstable`` if dt·λ exceeds the stability limit of the integrator, or if the final kinetic energy exceeds 1.5
+        times the available energy. For a smaller dt·λ above `DOUBTFUL_DT_LAMBDA`, `step_warning` is set.
         """
         scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
-        trust = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE)) if pairs(DEEPEST).any() else 0.0
-        if trust == 0.0 and self.steps and self._deflected():  # contacts shorter than a step leave no overlap
-            trust = dt * expected_rate(scene, laws)
+        dt_lambda = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE)) if pairs(DEEPEST).any() else 0.0
+        # contacts shorter than a step leave no overlap
+        if dt_lambda == 0.0 and self.steps and self._is_any_ball_deflected():
+            dt_lambda = dt * expected_rate(scene, laws)
         gain = self._energy_gain() if self.steps else 0.0
-        limit = f"dt = {dt:.3g} s times the highest rate of the contacts is {trust:.3g}"
-        if self.crowded:
+        limit = f"dt = {dt:.3g} s times the highest rate of the contacts is {dt_lambda:.3g}"
+        if self.has_too_many_hits:
             return status, (f"dt = {dt:.3g} s is so long that a ball hits a thermal wall more than {MAX_HITS_PER_STEP} "
-                            "times per step; use a shorter step."), trust
+                            "times per step; use a shorter step."), dt_lambda
         # an energy gain of 50 % cannot be truncation error of a stable step
-        if trust > (most := self.integrator.limit) or status is Status.unstable or gain > 0.5:
-            fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond the range of numbers"
-            grown = f", and the energy grew {fold}" * (gain > 0.5)
-            known = 0.0 < trust < math.inf  # otherwise the force jumps or is constant at its last overlap
-            shorter = f"use dt ≤ {DOUBTFUL_DT_LAMBDA * dt / trust:.2g} s" if trust > DOUBTFUL_DT_LAMBDA else (
+        if dt_lambda > (stability_limit := self.integrator.limit) or status is Status.unstable or gain > 0.5:
+            growth = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond the range of numbers"
+            growth_note = f", and the energy grew {growth}" * (gain > 0.5)
+            is_rate_known = 0.0 < dt_lambda < math.inf  # otherwise the force jumps or is constant at its last overlap
+            advice = f"use dt ≤ {DOUBTFUL_DT_LAMBDA * dt / dt_lambda:.2g} s" if dt_lambda > DOUBTFUL_DT_LAMBDA else (
                 "the force of a law jumps or is not finite")
             return Status.unstable, (
-                f"{limit}, the stability limit is {most:g}{grown}; {shorter}." if known else
-                f"dt = {dt:.3g} s is too long for a force that jumps{grown}; use a shorter step."), trust
-        if trust > DOUBTFUL_DT_LAMBDA:
-            self.doubt = (f"{limit}; above {DOUBTFUL_DT_LAMBDA} errors are visible, so use "
-                          f"dt ≤ {DOUBTFUL_DT_LAMBDA * dt / trust:.2g} s.")
+                f"{limit}, the stability limit is {stability_limit:g}{growth_note}; {advice}." if is_rate_known else
+                f"dt = {dt:.3g} s is too long for a force that jumps{growth_note}; use a shorter step."), dt_lambda
+        if dt_lambda > DOUBTFUL_DT_LAMBDA:
+            self.step_warning = (f"{limit}; above {DOUBTFUL_DT_LAMBDA} errors are visible, so use "
+                          f"dt ≤ {DOUBTFUL_DT_LAMBDA * dt / dt_lambda:.2g} s.")
         if status is Status.max_events:
             option = "max_steps" if self.steps >= self.request.max_steps else "max_events"
             work = f"{self.contacts} contacts, {self.steps} steps"
-            return status, f"{status.value} (t = {end:.6g} s, {work}); {raised(option, self.request.end)}.", trust
-        return status, f"{status.value} at t = {end:.6g} s.", trust
+            return status, f"{status.value} (t = {end:.6g} s, {work}); {raised(option, self.request.end)}.", dt_lambda
+        return status, f"{status.value} at t = {end:.6g} s.", dt_lambda
 
-    def _deflected(self) -> bool:
-        """Return whether any ball deviates from free fall or free swing.
+    def _is_any_ball_deflected(self) -> bool:
+        """Return whether any velocity differs from the motion without contacts.
 
-        Scenes with thermal walls always return False.
+        The result is always False in a scene with thermal walls.
         """
         scene, balls = self.scene, ~self.scene.is_wall
         if scene.heated:
@@ -361,9 +426,10 @@ class Run:
         return not bool((np.abs(v - free) <= 1e-9 * float(np.abs(free).max())).all())
 
     def _energy_gain(self) -> float:
-        """Return the unexplained growth of kinetic energy, relative to the largest supply.
+        """Return the relative excess of final kinetic energy over available energy.
 
-        Work of gravity, forces and pendula is explained. With walls that move or heat the result is 0.
+        The available energy is the initial kinetic and elastic energy plus the work of gravity and external forces. For
+        pendula it includes their initial potential energy. The result is 0 if walls supply energy.
         """
         scene, balls = self.scene, ~self.scene.is_wall
         if scene.fed:

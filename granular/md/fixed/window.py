@@ -1,10 +1,13 @@
-"""State of a chain as rows of numbers, its free flight, and windows of it.
+"""State table of a chain under a fixed time step, its windows and its free flight.
 
-All variables of a run are rows as long as the chain: pair c at ``c + 1``, ball i at ``i + 1``. An open pair precedes
-the first pair, and another one follows the last. On a ring ball 0 is repeated behind the last ball. Kernels step a
-*window*: a record of such rows that fits into the cache and starts at pair `lo`, with pair c at ``c - lo + 1``. Rows at
-fixed distances and loops without branches that start at 0 can be vectorized by compilers. In interpreted runs, rows are
-lists, and a window contains the whole chain.
+The state of a run is a table with one row per quantity. A row has an entry for every pair or body of the chain: pair c
+at index c + 1, body i at index i + 1. A pair without contact is added before the first pair and after the last pair.
+On a ring, body 0 is repeated after the last body.
+
+The kernels do not step these rows directly, but a *window*: a record with the same rows for a part of the chain, short
+enough for the processor cache. In a window that starts at pair `lo`, pair c has index c - lo + 1. `m` is the number of
+its pairs, and kernels call the record `a`. Loops over a window start at 0 and have no branches, so compilers can
+vectorize them. In interpreted runs, rows are lists, and a window contains the whole chain.
 """
 
 from __future__ import annotations
@@ -19,9 +22,9 @@ from granular._engine.flight import gap_after, hung, hung_after, time_to_contact
 from granular._engine.kernels import RING, kernel
 
 WINDOW_LENGTH = 2008
-"""Number of entries of a window row.
+"""Number of entries in each row of a window.
 
-All rows should fit into the second-level cache. A power of two would map all rows to the same cache lines."""
+All rows together fit into the second-level cache. A power of two would map all rows to the same cache lines."""
 ROW_NAMES = (
     "xi", "raw", "v", "deepest", "beside", "shared",
     "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
@@ -30,79 +33,98 @@ ROW_NAMES = (
     "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square",
     "half", "guess", "rate", "start", "sway",
 )
-"""Names of the rows.
+"""Names of the rows of a window.
 
-Overlap, unclipped force, velocity. For the whole run: largest overlap, overlap of the pair together with the next one,
-impulse exchanged while a neighbouring pair was active. If a log is kept, for the running contact: peaks and impulse so
-far, step and fraction of its onset, velocities then, number of contacts begun, and whether the onset of a contact still
-without force is noted. For laws with memory: largest overlap of the running contact. For Gear's method: acceleration
-and higher derivatives of the velocity. With driven or thermal walls: energy dissipated by the pair, and work and heat
-of the wall that is its lower body (or of the ceiling), in two floats each. For pendula: displacements.
+* `xi`, `raw`, `v`: overlap in m and unclipped force in N of each pair, velocity in m/s of each body.
+* `deepest`: largest overlap of the pair in the whole run.
+* `beside`: largest overlap that the pair and the next pair had simultaneously, the smaller of their two overlaps.
+* `shared`: impulse in N s of the pair while a neighbouring pair exerted a force.
+* `xi_max` to `upper`, if a log is kept: largest overlap, largest force and impulse of the unfinished contact, and step
+  number, fraction of the step and velocities of both bodies at its onset.
+* `count`, `touched`: number of contacts that have begun, and whether the onset of a contact without force is stored.
+* `top`, for laws with memory: largest overlap of the unfinished contact.
+* `acc`, `jerk`, `snap`, for Gear's method: acceleration of each body and its first two derivatives.
+* `lost` to `heat_low`, for driven or thermal walls: energy dissipated by the pair, and work and heat of the wall, in J.
+  Each is a sum of two floats. Work and heat are stored at the index of the wall.
+* `off`, for pendula: displacement in m of each ball.
 
-In windows only: the state one step ago, coefficients of the law, inverse masses, free accelerations, squares of Ω. Also
-velocities within a step, a sum of Runge-Kutta, displacements at the start of its step, and their sum."""
+The other rows exist in windows only. `was_xi`, `was_raw` and `was_v` are the state one step ago. `k` and `gamma` are
+coefficients of the laws, `w` inverse masses, `fall` free accelerations, `square` squares of Ω. `half` and `guess` are
+velocities within a step. `rate`, `start` and `sway` are sums and initial displacements of Runge-Kutta."""
 (
     XI, RAW, V, DEEPEST, BESIDE, SHARED,
     XI_MAX, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
     LOST, LOST_LOW, WORK, WORK_LOW, HEAT, HEAT_LOW, OFF,
 ) = range(26)
-"""Indices of the rows that a chain can have.
+"""Indices of the rows in the state table of a chain, in the order of `ROW_NAMES`.
 
-A chain has all rows up to the last one that the run needs."""
+The table ends with the last row that the run needs."""
 KEEPS_LOG: bool = False
-"""Whether a log is kept, so that kernels note peaks and the state before a change.
+"""Whether a contact log is kept.
 
-`Stepper` compiles kernels in which this constant is replaced."""
+Kernels then store peaks and the state one step ago. `Stepper` uses copies of the kernels in which this constant is
+replaced."""
 HAS_DAMPING: bool = True
-"""Whether forces depend on velocities. It is replaced like `KEEPS_LOG`."""
+"""Whether contact forces depend on velocities. It is replaced like `KEEPS_LOG`."""
 FIRST_WAS_ROW, FIRST_GIVEN_ROW = ROW_NAMES.index("was_xi"), ROW_NAMES.index("k")
 WINDOW_RECORD = np.dtype([(name, float, (WINDOW_LENGTH,)) for name in ROW_NAMES])
 HALF, WHOLE, LAST, START, MIDDLE, END = range(6)
-"""Velocities of a wall in a step.
+"""Indices of six velocities in m/s of a driven wall in a step.
 
-First its mean in the first half, then its mean in the whole step. Then the value that makes the sum of the Runge-Kutta
-rates equal to the latter. Last its velocity at the start, in the middle and at the end."""
+`HALF` and `WHOLE` are its mean velocities in the first half and in the whole step. `LAST` is the rate of the last
+Runge-Kutta stage with which all four stages add up to `WHOLE`. `START`, `MIDDLE` and `END` are its velocities at these
+times of the step."""
 K, GAMMA, INVERSE_MASS, FALL, SQUARE = range(5)
-"""Indices of the given rows, which begin at `FIRST_GIVEN_ROW` in a window."""
+"""Indices of the constant rows `k` to `square`.
+
+They begin at `FIRST_GIVEN_ROW` in a window."""
 MAX_ROW_LENGTH = 1 << 40
-"""Larger than the number of entries of any row."""
+"""Number of entries that no row reaches."""
 
 Physics = namedtuple("Physics", "laws given root dt logged memory block walls ring heat")
-"""Constants of a run.
+"""Constants of a run, as the kernels read them.
 
-Laws as the kernel `force` takes them, rows of coefficients, inverse masses, free accelerations and squares of Ω, and
-whether √ξ is a factor of k ξ + γ ξ̇. Time step, whether a log is kept, whether laws have memory, number of pairs that a
-window represents. Moving walls or 0, number of pairs of a ring or 0, thermal walls or 0: see `walls`."""
+* `laws`: force laws in the form that the kernel `force` accepts.
+* `given`: constant rows `K` to `SQUARE`.
+* `root`: whether the force is √ξ (k ξ + γ ξ̇) instead of k ξ + γ ξ̇.
+* `dt`: time step in s.
+* `logged`, `memory`: whether a log is kept, and whether a law has memory.
+* `block`: number of pairs per window without its margins.
+* `walls`, `heat`: driven walls and thermal walls (see `walls`), or 0.
+* `ring`: number of pairs of a ring, or 0."""
 Work = namedtuple("Work", "window rows was given ended log pair nth low high", defaults=(0, MAX_ROW_LENGTH))
 """Work space of the kernels.
 
-The window by name, as rows, as rows one step ago, and as given rows. Number of finished contacts (1,) and their log
-rows. Pair (-1: none) and number of the contact at whose onset to stop. First pair, and end of the pairs that are
-stepped."""
+* `window`, `rows`: the window as a record, and as a table of its rows.
+* `was`, `given`: the parts of this table with the state one step ago, and with the constant rows.
+* `ended`, `log`: number of finished contacts, shape (1,), and their log rows.
+* `pair`, `nth`: pair and number of the contact at whose onset the run stops. Pair -1 denotes no contact.
+* `low`, `high`: the pairs `low` to `high` - 1 are stepped."""
 
 
 @kernel
 def copy(count: int, source: Any, i: int, target: Any, j: int) -> None:
-    """Copy `count` entries of each row that both tables have.
+    """Copy `count` entries of each row, from index `i` of `source` to `j` of `target`.
 
-    The guard shows compilers that no index is negative.
+    Rows that only one of the two tables has are ignored.
     """
+    # the guard shows compilers that no index is negative
     if 0 <= i < MAX_ROW_LENGTH and 0 <= j < MAX_ROW_LENGTH:
         for r in range(min(len(source), len(target))):
-            one, other = source[r], target[r]
+            source_row, target_row = source[r], target[r]
             for k in range(count):
-                other[j + k] = one[i + k]
+                target_row[j + k] = source_row[i + k]
 
 
 @kernel
 def load(lo: int, m: int, physics: Any, x: Any, work: Any) -> None:
-    """Copy `m` pairs from `lo` on, and their balls, into the window.
+    """Copy `m` pairs from pair `lo` onwards, and their bodies, into the window.
 
-    Outside the window pairs are open, except on a ring.
+    The pairs just outside the window get no overlap and no force, except on a ring.
     """
     if RING:
-        around(m + 2, x, lo, physics.ring, work.rows)
-        around(m + 2, physics.given, lo, physics.ring, work.given)
+        copy_ring(m + 2, x, lo, physics.ring, work.rows)
+        copy_ring(m + 2, physics.given, lo, physics.ring, work.given)
         return
     copy(m + 2, x, lo, work.rows, 0)
     copy(m + 2, physics.given, lo, work.given, 0)
@@ -112,16 +134,16 @@ def load(lo: int, m: int, physics: Any, x: Any, work: Any) -> None:
 
 
 @kernel
-def around(count: int, source: Any, lo: int, ring: int, target: Any) -> None:
-    """Copy entries of rows of a ring, from pair lo - 1 on.
+def copy_ring(count: int, source: Any, lo: int, ring: int, target: Any) -> None:
+    """Copy `count` entries of each row of a ring, starting with pair `lo` - 1.
 
-    Behind the last entry the copy continues with the first one.
+    After the last of the `ring` pairs, the copy continues with the first pair.
     """
     i, done = (lo - 1) % ring + 1, 0
     while done < count:
-        part = min(count - done, ring + 1 - i)
-        copy(part, source, i, target, done)
-        i, done = 1, done + part
+        length = min(count - done, ring + 1 - i)
+        copy(length, source, i, target, done)
+        i, done = 1, done + length
 
 
 @kernel
@@ -133,34 +155,42 @@ def close(physics: Any, m: int, a: Any) -> None:
 
 @kernel
 def store(lo: int, first: int, stop: int, work: Any, x: Any) -> None:
-    """Copy the pairs `first` to `stop` - 1, and their balls, out of the window.
+    """Copy the pairs `first` to `stop` - 1 and their bodies to the state table `x`.
 
-    The last ball belongs to the next window, which overwrites it and its pair, or is the last of all.
+    The last copied body also belongs to the next window, which overwrites it.
     """
     copy(stop - first + 1, work.rows, first - lo + 1, x, first + 1)
 
 
 @kernel
-def steer(physics: Any, lo: int, m: int, row: Any, this: int, other: Any, that: int) -> None:
-    """Write velocities of driven walls in this step to two rows of a window.
+def steer(physics: Any, lo: int, m: int, first_row: Any, first_kind: int, second_row: Any, second_kind: int) -> None:
+    """Write two velocities of each driven wall in a step to two rows of a window.
 
-    Either the drift and the velocity that forces see, or the velocities at start and end.
+    Parameters
+    ----------
+    first_row, second_row : row
+        Rows of the window, such as `half` and `guess`.
+    first_kind, second_kind : int
+        Velocities to write to them, `HALF` to `END`.
     """
     walls = physics.walls
     for i in range(len(walls.bodies)):
-        place, given = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
-        if 0 <= place <= m:
-            row[place + 1], other[place + 1] = given[this], given[that]
+        index, velocities = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
+        if 0 <= index <= m:
+            first_row[index + 1], second_row[index + 1] = velocities[first_kind], velocities[second_kind]
 
 
 def copied(x: Any) -> Any:
-    """Return a copy of rows."""
+    """Return a copy of the state table `x`, an array or a list of lists."""
     return x.copy() if isinstance(x, np.ndarray) else [row.copy() for row in x]
 
 
 @kernel
 def time_to_touch(x: Any, pull: Any, low: int, high: int) -> float:
-    """Return the time until the first gap of pairs `low` to `high` - 1 closes, or inf."""
+    """Return the time in s until a gap of pairs `low` to `high` - 1 closes, or inf.
+
+    `x` is the state table, and `pull` the closing acceleration of each pair in m/s².
+    """
     first, xi, v = math.inf, x[XI], x[V]
     for c in range(low, high):
         rate = v[c + 2] - v[c + 1]
@@ -174,9 +204,10 @@ def time_to_touch(x: Any, pull: Any, low: int, high: int) -> float:
 
 @kernel
 def glide(x: Any, pull: Any, fall: Any, dt: float) -> None:
-    """Advance the rows of an open scene by `dt`.
+    """Advance the state table `x` of a chain without contacts by a time `dt` in s.
 
-    Rounding never makes a gap negative.
+    `pull` are the closing accelerations of the pairs in m/s², and `fall` the accelerations of the bodies. A gap that
+    rounding makes negative is set to 0.
     """
     xi, raw, v = x[XI], x[RAW], x[V]
     for c in range(len(pull)):
@@ -192,7 +223,10 @@ def glide(x: Any, pull: Any, fall: Any, dt: float) -> None:
 
 @kernel
 def time_to_touch_hung(x: Any, omega: float, rest: Any) -> float:
-    """Return the time until the first gap between pendula closes, or inf."""
+    """Return the time in s until the first gap between pendula closes, or inf.
+
+    `omega` is Ω in rad/s, and `rest` the gap in m of each pair with both pendula at rest.
+    """
     first, xi, v = math.inf, x[XI], x[V]
     for c in range(len(rest)):
         t = hung(-xi[c + 1], v[c + 2] - v[c + 1], omega, rest[c])
@@ -203,7 +237,10 @@ def time_to_touch_hung(x: Any, omega: float, rest: Any) -> float:
 
 @kernel
 def swing(x: Any, omega: float, rest: Any, dt: float) -> None:
-    """Advance the rows of an open scene of pendula by `dt`."""
+    """Advance the state table `x` of pendula without contacts by a time `dt` in s.
+
+    `omega` and `rest` are as for `time_to_touch_hung`.
+    """
     xi, raw, v, off = x[XI], x[RAW], x[V], x[OFF]
     for c in range(len(rest)):
         gap, _ = hung_after(-xi[c + 1], v[c + 2] - v[c + 1], omega, rest[c], dt)
