@@ -1,12 +1,14 @@
 """Contact force of a pair in the kernels with a fixed step.
 
-All kernels share the signature ``force(physics, lo, j, xi, xi_dot, a)``, where `j` is the index of the pair in a window
-that begins at pair `lo`. They return the unclipped force, and 0 for an open pair. Laws of the form k ξ + γ ξ̇, √ξ (k ξ
-+ γ ξ̇) or Tsuji's law are compiled into the march itself. All other laws are called as objects (`object_force`) in
-interpreted runs, and as one C function (`called`) in compiled runs. This function is the law's own method, compiled
-with a record of its fields in place of `self`. The source is the same, so results are bitwise identical. The function
-has one fixed type for all laws. The march is therefore compiled once and cached, and a new law costs only its own few
-lines.
+All kernels share the signature ``force(physics, lo, j, xi, xi_dot, a)``. `a` is a window that begins at pair `lo` (see
+`window`), and lo + j is the pair. The overlap is `xi` in m, and its rate `xi_dot` in m/s. The kernels return the force
+in N before it is clipped at 0, and 0 if the overlap is not positive.
+
+Laws of the form k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) are compiled into the main loop (`march`) itself, and so is Tsuji's law.
+All other laws are called as Python objects in interpreted runs (`object_force`), and as one C function in compiled runs
+(`called`). This function is the method `force` of the law, compiled with a record of its fields in place of `self`. The
+source is the same, so results are bitwise identical. The function has the same type for all laws. The main loop is
+therefore compiled once and cached, and for a new law only its own method is compiled.
 """
 
 from __future__ import annotations
@@ -30,14 +32,14 @@ LAW_RECORD = np.dtype([("kind", np.int64), ("field", np.float64, (MAX_LAW_FIELDS
 PAIR_RECORD = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
 
 Called = namedtuple("Called", "function law pair")
-"""A compiled force with the records of laws and pairs that it takes.
+"""Compiled force function of all laws, with the records that it reads.
 
-If a law raised an exception, its record contains the first ξ, ξ̇ and ξ_max at which it did."""
+If a law raises an exception, the field `failed` of its record contains the first ξ, ξ̇ and ξ_max for which it did."""
 
 
 @kernel
 def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Return k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇)."""
+    """Return the force k ξ + γ ξ̇ in N, multiplied by √ξ if `physics.root` is true."""
     x = xi if xi > 0.0 else 0.0
     f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot if HAS_DAMPING else a.k[j + 1] * x
     if physics.root:
@@ -47,7 +49,7 @@ def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 
 @kernel
 def tsuji(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Return k ξ √ξ + γ ξ^(1/4) ξ̇, with the same rounding as the law."""
+    """Return the force k ξ √ξ + γ ξ^(1/4) ξ̇ in N, rounded like `granular.TsujiHertz`."""
     x = xi if xi > 0.0 else 0.0
     root = math.sqrt(x)
     f = a.k[j + 1] * x * root + a.gamma[j + 1] * math.sqrt(root) * xi_dot
@@ -56,7 +58,7 @@ def tsuji(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 
 @kernel
 def object_force(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Return the force of a law that is an object.
+    """Return the force in N from the method `force` of a law object.
 
     Overflow gives inf, as in compiled code.
     """
@@ -71,7 +73,7 @@ def object_force(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any
 
 @kernel
 def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Return the force of a law that is a C function of records, see `Called`."""
+    """Return the force in N from the compiled function of all laws, see `Called`."""
     if not xi > 0.0 or (HEATED and a.k[j + 1] == 0.0):
         return 0.0
     laws, c = physics.laws, (lo + j) % physics.ring if RING else lo + j
@@ -79,9 +81,9 @@ def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> A
 
 
 def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool, Any] | None:
-    """Return k and γ of all pairs, whether √ξ is a factor, and the kernel for them.
+    """Return k and γ of all pairs, whether √ξ is a factor, and the force kernel.
 
-    The result is None unless all laws have one such form.
+    The kernel is `power` or `tsuji`. The result is None if the laws do not all have the form of the same kernel.
     """
     for p, d, force in ((1.0, 0.0, power), (1.5, 0.5, power), (1.5, 0.25, tsuji)):
         if all(law.form and law.form[1] == p and (law.form[3] == d or not law.form[2]) for law in laws.each):
@@ -91,44 +93,46 @@ def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool, Any] | None:
 
 
 class NotCompilableError(TypeError):
-    """A law cannot be compiled, for the reason in the message."""
+    """Exception for a force law that cannot be compiled. The message is the reason."""
 
 
 def records(laws: SceneLaws, pairs: Pairs) -> Called:
-    """Return the compiled force with records of laws and pairs, for `called`.
+    """Return the compiled force function and the records of all laws and pairs.
+
+    The kernel `called` reads the result.
 
     Raises
     ------
     NotCompilableError
-        With the compiler's reason, or if a law is not a dataclass of at most `MAX_LAW_FIELDS` numbers.
+        If the compiler rejects a law, or if a law is not a dataclass of at most `MAX_LAW_FIELDS` numbers.
     """
-    kinds = tuple(dict.fromkeys((type(one.law), one.memory) for one in laws.each))
+    kinds = tuple(dict.fromkeys((type(pair_law.law), pair_law.memory) for pair_law in laws.each))
     law, pair = np.zeros(len(laws.each), LAW_RECORD), np.zeros(len(pairs), PAIR_RECORD)
-    for record, one in zip(law, laws.each, strict=True):
-        name = type(one.law).__name__
+    for record, pair_law in zip(law, laws.each, strict=True):
+        name = type(pair_law.law).__name__
         try:
-            values = [float(getattr(one.law, f.name)) for f in fields(one.law)]
+            values = [float(getattr(pair_law.law, f.name)) for f in fields(pair_law.law)]
         except (TypeError, ValueError) as error:
             raise NotCompilableError(f"{name} is not a dataclass of numbers ({error})") from None
         if len(values) > MAX_LAW_FIELDS:
             raise NotCompilableError(f"{name} has {len(values)} fields, more than {MAX_LAW_FIELDS}")
-        record["kind"] = kinds.index((type(one.law), one.memory))
+        record["kind"] = kinds.index((type(pair_law.law), pair_law.memory))
         record["field"][: len(values)] = values
     pair["m_eff"], pair["r_eff"], pair["index"] = pairs.m_eff, pairs.r_eff, np.arange(len(pairs))
-    return Called(_compiled(kinds), law[laws.kind], pair)
+    return Called(_compiled_force(kinds), law[laws.kind], pair)
 
 
 @cache
-def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
-    """Compile the force of laws of some classes, with or without memory.
+def _compiled_force(kinds: tuple[tuple[type, bool], ...]) -> Any:
+    """Compile one force function for laws of several classes.
 
-    The compiled function has the same type for all laws.
+    `kinds` contains each class, and whether it has memory. The compiled function has the same type for all laws.
     """
     numba = load_numba()
     real, law, pair = numba.types.float64, numba.from_dtype(LAW_RECORD), numba.from_dtype(PAIR_RECORD)
     signature = real(law, real, real, real, pair)
     try:
-        force = numba.njit(signature)(_or_inf(_one_of(kinds)))
+        force = numba.njit(signature)(_inf_on_exception(_select_by_kind(kinds)))
     except numba.core.errors.NumbaError as error:
         raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: "
                                  f"{str(error).strip().splitlines()[-1]}") from error
@@ -136,10 +140,11 @@ def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
     return numba.types.function_type.CompileResultWAP(force.get_compile_result(signature))
 
 
-def _or_inf(force: Any) -> Any:
-    """Return the force function with exceptions converted to inf, which ends the run.
+def _inf_on_exception(force: Any) -> Any:
+    """Return a force function that returns inf where `force` raises an exception.
 
-    No exception can pass through a C function. `reevaluate_laws` raises it later.
+    An exception cannot pass through a C function. An infinite force ends the run, and `reevaluate_laws` then raises the
+    exception.
     """
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
@@ -154,9 +159,9 @@ def _or_inf(force: Any) -> Any:
 
 
 def reevaluate_laws(laws: SceneLaws, compiled: Called) -> None:
-    """Call laws again, interpreted, where their compiled force failed.
+    """Call the laws again as Python objects where their compiled force failed.
 
-    They then raise their own errors.
+    The laws then raise their own exceptions.
     """
     failed = compiled.law["failed"]
     for c in np.flatnonzero(failed[:, 0]).tolist():
@@ -164,22 +169,23 @@ def reevaluate_laws(laws: SceneLaws, compiled: Called) -> None:
             laws[c].force(*failed[c].tolist())
 
 
-def _one_of(kinds: tuple[tuple[Any, bool], ...], number: int = 0) -> Any:
-    """Return a function that selects the law's method by the kind of its record.
+def _select_by_kind(kinds: tuple[tuple[Any, bool], ...], number: int = 0) -> Any:
+    """Return a compiled function that calls the force method of the law in a record.
 
-    The method of each class is called with a tuple of its fields as `self`.
+    The class is selected by the field `kind` of the record, starting with entry `number` of `kinds`. The method is
+    called with a tuple of the law's fields as `self`.
     """
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
     kind, memory = kinds[number]
     names = [f.name for f in fields(kind)]
-    fielded, count, force, last = namedtuple("fielded", names), len(names), numba.njit(kind.force), 1 if memory else 0
-    others = _one_of(kinds, number + 1) if number + 1 < len(kinds) else None
+    LawFields, count, force, n_memory = namedtuple("fielded", names), len(names), numba.njit(kind.force), 1 if memory else 0
+    next_kinds = _select_by_kind(kinds, number + 1) if number + 1 < len(kinds) else None
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
-        if others is None or law.kind == number:
-            return force(fielded(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, *(xi_max,)[:last])
-        return others(law, xi, xi_dot, xi_max, pair)
+        if next_kinds is None or law.kind == number:
+            return force(LawFields(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, *(xi_max,)[:n_memory])
+        return next_kinds(law, xi, xi_dot, xi_max, pair)
 
     return numba.njit(call)

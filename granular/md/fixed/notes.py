@@ -1,8 +1,8 @@
 """Contact log of the fixed-step methods: onsets and ends of contacts.
 
 A contact begins or ends between two steps, where the linearly interpolated overlap crosses zero. If the pair overlaps
-in both steps, the zero of the interpolated force is used instead. If balls touch each other at rest, all their contacts begin when the first ball is
-hit. The force reaches the last ball several steps later.
+in both steps, the zero of the interpolated force is used instead. If balls touch each other at rest, all their contacts
+begin when the first ball is hit. The force reaches the last ball several steps later.
 
 `was` and `now` are the state arrays (see `window`) before and after the current step, of a window or of the whole
 chain. `j` is an index into them: pair c of a window that starts at pair `lo` has j = c - lo + 1. `k` is the step
