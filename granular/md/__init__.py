@@ -1,7 +1,7 @@
 """Soft spheres: contact forces, with a fixed time step or with located events.
 
-Main line: `fixed/`, `located/`.
-A first reader may skip: `binary`, `isolation`, `simulation`, `time_step`, `waves/`.
+Start with: `fixed/`, `located/`.
+Support modules: `binary`, `isolation`, `simulation`, `time_step`, `waves/`.
 """
 
 from typing import TYPE_CHECKING

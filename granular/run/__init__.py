@@ -1,5 +1,5 @@
 """One run of any engine: driver, stop conditions, results, files and figures.
 
-Main line: `drive`, `trajectory`.
-A first reader may skip: `contact_log`, `export`, `figures`, `films`, `levels`, `saved_run`, `tables`, `until`.
+Start with: `drive`, `trajectory`.
+Support modules: `contact_log`, `export`, `figures`, `films`, `levels`, `saved_run`, `tables`, `until`.
 """

@@ -1,7 +1,7 @@
 """Soft spheres with a fixed time step, as in DEM codes.
 
-Main line: `integrators`.
-A first reader may skip: `abreast`, `contact_force`, `march`, `notes`, `run`, `stepper`, `walls`, `window`.
+Start with: `integrators`.
+Support modules: `abreast`, `contact_force`, `march`, `notes`, `run`, `stepper`, `walls`, `window`.
 """
 
 from granular.md.fixed.integrators import INTEGRATORS

@@ -1,9 +1,12 @@
 """Fixed-step integrators, as kernels that advance a window by one step.
 
-The state is the overlap ξ of each pair and the velocity v of each body, with ``overlap rate = v[c] - v[c+1]``. Every
-step stores in `raw` the unclipped contact forces of the new state, which the next step reuses. Verlet, Euler and Gear
-evaluate each force once per step, Runge-Kutta four times. A step calls `noted` and returns the flags `CHANGED` (a force
-or an overlap appears or vanishes) and `CLOSED` (an overlap exists).
+The state is the overlap ξ of each pair and the velocity v of each body, with ``overlap rate = v[c] - v[c+1]``. The
+signature of a step is ``step(physics, lo, m, a)``: it advances the first `m` pairs of the window `a`, which begins at
+pair `lo`. In the rows of the window (see `window`), pair lo + j has index j + 1, and body lo + i has index i + 1.
+
+Every step stores the unclipped contact forces of the new state in `a.raw`, and the next step reuses them. Verlet, Euler
+and Gear evaluate each force once per step, Runge-Kutta four times. A step returns the flags `CHANGED` (a force or an
+overlap appears or vanishes) and `CLOSED` (an overlap exists).
 """
 
 from __future__ import annotations
@@ -20,10 +23,10 @@ CHANGED, CLOSED = 1, 2
 
 @kernel
 def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
-    """Return the acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g.
+    """Return the acceleration of body i in m/s², a_i = (F_{i-1} - F_i) / m_i - g.
 
-    Walls (1/m = 0, no fall) keep their velocity. For a pendulum, -Ω² y_i replaces -g, where `a.square` is Ω² in 1/s²
-    and `a.off` is y in m.
+    `below` and `above` are the unclipped forces F_{i-1} and F_i in N. For a wall the acceleration is 0. For a pendulum,
+    -Ω² y_i replaces -g, where `a.square` is Ω² in 1/s² and `a.off` is y in m.
     """
     push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
     if HUNG:
@@ -32,46 +35,50 @@ def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
 
 
 @kernel
-def noted(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
-    """Update the largest overlap of pair `j`, for a log also peaks, and return flags."""
+def update_peaks(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
+    """Update the largest overlap and force of pair `j`, and return its flags.
+
+    `was_xi` and `xi` are its overlaps in m, `was` and `raw` its unclipped forces in N, before and after the step.
+    """
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
     if KEEPS_LOG:
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
         a.force_max[j + 1] = raw if raw > a.force_max[j + 1] else a.force_max[j + 1]
-    opened, closed = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
-    return (opened ^ closed) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * closed
+    was_overlapping, is_overlapping = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
+    return (was_overlapping ^ is_overlapping) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * is_overlapping
 
 
 @kernel
 def beside(m: int, a: Any) -> None:
-    """Update the common overlap of each pair and the next one.
+    """Update the largest common overlap in m of each pair and the next pair.
 
-    It is called only after steps in which this can change.
+    It is called at the start of a window, and after steps in which an overlap or a force appears or vanishes.
     """
     for j in range(m):
-        both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
-        a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
+        common_overlap = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
+        a.beside[j + 1] = common_overlap if common_overlap > a.beside[j + 1] else a.beside[j + 1]
 
 
 @kernel
-def share(j: int, half: float, a: Any) -> None:
-    """Add the impulse of pair `j` in a step of length 2·`half`.
+def add_impulse(j: int, half: float, a: Any) -> None:
+    """Add the impulse of pair `j` in a step of length 2·`half` in s to its sums.
 
-    It counts as shared if a neighbouring pair exerts a force. For a log the total is kept as well.
+    The impulse is added to `a.shared` if a neighbouring pair exerts a force. If a log is kept, it is always added to
+    `a.impulse`.
     """
     before, after = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0, a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
     # trapezoidal rule
-    pushed, impulse = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2], half * (before + after)
-    a.shared[j + 1] += impulse if pushed > 0.0 else 0.0
+    neighbour_force, impulse = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2], half * (before + after)
+    a.shared[j + 1] += impulse if neighbour_force > 0.0 else 0.0
     if KEEPS_LOG:
         a.impulse[j + 1] += impulse
 
 
 @kernel
 def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
-    """Move pair `j` with the velocities `half`, and evaluate its force.
+    """Advance pair `j` by one step, evaluate its force, and return flags.
 
-    The force sees the velocities `guess`.
+    The bodies move at the velocities `a.half`. The force is evaluated with the velocities `a.guess`.
     """
     was_xi, was = a.xi[j + 1], a.raw[j + 1]
     xi = was_xi + physics.dt * (a.half[j + 1] - a.half[j + 2])
@@ -79,17 +86,20 @@ def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
     if KEEPS_LOG or WORKED:
         a.was_xi[j + 1] = was_xi
     a.was_raw[j + 1], a.xi[j + 1], a.raw[j + 1] = was, xi, raw
-    return noted(j, was_xi, xi, was, raw, a)
+    return update_peaks(j, was_xi, xi, was, raw, a)
 
 
 @kernel
-def idle(dt: float, m: int, a: Any) -> None:
-    """Do nothing: no preparation is required."""
+def prepare_nothing(dt: float, m: int, a: Any) -> None:
+    """Do nothing. This integrator needs no preparation of its first step."""
 
 
 @kernel
 def half_way(dt: float, m: int, a: Any) -> None:
-    """Prepare the first of several Verlet steps."""
+    """Prepare the first of several Verlet steps of length `dt` in s.
+
+    The velocities at half a step are stored in `a.half`, and the predicted velocities in `a.guess`.
+    """
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.half[i + 1] = a.v[i + 1] + 0.5 * dt * acc
@@ -98,8 +108,8 @@ def half_way(dt: float, m: int, a: Any) -> None:
 
 
 @kernel
-def kick(i: int, dt: float, a: Any) -> None:
-    """Finish a Verlet step of ball i, and start the next one."""
+def finish_verlet_step(i: int, dt: float, a: Any) -> None:
+    """Finish the Verlet step of body i, and add the next half step to its velocity."""
     if HUNG:
         a.off[i + 1] += dt * a.half[i + 1]
     acc, half = ball_acceleration(i, a.raw[i], a.raw[i + 1], a), 0.5 * dt
@@ -111,10 +121,11 @@ def kick(i: int, dt: float, a: Any) -> None:
 
 @kernel
 def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Velocity Verlet. It starts the next step as well.
+    """Advance a window by one step of velocity Verlet, and return flags.
 
-    A rate-dependent force sees the predicted velocity v + a·dt. The velocities one step ago are stored only if a
-    contact begins or ends, or if walls do work.
+    The velocities also advance by the first half of the next step. A force that depends on the overlap rate is
+    evaluated with the predicted velocity v + a·dt. The velocities one step ago are stored only if a contact begins or
+    ends, or if walls do work.
     """
     if DRIVEN:
         steer(physics, lo, m, a.half, WHOLE, a.guess, END)
@@ -126,9 +137,9 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
         for i in range(m + 1):
             a.was_v[i + 1] = a.v[i + 1]
     for j in range(m):
-        kick(j, dt, a)
-        share(j, half, a)
-    kick(m, dt, a)
+        finish_verlet_step(j, dt, a)
+        add_impulse(j, half, a)
+    finish_verlet_step(m, dt, a)
     if DRIVEN:
         steer(physics, lo, m, a.was_v, START, a.v, END)
     return flags
@@ -136,9 +147,10 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
 
 @kernel
 def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Symplectic (semi-implicit) Euler.
+    """Advance a window by one step of symplectic Euler, and return flags.
 
-    It kicks with the old force and drifts with the new velocity.
+    The method is also called semi-implicit Euler. The velocities advance with the old forces, and then the overlaps
+    with the new velocities.
     """
     flags, dt = 0, physics.dt
     for i in range(m + 1):
@@ -156,35 +168,44 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
             a.off[i + 1] += dt * a.half[i + 1]
     close(physics, m, a)
     for j in range(m):
-        share(j, 0.5 * dt, a)
+        add_impulse(j, 0.5 * dt, a)
     return flags
 
 
 @kernel
-def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: int, speed: int, a: Any) -> None:
+def _add_stage(
+    physics: Any, lo: int, m: int, elapsed: float, weight: float, drift_kind: int, speed_kind: int, a: Any
+) -> None:
     """Add the derivatives of a Runge-Kutta stage, and evaluate the next stage.
 
-    The next stage is `reach` seconds after the start of the step.
+    Parameters
+    ----------
+    elapsed : float
+        Time of the next stage in s after the start of the step.
+    weight : float
+        Weight of the derivatives in the sum over all stages.
+    drift_kind, speed_kind : int
+        Velocities of driven walls in the next stage, `window.HALF` to `END`: for the motion and for the forces.
     """
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.acc[i + 1] += weight * acc
-        a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
+        a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + elapsed * acc
         if HUNG:
             a.sway[i + 1] += weight * a.half[i + 1]
-            a.off[i + 1] = a.start[i + 1] + reach * a.half[i + 1]
+            a.off[i + 1] = a.start[i + 1] + elapsed * a.half[i + 1]
     if DRIVEN:
-        steer(physics, lo, m, a.half, drift, a.guess, speed)
+        steer(physics, lo, m, a.half, drift_kind, a.guess, speed_kind)
     for j in range(m):
         rate = a.half[j + 1] - a.half[j + 2]
         a.rate[j + 1] += weight * rate
-        a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1] + reach * rate, a.guess[j + 1] - a.guess[j + 2], a)
+        a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1] + elapsed * rate, a.guess[j + 1] - a.guess[j + 2], a)
     close(physics, m, a)
 
 
 @kernel
 def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Classical Runge-Kutta of order 4."""
+    """Advance a window by one classical Runge-Kutta step (order 4), and return flags."""
     flags, dt, half, sixth = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0
     for i in range(m + 1):
         a.was_v[i + 1], a.guess[i + 1], a.acc[i + 1] = a.v[i + 1], a.v[i + 1], 0.0
@@ -192,9 +213,9 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
             a.start[i + 1], a.sway[i + 1] = a.off[i + 1], 0.0
     for j in range(m):
         a.was_xi[j + 1], a.was_raw[j + 1], a.rate[j + 1] = a.xi[j + 1], a.raw[j + 1], 0.0
-    _stage(physics, lo, m, half, 1.0, HALF, MIDDLE, a)
-    _stage(physics, lo, m, half, 2.0, HALF, MIDDLE, a)
-    _stage(physics, lo, m, dt, 2.0, WHOLE, END, a)
+    _add_stage(physics, lo, m, half, 1.0, HALF, MIDDLE, a)
+    _add_stage(physics, lo, m, half, 2.0, HALF, MIDDLE, a)
+    _add_stage(physics, lo, m, dt, 2.0, WHOLE, END, a)
     for i in range(m + 1):
         v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a.raw[i], a.raw[i + 1], a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
@@ -206,20 +227,21 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
-        flags |= noted(j, a.xi[j + 1], xi, a.was_raw[j + 1], raw, a)
+        flags |= update_peaks(j, a.xi[j + 1], xi, a.was_raw[j + 1], raw, a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
     close(physics, m, a)
     for j in range(m):
-        share(j, half, a)
+        add_impulse(j, half, a)
     return flags
 
 
 @kernel
 def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Gear's five-value predictor-corrector for second-order equations.
+    """Advance a window by one step of Gear's five-value method, and return flags.
 
-    The corrector is 19/90, 3/4, 1, 1/2, 1/12. The values are ξ, v, a and the next two derivatives of v (`jerk`,
-    `snap`). The last two start at 0, so a run that starts in contact converges with order 2, as it does after an onset.
+    This predictor-corrector method for second-order equations stores ξ, v, a and two more derivatives (`jerk`, `snap`).
+    The coefficients of its corrector are 19/90, 3/4, 1, 1/2, 1/12. `jerk` and `snap` start at 0. A run that starts in
+    contact therefore converges with order 2, as does a contact after its onset.
     """
     flags, dt, half = 0, physics.dt, 0.5 * physics.dt
     # Taylor coefficients of the predictor
@@ -228,9 +250,9 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         steer(physics, lo, m, a.was_v, START, a.v, WHOLE)
     for j in range(m):
         rate, pull = a.v[j + 1] - a.v[j + 2], a.acc[j + 1] - a.acc[j + 2]
-        later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
+        third_order = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
         a.was_xi[j + 1] = a.xi[j + 1]
-        a.xi[j + 1] += dt * rate + d2 * pull + later + d4 * (a.snap[j + 1] - a.snap[j + 2])
+        a.xi[j + 1] += dt * rate + d2 * pull + third_order + d4 * (a.snap[j + 1] - a.snap[j + 2])
     for i in range(m + 1):
         v, acc, jerk, snap = a.v[i + 1], a.acc[i + 1], a.jerk[i + 1], a.snap[i + 1]
         if HUNG:
@@ -245,22 +267,22 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     close(physics, m, a)
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
-        miss = acc - a.acc[i + 1]
-        a.half[i + 1], a.acc[i + 1] = miss, acc
+        correction = acc - a.acc[i + 1]
+        a.half[i + 1], a.acc[i + 1] = correction, acc
         # coefficient c_k of the scaled k-th derivative becomes c_k k!/2 dt^(2-k): 3/4 · dt/2, and so on
-        a.v[i + 1] += 0.375 * dt * miss
-        a.jerk[i + 1] += 1.5 / dt * miss
-        a.snap[i + 1] += 1.0 / (dt * dt) * miss
+        a.v[i + 1] += 0.375 * dt * correction
+        a.jerk[i + 1] += 1.5 / dt * correction
+        a.snap[i + 1] += 1.0 / (dt * dt) * correction
         if HUNG:
-            a.off[i + 1] += 19.0 / 180.0 * dt * dt * miss
+            a.off[i + 1] += 19.0 / 180.0 * dt * dt * correction
     for j in range(m):
         # 19/90 · dt²/2
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
-        flags |= noted(j, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
+        flags |= update_peaks(j, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
     close(physics, m, a)
     for j in range(m):
-        share(j, half, a)
+        add_impulse(j, half, a)
     return flags
 
 
@@ -276,16 +298,16 @@ class Integrator(NamedTuple):
     begin : kernel
         ``begin(dt, m, a)`` prepares the first of several steps.
     order : float
-        Order of its error for smooth forces. Gear's method reaches it once its derivatives are known.
+        Order of the error for smooth forces. Gear's method reaches it once its derivatives are known.
     evaluations : int
         Evaluations of each force per step, equal to the number of pairs by which a force propagates per step.
     limit : float
-        dt·λ above which results are meaningless (λ: sharpest rate of the contacts). Runge-Kutta grows only from 2√2,
-        but at 2 it damps by a quarter per step.
+        dt·λ above which results are meaningless. λ in 1/s is the highest rate of the contacts, see
+        `granular.md.time_step`. Runge-Kutta becomes unstable only above 2√2, but at 2 it damps by a quarter per step.
     label : str
-        Full name.
+        Full name for figures.
     derivatives : bool
-        Whether it stores accelerations and higher derivatives of the velocities.
+        Whether the method stores accelerations and higher derivatives of the velocities.
     """
 
     name: str
@@ -302,9 +324,9 @@ INTEGRATORS = {
     integrator.name: integrator
     for integrator in (
         Integrator("verlet", verlet, half_way, 2.0, 1, 2.0, "velocity Verlet"),
-        Integrator("symplectic-euler", symplectic_euler, idle, 1.0, 1, 2.0, "symplectic Euler"),
-        Integrator("rk4", rk4, idle, 4.0, 4, 2.0, "Runge–Kutta 4"),
-        Integrator("gear5", gear5, idle, 4.0, 1, 1.05, "Gear, 5 values", derivatives=True),
+        Integrator("symplectic-euler", symplectic_euler, prepare_nothing, 1.0, 1, 2.0, "symplectic Euler"),
+        Integrator("rk4", rk4, prepare_nothing, 4.0, 4, 2.0, "Runge–Kutta 4"),
+        Integrator("gear5", gear5, prepare_nothing, 4.0, 1, 1.05, "Gear, 5 values", derivatives=True),
     )
 }
 """All integrators by name."""

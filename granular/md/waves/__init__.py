@@ -1,6 +1,6 @@
 """Waves in chains of touching balls: bands under a static force, solitary waves.
 
-A first reader may skip: `bands`, `sensors`, `solitary_wave`.
+Support modules: `bands`, `sensors`, `solitary_wave`.
 """
 
 from granular.md.waves.bands import (
