@@ -1,8 +1,8 @@
-"""Isolated contact of two bodies: restitution, duration, peaks, inverse problem.
+"""Isolated contact of two bodies: restitution, duration, overlap and force.
 
 Two bodies of effective mass m_eff meet at speed v without other forces: m_eff ξ̈ = -max(0, F(ξ, ξ̇)), ξ(0) = 0, ξ̇(0) =
-v, until F returns to zero. Event-driven simulation uses no other information about a force law. `restitution_of` makes
-a collision rule from it.
+v, until F returns to zero. `with_restitution` solves the inverse problem. Event-driven simulation uses only the
+restitution of a force law, and `restitution_of` creates the collision rule.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restituti
 __dir__ = __all__.copy
 
 MAX_CONTACT_STEPS = 20_000
-"""Number of steps after which a contact is assumed not to end."""
+"""Number of integration steps after which a contact is assumed not to end."""
 SLOWEST_IMPACT, FASTEST_IMPACT = 1e-50, 1e50
-"""Impact speeds in m/s between which a contact is integrated.
+"""Lowest and highest impact speed in m/s for which a contact is integrated.
 
-Beyond them overlaps, forces or energies leave the range of floats."""
-STUCK_SPEED_SHARE = 1e-9
-"""Largest remaining downward speed of a contact that absorbs all speed.
+At other speeds overlaps, forces or energies exceed the range of floats."""
+STUCK_SPEED_RATIO = 1e-9
+"""Final speed of a contact that counts as 0, relative to the impact speed.
 
-It is relative to the impact speed."""
+With a smaller final speed the contact absorbs all kinetic energy."""
 
 
 @check.face
 @dataclass(frozen=True)
 class Collision:
-    """Result of one isolated contact.
+    """Restitution, duration, peaks and final overlap of one isolated contact.
 
     Attributes
     ----------
@@ -67,11 +67,11 @@ class Collision:
 
 @check.face
 def collision(law: Any, pair: Pair, speed: float) -> Collision:
-    """Return the isolated contact of `pair` under `law` at impact speed `speed`.
+    """Compute the isolated contact of `pair` under `law` at impact speed `speed`.
 
-    Linear laws (with any damping), undamped powers and `WaltonBraun` have closed forms, and so has the restitution of
-    damped powers F = k ξ^p + γ ξ^((p-1)/2) ξ̇: they map onto the dashpot with ζ = γ / √(2 (p+1) k m_eff) (Tsuji: α/√5).
-    All other contacts are integrated by the event-located method.
+    Linear laws (with any damping), undamped powers and `WaltonBraun` have closed forms. The restitution of damped
+    powers F = k ξ^p + γ ξ^((p-1)/2) ξ̇ also has a closed form. It is the restitution of the dashpot with ζ = γ / √(2
+    (p+1) k m_eff) (Tsuji: α/√5). All other contacts are integrated by the event-located method.
 
     Parameters
     ----------
@@ -91,8 +91,8 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     ------
     TypeError, ValueError
         If `speed` is not positive. If the contact does not end (ε = 0, or the law does not repel) or gains energy. If
-        its overlap or force is beyond the range of floats: speeds below 1e-50 or above 1e50 m/s, except for linear
-        laws.
+        its overlap or force exceeds the range of floats. This includes speeds below 1e-50 or above 1e50
+        m/s, except for linear laws.
 
     Examples
     --------
@@ -102,14 +102,14 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     >>> round(hit.restitution, 6), float(f"{hit.duration:.4g}")
     (0.960653, 0.0006047)
     """
-    known, v = _resolved(law, pair), _speed(speed)
-    if known.form is not None and known.is_linear:
-        return _in_range(_dashpot(known.form[0], known.form[2], pair, v), v)
-    if known.form is not None and known.form[2] == 0.0 and SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
-        return _in_range(_elastic_power(known.form[0], known.form[1], pair, v), v)
-    if is_bilinear(known) and SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
-        return _in_range(Collision(*law.isolated(pair, v)), v)
-    return _integrated(law, pair, v)
+    pair_law, v = _resolved(law, pair), _speed(speed)
+    if pair_law.form is not None and pair_law.is_linear:
+        return _checked_range(_linear_contact(pair_law.form[0], pair_law.form[2], pair, v), v)
+    if pair_law.form is not None and pair_law.form[2] == 0.0 and SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
+        return _checked_range(_elastic_contact(pair_law.form[0], pair_law.form[1], pair, v), v)
+    if is_bilinear(pair_law) and SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
+        return _checked_range(Collision(*law.isolated(pair, v)), v)
+    return _integrated_contact(law, pair, v)
 
 
 @overload
@@ -148,75 +148,78 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array:
     >>> gr.binary.restitution(gr.LinearDashpot(k=1e5, gamma=0.5), pair, [1.0, 3.0]).round(6).tolist()
     [0.960653, 0.960653]
     """
-    known = _resolved(law, pair)
+    pair_law = _resolved(law, pair)
     if check.is_one(speed):
-        return at_speed(known, _speed(speed))
+        return restitution_at_speed(pair_law, _speed(speed))
     speeds = check.array("speed", speed, ...)
-    return np.array([at_speed(known, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
+    return np.array([restitution_at_speed(pair_law, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
 
 
-def at_speed(known: PairLaw, speed: float) -> float:
-    """Return ε at one speed without checking it.
+def restitution_at_speed(pair_law: PairLaw, speed: float) -> float:
+    """Return ε at an impact speed in m/s, without checking the speed.
 
-    ε at rest is 1, or the limit for slow impacts.
+    At speed 0 the result is 1, unless ε is the same at every speed.
     """
-    if (same := steady(known)) is not None:
-        return same
+    if (constant := constant_restitution(pair_law)) is not None:
+        return constant
     if not speed > 0.0:
         return 1.0
-    if known.form is not None and known.form[1::2] == (1.5, 0.5):
+    if pair_law.form is not None and pair_law.form[1::2] == (1.5, 0.5):
         from granular.laws import viscoelastic_restitution
 
-        k, _, gamma, _ = known.form
-        return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * known.pair.m_eff**-0.4 * speed**0.2))
-    return _integrated(known.law, known.pair, max(speed, SLOWEST_IMPACT)).restitution
+        k, _, gamma, _ = pair_law.form
+        return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * pair_law.pair.m_eff**-0.4 * speed**0.2))
+    return _integrated_contact(pair_law.law, pair_law.pair, max(speed, SLOWEST_IMPACT)).restitution
 
 
-def at_speed_or_nan(known: PairLaw, speed: float) -> float:
-    """Return ε at one speed, or nan if the contact does not end."""
+def at_speed_or_nan(pair_law: PairLaw, speed: float) -> float:
+    """Return ε at an impact speed in m/s, or nan if it cannot be computed.
+
+    This is the case for a contact that does not end.
+    """
     try:
-        return at_speed(known, speed)
+        return restitution_at_speed(pair_law, speed)
     except (ValueError, ArithmeticError):
         return math.nan
 
 
-def steady(known: PairLaw) -> float | None:
+def constant_restitution(pair_law: PairLaw) -> float | None:
     """Return ε if it is known to be the same at every speed, else None."""
-    zeta = damping_ratio(known)
+    zeta = damping_ratio(pair_law)
     if zeta is None:
-        return float(known.law.restitution()) if is_bilinear(known) else None
+        return float(pair_law.law.restitution()) if is_bilinear(pair_law) else None
     return dashpot.restitution(zeta)
 
 
-def is_bilinear(known: PairLaw) -> bool:
-    """Return whether the law is exactly `WaltonBraun`, not a law derived from it."""
-    if not known.memory:
+def is_bilinear(pair_law: PairLaw) -> bool:
+    """Return whether the law is an instance of `WaltonBraun`, not of a subclass."""
+    if not pair_law.memory:
         return False
     from granular.laws.springs import WaltonBraun
 
-    return type(known.law) is WaltonBraun
+    return type(pair_law.law) is WaltonBraun
 
 
-def damping_ratio(known: PairLaw) -> float | None:
-    """Return ζ of the dashpot with the same restitution at every speed.
+def damping_ratio(pair_law: PairLaw) -> float | None:
+    """Return ζ of the linear dashpot with the same ε as the law, or None.
 
-    The value is None if ε is not known to be constant.
+    The result is None if ε is not known to be the same at every speed.
     """
-    if known.form is None:
+    if pair_law.form is None:
         return None
-    k, p, gamma, d = known.form
-    same = gamma == 0.0 or d == 0.5 * (p - 1.0)
-    return gamma / math.sqrt(2.0 * (p + 1.0) * k * known.pair.m_eff) if same else None
+    k, p, gamma, d = pair_law.form
+    is_constant = gamma == 0.0 or d == 0.5 * (p - 1.0)
+    return gamma / math.sqrt(2.0 * (p + 1.0) * k * pair_law.pair.m_eff) if is_constant else None
 
 
-class Stuck(ValueError):
-    """A contact damped so strongly that the bodies stop and do not separate."""
+class StuckError(ValueError):
+    """Exception for a contact whose damping stops the bodies, so they do not separate."""
 
 
 @check.face
 @dataclass(frozen=True)
 class LawRestitution:
-    """Collision rule made from force laws: ε as a function of impact speed and pair.
+    """Collision rule that computes ε from force laws, for an impact speed and a pair.
 
     Attributes
     ----------
@@ -233,13 +236,13 @@ class LawRestitution:
             instance("law", law)
 
     def __call__(self, speed: float, pair: Pair) -> float:
-        """Return ε at impact speed `speed` in m/s.
+        """Return ε of `pair` at the impact speed `speed` in m/s.
 
-        ε is 0 if a contact absorbs all speed and does not end.
+        ε is 0 if the contact absorbs all kinetic energy and does not end.
         """
         try:
-            return at_speed(resolve(self.laws[0 if len(self.laws) == 1 else pair.index], pair), speed)
-        except Stuck:
+            return restitution_at_speed(resolve(self.laws[0 if len(self.laws) == 1 else pair.index], pair), speed)
+        except StuckError:
             return 0.0
 
 
@@ -252,8 +255,8 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     law : force law or sequence of force laws
         One law for all pairs, or one per pair from the bottom up.
     scene : Scene, optional
-        If ε is independent of the speed in all pairs of this scene, the rule is a `ConstantRestitution`. This is
-        faster, and exact about inelastic collapse.
+        If ε is independent of the speed in all pairs of this scene, the rule is a `ConstantRestitution`. With this rule
+        hard-sphere runs are faster, and inelastic collapse is detected exactly.
 
     Returns
     -------
@@ -274,20 +277,20 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     0.960653
     """
     laws = tuple(law) if isinstance(law, (list, tuple)) else (law,)
-    for one in laws:
-        instance("law", one)
+    for each_law in laws:
+        instance("law", each_law)
     if scene is not None:
-        known = resolved(check.per_pair("law", laws if len(laws) > 1 else laws[0], checked(scene).n_pairs), scene)
-        if None not in map(steady, known.each):
-            return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
+        pair_laws = resolved(check.per_pair("law", laws if len(laws) > 1 else laws[0], checked(scene).n_pairs), scene)
+        if None not in map(constant_restitution, pair_laws.each):
+            return ConstantRestitution(pair_laws.column(lambda pair_law: restitution_at_speed(pair_law, 1.0)))
     return LawRestitution(laws)
 
 
 @check.face
 class LawRule(LawRestitution):
-    """Collision rule of a comparison.
+    """Collision rule of a comparison, which also checks the range of ε.
 
-    It raises `ValueError` naming the law if ε of that law is outside [0, 1].
+    It raises a `ValueError` that names the law if ε is outside [0, 1].
     """
 
     def __call__(self, speed: float, pair: Pair) -> float:
@@ -303,7 +306,10 @@ class LawRule(LawRestitution):
 
 
 def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
-    """Return the collision rule that a comparison uses for the given laws."""
+    """Return the collision rule with which a comparison replaces the force laws.
+
+    `laws` contains one force law per pair.
+    """
     rule = restitution_of(laws, scene)
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
@@ -312,7 +318,7 @@ def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
 def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:
     """Return a copy of `law` with `field` chosen so that the restitution is `target`.
 
-    This is the inverse of `restitution`, for any law whose ε decreases as `field` grows (damping).
+    This is the inverse of `restitution`, for any law whose ε decreases as the damping coefficient `field` increases.
 
     Parameters
     ----------
@@ -347,41 +353,44 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     """
     from scipy.optimize import brentq
 
-    goal = check.number("target", target, above=0.0, at_most=1.0)
-    known, v = _resolved(law, pair), _speed(speed)
+    target_number = check.number("target", target, above=0.0, at_most=1.0)
+    pair_law, v = _resolved(law, pair), _speed(speed)
     if not isinstance(field, str) or field not in getattr(law, "__dataclass_fields__", ()):
         raise ValueError(f"`field` must be a field of {type(law).__name__}, got {field!r}. Name the damping of the "
                          "law.")
 
-    def miss(log_value: float) -> float:
-        return at_speed(resolve(replace(law, **{field: math.exp(log_value)}), pair), v) - goal
+    def restitution_error(log_value: float) -> float:
+        return restitution_at_speed(resolve(replace(law, **{field: math.exp(log_value)}), pair), v) - target_number
 
     # a dashpot with this damping is near critical, so the search starts within a few e-foldings of the root
-    near = 0.5 * math.log(known.tangent(known.overlap_at(v))[0] * pair.m_eff)
-    low = high = near if goal < 1.0 else -math.inf
+    initial_log = 0.5 * math.log(pair_law.tangent(pair_law.overlap_at(v))[0] * pair.m_eff)
+    low = high = initial_log if target_number < 1.0 else -math.inf
     # widen the bracket by factors of e^4; exp(±300) is close to the range of floats
-    while miss(low) < 0.0 and low > -300.0:
+    while restitution_error(low) < 0.0 and low > -300.0:
         low, high = low - 4.0, low
-    while miss(high) > 0.0 and high < 300.0:
+    while restitution_error(high) > 0.0 and high < 300.0:
         low, high = high, high + 4.0
-    if not (miss(low) >= -1e-9 * (goal == 1.0) and miss(high) <= 0.0):
+    if not (restitution_error(low) >= -1e-9 * (target_number == 1.0) and restitution_error(high) <= 0.0):
         raise ValueError(f"`target` must be a restitution that `{field}` can reach at {speed} m/s, got {target!r}.")
-    found = brentq(miss, low, high, xtol=1e-14, rtol=1e-14) if low < high else low
-    return replace(law, **{field: math.exp(found)})
+    log_field = brentq(restitution_error, low, high, xtol=1e-14, rtol=1e-14) if low < high else low
+    return replace(law, **{field: math.exp(log_field)})
 
 
 def _speed(value: Any) -> float:
+    """Return an impact speed in m/s after checking that it is positive."""
     return check.number("speed", value, above=0.0)
 
 
 def _resolved(law: Any, pair: Pair) -> PairLaw:
+    """Return the law of one pair, after checking both."""
     return resolve(instance("law", law), checked_pair(pair))
 
 
-def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
-    """Return the linear contact in closed form.
+def _linear_contact(k: float, gamma: float, pair: Pair, v: float) -> Collision:
+    """Compute the contact of a linear dashpot at impact speed `v` in closed form.
 
-    With the phase α = acos ζ, ξ peaks at ω₀t = f, and F at ωt = 3α - π or, for ζ ≥ ½, at the touch.
+    `k` is in N/m, `gamma` in kg/s and `v` in m/s. The overlap is largest after half of the contact duration. For ζ ≥ ½ the
+    force is largest at the onset, otherwise at ωt = 3α - π with α = acos ζ and ω = ω₀ √(1 - ζ²).
     """
     omega, zeta = math.sqrt(k / pair.m_eff), 0.5 * gamma / math.sqrt(k * pair.m_eff)
     eps, t_c = dashpot.restitution(zeta), dashpot.duration(zeta)
@@ -391,50 +400,55 @@ def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
     return Collision(eps, t_c / omega, deepest, peak * pair.m_eff * omega * v, 2.0 * zeta * eps * v / omega)
 
 
-def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:
-    """Return the contact of an undamped power law in closed form.
+def _elastic_contact(k: float, p: float, pair: Pair, v: float) -> Collision:
+    """Compute the contact of the undamped law F = k ξ^p in closed form.
 
-    ξ_max = ((p+1) m v² / (2k))^(1/(p+1)) and t_c v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1)).
+    `k` is in N/m^p, and `v` is the impact speed in m/s. The formulas are ξ_max = ((p+1) m v² / (2k))^(1/(p+1)) and t_c
+    v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1)).
     """
     deepest = math.pow(0.5 * (p + 1.0) * pair.m_eff * v * v / k, 1.0 / (p + 1.0))
     shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / (p + 1.0)) / math.gamma(0.5 + 1.0 / (p + 1.0))
     return Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0)
 
 
-def _integrated(law: Any, pair: Pair, v: float) -> Collision:
-    """Return the contact by the event-located method.
+def _integrated_contact(law: Any, pair: Pair, v: float) -> Collision:
+    """Compute a contact at impact speed `v` in m/s by the event-located method.
 
-    Results are cached for immutable laws.
+    Results are cached for laws whose fields are hashable.
     """
     values = hashable_contents(law)
-    return _bounce(law, pair, v) if values is None else _remembered(values, law, pair, v)
+    return _simulate_contact(law, pair, v) if values is None else _cached_contact(values, law, pair, v)
 
 
 @lru_cache(maxsize=4096)
-def _remembered(values: tuple[Any, ...], law: Any, pair: Pair, v: float) -> Collision:
-    return _bounce(law, pair, v)
+def _cached_contact(values: tuple[Any, ...], law: Any, pair: Pair, v: float) -> Collision:
+    """Compute a contact as `_simulate_contact` does, with a cache.
+
+    `values` are the contents of the law, so that a changed law is not found in the cache.
+    """
+    return _simulate_contact(law, pair, v)
 
 
-def _bounce(law: Any, pair: Pair, v: float) -> Collision:
-    """Simulate a ball of mass m_eff that hits a wall.
+def _simulate_contact(law: Any, pair: Pair, v: float) -> Collision:
+    """Compute a contact by simulating a ball of mass m_eff that hits a wall.
 
-    If the force sets in late, the earlier touch is logged as a contact without force. The contact with the largest
-    impulse is therefore evaluated.
+    `v` is the impact speed in m/s. If the force of the law starts only at a positive overlap, the touch is logged as a
+    separate contact without force. The contact with the largest impulse is therefore evaluated.
     """
     if not SLOWEST_IMPACT <= v <= FASTEST_IMPACT:
-        raise _no_numbers(v)
+        raise _range_error(v)
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
     # the law has to see the original pair, not the pair of this auxiliary scene
     scene.__dict__["pairs"] = Pairs(np.array([pair.m_eff]), np.array([pair.r_eff]), pair.index)
     run = simulate(scene, law, max_events=8, max_steps=MAX_CONTACT_STEPS)
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
     if not math.isfinite(contact["force_max"]):
-        raise _no_numbers(v)
-    # a contact without an end has no row values at its end: use the final state instead
-    left = float(run.velocity[-1][1] if math.isnan(contact["t_end"]) else contact["v_out"][1])
-    if contact["impulse"] > 0.5 * pair.m_eff * v and abs(left) <= STUCK_SPEED_SHARE * v and not left > 0.0:
-        raise Stuck(f"`law` must let the bodies separate, got {law!r}. At {v!r} m/s a contact takes all speed and does "
-                    "not end. Use weaker damping.")
+        raise _range_error(v)
+    # the row of an unfinished contact has no values at its end: use the final state instead
+    v_end = float(run.velocity[-1][1] if math.isnan(contact["t_end"]) else contact["v_out"][1])
+    if contact["impulse"] > 0.5 * pair.m_eff * v and abs(v_end) <= STUCK_SPEED_RATIO * v and not v_end > 0.0:
+        raise StuckError(f"`law` must let the bodies separate, got {law!r}. At {v!r} m/s a contact "
+                         "absorbs all kinetic energy and does not end. Use weaker damping.")
     if contact["force_max"] == 0.0 or contact["v_out"][1] < 0.0:
         raise ValueError(f"`law` must repel, got {law!r}. At {v!r} m/s the bodies pass through each other, so there is "
                          "no restitution.")
@@ -447,16 +461,20 @@ def _bounce(law: Any, pair: Pair, v: float) -> Collision:
                          "must not be larger while the bodies separate than while they approach.")
     at_end = simulate(scene, law, t_end=float(contact["t_end"]), log=False)
     duration, xi_max, force_max = (float(contact[name]) for name in ("duration", "xi_max", "force_max"))
-    return _in_range(Collision(min(eps, 1.0), duration, xi_max, force_max, max(0.0, -float(at_end.gap[-1][0]))), v)
+    return _checked_range(Collision(min(eps, 1.0), duration, xi_max, force_max, max(0.0, -float(at_end.gap[-1][0]))), v)
 
 
-def _in_range(found: Collision, v: float) -> Collision:
-    """Return `found`, or raise `ValueError` if it is outside the range of floats."""
-    if not all(0.0 < x < math.inf for x in (found.duration, found.xi_max, found.force_max)):
-        raise _no_numbers(v)
-    return found
+def _checked_range(contact: Collision, v: float) -> Collision:
+    """Return `contact`, or raise `ValueError` if a number exceeds the range of floats.
+
+    `v` is the impact speed in m/s.
+    """
+    if not all(0.0 < x < math.inf for x in (contact.duration, contact.xi_max, contact.force_max)):
+        raise _range_error(v)
+    return contact
 
 
-def _no_numbers(v: float) -> ValueError:
+def _range_error(v: float) -> ValueError:
+    """Return the exception for a contact whose numbers exceed the range of floats."""
     return ValueError(f"`speed` must lead to a contact within the range of floating-point numbers, got {v!r}: its "
                       "overlap, force or duration exceeds it. Use SI units.")

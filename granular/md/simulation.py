@@ -27,19 +27,19 @@ from granular.scene.places import Closing, checked, fitted
 from granular.scene.state import Scene
 
 SMALLEST_DT = 1e-60
-"""Smallest `dt` in s: "gear5" needs its fifth power, which underflows below."""
+"""Smallest allowed `dt` in s. Below it, powers of `dt` in "gear5" underflow."""
 DEFAULT_TOL = 1e-16
-"""Default `tol`."""
+"""Default of `tol`, the truncation error per step of method "located"."""
 SMALLEST_TOL = 1e-17
-"""Smallest `tol`.
+"""Smallest allowed `tol`.
 
-Smaller values only cost steps, because sums of floats are accurate to 1e-16."""
+Smaller values would only add steps, because sums of floats are accurate to 1e-16."""
 DEFAULT_MAX_STEPS = 20_000_000
-"""Default of `max_steps`."""
+"""Default of `max_steps`, the limit on the number of steps of a run."""
 STEPS_PER_CONTACT = 500
-"""Default number of steps per shortest contact.
+"""Number of steps per duration of the shortest contact, for the default time step.
 
-Halving the error of a method of order 1 doubles it."""
+Half the error of a method of order 1 needs twice this number."""
 
 
 @check.face
@@ -75,32 +75,33 @@ def simulate(
         One law for all pairs, or one per pair from the bottom up. The law of a pair at a thermal wall is ignored.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. By default a run ends when no further contact is possible,
-        or at one of the limits below. One of the two is required where another contact can always follow: with driven
-        or thermal walls, on a ring, and for pendula. It is also required on a floor if all laws are like `WaltonBraun`,
-        because balls then bounce in their dents forever. Elastic balls that fall back to a floor or fly between two
-        walls need `t_end`, `until`, `max_events` or `max_steps`. Walls that approach each other need a `t_end` before
-        they meet.
+        or at one of the limits below. `t_end`, `until` or `max_events` is required in scenes where another contact can
+        always follow: with driven or thermal walls, on a ring, and for pendula. This also holds under gravity on a
+        floor if all laws are like `WaltonBraun`, because balls then bounce elastically forever. Elastic balls that fall
+        back to a floor or fly between two walls need one of these options or `max_steps`. Walls that approach each
+        other need a `t_end` before they meet.
     t_start : float
         Time of the initial state in s.
     samples : None, int, "contacts" or array of float
         States to record. None records the first and the last state. An int records that number of evenly spaced times
         from `t_start` to `t_end`. An array contains the times in s. "contacts" records the onset, the end and a few
         times before, during and after every contact. The run is solved twice for "contacts", and for a number of
-        samples without `t_end`. If a run ends before the last sample, its final state becomes the last sample.
+        samples without `t_end`. If a run ends before the last requested time, its final state is the last sample.
     log : bool or path
-        Keep one row per contact in ``contacts``. A path ``"run.npy"`` of a file that does not exist yet writes the rows
-        to that file block by block instead. This needs no memory, and all written blocks remain readable if the process
-        is killed. ``contacts`` then stays empty, and `Trajectory.contact_batches` reads the file.
+        Whether to keep one row per contact in ``contacts``. If it is the path of a new file, such as ``"run.npy"``,
+        rows are written to that file block by block instead. This needs no memory, and all written blocks remain
+        readable if the process is killed. ``contacts`` then stays empty, and `Trajectory.contact_batches` reads the
+        file.
     max_events, max_steps : int, optional
         Stop with status ``max_events`` after that number of contacts or steps, by default 1 000 000 and 20 000 000.
-        Under laws other than powers, a run also stops with this status if contacts creep or chatter: some thousand
-        trial steps then hardly advance the time.
+        Under laws other than powers, contacts can creep or chatter. A run also stops with this status if some thousand
+        trial steps hardly advance the time.
     on_event : callable, optional
         Called with each row of the contact log, in batches, in the order in which contacts end. With fixed steps,
         contacts that end within one step can come in any order.
     on_progress : callable, optional
-        ``on_progress(reached, count)`` is called from time to time with the time reached in s and the number of
-        contacts.
+        ``on_progress(reached, count)`` is called repeatedly during the run, with the simulated time reached in s and
+        the number of contacts.
     progress : bool
         Show the progress of runs longer than 2 s on standard error, as a bar if tqdm is installed.
     engine : {"auto", "plain", "compiled"}
@@ -109,60 +110,60 @@ def simulate(
         the reason.
     method : {"located", "verlet", "symplectic-euler", "rk4", "gear5"}, optional
         "located", the default and the reference, locates every event to rounding: touch, end of the force, return of
-        the force. The others are fixed-step integrators as in DEM codes. Their samples between two steps are computed
-        by one shorter step on a copy. The default is "verlet" if only `dt` is given.
+        the force. The other methods are fixed-step integrators as in DEM codes. Their samples between two steps are
+        computed by one shorter step on a copy. If only `dt` is given, the default is "verlet".
     dt : float, optional
-        Time step in s of a fixed-step method. Defaults to 1/500 of the shortest expected contact.
+        Time step in s of a fixed-step method. Defaults to 1/500 of the shortest expected contact duration.
     tol : float
-        Truncation error per step of "located" under nonlinear laws, relative to the current speed and overlap. From
-        1e-17, which is below rounding, to 1e-3.
+        Truncation error per step of "located" under nonlinear laws, relative to the current speed and overlap. Allowed
+        are values from 1e-17, which is below the rounding error, to 1e-3.
     disturbed : {"resolve", "stop", "ignore"}
-        What "located" does if an overlap begins beside another one. "resolve" integrates both together exactly. "stop"
-        ends the run with status ``disturbed``: until then every contact was isolated. "ignore" treats every contact as
-        isolated (soft event-driven simulation): a neighbour that touches early begins with gap 0 when the contact is
-        over. Contacts without an end (at rest) and initial overlaps are always resolved. "ignore" is not allowed for
-        pendula, because resetting a gap to 0 would change their energy.
+        Treatment of contacts that are not isolated, for "located". "resolve" integrates overlapping neighbouring pairs
+        together. "stop" ends the run with status ``disturbed`` when the first such overlap begins: until then every
+        contact was isolated. "ignore" treats every contact as isolated (soft event-driven simulation): if a
+        neighbouring pair touches during a contact, its own contact begins with gap 0 after the end of the first one.
+        Contacts without an end (at rest) and initial overlaps are always resolved. "ignore" is not allowed for pendula,
+        because resetting a gap to 0 would change their energy.
 
     Returns
     -------
     Trajectory
-        A fixed-step method returns status ``unstable`` if dt was above the stability limit 2/λ of the contacts that
-        took place. Above 0.2/λ it issues a `RuntimeWarning`.
+        Samples, contact log and status. Let λ be the highest rate of the contacts that took place. A fixed-step method
+        returns status ``unstable`` if dt was above its stability limit, 2/λ or for "gear5" 1.05/λ. Above 0.2/λ it
+        issues a `RuntimeWarning`.
 
     Raises
     ------
     TypeError, ValueError
         For invalid arguments.
 
-    Notes
-    -----
-    Fixed-step methods can miss a contact shorter than `dt` completely. Begin and end of a contact are interpolated
-    between two steps, accurate to about (dt/t_c)² t_c. The error of the state has order min(p, 1+s) if the force starts
-    like t^s: s = 0 for a dashpot, 1 for a spring, 1.5 for Hertz. The integrator's own order p is 4 for "rk4" and
-    "gear5", 2 for "verlet" and 1 for "symplectic-euler", whose velocities lag by half a step. Exception: elastic
-    contacts from flight to flight have the order of "verlet" without gravity and pendula. A "gear5" run that starts
-    within a contact has order 2, because the higher derivatives of its velocities are unknown. Cost: O(contacts) for
-    "located", O(pairs) per step for a fixed-step method.
+    Notes ----- Fixed-step methods can miss a contact shorter than `dt` completely. Onset and end of a contact are
+    interpolated between two steps, accurate to about (dt/t_c)² t_c. The error of the state has order min(p, 1+s) if the
+    force starts like t^s at the onset: s = 0 for a dashpot, 1 for a spring, 1.5 for Hertz. The integrator's own order p
+    is 4 for "rk4" and "gear5", 2 for "verlet" and 1 for "symplectic-euler", whose velocities lag by half a step. As an
+    exception, elastic contacts between two free flights have the order of "verlet" without gravity and pendula. A
+    "gear5" run that starts within a contact has order 2, because the higher derivatives of its velocities are unknown.
+    Cost: O(contacts) for "located", O(pairs) per step for a fixed-step method.
 
     At a driven wall (`Scene.floor`, `ceiling`) "located" certifies the next touch on the path of the wall. It adds the
     series of the path to the series of the contact. With fixed steps such a wall moves by the difference of two
-    positions on its path. Forces see its velocity there, so all orders above hold. A step in which the velocity of the
-    path jumps has order 1. While all pairs are open, the balls fly to the next touch, which is found on the path
-    itself.
+    positions on its path. Contact forces are evaluated with its velocity there, so all orders above hold. A step in
+    which the velocity of the path jumps has order 1. While no pair overlaps, the balls move freely to the next touch,
+    which is located on the path itself.
 
     Thermal walls (`granular.walls.Thermal`) with "located": a ball that touches one is thrown back immediately,
     whatever the law of that pair, even during another contact. The hit is a row of the log with zero duration and force
     nan. Between pendula and on a ring, contacts are certified as isolated in the same way. On a ring an island can
-    extend all around. Rest and binding are not proved in such scenes, so these runs continue to their end.
+    include all pairs. In such scenes rest and permanent contact are not proved, so these runs continue to their end.
 
     With driven walls, `Trajectory.account` is summed by Simpson's rule in each fixed step. The energy balance then
     closes only to the order of the method, and to order 1 + s at onsets and ends. The dissipated energy is nan while a
     law with memory exerts a force.
 
-    With fixed steps, rings and pendula keep the orders above, and open scenes fly in closed form. After a hit of a
-    thermal wall within a step, the ball continues from the time of the hit on its new parabola. Hits are therefore
-    exact to rounding if nothing else touches the ball ("symplectic-euler" knows no parabolas: order 1). They have order
-    2 beside a contact, and order 1 where a damped force jumps with the velocity.
+    With fixed steps, the orders above also hold on rings and for pendula, and free flights are in closed form. After a
+    hit of a thermal wall within a step, the ball continues from the time of the hit on its new parabola. Hits are
+    therefore exact to rounding if nothing else touches the ball ("symplectic-euler" has order 1). They have order 2
+    during another contact of the ball, and order 1 if a damped force jumps with the velocity.
 
     Examples
     --------
@@ -186,17 +187,17 @@ def simulate(
     if method is None:
         method = "located" if dt is None else "verlet"
     if not isinstance(method, str) or method != "located" or dt is not None:
-        return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
-    finest = check.number("tol", tol, at_least=SMALLEST_TOL, at_most=1e-3)
-    with _in_range(laws.given[0]):
-        return in_time(lambda asked: drive(_stopping(
-            located.Run(scene, laws, asked, engine, finest, disturbed))), request)
+        return _simulate_fixed_step(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
+    tolerance = check.number("tol", tol, at_least=SMALLEST_TOL, at_most=1e-3)
+    with _range_errors_as_value_error(laws.given[0]):
+        return in_time(lambda timed: drive(_with_level_stop(
+            located.Run(scene, laws, timed, engine, tolerance, disturbed))), request)
 
 
-def _stopping(run: located.Run) -> Any:
-    """Return the run, wrapped for monitoring if a level stops it.
+def _with_level_stop(run: located.Run) -> Any:
+    """Return the run, wrapped if it stops at a level of speed, position or force.
 
-    The monitoring code is imported only in this case.
+    The wrapper ends the run when the level is passed. Its code is imported only in this case.
     """
     if not isinstance(run.request.until, stop.LEVEL_TYPES):
         return run
@@ -209,21 +210,27 @@ def _stopping(run: located.Run) -> Any:
 def _requested(
     scene: Scene, laws: SceneLaws, start: float, t_end: float | None, engine: str, disturbed: str, **options: Any
 ) -> Request:
-    """Check the options that `simulate` and `resume` share."""
+    """Return the checked options that `simulate` and `resume` share.
+
+    `start` is the start time of the run in s, and `options` are the options of `granular.run.drive.requested`.
+    """
     request = requested(scene, start, t_end, **options)
-    endless = disturbed != "stop" and options["max_steps"] == DEFAULT_MAX_STEPS
-    check_end(scene, t_end, options["until"], options["max_events"], dented=lambda: _dented(scene, laws),
-              elastic=lambda: endless and laws.elastic)
+    may_never_end = disturbed != "stop" and options["max_steps"] == DEFAULT_MAX_STEPS
+    check_end(scene, t_end, options["until"], options["max_events"],
+              dented=lambda: _loses_energy_only_in_dents(scene, laws), elastic=lambda: may_never_end and laws.elastic)
     check.choice("engine", engine, ("auto", "plain", "compiled"))
     check.choice("disturbed", disturbed, located.DISTURBED_OPTIONS)
     return request
 
 
-def _stepped(
+def _simulate_fixed_step(
     scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float | None, engine: str, *, tol: float,
     disturbed: str,
 ) -> Trajectory:
-    """Run a scene with a fixed step, which supports neither `tol` nor `disturbed`."""
+    """Run a scene with a fixed-step method, see `simulate`.
+
+    These methods support neither `tol` nor `disturbed`: other values than the defaults raise `ValueError`.
+    """
     from granular.md import fixed
 
     if check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
@@ -235,19 +242,19 @@ def _stepped(
         f"`disturbed` must be 'resolve' for method {method!r}, got {disturbed!r}. Use method='located'.":
             disturbed != "resolve",
     })
-    step = _default_step(scene, laws) if dt is None else check.number("dt", dt, at_least=SMALLEST_DT)
-    if request.start + step == request.start:
+    time_step = _default_step(scene, laws) if dt is None else check.number("dt", dt, at_least=SMALLEST_DT)
+    if request.start + time_step == request.start:
         raise ValueError(f"`dt` must be large enough to advance the clock at t_start = {request.start!r}, got "
-                         f"{step!r}.")
-    made: list[Any] = []
+                         f"{time_step!r}.")
+    runs: list[Any] = []
 
-    def solve(asked: Request) -> Trajectory:
-        made.append(fixed.Run(scene, laws, asked, method, step, engine))
-        return drive(made[-1])
+    def solve(timed: Request) -> Trajectory:
+        runs.append(fixed.Run(scene, laws, timed, method, time_step, engine))
+        return drive(runs[-1])
 
     run = in_time(solve, request)
-    if made[-1].step_warning:
-        warnings.warn(made[-1].step_warning, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
+    if runs[-1].step_warning:
+        warnings.warn(runs[-1].step_warning, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
     if run.status is not Status.unstable and len(run.contacts):
         check_deepest(laws, run.contacts)
     return run
@@ -258,7 +265,8 @@ def events(scene: Scene, law: Any, *, max_events: int = check.MAX_INTEGER, **opt
     """Yield the contacts of a run as they end, each with the scene at that time.
 
     Accepts all options of `simulate` except `samples`, `on_event`, `log`, `method` and `dt`. Method "located" is used,
-    and the contacts agree with those of `simulate` to rounding. Without a stop condition the iterator does not end.
+    and the contacts agree with the contacts of `simulate` to rounding. Without a stop condition the iterator can be
+    infinite.
 
     Parameters
     ----------
@@ -272,7 +280,8 @@ def events(scene: Scene, law: Any, *, max_events: int = check.MAX_INTEGER, **opt
     Yields
     ------
     contact, time, scene : row of the contact log, float, Scene
-        The contact, the time in s, and the state of the scene then (with ``disturbed="ignore"``, at the next event).
+        The contact, its end time in s, and the state of the scene at that time. With ``disturbed="ignore"`` time and
+        state belong to the next event.
 
     Raises
     ------
@@ -312,9 +321,9 @@ def resume(
 ) -> Trajectory:
     """Continue a run of `simulate` from its end, by method "located".
 
-    The result is bitwise identical to an uninterrupted run, also from the middle of a contact. It is equal to rounding
-    if `until` ended the first run. Laws and tolerance are taken from `trajectory`. See `simulate` for the other
-    parameters.
+    The result is bitwise identical to an uninterrupted run, also if the first run ended during a contact. It is equal
+    to rounding if `until` ended the first run. Laws and tolerance are taken from `trajectory`. See `simulate` for the
+    other parameters.
 
     Parameters
     ----------
@@ -324,15 +333,15 @@ def resume(
     Returns
     -------
     Trajectory
-        The continuation. Its contact log starts with complete rows of the contacts that were under way (if both runs
-        keep logs). Contacts of a pair are counted from the beginning of the first run: ``until.contact(0, 7)`` is still
-        the seventh. `max_events` and `max_steps` count from here, `stats` over both runs.
+        The continuation. If both runs keep logs, its log includes complete rows of the contacts that had not ended.
+        Contacts of a pair are counted from the beginning of the first run: ``until.contact(0, 7)`` still is the seventh
+        contact. `max_events` and `max_steps` count from the start of the continuation, `stats` over both runs.
 
     Raises
     ------
     ValueError
-        If `trajectory` is not a run of soft spheres by method "located", stopped before it began, or is broken. Also if
-        its state is inconsistent with its scene, laws and last sample.
+        If `trajectory` is not a run of soft spheres by method "located", has not begun, or is broken. Also if its state
+        is inconsistent with its scene, laws and last sample.
 
     Examples
     --------
@@ -353,19 +362,19 @@ def resume(
         until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps, on_event=on_event,
         on_progress=on_progress, progress=progress,
     )
-    fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
+    fitted(trajectory.scene, request.start, request.end)  # raises if the path of a wall ends before the run
     _check_walls(trajectory.scene, float(check.saved_array(state, "origin", "f", ())), request.end)
-    with _in_range(laws.given[0]):
-        return in_time(lambda asked: continue_run(_stopping(
-            located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state)), trajectory), request)
+    with _range_errors_as_value_error(laws.given[0]):
+        return in_time(lambda timed: continue_run(_with_level_stop(
+            located.Run(trajectory.scene, laws, timed, engine, math.nan, disturbed, state)), trajectory), request)
 
 
 @contextmanager
-def _in_range(law: Any) -> Iterator[None]:
-    """Convert range errors of the engine's own numbers to a `ValueError`.
+def _range_errors_as_value_error(law: Any) -> Iterator[None]:
+    """Convert arithmetic errors of the engine to a `ValueError` that names the law.
 
     These are `ArithmeticError` and `LinAlgError` raised in modules of granular or numpy, including numpy functions
-    that a user's law calls. Errors raised in other modules pass through.
+    that a user's law calls. Errors raised in other modules are not converted.
     """
     try:
         yield
@@ -383,30 +392,34 @@ def _in_range(law: Any) -> Iterator[None]:
 
 
 def _check_walls(scene: Scene, start: float, end: float) -> None:
-    """Raise if walls at constant speed meet before the end.
+    """Raise `ValueError` if two walls at constant speed meet before `end` in s.
 
-    The run itself checks driven walls.
+    `start` is the start time of the run in s. Driven walls are not checked here, but during the run.
     """
     if scene.is_wall[0] and scene.is_wall[-1] and not scene.driven:
         Closing(scene, start, flattened=True).refuse(end, end)
 
 
-def _dented(scene: Scene, laws: SceneLaws) -> bool:
-    """Return whether balls fall on a floor and lose energy only in new dents.
+def _loses_energy_only_in_dents(scene: Scene, laws: SceneLaws) -> bool:
+    """Return whether balls on a floor lose energy only in new dents.
 
-    Under such laws energy is lost only where an overlap exceeds all earlier ones. Each ball ends in an elastic bounce
-    within its own dent, and none comes to rest.
+    A dent is new where an overlap exceeds all earlier overlaps. This holds under gravity if all laws have memory and
+    none depends on the overlap rate. The bounces of such a ball finally become elastic, so no ball comes to rest.
     """
     lossless = all(law.memory and not law.rate_dependent for law in laws.each)
     return bool(scene.gravity > 0.0 and scene.is_wall[0] and lossless)
 
 
 def _default_step(scene: Scene, laws: SceneLaws) -> float:
+    """Return the default time step in s, see `STEPS_PER_CONTACT`.
+
+    Raises `ValueError` if no contact duration can be estimated.
+    """
     from granular.md.time_step import expected_rate
 
     try:
         rate = expected_rate(scene, laws)
-    except ArithmeticError:  # of a law, at an overlap far beyond those it is made for
+    except ArithmeticError:  # the law fails at an overlap far outside its range
         rate = math.nan
     if not 0.0 < rate < math.inf:
         raise ValueError(f"`dt` must be given in s, got None. The duration of a contact does not follow from "

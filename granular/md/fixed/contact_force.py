@@ -4,8 +4,8 @@ All kernels share the signature ``force(physics, lo, j, xi, xi_dot, a)``. `a` is
 `window`), and lo + j is the pair. The overlap is `xi` in m, and its rate `xi_dot` in m/s. The kernels return the force
 in N before it is clipped at 0, and 0 if the overlap is not positive.
 
-Laws of the form k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇), and Tsuji's law, are part of the main loop (`march`).
-All other laws are called as Python objects in interpreted runs (`object_force`), and as one C function in compiled runs
+Laws of the form k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) are part of the main loop (`march`), and so is Tsuji's law. All other
+laws are called as Python objects in interpreted runs (`object_force`), and as one C function in compiled runs
 (`called`). This function is the method `force` of the law, compiled with a record of its fields in place of `self`. The
 source is the same, so results are bitwise identical. The function has the same type for all laws. The main loop is
 therefore compiled once and cached, and for a new law only its own method is compiled.
@@ -180,12 +180,12 @@ def _select_by_kind(kinds: tuple[tuple[Any, bool], ...], number: int = 0) -> Any
 
     kind, memory = kinds[number]
     names = [f.name for f in fields(kind)]
-    Fields, count, force, n_memory = namedtuple("fielded", names), len(names), numba.njit(kind.force), 1 if memory else 0
+    Fields, count, force, extra = namedtuple("fielded", names), len(names), numba.njit(kind.force), 1 if memory else 0
     next_kinds = _select_by_kind(kinds, number + 1) if number + 1 < len(kinds) else None
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
         if next_kinds is None or law.kind == number:
-            return force(Fields(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, *(xi_max,)[:n_memory])
+            return force(Fields(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, *(xi_max,)[:extra])
         return next_kinds(law, xi, xi_dot, xi_max, pair)
 
     return numba.njit(call)

@@ -2,7 +2,7 @@
 
 The state is the overlap ξ of each pair and the velocity v of each body, with ``overlap rate = v[c] - v[c+1]``. The
 signature of a step is ``step(physics, lo, m, a)``: it advances the first `m` pairs of the window `a`, which begins at
-pair `lo`. In the rows of the window (see `window`), pair lo + j has index j + 1, and body lo + i has index i + 1.
+pair `lo`. In the rows of the window (see `window`), pair lo + j has index j + 1. Body lo + i has index i + 1.
 
 Every step stores the unclipped contact forces of the new state in `a.raw`, and the next step reuses them. Verlet, Euler
 and Gear evaluate each force once per step, Runge-Kutta four times. A step returns the flags `CHANGED` (a force or an
