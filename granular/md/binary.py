@@ -389,8 +389,8 @@ def _resolved(law: Any, pair: Pair) -> PairLaw:
 def _linear_contact(k: float, gamma: float, pair: Pair, v: float) -> Collision:
     """Compute the contact of a linear dashpot at impact speed `v` in closed form.
 
-    `k` is in N/m, `gamma` in kg/s and `v` in m/s. The overlap is largest after half of the contact duration. For ζ ≥ ½ the
-    force is largest at the onset, otherwise at ωt = 3α - π with α = acos ζ and ω = ω₀ √(1 - ζ²).
+    `k` is in N/m, `gamma` in kg/s and `v` in m/s. The overlap is largest after half of the contact duration. For ζ ≥ ½
+    the force is largest at the onset, otherwise at ωt = 3α - π with α = acos ζ and ω = ω₀ √(1 - ζ²).
     """
     omega, zeta = math.sqrt(k / pair.m_eff), 0.5 * gamma / math.sqrt(k * pair.m_eff)
     eps, t_c = dashpot.restitution(zeta), dashpot.duration(zeta)

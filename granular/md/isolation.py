@@ -1,8 +1,8 @@
-"""Number of isolated contacts of a run, and durations of isolated contacts.
+"""Number of isolated contacts in a run, and duration of an isolated contact.
 
 A contact is isolated if no neighbouring pair overlaps between the touch and the separation of its balls
 (docs/concepts.md). It differs from a hard-sphere collision only by a delay and a displacement. The delay depends on the
-duration t_c:
+contact duration t_c, which is computed from the force law:
 
 | law                                                   | duration                                        |
 |-------------------------------------------------------|-------------------------------------------------|
@@ -31,9 +31,10 @@ from granular.scene import Scene, speed_scale
 
 
 def isolated_share(run: Trajectory) -> float:
-    """Return the share of isolated contacts, or nan if they are not counted.
+    """Return the fraction of contacts of a run that are isolated, or nan.
 
-    Runs without contacts, of hard spheres and of fixed-step methods give nan.
+    The result is nan for runs that do not count isolated contacts (hard spheres, fixed-step methods), and for runs
+    without contacts.
     """
     if run.law is None or "isolated" not in run.stats or not run.stats["contacts"]:
         return math.nan
@@ -41,141 +42,157 @@ def isolated_share(run: Trajectory) -> float:
 
 
 def numbers(run: Trajectory) -> dict[str, Any]:
-    """Return the numbers of isolated contacts for JSON, None if not counted."""
-    known = run.law is not None and "isolated" in run.stats
-    return {"isolated": run.stats["isolated"] if known else None, "contacts": run.stats["contacts"] if known else None,
-            "first_disturbed": run.first_disturbed if known else None}
+    """Return the counts of isolated and of all contacts, for JSON output.
+
+    The keys are "isolated", "contacts" and "first_disturbed". The values are None for runs that do not count isolated
+    contacts.
+    """
+    is_counted = run.law is not None and "isolated" in run.stats
+    return {"isolated": run.stats["isolated"] if is_counted else None,
+            "contacts": run.stats["contacts"] if is_counted else None,
+            "first_disturbed": run.first_disturbed if is_counted else None}
 
 
 def sentence(run: Trajectory) -> str:
-    """Return a sentence with the certified number of isolated contacts, or ""."""
+    """Return a sentence with the number of isolated contacts, or an empty string.
+
+    The string is empty where `isolated_share` is nan.
+    """
     share = isolated_share(run)
     if math.isnan(share):
         return ""
-    isolated, contacts = _grouped(run.stats["isolated"]), _grouped(run.stats["contacts"])
+    isolated, contacts = _format_count(run.stats["isolated"]), _format_count(run.stats["contacts"])
     if share == 1.0:
         return "certified: " + ("the only contact" if contacts == "1" else f"all {contacts} contacts") + " isolated"
     return f"certified: {isolated} of {contacts} contacts isolated; first disturbed: {first_disturbed(run)}"
 
 
 def first_disturbed(run: Trajectory) -> str:
-    """Describe the first two neighbouring pairs that overlapped simultaneously.
-
-    The text contains both pairs and the time.
-    """
+    """Return a phrase: the first two neighbouring pairs that overlapped, and when."""
     time, pair = run.first_disturbed
     names = run.scene.pairs.name
     return f"pairs {names(pair)} and {names((pair + 1) % run.scene.n_pairs)} at t = {time:.9g} s"
 
 
-def _grouped(count: int) -> str:
-    """Format an integer in groups of three digits."""
+def _format_count(count: int) -> str:
+    """Format an integer in groups of three digits, separated by spaces."""
     return f"{count:_}".replace("_", " ")
 
 
 SMOOTH_VALUES_PER_OCTAVE, COSTLY_VALUES_PER_OCTAVE = 8, 2
-"""Number of values per octave, of a closed form and of an integrated contact.
+"""Number of tabulated durations per factor of 2 of the argument.
 
-The former is smooth, the latter costly."""
-SLOWEST_SPEED_SHARE = 2.0**-30
-"""Smallest speed relative to the scene's own speeds.
+The first is for durations in closed form, the second for durations that need an integration and are expensive."""
+SLOWEST_SPEED_RATIO = 2.0**-30
+"""Lowest tabulated impact speed, relative to the typical speed of the scene.
 
 Slower contacts get the duration at this speed."""
 
 
 class Durations:
-    """Durations of isolated contacts of the pairs of a scene.
+    """Durations of isolated contacts of the pairs of a scene, as a function of speed.
 
     Parameters
     ----------
-    laws : sequence
+    laws : sequence of force laws
         One force law per pair.
     scene : Scene
-        Scene with the pairs. External forces are ignored: a ball on the floor is treated as weightless.
+        Scene with the pairs. Gravity and external forces are ignored.
     """
 
     def __init__(self, laws: Sequence[Any], scene: Scene) -> None:
         self.kind, each = resolved(laws, scene).in_pairs
-        shapes: dict[tuple[float, float], float] = {}
-        self.unit, self.power, self.damping = np.array([_powers(law, shapes) for law in each]).T
+        cache: dict[tuple[float, float], float] = {}
+        self.unit, self.power, self.damping = np.array([_power_law_terms(law, cache) for law in each]).T
         if (self.damping > -np.inf).any():
             from granular.laws import viscoelastic_restitution
 
-            self.damped = Curve(viscoelastic_restitution.duration, SMOOTH_VALUES_PER_OCTAVE)
-        self.curves = {k: Curve(partial(_duration, each[k]), COSTLY_VALUES_PER_OCTAVE)
+            self.damped = LogInterpolation(viscoelastic_restitution.duration, SMOOTH_VALUES_PER_OCTAVE)
+        self.curves = {k: LogInterpolation(partial(_duration_or_inf, each[k]), COSTLY_VALUES_PER_OCTAVE)
                        for k in np.flatnonzero(np.isnan(self.unit)).tolist()}
-        self.slowest = max(SLOWEST_SPEED_SHARE * speed_scale(scene), 1e-75)
+        self.slowest = max(SLOWEST_SPEED_RATIO * speed_scale(scene), 1e-75)
 
     def __call__(self, pair: Ints, speed: Array) -> Array:
-        """Return the durations in s of contacts of pairs at impact speeds in m/s.
+        """Return the durations in s of isolated contacts.
+
+        `pair` are pair numbers, and `speed` are the impact speeds in m/s. Speeds below `slowest` give the duration at
+        `slowest`. The duration of a contact that does not end is inf.
 
         Relative errors are 1e-14 for powers, 1e-7 for viscoelastic spheres and about 1e-5 at most for other laws. They
-        are larger at speeds where such a law has a kink. Speeds below `slowest` give the duration at `slowest`. The
-        duration of a contact that does not end is inf.
+        are larger at speeds where the duration has a kink.
         """
         v = np.log2(np.maximum(speed, self.slowest))
         kind: Any = self.kind[pair] if len(self.unit) > 1 else 0
-        lasting: Array = self.unit[kind] + self.power[kind] * v
+        log_duration: Array = self.unit[kind] + self.power[kind] * v
         damping = np.broadcast_to(self.damping[kind], v.shape)
         rows = damping > -np.inf
         if rows.any():
-            lasting[rows] += self.damped(damping[rows] + 0.2 * v[rows])
+            log_duration[rows] += self.damped(damping[rows] + 0.2 * v[rows])
         for k, curve in self.curves.items():
             rows = np.broadcast_to(kind == k, v.shape)
-            lasting[rows] = curve(v[rows])
-        return np.exp2(lasting)
+            log_duration[rows] = curve(v[rows])
+        return np.exp2(log_duration)
 
 
-class Curve:
-    """Cubic interpolation of a positive function, in binary logarithms.
+class LogInterpolation:
+    """Cubic interpolation of the binary logarithm of a positive function.
+
+    The function is evaluated at equidistant logarithms of its argument. The table of its values grows as needed.
 
     Parameters
     ----------
     function : callable
         Function of a positive number.
-    fine : int
-        Number of tabulated values per octave.
+    values_per_octave : int
+        Number of tabulated values per factor of 2 of the argument.
     """
 
-    def __init__(self, function: Callable[[float], float], fine: int) -> None:
-        self.function, self.fine, self.low, self.known = function, fine, 0, np.zeros(0)
+    def __init__(self, function: Callable[[float], float], values_per_octave: int) -> None:
+        self.function, self.values_per_octave, self.low, self.values = function, values_per_octave, 0, np.zeros(0)
 
     def __call__(self, x: Array) -> Array:
-        """Return the function at many numbers, inf next to points where it is inf."""
+        """Return the binary logarithms of the function at arguments with logarithms `x`.
+
+        The result is inf in intervals next to tabulated points where the function is inf.
+        """
         if not len(x):
             return x
-        place = self.fine * x
-        k = np.floor(place).astype(np.int64)
-        self._learn(k)
-        z, at = place - k, k - self.low
-        a, b, c, d = (self.known[at + i] for i in (-1, 0, 1, 2))
+        position = self.values_per_octave * x
+        k = np.floor(position).astype(np.int64)
+        self._extend_table(k)
+        z, index = position - k, k - self.low
+        a, b, c, d = (self.values[index + i] for i in (-1, 0, 1, 2))
         with np.errstate(invalid="ignore"):
             # mean of the second differences at both nodes, weighted for a four-point cubic
-            bends = (2.0 - z) * (a - 2.0 * b + c) + (1.0 + z) * (b - 2.0 * c + d)
-            value = b + z * ((c - b) - (1.0 - z) / 6.0 * bends)
+            curvature = (2.0 - z) * (a - 2.0 * b + c) + (1.0 + z) * (b - 2.0 * c + d)
+            value = b + z * ((c - b) - (1.0 - z) / 6.0 * curvature)
         value[np.isnan(value)] = np.inf
         return value
 
-    def _learn(self, k: Ints) -> None:
-        """Make sure that the table covers the intervals from each `k` to k + 1."""
+    def _extend_table(self, k: Ints) -> None:
+        """Extend the table so that the intervals [k, k + 1] can be interpolated.
+
+        `k` are numbers of tabulated points.
+        """
         low, end = int(k.min()) - 1, int(k.max()) + 3
-        if len(self.known) == 0:
+        if len(self.values) == 0:
             self.low = low
-        before, after = max(self.low - low, 0), max(end - self.low - len(self.known), 0)
+        before, after = max(self.low - low, 0), max(end - self.low - len(self.values), 0)
         if before or after:
             self.low -= before
-            self.known = np.pad(self.known, (before, after), constant_values=np.nan)
+            self.values = np.pad(self.values, (before, after), constant_values=np.nan)
         # a cubic needs one neighbour below and two above
         needed = np.unique(np.flatnonzero(np.bincount(k - self.low))[:, None] + np.arange(-1, 3))
-        for i in needed[np.isnan(self.known[needed])].tolist():
-            self.known[i] = math.log2(self.function(math.pow(2.0, (self.low + i) / self.fine)))
+        for i in needed[np.isnan(self.values[needed])].tolist():
+            self.values[i] = math.log2(self.function(math.pow(2.0, (self.low + i) / self.values_per_octave)))
 
 
-def _powers(law: PairLaw, shapes: dict[tuple[float, float], float]) -> tuple[float, float, float]:
-    """Return (unit, power, b) of a law, with unit and b as binary logarithms.
+def _power_law_terms(law: PairLaw, cache: dict[tuple[float, float], float]) -> tuple[float, float, float]:
+    """Return log2 of the unit, the power and log2 of b of the duration under a law.
 
-    The duration is unit·v^power, multiplied by D(b v^(1/5)) for viscoelastic spheres. unit is nan for other laws.
-    `shapes` caches numbers that are shared by laws of all sizes.
+    The duration in s at impact speed v is unit·v^power, multiplied by D(b v^(1/5)) for viscoelastic spheres. For all
+    other laws of power form log2 of b is -inf, and for laws without such a form log2 of the unit is nan. `cache`
+    stores the dimensionless numbers D(p, ζ), which do not depend on masses and stiffnesses.
     """
     zeta, m = binary.damping_ratio(law), law.pair.m_eff
     if law.form is None or (zeta is None and law.form[1::2] != (1.5, 0.5)):
@@ -185,15 +202,15 @@ def _powers(law: PairLaw, shapes: dict[tuple[float, float], float]) -> tuple[flo
     if zeta is None:
         return unit, power, math.log2(gamma) - 0.6 * math.log2(k) - 0.4 * math.log2(m)
     shape = p, round(zeta, 14)
-    if shape not in shapes:
-        shapes[shape] = math.log2(_duration(law, 1.0)) - unit
-    return shapes[shape] + unit, power, -math.inf
+    if shape not in cache:
+        cache[shape] = math.log2(_duration_or_inf(law, 1.0)) - unit
+    return cache[shape] + unit, power, -math.inf
 
 
-def _duration(law: PairLaw, speed: float) -> float:
-    """Return the duration in s of one contact, inf if it does not end.
+def _duration_or_inf(law: PairLaw, speed: float) -> float:
+    """Return the duration in s of a contact at impact speed `speed` in m/s, or inf.
 
-    Contacts that raise `ValueError` for any other reason also give inf.
+    The result is inf if the contact does not end, or if it cannot be computed for another reason.
     """
     try:
         return binary.collision(law.law, law.pair, speed).duration

@@ -1,10 +1,13 @@
-"""Stability limit of a fixed time step, before and after a run.
+"""Highest rate λ of contacts, which limits a fixed time step.
 
-Before a run it gives the default step and a warning, after the run the step required by its contacts. Explicit methods
-follow a contact only if dt·λ is well below a limit. The limit is 2, and 1.05 for Gear's five-value method, whose
-spectral radius is 1 + 6e-8 at dt·λ = 0.1 and 1.01 at 1, and increases steeply from there. For the closed pairs of an
-assembly, row sums of M⁻¹K and M⁻¹C bound its sharpest rate λ = ½ (b + √(b² + 4a)). This is ω₀ for one pair, and 2√(k/m)
-inside a chain of equal balls. For pendula a increases by Ω².
+Before a run, λ gives the default time step. After the run, it shows whether the time step was short enough. An explicit
+method integrates a contact accurately only if dt·λ is well below its stability limit. The limit is 2, and 1.05 for
+Gear's five-value method. The spectral radius of Gear's method is 1 + 6e-8 at dt·λ = 0.1 and 1.01 at 1, and increases
+steeply from there.
+
+For pairs that overlap simultaneously, λ is the largest value of ½ (b + √(b² + 4a)), an upper bound. a and b are row
+sums of M⁻¹K and M⁻¹C, with one row per pair. M, K and C are the matrices of masses, stiffnesses and damping. For one
+undamped pair λ is ω₀, and inside a chain of equal balls 2√(k/m). For pendula a increases by Ω².
 """
 
 from __future__ import annotations
@@ -20,34 +23,43 @@ from granular.laws.kinds import SceneLaws, number_distinct_rows
 from granular.scene import Scene, speed_scale
 
 DOUBTFUL_DT_LAMBDA = 0.2
-"""dt·λ above which results are doubtful."""
+"""dt·λ above which errors are visible, so that a run issues a warning."""
 
 
 def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = True) -> float:
-    """Return an upper bound of λ in 1/s for all pairs with the given overlaps in m.
+    """Return an upper bound of λ in 1/s for all pairs of a scene.
 
-    An overlap of at most 0 denotes an open pair. The bound is 0 if all pairs are open. `beside` states for every pair
-    whether it and the next one are ever closed simultaneously. By default all are.
+    Parameters
+    ----------
+    overlap : (p,) array
+        Largest overlap of each pair in m. Pairs without a positive overlap do not contribute.
+    beside : bool or (p,) array of bool
+        Whether each pair and the next pair overlap simultaneously. Defaults to True for all pairs.
+
+    Returns
+    -------
+    float
+        λ, or 0 if no overlap is positive.
     """
     overlap = np.array(overlap, np.float64)
     for c, wall in zip((0, -1), scene.heat, strict=True):
         overlap[c] *= wall is None  # a thermal wall has no force
     slope = _slopes(laws, overlap)
-    w, (below, above) = scene.inverse_mass, scene.neighbours
-    shared, together = w[scene.bodies(above)[0]], np.broadcast_to(np.asarray(beside, np.bool_), len(laws))[below]
+    inverse_mass, (below, above) = scene.inverse_mass, scene.neighbours
+    common, together = inverse_mass[scene.bodies(above)[0]], np.broadcast_to(np.asarray(beside, np.bool_), len(laws))[below]
     with np.errstate(all="ignore"):
-        rate = slope * sum(scene.sides(w))
-        rate[:, above] += np.where(together, slope[:, below] * shared, 0.0)
-        rate[:, below] += np.where(together, slope[:, above] * shared, 0.0)
+        rate = slope * sum(scene.sides(inverse_mass))
+        rate[:, above] += np.where(together, slope[:, below] * common, 0.0)
+        rate[:, below] += np.where(together, slope[:, above] * common, 0.0)
         a, b = rate
         a = a + np.where(a > 0.0, scene.pendulum**2, 0.0)
         return float(np.fmax.reduce(0.5 * (b + np.sqrt(b * b + 4.0 * a)), initial=0.0))
 
 
 def expected_rate(scene: Scene, laws: SceneLaws) -> float:
-    """Return the sharpest rate λ in 1/s of any single contact.
+    """Return the highest expected rate λ in 1/s of any single contact of a scene.
 
-    Overlaps are estimated from the speeds of the scene.
+    The overlaps are estimated from the typical speed of the scene. Simultaneous contacts are ignored.
     """
     speed = speed_scale(scene)
     depth = laws.column(lambda law: law.overlap_at(speed))
@@ -55,20 +67,24 @@ def expected_rate(scene: Scene, laws: SceneLaws) -> float:
 
 
 def _slopes(laws: SceneLaws, overlap: Array) -> Array:
-    """Return stiffness in N/m and damping in kg/s of all pairs at their overlaps.
+    """Return tangent stiffness in N/m and damping in kg/s of all pairs.
 
-    The shape is (2, n-1), and open pairs have 0.
+    They are evaluated at the overlaps in m. The shape is (2, p), with zeros for pairs without a positive overlap.
     """
     slope, closed = np.zeros((2, len(overlap))), np.flatnonzero(overlap > 0.0)
     if len(closed):
         of_pair, each = laws.in_pairs
-        kind, first = number_distinct_rows(of_pair[closed], overlap[closed])
-        tangents = [_tangent(each[of_pair[c]], float(overlap[c])) for c in closed[first].tolist()]
-        slope[:, closed] = np.array(tangents).T[:, kind]
+        of_row, first = number_distinct_rows(of_pair[closed], overlap[closed])
+        tangents = [_tangent_or_inf(each[of_pair[c]], float(overlap[c])) for c in closed[first].tolist()]
+        slope[:, closed] = np.array(tangents).T[:, of_row]
     return slope
 
 
-def _tangent(law: PairLaw, xi: float) -> tuple[float, float]:
+def _tangent_or_inf(law: PairLaw, xi: float) -> tuple[float, float]:
+    """Return tangent stiffness in N/m and damping in kg/s at the overlap `xi` in m.
+
+    They are inf and 0 if the law overflows.
+    """
     try:
         return law.tangent(xi)
     except OverflowError:  # an overlap far outside the range of the law
