@@ -46,7 +46,8 @@ def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = Tru
         overlap[c] *= wall is None  # a thermal wall has no force
     slope = _slopes(laws, overlap)
     inverse_mass, (below, above) = scene.inverse_mass, scene.neighbours
-    common, together = inverse_mass[scene.bodies(above)[0]], np.broadcast_to(np.asarray(beside, np.bool_), len(laws))[below]
+    common, together = (
+        inverse_mass[scene.bodies(above)[0]], np.broadcast_to(np.asarray(beside, np.bool_), len(laws))[below])
     with np.errstate(all="ignore"):
         rate = slope * sum(scene.sides(inverse_mass))
         rate[:, above] += np.where(together, slope[:, below] * common, 0.0)

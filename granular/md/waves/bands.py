@@ -1,9 +1,9 @@
 """Small-amplitude waves in a chain under a static force: bands, gaps and decay.
 
-Small oscillations about the equilibrium see linear springs. The stiffness of a contact is the tangent stiffness K =
-dF/dξ under its static force F₀. For Hertz's law F = A ξ^(3/2) it is (3/2) A^(2/3) F₀^(1/3). A chain is described by one
-unit cell: the masses of its balls, and the stiffness of the contact between each ball and the next. The last contact
-connects to the next cell. Damping is ignored.
+For small oscillations about the equilibrium, contacts act as linear springs. The stiffness of a contact is its tangent
+stiffness K = dF/dξ under the static force F₀. For Hertz's law F = A ξ^(3/2) it is (3/2) A^(2/3) F₀^(1/3). A chain is
+described by one unit cell: the masses of its balls, and the stiffness of the contact between each ball and the next
+ball. The last contact connects to the next cell. Damping is ignored.
 """
 
 from __future__ import annotations
@@ -38,39 +38,37 @@ def stiffness(scene: Scene, law: Any) -> check.Array:
     Returns
     -------
     (n-1,) array
-        K = dF/dξ in N/m at the overlaps of the scene, 0 for open pairs.
+        K = dF/dξ in N/m at the overlaps of the scene, 0 for pairs without contact.
     """
     kind, each = resolved(check.per_pair("law", law, checked(scene).n_pairs), scene).in_pairs
     contacts = list(zip(kind.tolist(), scene.gap.tolist(), strict=True))
-    found = {(k, gap): stiffness_at(each[k], -gap) for k, gap in dict.fromkeys(contacts)}
-    return np.array([found[contact] for contact in contacts])
+    stiffnesses = {(k, gap): stiffness_at(each[k], -gap) for k, gap in dict.fromkeys(contacts)}
+    return np.array([stiffnesses[contact] for contact in contacts])
 
 
 @check.face
 def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
     """Return the angular frequencies of waves in an infinite chain.
 
-    The lowest branch comes first.
-
-    One ball per cell: ω = 2 √(K/m) |sin(θ/2)|. Two balls of masses m and M: ω² = K (1/m + 1/M) ± K √((1/m + 1/M)² - 4
-    sin²(θ/2)/(m M)). Larger cells: ω² are the eigenvalues of a
-    Hermitian matrix; ω are computed as the singular values of a factor of it.
+    With one ball per cell, ω = 2 √(K/m) |sin(θ/2)|. With two balls of masses m and M, ω² = K (1/m + 1/M) ± K √((1/m +
+    1/M)² - 4 sin²(θ/2)/(m M)). In general, ω² are the eigenvalues of a Hermitian matrix. ω are computed as the singular
+    values of a factor of this matrix.
 
     Parameters
     ----------
     phase : float or array
-        θ in rad from cell to cell: wave number times length of a cell.
+        Phase difference θ in rad between neighbouring cells: wave number times length of a cell.
     stiffness, mass : float or (p,) arrays
         Stiffness in N/m and mass in kg of one unit cell of p balls. One number applies to all p.
 
     Returns
     -------
     (…, p) array
-        ω in rad/s, one frequency per branch.
+        ω in rad/s, one frequency per branch, with the lowest branch first. The dimensions of `phase` precede.
     """
     k, m = _cell(stiffness, mass)
     theta, p = check.array("phase", phase, ..., finite="a finite angle in rad"), len(m)
-    strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps of the contacts for balls that move by 1
+    strain = np.zeros((*theta.shape, p, p), dtype=np.complex128)  # overlaps for unit displacements
     for j in range(p):
         strain[..., j, j] += 1.0 / math.sqrt(m[j])
         strain[..., j, (j + 1) % p] -= np.exp(1j * theta * (j == p - 1)) / math.sqrt(m[(j + 1) % p])
@@ -79,7 +77,7 @@ def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | Arr
 
 @check.face
 def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.Array:
-    """Return the lower and the upper edge of every frequency band.
+    """Return the lower and the upper edge of every frequency band of a chain.
 
     Waves with frequencies between two bands do not propagate.
 
@@ -104,8 +102,8 @@ def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> check.A
 def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Any:
     """Return the factor by which a wave of angular frequency ω decays per ball.
 
-    It is 1 in a band and below 1 in a gap. One ball per cell: exp(-2 acosh(ω/ω_c)) above ω_c = 2 √(K/m). For larger
-    cells the geometric mean over one cell is returned.
+    It is 1 in a frequency band and less than 1 outside the bands. With one ball per cell it is exp(-2 acosh(ω/ω_c))
+    above ω_c = 2 √(K/m). For larger cells the geometric mean over one cell is returned.
 
     Parameters
     ----------
@@ -117,31 +115,31 @@ def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | 
     Returns
     -------
     float or array
-        The factor, with the shape of `omega`.
+        The amplitude ratio, with the shape of `omega`.
     """
     k, m = _cell(stiffness, mass)
     w = check.array("omega", omega, ...)
     check.every("omega", w.ravel(), ((w >= 0.0) & (w <= MAX_FREQUENCY)).ravel(),
                  f"an angular frequency in [0, {MAX_FREQUENCY:g}] rad/s")
-    cell, grown = np.broadcast_to(np.eye(2), (*w.shape, 2, 2)), np.zeros(w.shape)
-    for stiff, heavy in zip(k.tolist(), m.tolist(), strict=True):  # transfer matrix of displacement and force
+    matrix, log_scale = np.broadcast_to(np.eye(2), (*w.shape, 2, 2)), np.zeros(w.shape)
+    for k_j, m_j in zip(k.tolist(), m.tolist(), strict=True):  # transfer matrix of displacement and force
         step = np.zeros((*w.shape, 2, 2))
-        step[..., 0, 0], step[..., 0, 1] = 1.0 - heavy * w * w / stiff, 1.0 / stiff
-        step[..., 1, 0], step[..., 1, 1] = -heavy * w * w, 1.0
-        cell = step @ cell
-        size = np.abs(cell).max(axis=(-2, -1))  # scaled out: the product over hundreds of balls would overflow
-        cell, grown = cell / size[..., None, None], grown + np.log(size)
-    one = np.exp(-grown)
+        step[..., 0, 0], step[..., 0, 1] = 1.0 - m_j * w * w / k_j, 1.0 / k_j
+        step[..., 1, 0], step[..., 1, 1] = -m_j * w * w, 1.0
+        matrix = step @ matrix
+        size = np.abs(matrix).max(axis=(-2, -1))  # scaled out: the product over hundreds of balls would overflow
+        matrix, log_scale = matrix / size[..., None, None], log_scale + np.log(size)
+    unit = np.exp(-log_scale)
     # rounding can put half the trace slightly below 1, where acosh is not real
-    turn = np.maximum(0.5 * np.abs(cell[..., 0, 0] + cell[..., 1, 1]), one)
-    return np.exp(-(grown + np.log(turn + np.sqrt((turn - one) * (turn + one)))) / len(m))[()]
+    half_trace = np.maximum(0.5 * np.abs(matrix[..., 0, 0] + matrix[..., 1, 1]), unit)
+    return np.exp(-(log_scale + np.log(half_trace + np.sqrt((half_trace - unit) * (half_trace + unit)))) / len(m))[()]
 
 
 @check.face
 def sound_speed(stiffness: float | ArrayLike, mass: float | ArrayLike, length: float) -> float:
     """Return the speed in m/s of waves much longer than a cell.
 
-    It is L / √(Σ m Σ 1/K), for equal balls 2R √(K/m).
+    It is L / √(Σ m Σ 1/K) with sums over one cell. For equal balls it is 2R √(K/m).
 
     Parameters
     ----------
@@ -161,7 +159,7 @@ def modes(scene: Scene, law: Any) -> check.Array:
     Parameters
     ----------
     scene, law
-        As for `stiffness`. Open pairs exert no force, and damping is ignored.
+        As for `stiffness`. Pairs without contact exert no force, and damping is ignored.
 
     Returns
     -------
@@ -170,17 +168,17 @@ def modes(scene: Scene, law: Any) -> check.Array:
     """
     k, balls = stiffness(scene, law), ~scene.is_wall
     m = scene.mass[balls]
-    strain = scene.across(np.eye(scene.n)[balls])  # rows: balls
+    strain = scene.across(np.eye(scene.n)[balls])  # change of the gaps for a unit displacement of each ball
     of_contacts = np.linalg.eigvalsh(strain * k @ strain.T / np.sqrt(np.outer(m, m)))
-    return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # strings add Ω² to ω²
+    return np.asarray(np.sqrt(np.maximum(of_contacts, 0.0) + scene.pendulum**2))  # pendula add Ω² to ω²
 
 
 @check.face
 def crossing_time(scene: Scene, law: Any) -> float:
-    """Return the time in s in which a long wave crosses balls at rest in contact.
+    """Return the time in s in which a long wave crosses the balls in contact.
 
-    The time is √(Σ m Σ 1/K) over a set of connected balls. For several such sets the longest time is returned, and inf
-    if all pairs are open.
+    For balls that are connected by contacts, the time is √(Σ m Σ 1/K). If the scene has several separate groups of
+    connected balls, the longest time is returned. Without any contact the result is inf.
     """
     k = stiffness(scene, law)
     closed = k > 0.0
@@ -193,7 +191,7 @@ def crossing_time(scene: Scene, law: Any) -> float:
 
 @check.face
 def matched_end(scene: Scene, law: Any) -> list[Any]:
-    """Return the laws of a chain with a last law that absorbs long waves.
+    """Return the force laws of a chain, with a last law that absorbs long waves.
 
     Parameters
     ----------
@@ -216,8 +214,10 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
 
 
 def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[check.Array, check.Array]:
-    given = ("stiffness", stiffness, "Without compression a chain has no linear waves."), ("mass", mass, "")
-    k, m = (check.positive(name, np.atleast_1d(check.array(name, one, ...)), name, fix) for name, one, fix in given)
+    """Return checked stiffnesses in N/m and masses in kg of a cell, shapes (p,)."""
+    arguments = ("stiffness", stiffness, "Without compression a chain has no linear waves."), ("mass", mass, "")
+    k, m = (check.positive(name, np.atleast_1d(check.array(name, value, ...)), name, fix)
+            for name, value, fix in arguments)
     if len(k) != len(m) and 1 not in (len(k), len(m)):
         raise ValueError(f"`stiffness` and `mass` must have one entry each per ball of a cell, got {len(k)} and "
                          f"{len(m)}.")

@@ -1,4 +1,4 @@
-"""Pulses in a run: arrival, strength and width at each contact, and a picture."""
+"""Pulses in a run: arrival, strength and width at each contact, and a figure."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from granular._engine.reports import COLUMN_WIDTH, canvas, style
 from granular.run.trajectory import Trajectory
 
 PICTURE_LABELS = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
-"""Quantities that can be drawn: labels of the vertical axis and colour bar."""
-ROUNDING_FORCE_SHARE = 1e-13
-"""Share of the largest force of a run up to which a force is rounding error."""
+"""Labels of the vertical axis and of the colour bar, for each quantity to draw."""
+ROUNDING_FORCE_RATIO = 1e-13
+"""Largest rounding error of a force, relative to the largest force of the run."""
 
 
 @check.face
@@ -28,13 +28,13 @@ class Pulse:
     Attributes
     ----------
     time : (p,) array
-        Time in s of the largest force. It is nan if this is at the first or the last sample of the run, or if the force
-        is at most rounding error: 1e-13 of the largest force of the run.
+        Time in s of the largest force. It is nan if the largest force is at the first or the last sample of the run.
+        It is also nan if the force is at most the rounding error, 1e-13 of the largest force of the run.
     peak : (p,) array
         Largest force in N above the static force. It is not interpolated where `time` is nan.
     width : (p, w) array
-        Duration in s for which the force around the peak exceeds each of the requested shares of it. It is nan where
-        `time` is nan, or if the run does not contain both crossings.
+        Duration in s for which the force exceeds each requested fraction of its peak. It is nan where `time` is nan, or
+        if the run does not contain both crossings.
     place : (p,) array
         Position in m of the upper surface of the lower body of each pair, in the initial scene.
     """
@@ -45,17 +45,27 @@ class Pulse:
     place: Array
 
     def speed(self, first: int = 0, last: int | None = None) -> float:
-        """Return the speed in m/s between the contacts `first` and `last`.
+        """Return the speed in m/s of the pulse between two contacts.
 
-        It is the slope of position over time (least squares).
+        It is the least-squares slope of position over time. Contacts with arrival time nan are ignored.
+
+        Parameters
+        ----------
+        first, last : int, optional
+            The pairs `first` to `last` - 1 are used, counted like a slice. Defaults to all pairs.
+
+        Raises
+        ------
+        ValueError
+            If fewer than two different arrival times remain.
         """
-        part = slice(*(one if one is None else check.whole(name, one, at_least=-len(self.time))
-                       for name, one in (("first", first), ("last", last))))
-        seen = np.isfinite(self.time[part])
-        if len(np.unique(self.time[part][seen])) < 2:
+        selected = slice(*(value if value is None else check.whole(name, value, at_least=-len(self.time))
+                       for name, value in (("first", first), ("last", last))))
+        is_passed = np.isfinite(self.time[selected])
+        if len(np.unique(self.time[selected][is_passed])) < 2:
             raise ValueError("`first` and `last` must enclose at least 2 contacts that the pulse passes one after the "
                              f"other, got {first!r} and {last!r}.")
-        t, x = self.time[part][seen], self.place[part][seen]
+        t, x = self.time[selected][is_passed], self.place[selected][is_passed]
         t = t - t.mean()
         return float(t @ (x - x.mean()) / (t @ t))
 
@@ -71,7 +81,7 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     run : Trajectory
         Run of `granular.md` with sufficient `samples`: 20 per pulse give 4 digits, 200 give 8.
     shares : floats
-        Shares of the peak, in (0, 1), at which the width is measured.
+        Fractions of the peak, in (0, 1), at which the width is measured.
     static : float
         Force in N in all contacts at rest. The pulse is the force above it.
 
@@ -80,39 +90,40 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     Pulse
         Arrival times, peaks and widths.
     """
-    forces = _rows(run, "force", "Hard spheres have no forces.")
-    parts = check.array("shares", shares)
-    check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a number in (0, 1)")
+    forces = _checked_samples(run, "force", "Hard spheres have no forces.")
+    levels = check.array("shares", shares)
+    check.every("shares", levels, (levels > 0.0) & (levels < 1.0), "a number in (0, 1)")
     base = check.number("static", static, at_least=0.0)
-    faint = ROUNDING_FORCE_SHARE * float(np.abs(forces).max())
-    seen = [_of_one(run.time, force - base, parts, faint) for force in forces.T]
+    smallest_force = ROUNDING_FORCE_RATIO * float(np.abs(forces).max())
+    pulses = [_largest_pulse(run.time, force - base, levels, smallest_force) for force in forces.T]
     place = run.scene.sides(run.scene.position + run.scene.radius)[0]
-    return Pulse(np.array([one[0] for one in seen]), np.array([one[1] for one in seen]),
-                 np.array([one[2] for one in seen]).reshape(len(seen), len(parts)), place)
+    return Pulse(np.array([result[0] for result in pulses]), np.array([result[1] for result in pulses]),
+                 np.array([result[2] for result in pulses]).reshape(len(pulses), len(levels)), place)
 
 
-def _of_one(time: Array, force: Array, shares: Array, faint: float) -> tuple[float, float, list[float]]:
-    """Return time, peak and widths of the largest force of one contact.
+def _largest_pulse(time: Array, force: Array, levels: Array, smallest_force: float) -> tuple[float, float, list[float]]:
+    """Return time in s, peak in N and widths in s of the largest force of one contact.
 
-    Time and widths are nan if the force does not exceed `faint`, or if the first or the last sample is the largest.
+    Time and widths are nan if the force does not exceed `smallest_force` in N. They are also nan if the largest sample
+    is the first or the last sample.
     """
     from scipy.interpolate import CubicSpline
 
     i = int(force.argmax())
-    if not 0 < i < len(time) - 1 or not force[i] > faint:
-        return np.nan, float(force[i]), [np.nan] * len(shares)
+    if not 0 < i < len(time) - 1 or not force[i] > smallest_force:
+        return np.nan, float(force[i]), [np.nan] * len(levels)
     spline: Any = CubicSpline(time - time[i], force)
-    near = spline.derivative().roots(extrapolate=False)
-    # keep only extrema next to the largest sample; the sample itself is the fallback
-    near = np.append(near[np.abs(near) <= max(time[i] - time[i - 1], time[i + 1] - time[i])], 0.0)
-    top = float(near[spline(near).argmax()])
-    peak = float(spline(top))
+    extrema = spline.derivative().roots(extrapolate=False)
+    # keep only extrema near the largest sample, which is itself the fallback
+    extrema = np.append(extrema[np.abs(extrema) <= max(time[i] - time[i - 1], time[i + 1] - time[i])], 0.0)
+    peak_time = float(extrema[spline(extrema).argmax()])
+    peak = float(spline(peak_time))
     widths = []
-    for share in shares.tolist():
-        roots = spline.solve(share * peak, extrapolate=False)
-        before, after = roots[roots < top], roots[roots > top]
+    for fraction in levels.tolist():
+        roots = spline.solve(fraction * peak, extrapolate=False)
+        before, after = roots[roots < peak_time], roots[roots > peak_time]
         widths.append(float(after.min() - before.max()) if len(before) and len(after) else np.nan)
-    return float(time[i]) + top, peak, widths
+    return float(time[i]) + peak_time, peak, widths
 
 
 @check.face
@@ -131,32 +142,37 @@ def picture(
     path : str or path, optional
         PNG, PDF or SVG file.
     beyond : bool
-        Subtract the first sample, for example the static force of a chain.
+        Whether to subtract the first sample, for example the static force of a chain.
     axis : matplotlib axis, optional
-        Axis to draw on. By default a new figure is made.
+        Axis to draw on. By default a new figure is created.
+
+    Returns
+    -------
+    matplotlib figure or None
+        None if `axis` is given or if the figure was written to `path`.
     """
     across, bar = PICTURE_LABELS[check.choice("show", show, list(PICTURE_LABELS))]
-    values = _rows(run, show, "For hard spheres use show='velocity'.")
+    values = _checked_samples(run, show, "For hard spheres use show='velocity'.")
     if beyond:
-        values, bar = values - values[0], f"{bar}, beyond the first row"
+        values, bar = values - values[0], f"{bar}, minus the first sample"
     with style():
-        figure, ((one,),) = canvas(1.3 * COLUMN_WIDTH, COLUMN_WIDTH) if axis is None else (None, ((axis,),))
+        figure, ((panel,),) = canvas(1.3 * COLUMN_WIDTH, COLUMN_WIDTH) if axis is None else (None, ((axis,),))
         signed = bool((values < -1e-3 * np.abs(values).max()).any())
-        most = float(np.abs(values).max()) or 1.0
-        image = one.pcolormesh(run.time, np.arange(values.shape[1]), values.T, shading="nearest", rasterized=True,
-                               cmap="RdBu_r" if signed else "magma_r", vmin=-most * signed, vmax=most)
-        one.set(xlabel="time, s", ylabel=across)
-        one.figure.colorbar(image, ax=one, label=bar)
+        largest = float(np.abs(values).max()) or 1.0
+        image = panel.pcolormesh(run.time, np.arange(values.shape[1]), values.T, shading="nearest", rasterized=True,
+                               cmap="RdBu_r" if signed else "magma_r", vmin=-largest * signed, vmax=largest)
+        panel.set(xlabel="time, s", ylabel=across)
+        panel.figure.colorbar(image, ax=panel, label=bar)
         return None if figure is None else files.write_figure(path, figure, dpi=200)
 
 
-def _rows(run: Any, what: str, fix: str) -> Array:
-    """Return forces or velocities of a run, or raise.
+def _checked_samples(run: Any, quantity: str, advice: str) -> Array:
+    """Return the attribute "force" or "velocity" of a run, shape (T, p) or (T, n).
 
-    Forces exist for soft spheres only, and 5 samples are required.
+    Raises an exception if the run has no forces or fewer than 5 samples. `advice` is added to the message.
     """
-    if not isinstance(run, Trajectory) or (what == "force" and run.force is None):
-        raise TypeError(f"`run` must be a run of granular.md, got {run!r}. {fix}")
+    if not isinstance(run, Trajectory) or (quantity == "force" and run.force is None):
+        raise TypeError(f"`run` must be a run of granular.md, got {run!r}. {advice}")
     if len(run.time) < 5:
         raise ValueError(f"`run` must have at least 5 samples, got {len(run.time)}. Pass samples= to simulate.")
-    return np.asarray(getattr(run, what))
+    return np.asarray(getattr(run, quantity))

@@ -1,13 +1,14 @@
-"""The solitary wave of balls that just touch, exact for the discrete chain.
+"""Solitary wave in a chain of balls that just touch, exact for the discrete chain.
 
-The wave of the continuum is only an approximation to it. A wave of constant shape, δ_j(t) = δ_max φ(j - ct), turns
+A wave of constant shape, δ_j(t) = δ_max φ(j - ct), turns
 Newton's equation of a chain with F = A δ^p into
 
     c² φ''(x) = φ^p(x - 1) - 2 φ^p(x) + φ^p(x + 1),
 
 with c in balls per √(m / (A δ_max^(p-1))). Two integrations give φ = Λ * φ^p / c² with the triangle Λ(x) = 1 - |x| on
-[-1, 1] (English & Pego 2005). Repeated convolution and division by the peak converges to φ, and the peak to c². The
-wave decays doubly exponentially, so a Fourier series on a few diameters is accurate to all digits.
+[-1, 1] (English & Pego 2005). This convolution is repeated, and each result is divided by its peak value. The results
+converge to φ, and the peak values to c². The wave decays doubly exponentially, so a Fourier series on a few diameters
+is accurate to all digits.
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ from granular.laws.contact_law import instance, resolve
 from granular.scene import Scene, in_order
 
 PERIOD_DIAMETERS, PERIOD_POINTS = 32.0, 1024
-"""Length of the period in diameters, and number of points on it.
+"""Period of the Fourier series in diameters, and its number of points.
 
-Sufficient for all allowed exponents."""
+They suffice for all allowed exponents."""
 SMALLEST_EXPONENT, LARGEST_EXPONENT = 1.1, 8.0
-"""Range of exponents.
+"""Range of the exponent p of the force law.
 
-For smaller ones the wave is longer than the period, for larger ones too steep for its points."""
+For smaller exponents the wave is longer than the period, for larger exponents too steep for its points."""
 MAX_CONVOLUTIONS = 1000
-ROUNDING_OVERLAP_SHARE = 1e-16
-"""Share of the largest overlap below which overlaps are rounding errors.
+ROUNDING_OVERLAP_RATIO = 1e-16
+"""Largest rounding error, relative to the largest overlap or velocity.
 
-They are set to 0."""
+Smaller overlaps and velocities are set to 0."""
 MIN_WAVE_REACH = 5.0
-"""Minimum extent of the wave in diameters on either side of its peak in a scene."""
+"""Minimum distance in diameters between the peak of the wave and an end of the row."""
 
 
 @check.face
@@ -51,12 +52,12 @@ class SolitaryWave:
     Parameters
     ----------
     exponent : float
-        p of F = A δ^p, from 1.1 to 8, 3/2 is Hertz.
+        p of F = A δ^p, from 1.1 to 8. For Hertz's law p is 3/2.
 
     Notes
     -----
-    In general, overlaps are in units of δ_max and times in units of √(m / (A δ_max^(p-1))). The wave moves at c √(A
-    δ_max^(p-1) / m) balls per second, and balls at up to `peak_velocity` √(A δ_max^(p+1) / m).
+    For other values, multiply overlaps by δ_max and times by √(m / (A δ_max^(p-1))). The wave moves at c √(A
+    δ_max^(p-1) / m) balls per second. The largest velocity of a ball is `peak_velocity` √(A δ_max^(p+1) / m).
     """
 
     exponent: float
@@ -72,35 +73,38 @@ class SolitaryWave:
 
     @property
     def peak_velocity(self) -> float:
-        """Largest velocity of a ball."""
+        """Largest velocity of a ball, in units of √(A δ_max^(p+1) / m)."""
         return float(self.velocity(-0.5))
 
     def overlap(self, x: Any) -> Array:
-        """Return φ at distances x in balls from the peak, |x| at most 16."""
+        """Return the overlap φ at distances x from the peak, in balls.
+
+        Beyond a distance of 16 balls the value at 16 is returned.
+        """
         series, c2 = _series(self.exponent)
-        return np.maximum(_cosines(series * _box() ** 2 / c2, _inside(x)), 0.0)
+        return np.maximum(_evaluate_series(series * _box_transform() ** 2 / c2, _clipped_distance(x)), 0.0)
 
     def force(self, x: Any) -> Array:
-        """Return φ^p at distances x in balls from the peak."""
-        return np.maximum(_cosines(_series(self.exponent)[0], _inside(x)), 0.0)
+        """Return the force φ^p at distances x from the peak, in balls."""
+        return np.maximum(_evaluate_series(_series(self.exponent)[0], _clipped_distance(x)), 0.0)
 
     def velocity(self, x: Any) -> Array:
-        """Return the velocity of the ball behind the contact at x.
+        """Return the velocity of the ball after the contact at distance x from the peak.
 
-        It is (1/c) ∫ φ^p from x to x + 1, largest at x = -1/2.
+        It is (1/c) ∫ φ^p from x to x + 1, and is largest at x = -1/2.
         """
-        return _cosines(_series(self.exponent)[0] * _box() / self.speed, _inside(x) + 0.5)
+        return _evaluate_series(_series(self.exponent)[0] * _box_transform() / self.speed, _clipped_distance(x) + 0.5)
 
     def width(self, share: float) -> float:
-        """Return the length in diameters on which the force exceeds a share of its peak.
+        """Return the width of the wave at the fraction `share` of its peak force.
 
-        `share` is between 1e-12 and 1.
+        This is the length in diameters on which the force exceeds it. `share` is between 1e-12 and 1.
         """
-        part = check.number("share", share, at_least=1e-12, at_most=1.0, fix="Smaller forces are rounding errors.")
+        fraction = check.number("share", share, at_least=1e-12, at_most=1.0, fix="Smaller forces are rounding errors.")
         low, high = 0.0, 0.5 * PERIOD_DIAMETERS
         # bisection down to neighbouring floats
         while (middle := 0.5 * (low + high)) not in (low, high):
-            low, high = (middle, high) if self.force(middle) > part else (low, middle)
+            low, high = (middle, high) if self.force(middle) > fraction else (low, middle)
         return low + high
 
 
@@ -121,8 +125,8 @@ def solitary(
     law : force law
         F = A ξ^p without damping, p from 1.1 to 8, the same in all pairs.
     at : float
-        Position of the force peak, between the balls `at` - 1/2 and `at` + 1/2, counted from 0. At least 5 from both
-        ends.
+        Position of the force peak, between the balls `at` - 1/2 and `at` + 1/2, counted from 0. Its distance from both
+        ends of the row is at least 5.
     radius : float
         Radius of a ball in m.
     density : float
@@ -131,7 +135,7 @@ def solitary(
     Returns
     -------
     Scene
-        Free at both ends, without gravity.
+        A row with free ends, without gravity.
 
     Raises
     ------
@@ -158,27 +162,30 @@ def solitary(
     deepest = (v * math.sqrt(m / form[0]) / wave.peak_velocity) ** (2.0 / (wave.exponent + 1.0))
     x = np.arange(count) - 0.5 - place  # distance of the contact before each ball from the peak
     overlap, velocity = wave.overlap(x[1:]), wave.velocity(x)
-    overlap[overlap < ROUNDING_OVERLAP_SHARE] = 0.0
-    velocity[velocity < ROUNDING_OVERLAP_SHARE] = 0.0
+    overlap[overlap < ROUNDING_OVERLAP_RATIO] = 0.0
+    velocity[velocity < ROUNDING_OVERLAP_RATIO] = 0.0
     return in_order(row.replace(gap=0.0 - deepest * overlap, velocity=v / wave.peak_velocity * velocity))
 
 
 @cache
 def _series(p: float) -> tuple[Array, float]:
-    """Return the cosine series of φ^p, and c²."""
-    triangle = _box() ** 2
-    phi, before = (
+    """Return the coefficients of the cosine series of φ^p, and c².
+
+    φ is the overlap of the solitary wave of exponent `p`, and c its speed.
+    """
+    triangle = _box_transform() ** 2
+    phi, previous_change = (
         np.maximum(0.0, 1.0 - 0.5 * np.abs(np.fft.fftfreq(PERIOD_POINTS, 1.0 / PERIOD_DIAMETERS))) ** 2,
         math.inf,
     )
     for _ in range(MAX_CONVOLUTIONS):
         raw = np.fft.irfft(np.fft.rfft(phi**p) * triangle, PERIOD_POINTS)
-        new = np.maximum(raw / raw[0], 0.0)
-        step = float(np.abs(new - phi).max())
-        phi = new
-        if step < 1e-15 and step >= before:  # converged: changes no longer decrease
+        new_phi = np.maximum(raw / raw[0], 0.0)
+        change = float(np.abs(new_phi - phi).max())
+        phi = new_phi
+        if change < 1e-15 and change >= previous_change:  # converged: changes no longer decrease
             break
-        before = step
+        previous_change = change
     series = np.fft.rfft(phi**p).real / PERIOD_POINTS
     # the real transform stores each pair ±k once, except the first and the last term
     series[1:-1] *= 2.0
@@ -187,23 +194,28 @@ def _series(p: float) -> tuple[Array, float]:
 
 @cache
 def _wave_numbers() -> Array:
+    """Return the wave numbers of the Fourier series, in rad per diameter."""
     return np.asarray(2.0 * math.pi * np.fft.rfftfreq(PERIOD_POINTS, PERIOD_DIAMETERS / PERIOD_POINTS))
 
 
-def _box() -> Array:
-    """Return the transform of 1 on [-1/2, 1/2].
+def _box_transform() -> Array:
+    """Return the Fourier transform of the box function, 1 on [-1/2, 1/2].
 
-    Its square is the transform of the triangle.
+    Its square is the transform of the triangle Λ.
     """
     return np.asarray(np.sinc(_wave_numbers() / (2.0 * math.pi)))
 
 
-def _cosines(series: Array, x: Array) -> Array:
+def _evaluate_series(series: Array, x: Array) -> Array:
+    """Return the cosine series with coefficients `series` at distances `x`."""
     return np.asarray(np.cos(np.multiply.outer(x, _wave_numbers())) @ series)
 
 
-def _inside(x: Any) -> Array:
-    """Return distances from the peak, limited to half a period, where the wave is 0."""
+def _clipped_distance(x: Any) -> Array:
+    """Return distances from the peak, limited to half a period.
+
+    There the wave is 0 to rounding.
+    """
     return np.clip(
         check.array("x", x, ..., finite="a finite distance in balls"), -0.5 * PERIOD_DIAMETERS, 0.5 * PERIOD_DIAMETERS
     )
