@@ -39,7 +39,7 @@ ROUNDING_OVERLAP_RATIO = 1e-16
 
 Smaller overlaps and velocities are set to 0."""
 MIN_WAVE_REACH = 5.0
-"""Minimum distance in diameters between the peak of the wave and an end of the row."""
+"""Minimum distance in diameters from the peak of the wave to each end of the row."""
 
 
 @check.face
