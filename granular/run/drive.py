@@ -165,9 +165,9 @@ def _times_around_contacts(log: Rows, start: float, end: float) -> check.Array:
             f"`samples` must give at most {check.MAX_REQUESTED_COUNT} samples, got 'contacts' with {len(log)} "
             "contacts. Give a number of samples, or stop earlier with t_end= or until=."
         )
-    begin, stop = log["t_begin"], np.where(np.isnan(log["t_end"]), end, log["t_end"])
-    times_around = (begin[:, None] + (stop - begin)[:, None] * CONTACT_SAMPLES).ravel()
-    times = np.concatenate([[start, end], begin, stop, times_around, np.nextafter(begin[begin == stop], -math.inf)])
+    begin, finish = log["t_begin"], np.where(np.isnan(log["t_end"]), end, log["t_end"])
+    times_around = (begin[:, None] + (finish - begin)[:, None] * CONTACT_SAMPLES).ravel()
+    times = np.concatenate([[start, end], begin, finish, times_around, np.nextafter(begin[begin == finish], -math.inf)])
     return np.unique(times.clip(start, end))
 
 

@@ -1,4 +1,4 @@
-"""Result of a run: the frozen class `Trajectory`, with status and contact log."""
+"""Result of a run: the class `Trajectory` with samples, contact log and status."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from granular.scene.places import points as scene_points
 
 
 class Status(Enum):
-    """Reason for the end of a run, whose value is a sentence for output."""
+    """Reason for the end of a run. Its value is a phrase for output."""
 
     time = "the end time was reached"
     until = "the stop condition was met"
@@ -44,28 +44,30 @@ class Trajectory(PublicWhenRead):
     scene : Scene
         The initial state, unchanged.
     law, rule : tuple or None
-        One force law per pair (md) or one restitution rule per pair (edmd). The other attribute is None.
+        One force law per pair (soft spheres) or one restitution rule per pair (hard spheres). The attribute that does
+        not apply is None.
     time : (T,) array
-        Sample times in s. With ``samples=None`` they are the first and the last instant.
+        Sample times in s. With ``samples=None`` they are the start and the end of the run.
     position, velocity : (T, n) arrays
-        In m and m/s, upwards positive. Velocities are right-continuous at collisions.
+        Positions of the bodies in m and velocities in m/s, upwards positive. A sample at the time of a collision
+        contains the velocities after it.
     gap : (T, n-1) array, (T, n) on a ring
         Distances between surfaces in m, negative while balls overlap.
     force : (T, n-1) array or None
-        Contact forces in N, ≥ 0 for repulsion (md only).
+        Contact forces in N, ≥ 0 for repulsion. None for hard spheres.
     contacts : structured array
-        Contact log, see `CONTACT`. It is empty with ``log=False``, or if the log is a file. For hard spheres
-        it is created on first access.
+        Contact log, see `granular.run.contact_log.CONTACT`. It is empty with ``log=False``, or if the log is a file.
+        For hard spheres it is created on first access.
     status, message : Status, str
-        Reason for the end of the run, and a sentence with numbers.
+        Reason for the end of the run, and a sentence with the time and other numbers.
     stats : dict
-        Amount of work and notes of the engine.
+        Counters of the engine, such as the numbers of contacts and steps, and notes.
     state : dict
         Internal state at the end of the run, from which `granular.edmd.resume` or `granular.md.resume` continues. It is
         empty for fixed-step integrators, whose runs cannot be resumed.
     ledger : (T, 5) array or None
-        Energies in J since the start, accumulated by the engine if walls are driven or thermal: work of floor and
-        ceiling, heat of both, and dissipated energy, see `account`.
+        Energies in J since the start, accumulated by the engine if walls are driven or thermal: work of the floor and
+        of the ceiling, heat of the floor and of the ceiling, and dissipated energy, see `account`.
     """
 
     scene: Scene
@@ -84,12 +86,13 @@ class Trajectory(PublicWhenRead):
     ledger: Array | None = None
 
     def __post_init__(self) -> None:
-        held = vars(self)
+        values = vars(self)
         if isinstance(self.contacts, tuple):  # see `PublicWhenRead`
-            held["settled"] = held.pop("contacts")
+            values["settled"] = values.pop("contacts")
         if callable(self.state):
-            held["kept"] = held.pop("state")
-        for array in (self.time, self.position, self.velocity, self.gap, self.force, held.get("contacts"), self.ledger):
+            values["kept"] = values.pop("state")
+        for array in (self.time, self.position, self.velocity, self.gap, self.force, values.get("contacts"),
+                      self.ledger):
             if array is not None:
                 array.flags.writeable = False
 
@@ -97,15 +100,16 @@ class Trajectory(PublicWhenRead):
     def by_pair(self) -> tuple[Any, Any]:
         """Row numbers of the contact log grouped by pair, and the start of each group.
 
-        Within a pair the rows are in order of time.
+        The first array contains the row numbers, in order of time within each pair. The rows of pair c are at the
+        positions from entry c of the second array to before entry c + 1.
         """
         return grouped(self.contacts["pair"], self.scene.n_pairs)
 
     def rows(self, pair: int) -> Any:
         """Return the row numbers of the contact log that belong to `pair`."""
-        order, edge = self.by_pair
+        order, starts = self.by_pair
         c = pair if type(pair) is int else whole("pair", pair)
-        return order[edge[c] : edge[c + 1]] if 0 <= c < len(edge) - 1 else order[:0]
+        return order[starts[c] : starts[c + 1]] if 0 <= c < len(starts) - 1 else order[:0]
 
     def of(self, pair: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
         """Return the rows of the contact log that belong to `pair`."""
@@ -117,9 +121,10 @@ class Trajectory(PublicWhenRead):
         return len(self.rows(pair))
 
     def contact_batches(self, size: int = 100_000) -> Iterator[np.ndarray[tuple[int], np.dtype[np.void]]]:
-        """Iterate over the contact log in batches, also if it is stored in a file.
+        """Iterate over the contact log in batches.
 
-        Rows of a file (``log="run.npy"``) are in the order in which contacts end, and are read batch by batch.
+        The log can also be stored in a file. Rows of a file (``log="run.npy"``) are in the order in which contacts end,
+        and are read batch by batch.
 
         Parameters
         ----------
@@ -142,11 +147,10 @@ class Trajectory(PublicWhenRead):
 
     @property
     def first_disturbed(self) -> tuple[float, int]:
-        """Time in s of the first disturbed contact, and the lower of its two pairs.
+        """Time in s at which two neighbouring pairs first overlap, and the lower pair.
 
-        At this time two neighbouring pairs overlap simultaneously for the first time. All contacts before it are
-        isolated. The value is (nan, -1) if there is no disturbed contact, or if the run did not check. Hard runs check
-        only with `watch`, as an estimate.
+        All contacts that end before this time are isolated. The value is (nan, -1) if all contacts are isolated, or if
+        the run did not check. Runs of hard spheres check only with `watch`, as an estimate.
         """
         time, pair = self.stats.get("first_disturbed", (math.nan, -1))
         return time, pair
@@ -157,12 +161,11 @@ class Trajectory(PublicWhenRead):
         return np.asarray(self.velocity[:, balls] @ self.scene.mass[balls])
 
     def energy(self) -> Array:
-        """Return the energy in J at every row, shape (T,).
+        """Return the total energy of the balls in J at every sample, shape (T,).
 
         The energy is Σ ½ m v² + Σ m g x - Σ f x + Σ ½ m Ω² y² + Σ U(ξ), summed over balls and overlaps. The elastic
-        energy U(ξ) is included wherever ξ > 0, also while the force is clipped at zero. The energy is nan at samples
-        with a closed contact of a law with memory, because the overlap alone does not determine the recoverable
-        energy.
+        energy U(ξ) is included wherever ξ > 0, also while the force is clipped at zero. For laws with memory the
+        energy is nan at samples with an overlap, because the overlap alone does not determine the recoverable energy.
         """
         balls = ~self.scene.is_wall
         m, v, x = self.scene.mass[balls], self.velocity[:, balls], self.position[:, balls]
@@ -170,8 +173,8 @@ class Trajectory(PublicWhenRead):
         if self.scene.external_force is not None:
             energy -= x @ self.scene.external_force[balls]
         if self.scene.pendulum > 0.0:
-            off = x - self.scene.at_rest[balls]
-            energy += 0.5 * self.scene.pendulum**2 * (off * off) @ m
+            displacement = x - self.scene.at_rest[balls]
+            energy += 0.5 * self.scene.pendulum**2 * (displacement * displacement) @ m
         if self.law is not None:
             laws = resolved(self.law, self.scene)
             for c in np.flatnonzero(~(self.gap >= 0.0).all(axis=0)).tolist():
@@ -179,7 +182,7 @@ class Trajectory(PublicWhenRead):
         return energy
 
     def account(self) -> dict[str, Array]:
-        """Return the balance of energy and momentum at every row.
+        """Return the balance of energy and momentum at every sample.
 
         The sum energy - work - heat + dissipated is constant. For scenes without pendula, `momentum` - Σ momentum +
         Σ (m g - f) t is constant, too.
@@ -194,22 +197,23 @@ class Trajectory(PublicWhenRead):
             *work* (T, 2)
                 Work ∫ F ẋ_w dt on the balls since the start, by the first and the last body if they are walls.
             *heat* (T, 2)
-                Heat given to the balls by these walls since the start.
+                Heat transferred to the balls by these walls since the start.
             *dissipated* (T,)
                 Energy dissipated in contacts since the start.
             *momentum* (T, 2)
-                Momentum ∫ F dt given to the balls by these walls since the first row, upwards positive.
+                Momentum ∫ F dt transferred to the balls by these walls since the first sample, upwards positive.
 
         Notes
         -----
         If walls are driven or thermal, each energy is accumulated separately with a compensated sum. Otherwise the
-        dissipated energy is the energy loss, and work is momentum times the constant wall speed. With a fixed time
+        dissipated energy is the energy loss, and work is momentum times the constant wall velocity. With a fixed time
         step the sum is constant only to the order of the method.
 
-        The momentum is computed from the momentum gained by the balls between the wall and the widest gap, without
-        gravity and forces, and from the logged impulses through that gap. Beyond the last ball no impulse passes. The
-        momentum is nan only between two walls: at rows at which every pair is in contact, without a log, and for hard
-        balls that may have stuck to a ceiling. For pendula it is nan at rows within a contact with that wall.
+        With one wall, its momentum is the momentum change of the balls minus the part of gravity and external forces.
+        With two walls, it is computed in the same way for the balls between the wall and the widest gap. The logged
+        impulses through that gap are added. The momentum is then nan at samples at which every pair is in contact, and
+        without a log. It is also nan for hard balls that may have stuck to a ceiling. For pendula the momentum is the
+        sum of the logged impulses of the wall, and nan at samples during a contact with it.
         """
         energy, momentum = self.energy(), given_by_walls(self)
         if self.ledger is None:
@@ -224,17 +228,17 @@ class Trajectory(PublicWhenRead):
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw the paths of the balls over time without their radii, with all contacts.
 
-        If the contacts take only a small part of the run, they are drawn again in a second panel.
+        If all contacts lie within a small part of the run, that part is drawn again in a second panel.
 
         Parameters
         ----------
         path : str or path, optional
-            File with an ending that matplotlib supports, such as ``.png``. By default no file is written.
+            File with a suffix that matplotlib supports, such as ``.png``. By default no file is written.
 
         Returns
         -------
         matplotlib.figure.Figure or None
-            The figure, unless it was written to `path`.
+            The figure, or None if it was written to `path`.
 
         Raises
         ------
@@ -243,12 +247,12 @@ class Trajectory(PublicWhenRead):
         OSError
             If the file cannot be written.
         ValueError
-            If matplotlib does not support the ending, or if the run has too few rows for its paths.
+            If matplotlib does not support the suffix, or if the run has too few samples for its paths.
 
         Notes
         -----
         Paths of hard spheres are exact under constant forces, because they follow from the contact log. Long contacts,
-        pendula, driven walls and runs without a log need rows, for example ``samples=np.linspace(0.0, end, 1000)``.
+        pendula, driven walls and runs without a log need samples, for example ``samples=np.linspace(0.0, end, 1000)``.
         """
         from granular.run import figures
 
@@ -257,7 +261,7 @@ class Trajectory(PublicWhenRead):
     def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25) -> None:
         """Write a film of the run, for scenes of at most 60 bodies.
 
-        If the contacts take only a small part of the run, the film shows that part.
+        If all contacts lie within a small part of the run, the film shows only that part.
 
         Parameters
         ----------
@@ -266,7 +270,7 @@ class Trajectory(PublicWhenRead):
         seconds : float, optional
             Duration of the film in s, positive. Defaults to 7.
         fps : int, optional
-            Pictures per second. Defaults to 25.
+            Frames per second. Defaults to 25.
 
         Raises
         ------
@@ -275,22 +279,21 @@ class Trajectory(PublicWhenRead):
         OSError
             If the file cannot be written.
         ValueError
-            If there are too many balls, if the ending is not supported, or if the run has too few rows, see `plot`.
+            If there are too many bodies, if the suffix is not supported, or if the run has too few samples, see `plot`.
         """
         from granular.run import films
 
         films.animate(self, path, seconds, fps)
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> None:
-        """Write the run to one file atomically, in the format of its ending.
+        """Write the run to one file atomically, in the format of its suffix.
 
-        * ``.npz`` and ``.nc`` (netCDF, extra ``sweep``) contain the whole run. `load` restores all bits.
+        * ``.npz`` and ``.nc`` (netCDF, extra ``sweep``) contain the whole run. `load` restores it bitwise identically.
         * ``.csv`` contains the contact log in the columns of `to_frame`.
-        * ``.extxyz`` contains the rows, for OVITO and ASE. Balls are on the x axis, and walls are the numbers
-          ``floor`` and
-          ``ceiling`` of each frame.
+        * ``.extxyz`` contains the samples, one frame each, for OVITO and ASE. Balls are on the x axis. The positions of
+          walls are the entries ``floor`` and ``ceiling`` of each frame.
 
-        All digits are written, in SI units.
+        All numbers are written with all digits, in SI units.
 
         Parameters
         ----------
@@ -302,7 +305,7 @@ class Trajectory(PublicWhenRead):
 
         Notes
         -----
-        For a hard run only the independent columns of the log are written to ``.npz``, 52 bytes per collision. `load`
+        For hard spheres only the independent columns of the log are written to ``.npz``, 52 bytes per collision. `load`
         computes the other columns.
 
         Force laws and rules of this package are stored with their numbers. User-defined laws and rules are stored by
@@ -313,7 +316,7 @@ class Trajectory(PublicWhenRead):
         tables.save(path, self, compressed)
 
     def to_xarray(self) -> Any:
-        """Return rows and contacts as an `xarray.Dataset` (extra ``sweep``).
+        """Return samples and contacts as an `xarray.Dataset` (extra ``sweep``).
 
         Units are attributes of the variables. Scene, law and versions are attributes of the dataset. Dimensions are
         *time*, *body*, *pair*, *contact*, and *side* (lower, upper). The variable ``contact_pair`` is the pair of a
@@ -375,8 +378,8 @@ class Trajectory(PublicWhenRead):
 
         Notes
         -----
-        The result has rows only, without law, rule, forces and state. Its contact log is empty, because rows do not
-        determine the onsets and ends of contacts. Its energy does not include overlaps.
+        The result contains only samples, without law, rule, forces and state. Its contact log is empty, because samples
+        do not determine the onsets and ends of contacts. Its energy does not include the elastic energy of overlaps.
         """
         from granular.run import tables
 
@@ -393,7 +396,7 @@ class Trajectory(PublicWhenRead):
         path : str or path
             The ``.npz`` or ``.nc`` file.
         law, rule : optional
-            Replacement for the stored laws or rules. It is required if they are user-defined.
+            Replacement for the stored laws or rules. It is required for user-defined laws or rules.
 
         Returns
         -------
@@ -409,8 +412,8 @@ class Trajectory(PublicWhenRead):
 
         Notes
         -----
-        No code in a file is executed: laws, rules and walls are created from a closed list and their numbers. The
-        message is read without control characters and truncated to 500 characters.
+        No code in the file is executed: laws, rules and walls are created from a closed list of types and from stored
+        numbers. Control characters are removed from the message, and it is truncated to 500 characters.
         """
         from granular.run import saved_run
 
@@ -419,8 +422,8 @@ class Trajectory(PublicWhenRead):
 
     def _repr_html_(self) -> str:
         from granular._engine.reports import abridged, html
-        end = zip(self.position[-1].tolist(), self.velocity[-1].tolist(), strict=True)
-        rows = [[str(i), f"{x:.6g}", f"{v:.6g}"] for i, (x, v) in enumerate(end)]
+        bodies = zip(self.position[-1].tolist(), self.velocity[-1].tolist(), strict=True)
+        rows = [[str(i), f"{x:.6g}", f"{v:.6g}"] for i, (x, v) in enumerate(bodies)]
         return html(repr(self), [["body", "position / m", "velocity / (m/s)"], *abridged(rows)])
 
     def __repr__(self) -> str:
@@ -430,16 +433,16 @@ class Trajectory(PublicWhenRead):
 
 
 EARLY_STATUSES = (Status.collapse, Status.bounded, Status.max_events, Status.unstable, Status.broken)
-"""Statuses of runs that ended early.
+"""Statuses of runs that ended before their end time or stop condition.
 
-No conclusion is drawn from the end of such a run.
+No conclusion is drawn from the final state of such a run.
 """
 
 
 def points(run: Trajectory) -> Array:
-    """Return positions in m of a run with radii subtracted, shape (T, n).
+    """Return positions in m of all bodies with radii subtracted, shape (T, n).
 
-    Touching balls coincide. Body 0 is at 0 at the start.
+    Two touching balls have the same position. Body 0 is at 0 at the start.
     """
     return scene_points(run.scene, run.gap, run.position)
 
