@@ -96,7 +96,7 @@ def contacts(settled: list[Rows]) -> Rows:
 
 
 class PublicWhenRead:
-    """Base of classes that create the attributes `contacts` and `state` on first access.
+    """Base of classes that create attributes `contacts` and `state` on first access.
 
     `contacts` is created from the attribute `settled`, which contains the rows in the columns of the engine. `state` is
     created by the function in the attribute `kept`, if there is one.
@@ -137,9 +137,9 @@ def in_order(log: Rows) -> Rows:
 def given_by_walls(run: Any) -> Array:
     """Return the momentum in N s transferred by both walls to the balls, shape (T, 2).
 
-    `run` is a `Trajectory`, see its method `account`. For the bodies below a pair, the momentum change without the part
-    of gravity and external forces is the momentum from the floor minus the impulses through that pair. For pendula only
-    the contact log is used.
+    `run` is a `Trajectory`, see its method `account`. The floor and the impulses through a pair change the momentum of
+    the bodies below the pair, in addition to gravity and external forces. This gives the momentum from the floor. For
+    pendula only the contact log is used.
     """
     scene, momentum = run.scene, np.zeros((len(run.time), 2))
     floor, ceiling = scene.is_wall[[0, -1]].tolist()

@@ -1,10 +1,11 @@
-"""First time at which a speed, a position or a force exceeds a level.
+"""First time at which a speed, a position or a force passes a level.
 
-This implements `granular.until.speed`, `position` and `force` for event-driven runs.
+This implements the stop conditions `granular.until.speed`, `position` and `force`.
 
-Between two events all motion is smooth, so the observable is represented by Chebyshev polynomials. Where their bound is
-below the level, the level is not reached. Where they increase monotonically, the two ends decide, and a bisection finds
-the time to the last bit. Any other interval is cut in two. Every crossing that exceeds rounding is found.
+Between two events all motion is smooth, so the speed, position or force is approximated by a Chebyshev polynomial in an
+interval of time. If an upper bound of the polynomial is below the level, the level is not reached. If
+the polynomial is proved to increase, its values at both ends show whether the level is passed. A bisection then finds
+the time to the last bit. Any other interval is halved. Every crossing that exceeds the rounding error is found.
 """
 
 from __future__ import annotations
@@ -23,67 +24,69 @@ from granular.scene.places import positions, velocities
 
 FIT_DEGREE = 8
 FIT_NODES = 0.5 * (1.0 + np.cos(np.pi * np.arange(FIT_DEGREE + 1) / FIT_DEGREE))
-"""Nodes of an interval as shares of its length, from its end to its begin."""
+"""Chebyshev nodes as fractions of an interval, from its end to its start."""
 FIT_MATRIX = np.linalg.inv(np.polynomial.chebyshev.chebvander(2.0 * FIT_NODES - 1.0, FIT_DEGREE))
-"""Matrix from values at the nodes to Chebyshev coefficients."""
+"""Matrix that converts values at the nodes to Chebyshev coefficients."""
 MAX_SLOPES = np.arange(2, FIT_DEGREE + 1) ** 2
-"""Largest slopes of the Chebyshev polynomials of degree 2 and higher."""
+"""Largest slopes of the Chebyshev polynomials of degree 2 to `FIT_DEGREE`."""
 LEVEL_ROUNDING = 2.0**-48
-"""Relative rounding error of the values."""
+"""Relative rounding error of the values of an observable."""
 MAX_FLIGHT_TIME, FIRST_WINDOW = 2.0**300, 1.0
-"""Largest time in s up to which endless free flight is followed.
+"""Limits of the search in a run without end time, in s.
 
-WINDOW is the time in s that is searched first, and the step in which the path of a wall is followed.
+A free flight without a next event is searched up to `MAX_FLIGHT_TIME`. `FIRST_WINDOW` is the length of the first
+interval that is searched, and of each interval at a driven wall.
 """
 
 
 def first_above(watched: Callable[[float], float], sign: float, level: float, begin: float, end: float) -> float:
-    """Return the first time at which sign·watched - level is positive.
+    """Return the first time in s at which sign·watched(time) exceeds `level`, or inf.
 
-    The search is from `begin` to `end`. The result is inf if the value is never positive.
+    `watched` is a smooth function of the time. The search is from `begin` to `end` in s.
     """
-    def above(t: float) -> bool:
+    def is_above(t: float) -> bool:
         return sign * watched(t) > level
 
-    stretches = [(begin, end)]
-    while stretches:
-        a, b = stretches.pop()
-        if above(a):
+    intervals = [(begin, end)]
+    while intervals:
+        a, b = intervals.pop()
+        if is_above(a):
             return a
-        values = sign * np.array([watched(min(b, a + part * (b - a))) for part in FIT_NODES.tolist()]) - level
+        values = sign * np.array([watched(min(b, a + node * (b - a))) for node in FIT_NODES.tolist()]) - level
         c = FIT_MATRIX @ values
-        noise = LEVEL_ROUNDING * (float(np.abs(values).max()) + abs(level))
+        rounding_error = LEVEL_ROUNDING * (float(np.abs(values).max()) + abs(level))
         # Σ |c| bounds the polynomial; twice the last two coefficients estimate the truncation error
-        if not c[0] + np.abs(c[1:]).sum() + 2.0 * np.abs(c[-2:]).sum() > noise:
+        if not c[0] + np.abs(c[1:]).sum() + 2.0 * np.abs(c[-2:]).sum() > rounding_error:
             continue
         # the linear term exceeds the largest slope of all other terms
         rises = c[1] > np.abs(c[2:]) @ MAX_SLOPES + MAX_SLOPES[-1] * np.abs(c[-2:]).sum()
         middle = 0.5 * (a + b)
         if not a < middle < b or rises:
-            if above(b):
-                return halved(above, a, b)
+            if is_above(b):
+                return halved(is_above, a, b)
         else:
-            # a stack: the earlier half is searched first
-            stretches += [(middle, b), (a, middle)]
+            # the last interval of the list is searched first: the earlier half
+            intervals += [(middle, b), (a, middle)]
     return math.inf
 
 
-def halved(above: Callable[[float], bool], low: float, high: float) -> float:
-    """Return the first float at which `above` holds, by bisection.
+def halved(is_above: Callable[[float], bool], low: float, high: float) -> float:
+    """Return the first float at which the condition `is_above` is true, by bisection.
 
-    It does not hold at `low`, and holds at `high`.
+    The condition is false at `low` and true at `high`.
     """
     while low < (middle := 0.5 * (low + high)) < high:
-        low, high = (low, middle) if above(middle) else (middle, high)
+        low, high = (low, middle) if is_above(middle) else (middle, high)
     return high
 
 
 def first_met(
     watched: Callable[[float], float], level: stop.Level, scene: Scene, begin: float, end: float
 ) -> float:
-    """Return the time in s at which an observable first passes the level.
+    """Return the first time in s at which a stop condition on a level is met, or inf.
 
-    The search is from `begin` to `end`. The result is inf if the level is not passed.
+    `watched` is the observable as a function of the time. The search is from `begin` to `end` in s, between which no
+    event occurs.
     """
     if scene.pendulum > 0.0:  # free pendula are periodic
         end = min(end, begin + 2.0 * math.pi / scene.pendulum)
@@ -91,19 +94,19 @@ def first_met(
     sides = [(-1.0, -below)] if below is not None else [(1.0, level.above or 0.0)]
     # a speed exceeds the level with either sign of the velocity
     sides += [(-1.0, level.above)] if isinstance(level, stop.Speed) else []
-    seen, span = cache(watched), FIRST_WINDOW
+    cached_watched, span = cache(watched), FIRST_WINDOW
     while True:
         until = begin + span if end == math.inf else end
-        found = min(first_above(seen, sign, high, begin, until) for sign, high in sides)
-        if found < math.inf or until == end or span > MAX_FLIGHT_TIME:
-            return found
+        crossing = min(first_above(cached_watched, sign, value, begin, until) for sign, value in sides)
+        if crossing < math.inf or until == end or span > MAX_FLIGHT_TIME:
+            return crossing
         begin, span = until, 2.0 * span
 
 
 def shown(run: Any, level: stop.Level, time: float) -> float:
-    """Evaluate the observable at `time` from a row of the run.
+    """Return the observable of the stop condition `level` at `time` in s.
 
-    The time must not be after the next event.
+    It is a force in N, a position in m or a velocity in m/s. `time` must not be after the next event of the run.
     """
     row = run.row(time)
     if isinstance(level, stop.Force):
@@ -116,10 +119,17 @@ def shown(run: Any, level: stop.Level, time: float) -> float:
 
 
 class Watched:
-    """Wrapper of a `granular.run.drive.Run` that ends it when a level is passed.
+    """Wrapper of a `granular.run.drive.Run` that ends the run when a level is passed.
 
-    The run advances one event at a time. The module `between` provides the time up to which no event occurs (`calm`),
-    and the observable until then (`watched`).
+    The run advances one event at a time.
+
+    Parameters
+    ----------
+    run : Run
+        Run of an event-driven engine.
+    between : module
+        Module `levels` of the engine. Its function `calm` returns the current time and the time of the next event, and
+        its function `watched` the observable between them.
     """
 
     def __init__(self, run: Any, between: Any) -> None:
@@ -130,16 +140,16 @@ class Watched:
 
     def to(self, time: float, last: bool) -> Pause:
         """Advance towards `time`, up to the next event or to the crossing of the level."""
-        run, level, (begin, due) = self.run, self.run.request.until, self.between.calm(self.run)
-        if run.scene.driven and due == math.inf:
-            # the path of a driven wall is followed in windows, because it can be endless
-            due = begin + FIRST_WINDOW
-        # one float beyond the event, so that it takes place
-        goal = min(math.nextafter(due, math.inf), time)
-        met = first_met(self.between.watched(run, level), level, run.scene, begin, min(due, time))
-        if met == math.inf:
-            pause: Pause = run.to(goal, last or goal < time)
-            return Pause.full if pause is Pause.reached and goal < time else pause
-        pause = Pause.reached if met == begin else run.to(met, True)
-        run.row(met)  # the last row that is read
+        run, level, (now, next_event) = self.run, self.run.request.until, self.between.calm(self.run)
+        if run.scene.driven and next_event == math.inf:
+            # without a next event, the path of a driven wall is searched in windows, because it can be infinite
+            next_event = now + FIRST_WINDOW
+        # one float after the event, so that the run processes it
+        target_time = min(math.nextafter(next_event, math.inf), time)
+        crossing = first_met(self.between.watched(run, level), level, run.scene, now, min(next_event, time))
+        if crossing == math.inf:
+            pause: Pause = run.to(target_time, last or target_time < time)
+            return Pause.full if pause is Pause.reached and target_time < time else pause
+        pause = Pause.reached if crossing == now else run.to(crossing, True)
+        run.row(crossing)  # no later state is requested
         return Pause.until if pause is Pause.reached else pause

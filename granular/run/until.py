@@ -1,7 +1,7 @@
 """Stop conditions for both engines.
 
 For example, ``simulate(..., until=until.contact(pair=0, nth=2))`` stops before the second contact with the floor. The
-module also determines which scenes need a stop condition, and which option raises the limit that ended a run.
+module also determines which scenes need a stop condition, and gives the advice for runs that a limit ended.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __dir__ = __all__.copy
 
 
 class _Checked:
-    """Base of conditions whose numbers are checked and converted to Python numbers."""
+    """Base of stop conditions, which checks their numbers."""
 
     __slots__ = ()
 
@@ -78,7 +78,7 @@ class Position(_Checked):
         if (self.above is None) is (self.below is None):
             raise TypeError(f"One of `above` and `below` must be given, a position in m, got {self.above!r} and "
                             f"{self.below!r}.")
-        _Checked.__post_init__(self)  # super() is not known where a class has slots
+        _Checked.__post_init__(self)  # super() does not work in a dataclass with slots
 
 
 Level = Force | Speed | Position
@@ -91,23 +91,23 @@ FIELD_CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "Position": {"ball": CHECK_NUMBER} | dict.fromkeys(
         ("above", "below"), lambda name, place: place if place is None else _check.number(name, place)),
 }
-"""Checks of the numbers of each condition."""
+"""Function that checks each field of the stop conditions, by class and field name."""
 
 
 @_check.face
 def contact(pair: int, nth: int = 1) -> Contact:
     """Stop just before the `nth` contact of a pair begins.
 
-    A contact begins when its force becomes nonzero (F ≠ 0). The `nth` contact is neither logged nor counted. A soft
-    contact begins when the overlap crosses 0 upwards, and again when a clipped force becomes positive while the
-    overlap is still positive.
+    A contact begins when its force becomes positive. For soft spheres this happens when an overlap begins. It happens
+    again when a force that was clipped at 0 becomes positive during the same overlap. The `nth` contact is neither
+    logged nor counted.
 
     Parameters
     ----------
     pair : int
         Number of the pair from the bottom. If there is a floor, its pair is 0.
     nth : int
-        Number of the onset, counted from 1. Defaults to 1.
+        Number of the contact, counted from 1. Defaults to 1.
 
     Returns
     -------
@@ -118,9 +118,9 @@ def contact(pair: int, nth: int = 1) -> Contact:
 
 @_check.face
 def separated() -> Separated:
-    """Stop when, after at least one contact, all pairs are open and none approaches.
+    """Stop when no pair is in contact or approaches, after at least one contact.
 
-    This holds for the moment only: gravity, a force or a driven wall can bring the balls together again.
+    The balls can meet again later because of gravity, an external force or a driven wall.
 
     Returns
     -------
@@ -133,9 +133,9 @@ def separated() -> Separated:
 def force(pair: int, above: float) -> Force:
     """Stop when the contact force F of a pair first exceeds a level.
 
-    The contact is still open at that time. The condition detects the arrival of a wave, also in a chain of touching
-    balls, where all contacts begin simultaneously. It applies to soft spheres only, because hard collisions are
-    instantaneous.
+    The contact has not ended at that time. The condition detects the arrival of a wave, also in a chain of touching
+    balls, where all contacts begin simultaneously. It applies to soft spheres only, because collisions of hard spheres
+    are instantaneous.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def force(pair: int, above: float) -> Force:
 def speed(ball: int, above: float) -> Speed:
     """Stop when the speed abs(v) of a ball first exceeds a level.
 
-    At a collision, the run stops right after it.
+    If a collision of hard spheres changes the speed to a larger value, the run stops right after this collision.
 
     Parameters
     ----------
@@ -182,8 +182,8 @@ def position(ball: int, above: float | None = None, *, below: float | None = Non
     ball : int
         Number of the body from the bottom, as in `Scene`. A floor is body 0, and then the lowest ball is 1.
     above, below : float
-        Position x in m as in ``Trajectory.position``, on a ring not taken modulo its length. If the ball is beyond it
-        at the start, the run stops immediately.
+        Position x in m as in ``Trajectory.position``. On a ring it is not reduced by the length of the ring. If the
+        condition holds at the start, the run stops immediately.
 
     Returns
     -------
@@ -193,7 +193,13 @@ def position(ball: int, above: float | None = None, *, below: float | None = Non
 
 
 def checked(until: Until | None, scene: Scene) -> Until | None:
-    """Return `until` if it fits the scene, else raise `TypeError` or `ValueError`."""
+    """Return the stop condition `until`, after checking that it applies to the scene.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `until` is not a stop condition, or if its pair or ball does not exist in the scene.
+    """
     if until is None or isinstance(until, Separated):
         return until
     if not isinstance(until, (Contact, *LEVEL_TYPES)):
@@ -207,13 +213,13 @@ def checked(until: Until | None, scene: Scene) -> Until | None:
     return until
 
 
-def without_levels(until: Until | None, who: str) -> None:
-    """Raise `ValueError` for a condition on a level.
+def without_levels(until: Until | None, function: str) -> None:
+    """Raise `ValueError` if a stop condition is a level of force, speed or position.
 
-    `who` names the function that supports `contact` and `separated` only.
+    `function` is the name of the function that supports only `contact` and `separated`.
     """
     if isinstance(until, LEVEL_TYPES):
-        raise ValueError(f"`until` must be until.contact or until.separated for {who}, got {until!r}. Or give `t_end` "
+        raise ValueError(f"`until` must be until.contact or until.separated for {function}, got {until!r}. Or give `t_end` "
                          "in s.")
 
 
@@ -221,7 +227,7 @@ def check_end(
     scene: Scene, t_end: float | None, until: Until | None, max_events: int | None, *,
     dented: Callable[[], bool] = bool, elastic: Callable[[], bool] = bool,
 ) -> None:
-    """Raise `ValueError` if a scene whose contacts never end has no stop condition.
+    """Raise `ValueError` if a run could be infinite and has no stop condition.
 
     Parameters
     ----------
@@ -231,22 +237,22 @@ def check_end(
         The stop conditions of the run, or None if not given.
     dented : callable
         Function that returns whether balls fall on a floor and dissipate energy only where an overlap exceeds all
-        previous overlaps. It is called only without a stop condition. By default the result is False.
+        previous overlaps. It is called only if the run has no stop condition. By default it returns False.
     elastic : callable
-        Function that returns whether all pairs are elastic by declaration and no option treats an inelastic collapse.
-        It is called and defaults like `dented`.
+        Function that returns whether all pairs are declared to be elastic, and no other option ends such a run. It is
+        called only if the run has no stop condition. By default it returns False.
     """
     if t_end is not None or until is not None or max_events is not None:
         return
-    why = "with a driven wall" if scene.driven else "with a thermal wall" if scene.heated else (
+    kind_of_run = "with a driven wall" if scene.driven else "with a thermal wall" if scene.heated else (
         "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
         "under gravity with laws that dissipate only at the largest overlap so far" if dented() else
         unending(scene) if elastic() else "")
-    if why:
-        raise ValueError(f"`t_end` must be given, got None. A run {why} does not end by itself. Give t_end=, until= or "
+    if kind_of_run:
+        raise ValueError(f"`t_end` must be given, got None. A run {kind_of_run} does not end by itself. Give t_end=, until= or "
                          "max_events=.")
 
 
 def raised(option: str, end: float) -> str:
-    """Return the advice for a run until `end` in s that its limit `option` ended."""
+    """Return the advice for a run that the limit `option` ended before `end` in s."""
     return f"raise {option}=" + ", or give t_end= or until=" * (end == math.inf)
