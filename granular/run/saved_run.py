@@ -1,4 +1,7 @@
-"""Conversion of a `Trajectory` to arrays and metadata in a file, and back."""
+"""Files of runs: conversion of a `Trajectory` to arrays and metadata, and back.
+
+The metadata are a dictionary that is stored as JSON text in the entry "words" of the file.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from granular.scene import Scene
 from granular.scene.places import fitted
 
 PLAIN_TYPES = (bool, int, float, str)
-"""Types of entries of `stats` that are saved, also within tuples."""
+"""Types of the values of `stats` that are saved, also within tuples."""
 RUN_ARRAYS = {
     "time": "t", "position": "tn", "velocity": "tn", "gap": "tp", "force": "tp", "contacts": "c", "ledger": "tl",
 }
@@ -27,108 +30,107 @@ SCENE_ARRAYS = {
     "mass": "n", "radius": "n", "gap": "p", "velocity": "n", "gravity": "", "origin": "", "external_force": "n",
     "ring": "", "pendulum": "", "rest_gap": "p",
 }
-"""Arrays and their dimensions.
+"""Arrays of a run and of its scene, with their dimensions.
 
-The letters are t for rows, n for bodies, p for pairs, c for contacts and l for the five sums of the ledger.
+The letters are t for samples, n for bodies, p for pairs, c for contacts and l for the five energies of the ledger.
 """
 ARRAY_SHAPES = RUN_ARRAYS | {f"scene.{name}": dimensions for name, dimensions in SCENE_ARRAYS.items()}
 OPTIONAL_ARRAYS = {"force", "ledger", "scene.external_force", "scene.ring", "scene.pendulum", "scene.rest_gap"}
-"""Arrays that a run can lack."""
+"""Arrays that do not exist for every run."""
 HARD_LOG_COLUMNS = {
     "contacts.pair": np.int32, "contacts.t_begin": float, "contacts.v_in": float, "contacts.v_out": float,
     "contacts.impulse": float,
 }
-"""Columns of a hard log that are saved.
+"""Columns of the contact log that are saved for hard spheres, with their types.
 
-The other columns follow from them, because a collision is instantaneous with an infinite force.
+The other columns follow from them, because collisions are instantaneous and their forces infinite.
 """
 TABLE_ARRAYS = {"time", "position", "velocity", "gap", "force", "ledger", "contacts", *HARD_LOG_COLUMNS}
 """Arrays that are separate variables of a netCDF file."""
 NEEDED_ENTRIES = ARRAY_SHAPES.keys() - OPTIONAL_ARRAYS | {"words"}
-"""Entries that every saved run contains. Forces, walls and the state are optional."""
+"""Entries that every file of a run contains."""
 PHYSICS_TYPES = (dict, list, type(None))
 METADATA_TYPES = {"status": str, "message": str, "stats": dict, "law": PHYSICS_TYPES, "rule": PHYSICS_TYPES}
 LATER_METADATA_TYPES = {"format": int, "walls": list, "digest": str}
-"""Metadata entries and their types.
+"""Types of the metadata entries.
 
-Files of earlier formats lack the entries in OTHERS.
+Files of earlier formats do not contain the entries of `LATER_METADATA_TYPES`.
 """
 MAX_METADATA_LENGTH, METADATA_PER_PAIR = 100_000_000, 2_000
 """Maximum number of characters of the metadata, and additional number per pair.
 
-The path of a wall with 2¹⁸ panels is the longest text.
+The longest metadata contain the path of a wall with 2¹⁸ panels.
 """
 MAX_STATE_RECORDS, MAX_RECORD_BYTES = 10_000, 1 << 16
-"""Limits for an array of the state.
+"""Limits of an array of the saved state.
 
-They are the number of records beyond eight per pair, and the bytes per record.
+They are the maximum number of records in addition to eight per pair, and the maximum number of bytes per record.
 """
 
 
 def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run to one ``.npz`` file atomically."""
     files.check_ending(path, ".npz")
-    words, arrays = packed(run)
+    metadata, arrays = packed(run)
 
     def fill(draft: str) -> None:
         with open(draft, "wb") as file:
-            (np.savez_compressed if compressed else np.savez)(file, words=np.array(said(words)), **arrays)
+            (np.savez_compressed if compressed else np.savez)(file, words=np.array(said(metadata)), **arrays)
 
     files.write(path, fill)
 
 
 def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return metadata and arrays of a run, by name."""
+    """Return the metadata and the arrays of a run for a file, each by name."""
     if run.law is None and run.rule is None:
         raise ValueError("`run` must have laws or rules to be saved this way. Save numbers of another program as .csv "
                          "or .extxyz, or with to_xarray().")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
-    held = {name: getattr(run, name) for name in RUN_ARRAYS} | {
+    values = {name: getattr(run, name) for name in RUN_ARRAYS} | {
         f"scene.{name}": getattr(scene, name) for name in SCENE_ARRAYS}
     has = {"scene.ring": scene.ring, "scene.pendulum": scene.pendulum > 0.0}
-    held = {name: value for name, value in held.items() if value is not None and has.get(name, True)}
-    arrays = {name: np.asarray(value) for name, value in held.items()} | {
+    values = {name: value for name, value in values.items() if value is not None and has.get(name, True)}
+    arrays = {name: np.asarray(value) for name, value in values.items()} | {
         f"state.{name}": np.asarray(value) for name, value in run.state.items()}
     if run.rule is not None:
         log, arrays["contacts"] = run.contacts, run.contacts[:0]
         arrays |= {name: log[name[9:]].astype(kind, order="C") for name, kind in HARD_LOG_COLUMNS.items()}
-    words = {
+    metadata = {
         "format": files.FILE_FORMAT,
         "status": run.status.name,
         "message": run.message,
         "stats": {name: value for name, value in run.stats.items() if isinstance(value, (*PLAIN_TYPES, tuple))},
-        "law": _described(run.law),
-        "rule": _described(run.rule),
+        "law": _description(run.law),
+        "rule": _description(run.rule),
     }
     if scene.driven or scene.heated:
-        words["walls"] = [wall and to_json(wall) for wall in (scene.floor, scene.ceiling)]
-    words["digest"] = _digest(words, arrays)
-    return words, arrays
+        metadata["walls"] = [wall and to_json(wall) for wall in (scene.floor, scene.ceiling)]
+    metadata["digest"] = _digest(metadata, arrays)
+    return metadata, arrays
 
 
-def _described(physics: tuple[Any, ...] | None) -> Any:
-    """Return the description of the laws or rules.
+def _description(physics: tuple[Any, ...] | None) -> Any:
+    """Return the JSON description of the laws or rules of a run, or None without them.
 
-    It is a single description if all pairs have the same law, else one per pair. The result is None without laws or
-    rules.
+    It is a single description if all pairs have the same law or rule, and otherwise a list with one per pair.
     """
     if physics is None:
         return None
-    same = all(one is physics[0] for one in physics)
-    return to_json(physics[0]) if same else [to_json(one) for one in physics]
+    same = all(item is physics[0] for item in physics)
+    return to_json(physics[0]) if same else [to_json(item) for item in physics]
 
 
-def said(words: Mapping[str, Any]) -> str:
+def said(metadata: Mapping[str, Any]) -> str:
     """Return metadata as JSON text.
 
-    Numbers of other types, such as numpy's, become floats.
+    Values of types that JSON does not support, such as numpy numbers, are converted to floats.
     """
-    return json.dumps(words, sort_keys=True, default=float)
+    return json.dumps(metadata, sort_keys=True, default=float)
 
 
-def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
+def _digest(metadata: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
     """Return a checksum of all metadata and arrays of a file."""
-    rest = {name: value for name, value in words.items() if name != "digest"}
+    rest = {name: value for name, value in metadata.items() if name != "digest"}
     digest = blake2b(said(rest).encode(), digest_size=16)
     for name in sorted(arrays):
         array = arrays[name]
@@ -146,27 +148,38 @@ def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
 def read(
     path: str | os.PathLike[str], law: Any, rule: Any, statuses: Collection[str], log: np.dtype[Any]
 ) -> dict[str, Any]:
-    """Read a file of `write` and return the fields of `Trajectory` by name.
+    """Read a saved run, and return the fields of `Trajectory` by name.
 
-    The status is given by its name, which must be one of `statuses`. Contacts are records of type `log`. Exceptions
-    are the same as in `Trajectory.load`.
+    Parameters
+    ----------
+    law, rule : optional
+        Replacements for the stored laws or rules, or None.
+    statuses : collection of str
+        Allowed names of the status. The returned status is a name.
+    log : dtype
+        Type of the records of the contact log.
+
+    Raises
+    ------
+    OSError, TypeError, ValueError
+        See `Trajectory.load`.
     """
     name = files.checked_source("path", path)
     try:
         with open(name, "rb") as file:
             if name.lower().endswith(".nc"):
-                stored = _of_netcdf(name, log)
+                stored = _read_netcdf(name, log)
             else:
                 _check_heads(files.heads(file), log)
                 stored = files.arrays(file)
-        words = _words(str(stored.pop("words")))
-        files.check_format(name, words.get("format", 1),
-                           words.keys() - METADATA_TYPES.keys() - LATER_METADATA_TYPES.keys())
-        _check_words(words, stored, statuses)
+        metadata = _parse_metadata(str(stored.pop("words")))
+        files.check_format(name, metadata.get("format", 1),
+                           metadata.keys() - METADATA_TYPES.keys() - LATER_METADATA_TYPES.keys())
+        _check_metadata(metadata, stored, statuses)
         if "contacts.pair" in stored:
             stored["contacts"] = _hard_log(stored, log)
-        _check_rows(stored, words["status"])
-        return _made(words, stored, law, rule)
+        _check_rows(stored, metadata["status"])
+        return _constructor_arguments(metadata, stored, law, rule)
     except (files.Foreign, RecursionError):
         raise ValueError(
             f"`path` must be a complete file written by Trajectory.save, got {name!r}."
@@ -174,12 +187,15 @@ def read(
     except files.Later:
         raise
     except (TypeError, ValueError) as error:
-        kind = TypeError if isinstance(error, TypeError) else ValueError
-        raise kind(f"The file {name!r} is not a valid run: {error}") from None
+        error_type = TypeError if isinstance(error, TypeError) else ValueError
+        raise error_type(f"The file {name!r} is not a valid run: {error}") from None
 
 
-def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
-    """Return the arrays of a netCDF file and its checkpoint, as in an ``.npz`` file."""
+def _read_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
+    """Return the entries of a netCDF file, named as in an ``.npz`` file.
+
+    `name` is the path of the file, and `log` the type of the records of the contact log.
+    """
     xarray = check.optional("xarray", "a file that ends in .nc")
     check.optional("netCDF4", "a file that ends in .nc")
     try:
@@ -187,16 +203,16 @@ def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
     except (OSError, ValueError, RuntimeError):
         raise files.Foreign from None
     with data:
-        most = files.MAX_EXPANSION * os.path.getsize(name) + files.ROOM
-        if data.nbytes > most or any(data[one].dtype.kind not in "fiu" for one in data.variables if one != "side"):
+        max_bytes = files.MAX_EXPANSION * os.path.getsize(name) + files.ROOM
+        if data.nbytes > max_bytes or any(data[key].dtype.kind not in "fiu" for key in data.variables if key != "side"):
             raise files.Foreign
-        table = {key: data[key].values for key in data.variables if key not in ("side", "mass", "radius")}
+        arrays = {key: data[key].values for key in data.variables if key not in ("side", "mass", "radius")}
     try:
-        file = BytesIO(table.pop("checkpoint").tobytes())
+        file = BytesIO(arrays.pop("checkpoint").tobytes())
         files.heads(file)  # check the headers before any data is read
         stored = files.arrays(file)
-        columns = {key: table.pop("contact_pair" if key == "pair" else key) for key in log.names or ()}
-        stored = table | stored
+        columns = {key: arrays.pop("contact_pair" if key == "pair" else key) for key in log.names or ()}
+        stored = arrays | stored
         if "contacts" in stored:  # hard spheres: an empty array
             stored |= {key: columns[key[9:]].astype(kind) for key, kind in HARD_LOG_COLUMNS.items()}
         else:
@@ -210,11 +226,14 @@ def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
 
 
 def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
-    """Raise unless a file contains the arrays of a run with valid types and shapes."""
+    """Raise an exception if an array is missing or has a wrong type or shape.
+
+    `heads` contains type and shape of each array, and `log` is the type of the records of the contact log.
+    """
     if not heads.keys() >= NEEDED_ENTRIES or any(len(heads[name][1]) != 1 for name in ("scene.mass", "time")):
         raise files.Foreign
     n, t = heads["scene.mass"][1][0], heads["time"][1][0]
-    size = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
+    sizes = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
     kinds = {"contacts": log, "scene.ring": np.dtype(bool)} | {
         name: np.dtype(HARD_LOG_COLUMNS[name]) for name in HARD_LOG_COLUMNS}
     if heads.keys() & HARD_LOG_COLUMNS.keys() and not heads.keys() >= HARD_LOG_COLUMNS.keys():
@@ -222,26 +241,26 @@ def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
     for name, (dtype, shape) in heads.items():
         shown = files.plain_text(name, 60)
         if name == "words":
-            good = dtype.kind == "U" and shape == () and dtype.itemsize <= 4 * (
-                MAX_METADATA_LENGTH + METADATA_PER_PAIR * size["p"])
+            is_valid = dtype.kind == "U" and shape == () and dtype.itemsize <= 4 * (
+                MAX_METADATA_LENGTH + METADATA_PER_PAIR * sizes["p"])
         elif name.startswith("state."):  # checked in detail when the run is resumed
-            good = (len(shape) <= 1 and math.prod(shape) <= MAX_STATE_RECORDS + 8 * size["p"]
+            is_valid = (len(shape) <= 1 and math.prod(shape) <= MAX_STATE_RECORDS + 8 * sizes["p"]
                     and dtype.itemsize <= MAX_RECORD_BYTES)
         elif name in ARRAY_SHAPES:
-            wanted = tuple(size.get(one, shape[0] if shape else 0) for one in ARRAY_SHAPES[name])
-            good = dtype == kinds.get(name, np.dtype(float)) and shape == wanted
+            expected_shape = tuple(sizes.get(letter, shape[0] if shape else 0) for letter in ARRAY_SHAPES[name])
+            is_valid = dtype == kinds.get(name, np.dtype(float)) and shape == expected_shape
         elif name in HARD_LOG_COLUMNS:
-            good = dtype == kinds[name] and shape == heads["contacts.pair"][1][:1] + (2,) * ("v_" in name)
+            is_valid = dtype == kinds[name] and shape == heads["contacts.pair"][1][:1] + (2,) * ("v_" in name)
         else:
             raise ValueError(f"it contains {shown}, which this version does not know. Read it with a later version of "
                              "granular.")
-        if not good:
+        if not is_valid:
             raise ValueError(f"{shown} does not fit a run of {n} bodies and {t} samples, got an array of shape "
                              f"{files.plain_text(str(shape), 60)} and kind {dtype.kind!r}. {check.EDITED_STATE}")
 
 
 def _hard_log(stored: Mapping[str, Any], log: np.dtype[Any]) -> Any:
-    """Return the log of a hard run from its saved columns."""
+    """Return the contact log of hard spheres from its saved columns."""
     rows = np.zeros(len(stored["contacts.pair"]), log)
     for name in HARD_LOG_COLUMNS:
         rows[name[9:]] = stored[name]
@@ -249,105 +268,116 @@ def _hard_log(stored: Mapping[str, Any], log: np.dtype[Any]) -> Any:
     return rows
 
 
-def _words(text: str) -> dict[str, Any]:
-    """Return the metadata of a run after a check of their types."""
+def _parse_metadata(text: str) -> dict[str, Any]:
+    """Return the metadata of a run from JSON text, after checking their types."""
     try:
-        words = json.loads(text)
+        metadata = json.loads(text)
     except ValueError:
         raise files.Foreign from None
     kinds: dict[str, Any] = METADATA_TYPES | LATER_METADATA_TYPES
-    if not isinstance(words, dict) or not words.keys() >= METADATA_TYPES.keys():
+    if not isinstance(metadata, dict) or not metadata.keys() >= METADATA_TYPES.keys():
         raise files.Foreign
-    for name in kinds.keys() & words.keys():
-        if not isinstance(words[name], kinds[name]):
-            raise ValueError(f"its {name} is {files.plain_text(repr(words[name]), 60)}. {check.EDITED_STATE}")
-    return words
+    for name in kinds.keys() & metadata.keys():
+        if not isinstance(metadata[name], kinds[name]):
+            raise ValueError(f"its {name} is {files.plain_text(repr(metadata[name]), 60)}. {check.EDITED_STATE}")
+    return metadata
 
 
-def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: Collection[str]) -> None:
-    """Raise `ValueError` for invalid metadata, except laws, rules and walls."""
+def _check_metadata(metadata: Mapping[str, Any], stored: Mapping[str, Any], statuses: Collection[str]) -> None:
+    """Raise `ValueError` if the metadata are invalid or do not match their digest.
+
+    Descriptions of laws, rules and walls are not checked here.
+    """
     check.refuse({
-        f"its status must be one of {', '.join(statuses)}, got {files.plain_text(repr(words['status']), 60)}.":
-            words["status"] not in statuses,
+        f"its status must be one of {', '.join(statuses)}, got {files.plain_text(repr(metadata['status']), 60)}.":
+            metadata["status"] not in statuses,
         f"it has both laws and rules, or neither. {check.EDITED_STATE}":
-            (words["law"] is None) is (words["rule"] is None),
+            (metadata["law"] is None) is (metadata["rule"] is None),
     })
-    for name, value in words["stats"].items():
-        several = value if isinstance(value, list) else [value]
-        pair = name != "first_disturbed" or (len(several) == 2 and not any(isinstance(one, str) for one in several))
-        if not pair or not all(isinstance(one, PLAIN_TYPES) for one in several):
+    for name, value in metadata["stats"].items():
+        entries = value if isinstance(value, list) else [value]
+        is_pair = name != "first_disturbed" or (len(entries) == 2 and not any(isinstance(x, str) for x in entries))
+        if not is_pair or not all(isinstance(entry, PLAIN_TYPES) for entry in entries):
             raise ValueError(f"its number {files.plain_text(repr(name), 60)} is "
                              f"{files.plain_text(repr(value), 60)}. {check.EDITED_STATE}")
-    walls, signed = len(words.get("walls", (None, None))), words.get("format", 1) > 2 or "digest" in words
+    walls, has_digest = len(metadata.get("walls", (None, None))), metadata.get("format", 1) > 2 or "digest" in metadata
     check.refuse({
         f"its walls must be 2, a floor and a ceiling or None, got {walls}.": walls != 2,
         "its numbers do not match its digest. "
-        f"{check.EDITED_STATE}": signed and words.get("digest") != _digest(words, stored),
+        f"{check.EDITED_STATE}": has_digest and metadata.get("digest") != _digest(metadata, stored),
     })
 
 
 def _check_rows(stored: Mapping[str, Any], status: str) -> None:
-    """Raise `ValueError` unless times increase and all rows are finite.
+    """Raise `ValueError` for times that decrease, or samples that are not finite.
 
-    Rows of unstable runs can contain any values.
+    Pair numbers of contacts are checked as well. Samples of runs with status ``unstable`` can contain any values.
     """
     time, log = stored["time"], stored["contacts"]
     if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
         raise ValueError(f"its times decrease or are not finite. {check.EDITED_STATE}")
     rows = [*(stored.get(name) for name in ("position", "velocity", "gap", "force")),
             *(log[name] for name in ("t_begin", "duration", "v_in", "impulse"))]
-    if status != "unstable" and not all(np.isfinite(one).all() for one in rows if one is not None):
+    if status != "unstable" and not all(np.isfinite(values).all() for values in rows if values is not None):
         raise ValueError(f"its samples or contacts are not finite. {check.EDITED_STATE}")
     last = stored["gap"].shape[1] - 1
     if len(log) and not 0 <= log["pair"].min() <= log["pair"].max() <= last:
         raise ValueError(f"its contacts must be of pairs 0 to {last}, got {log['pair'].min()} to {log['pair'].max()}.")
 
 
-def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: Any) -> dict[str, Any]:
-    """Return the constructor arguments of a run from its stored data."""
-    numbers = {name: _plain(stored[f"scene.{name}"]) for name in SCENE_ARRAYS if f"scene.{name}" in stored}
-    floor, ceiling = (wall and from_json("wall", wall) for wall in words.get("walls", (None, None)))
+def _constructor_arguments(
+    metadata: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: Any
+) -> dict[str, Any]:
+    """Return the constructor arguments of a `Trajectory` from the contents of a file.
+
+    `law` and `rule` replace the stored laws or rules if they are not None.
+    """
+    numbers = {name: _scalar_or_array(stored[f"scene.{name}"]) for name in SCENE_ARRAYS if f"scene.{name}" in stored}
+    floor, ceiling = (wall and from_json("wall", wall) for wall in metadata.get("walls", (None, None)))
     scene = Scene(**numbers, floor=floor, ceiling=ceiling)
-    state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
+    state = {name[6:]: _scalar_or_array(value) for name, value in stored.items() if name.startswith("state.")}
     arrays: dict[str, Any] = {name: stored.get(name) for name in RUN_ARRAYS}
-    words["stats"].update(_unlogged(words, stored, scene))
-    stats = words["stats"].items()
+    metadata["stats"].update(_missing_log_mark(metadata, stored, scene))
+    stats = metadata["stats"].items()
     return arrays | {
         "scene": scene,
-        "law": _revived("law", words["law"], law, scene),
-        "rule": _revived("rule", words["rule"], rule, scene),
-        "status": words["status"],
-        "message": files.plain_text(words["message"]),
+        "law": _restored_physics("law", metadata["law"], law, scene),
+        "rule": _restored_physics("rule", metadata["rule"], rule, scene),
+        "status": metadata["status"],
+        "message": files.plain_text(metadata["message"]),
         "stats": {files.plain_text(name): tuple(value) if isinstance(value, list) else value for name, value in stats},
-        "state": state if words["rule"] is not None or "origin" in state else {},  # older md runs cannot be resumed
+        "state": state if metadata["rule"] is not None or "origin" in state else {},  # older md runs cannot be resumed
     }
 
 
-def _unlogged(words: Mapping[str, Any], stored: Mapping[str, Any], scene: Scene) -> dict[str, bool]:
-    """Return {"log": False} for a run without its log, else an empty dict.
+def _missing_log_mark(metadata: Mapping[str, Any], stored: Mapping[str, Any], scene: Scene) -> dict[str, bool]:
+    """Return {"log": False} for a run that kept no contact log, else an empty dict.
 
-    Files of earlier versions lack this mark. Such a run starts at the initial scene and has a positive number of
-    contacts in `stats`, but no rows of contacts.
+    Files of earlier versions do not contain this entry of `stats`. A run without log is recognised by a positive number
+    of contacts in `stats` and an empty log, if its first sample is the initial scene.
     """
-    begun = all(np.array_equal(stored[name][0], getattr(scene, name)) for name in ("gap", "velocity"))
-    counted = words["stats"].get("contacts" if words["rule"] is None else "events", 0)
-    return {"log": False} if begun and counted and not len(stored["contacts"]) else {}
+    starts_at_scene = all(np.array_equal(stored[name][0], getattr(scene, name)) for name in ("gap", "velocity"))
+    count = metadata["stats"].get("contacts" if metadata["rule"] is None else "events", 0)
+    return {"log": False} if starts_at_scene and count and not len(stored["contacts"]) else {}
 
 
-def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...] | None:
-    """Return the given or the stored laws (rules), one per pair, or None without any."""
+def _restored_physics(name: str, stored: Any, replacement: Any, scene: Scene) -> tuple[Any, ...] | None:
+    """Return the laws or rules of a saved run, one per pair, or None if it has none.
+
+    `name` is "law" or "rule", `stored` their description in the file, and `replacement` the laws to use instead.
+    """
     if stored is None:
         return None
-    if given is not None:
-        return check.per_pair(name, given, scene.n_pairs)
+    if replacement is not None:
+        return check.per_pair(name, replacement, scene.n_pairs)
     try:
-        made = [from_json(name, one) for one in stored] if isinstance(stored, list) else from_json(name, stored)
-        return check.per_pair(name, made, scene.n_pairs)
-    except LookupError as own:
-        raise ValueError(f"the {name} in the file is your own, {own}, which is not stored. Pass load(path, {name}=...)."
-                         ) from None
+        restored = [from_json(name, item) for item in stored] if isinstance(stored, list) else from_json(name, stored)
+        return check.per_pair(name, restored, scene.n_pairs)
+    except LookupError as unknown:
+        raise ValueError(f"the {name} in the file is your own, {unknown}, which is not stored. Pass load(path, "
+                         f"{name}=...).") from None
 
 
-def _plain(value: Any) -> Any:
-    """Return a number or string in place of an array without dimensions."""
+def _scalar_or_array(value: Any) -> Any:
+    """Return an array, or its value as a number or string if it has no dimensions."""
     return value.item() if value.ndim == 0 else value

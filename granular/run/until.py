@@ -219,8 +219,8 @@ def without_levels(until: Until | None, function: str) -> None:
     `function` is the name of the function that supports only `contact` and `separated`.
     """
     if isinstance(until, LEVEL_TYPES):
-        raise ValueError(f"`until` must be until.contact or until.separated for {function}, got {until!r}. Or give `t_end` "
-                         "in s.")
+        raise ValueError(f"`until` must be until.contact or until.separated for {function}, got {until!r}. Or give "
+                         "`t_end` in s.")
 
 
 def check_end(
@@ -244,13 +244,13 @@ def check_end(
     """
     if t_end is not None or until is not None or max_events is not None:
         return
-    kind_of_run = "with a driven wall" if scene.driven else "with a thermal wall" if scene.heated else (
+    kind = "with a driven wall" if scene.driven else "with a thermal wall" if scene.heated else (
         "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
         "under gravity with laws that dissipate only at the largest overlap so far" if dented() else
         unending(scene) if elastic() else "")
-    if kind_of_run:
-        raise ValueError(f"`t_end` must be given, got None. A run {kind_of_run} does not end by itself. Give t_end=, until= or "
-                         "max_events=.")
+    if kind:
+        raise ValueError(f"`t_end` must be given, got None. A run {kind} does not end by itself. Give t_end=, until= "
+                         "or max_events=.")
 
 
 def raised(option: str, end: float) -> str:
