@@ -38,19 +38,20 @@ DECK_HEADER = """\
 def lammps(
     scene: Scene, law: Any, path: str | PathLike[str] | None = None, *, t_end: float = 1.0, dt: float = 1e-7
 ) -> str:
-    """Return an input deck with which LAMMPS runs the scene.
+    """Return an input deck with which LAMMPS simulates the scene.
 
-    The forces are the same as here, clipped in the same way. LAMMPS writes number, x and v_x of every ball at about a
-    hundred times into ``balls.txt`` of its working directory, and at the end into ``last.txt``.
+    The contact forces are the same as in `granular.md.simulate`, and are clipped at 0 in the same way. LAMMPS writes
+    the number, x and v_x of every ball to files in its working directory: at about a hundred times to ``balls.txt``,
+    and at the end to ``last.txt``.
 
     Parameters
     ----------
     scene : Scene
         Balls of positive radius, walls at rest, and gravity.
     law : force law, or one per pair
-        F = k ξ + γ ξ̇, or k ξ^(3/2) with no damping, γ √ξ ξ̇, or α √(m_eff k) ξ^¼ ξ̇ with α < √5, of any class.
+        F = k ξ + γ ξ̇, or F = k ξ^(3/2) + D. The damping D is 0, γ √ξ ξ̇, or α √(m_eff k) ξ^¼ ξ̇ with α < √5.
     path : path, optional
-        File to which the deck is written, atomically. By default no file is written.
+        File to which the deck is also written, atomically. By default no file is written.
     t_end : float
         End time in s, rounded to a multiple of `dt`. Defaults to 1.
     dt : float
@@ -64,43 +65,43 @@ def lammps(
     Raises
     ------
     ValueError
-        If a deck cannot represent the scene or law: a ring, pendula, external forces, moving or thermal walls, point
-        particles, or another law.
+        If LAMMPS cannot represent the scene or the law. This includes rings, pendula, external forces, moving or
+        thermal walls, point particles, and all other laws.
     OSError
         If the file cannot be written.
 
     Notes
     -----
-    Every ball has an atom type of its own, so each pair can have its own law.
+    Every ball has its own atom type, so that each pair can have its own law.
     """
     _check_scene(checked(scene))
-    laws = [resolve(instance("law", one), pair)
-            for one, pair in zip(check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
+    laws = [resolve(instance("law", law_of_pair), pair)
+            for law_of_pair, pair in zip(check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
     step = check.number("dt", dt, above=0.0)
     end = check.number("t_end", t_end, above=0.0)
     steps = max(1, round(check.number("`t_end / dt`", end / step, at_most=1e15)))
     text = "\n".join([DECK_HEADER, f"variable dt index {step!r}", f"variable steps index {steps}",
-                      *_bodies(scene), *_contacts(scene, laws), *_run(scene), ""])
+                      *_ball_lines(scene), *_force_lines(scene, laws), *_run_lines(scene), ""])
     if path is not None:
         write_text(path, text)
     return text
 
 
 def _check_scene(scene: Scene) -> None:
-    """Raise `ValueError` for a scene that a deck cannot represent."""
+    """Raise `ValueError` for a scene that the input deck cannot represent."""
     walls = scene.is_wall
-    there = {
+    unsupported = {
         "a ring": scene.ring, "pendula": scene.pendulum > 0.0, "external_force": scene.external_force is not None,
         "a wall that is shaken": scene.driven, "a thermal wall": scene.heated,
         "a wall that moves": (scene.velocity[walls] != 0.0).any(),
         "a ball of radius 0": (scene.radius[~walls] == 0.0).any(),
     }
-    check.refuse({f"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got {what}.": so
-                   for what, so in there.items()})
+    check.refuse({f"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got {what}.": holds
+                   for what, holds in unsupported.items()})
 
 
-def _bodies(scene: Scene) -> list[str]:
-    """Return the lines for the box and the balls."""
+def _ball_lines(scene: Scene) -> list[str]:
+    """Return the lines of the input deck for the box and the balls."""
     x, radius, largest = scene.position.tolist(), scene.radius.tolist(), float(scene.radius.max())
     low, high = x[0] - radius[0], x[-1] + radius[-1]
     balls = (~scene.is_wall).nonzero()[0].tolist()
@@ -115,25 +116,28 @@ def _bodies(scene: Scene) -> list[str]:
     return lines
 
 
-def _contacts(scene: Scene, laws: list[PairLaw]) -> list[str]:
-    """Return the lines for the forces of all pairs.
+def _force_lines(scene: Scene, laws: list[PairLaw]) -> list[str]:
+    """Return the lines of the input deck for the contact forces of all pairs.
 
-    Coefficients between balls that are not neighbours never act.
+    LAMMPS also needs coefficients for balls that are not neighbours. Their values have no effect.
     """
     x, floor = scene.position.tolist(), int(scene.is_wall[0])
-    words = [f"{_words(one)} tangential linear_nohistory 0.0 0.0 limit_damping" for one in laws]
-    lines = ["pair_style granular", f"pair_coeff * * {words[0]}"]
-    for c, said in enumerate(words):
+    descriptions = [f"{_lammps_law(law)} tangential linear_nohistory 0.0 0.0 limit_damping" for law in laws]
+    lines = ["pair_style granular", f"pair_coeff * * {descriptions[0]}"]
+    for c, description in enumerate(descriptions):
         if scene.is_wall[c : c + 2].any():
             plane = f"{x[0]!r} NULL" if scene.is_wall[c] else f"NULL {x[-1]!r}"
-            lines.append(f"fix wall{c} all wall/gran granular {said} xplane {plane}")
+            lines.append(f"fix wall{c} all wall/gran granular {description} xplane {plane}")
         else:
-            lines.append(f"pair_coeff {c + 1 - floor} {c + 2 - floor} {said}")
+            lines.append(f"pair_coeff {c + 1 - floor} {c + 2 - floor} {description}")
     return lines
 
 
-def _words(law: PairLaw) -> str:
-    """Return a force law in the syntax of LAMMPS."""
+def _lammps_law(law: PairLaw) -> str:
+    """Return the force law of a pair in the syntax of LAMMPS.
+
+    Raises `ValueError` for laws that do not exist in LAMMPS.
+    """
     k, p, gamma, d = law.form or (0.0, 0.0, 0.0, 0.0)
     root, m_eff = math.sqrt(law.pair.r_eff), law.pair.m_eff
     if p == 1.0 and d == 0.0:
@@ -142,14 +146,14 @@ def _words(law: PairLaw) -> str:
         return f"hertz {k / root!r} 0.0 damping velocity"
     if p == 1.5 and d == 0.5:
         return f"hertz {k / root!r} {gamma / (root * m_eff)!r} damping viscoelastic"
-    if p == 1.5 and d == 0.25 and (asked := restitution_pulling(gamma / math.sqrt(5.0 * m_eff * k))):
-        return f"hertz {k / root!r} {asked!r} damping coeff_restitution"
+    if p == 1.5 and d == 0.25 and (restitution := restitution_pulling(gamma / math.sqrt(5.0 * m_eff * k))):
+        return f"hertz {k / root!r} {restitution!r} damping coeff_restitution"
     raise ValueError(f"The law of pair {law.pair.name} must exist in LAMMPS, got {law.law!r}. Use F = k ξ + γ ξ̇, or "
                      "F = k ξ^(3/2) + D with D = 0, γ √ξ ξ̇ or α √(m_eff k) ξ^¼ ξ̇ (α < √5).")
 
 
-def _run(scene: Scene) -> list[str]:
-    """Return the lines for gravity, integration and output."""
+def _run_lines(scene: Scene) -> list[str]:
+    """Return the lines of the input deck for gravity, integration and output."""
     columns, digits = "id x vx", "sort id format float %.17g"
     return [*([f"fix pull all gravity {scene.gravity!r} vector -1 0 0"] if scene.gravity else []),
             "fix move all nve/sphere", "timestep ${dt}", "variable every equal ceil(v_steps/100)",
