@@ -1,4 +1,7 @@
-"""Film of one run, and parts shared by all films: pages, stages for balls, files."""
+"""Film of one run, and parts that all films share.
+
+A page of a film has one stage per engine, on which the balls move, and panels with a time axis.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +20,8 @@ from granular._engine.reports import duration
 from granular.run.figures import INK_COLOUR, LINE_COLOURS, Span, draw_paths, engine, head, paths, spans_of, words
 from granular.scene import Scene
 
-FILM_ENDINGS = (".gif", ".mp4")
-MOST_BALLS = 60  # more balls cannot be distinguished
+FILM_SUFFIXES = (".gif", ".mp4")
+MAX_BODIES = 60  # more balls cannot be distinguished
 FILM_STYLE = {
     "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
     "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.labelsize": 8.5, "axes.titlesize": 10.5,
@@ -28,39 +31,50 @@ BALL_RADIUS, MIN_RADIUS_RATIO = 0.14, 0.16  # largest radius per length of the s
 
 
 def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> None:
-    """Write a film of a run, see `Trajectory.animate`."""
+    """Write a film of one run, see `granular.Trajectory.animate`."""
     check(path, run.scene, seconds, fps)
-    span, name = spans_of(run)[-1], engine(run)
+    span, kind = spans_of(run)[-1], engine(run)
     time = np.linspace(span.begin, span.end, max(2, round(seconds * fps)))
-    page = blank(*words(run), run.scene, [name], {"paths": 3.0}, beside=5.0, tall=1.0)
+    page = blank(*words(run), run.scene, [kind], {"paths": 3.0}, beside=5.0, tall=1.0)
     draw_paths(page.axes["paths"], run, span)
-    slowed(page, run.scene, {name: paths(run, time)}, span, time, fps)
+    slowed(page, run.scene, {kind: paths(run, time)}, span, time, fps)
     save(path, [(page, k) for k in range(len(time))], fps)
 
 
 def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> None:
-    """Raise `ValueError` for a film that cannot be drawn or written."""
-    ending = check_film(path)
+    """Raise an exception for a film that cannot be drawn or written.
+
+    `seconds` is its duration in s, and `fps` its number of frames per second.
+    """
+    suffix = check_film(path)
     number("seconds", seconds, above=0.0)
     whole("fps", fps, at_least=1)
-    if scene.n > MOST_BALLS:
-        raise ValueError(f"`scene` must have at most {MOST_BALLS} bodies for a film, got {scene.n}. Play larger runs "
+    if scene.n > MAX_BODIES:
+        raise ValueError(f"`scene` must have at most {MAX_BODIES} bodies for a film, got {scene.n}. Play larger runs "
                          "with granular view.")
-    if ending == ".mp4" and not optional("matplotlib.animation", "animate").writers.is_available("ffmpeg"):
+    if suffix == ".mp4" and not optional("matplotlib.animation", "animate").writers.is_available("ffmpeg"):
         raise ValueError("An .mp4 film requires ffmpeg, which is not installed. Use a name that ends in .gif.")
 
 
 def check_film(path: str | PathLike[str]) -> str:
-    """Return the ending of a film, or raise `ValueError` if it is not supported."""
-    return choice(f"the ending of {Path(path).name}", Path(path).suffix.lower(), FILM_ENDINGS)
+    """Return the suffix of the path of a film, or raise `ValueError`."""
+    return choice(f"the suffix of {Path(path).name}", Path(path).suffix.lower(), FILM_SUFFIXES)
 
 
 @dataclass(eq=False)
 class Page:
-    """A figure with axes over time and moving artists.
+    """Page of a film: a figure with stages, panels and moving artists.
 
-    Each artist is stored with its path in the coordinates in which it is drawn. The title changes from picture to
-    picture.
+    Attributes
+    ----------
+    figure : matplotlib figure
+        The figure.
+    axes : dict
+        Stages and panels by name.
+    panels : list
+        The axes with a time axis.
+    moving : list of (artist, (count, 2) array)
+        Artists that move, each with its displacement in every frame, in the coordinates in which it is drawn.
     """
 
     figure: Any
@@ -68,19 +82,26 @@ class Page:
     panels: list[Any]
     moving: list[tuple[Any, Array]] = field(default_factory=list)
 
-    def tell(self, axes: list[Any], clock: Array, words: list[str]) -> None:
+    def tell(self, axes: list[Any], clock_values: Array, titles: list[str]) -> None:
         """Add a line at the current time to the axes, and a title to the first axis.
 
-        The title changes from picture to picture. Space is reserved for the longest title.
+        Parameters
+        ----------
+        axes : list
+            Axes with a time axis.
+        clock_values : (count,) array
+            Value of the clock in each frame, in the unit of the time axis.
+        titles : list of str
+            Title of each frame. Space is reserved for the longest title.
         """
-        self.words, path = words, np.stack([clock, 0.0 * clock], 1)
+        self.titles, path = titles, np.stack([clock_values, 0.0 * clock_values], 1)
         self.moving += [(axis.axvline(0.0, color=INK_COLOUR, lw=1.0, gid="clock"), path) for axis in axes]
-        self.moving.append((axes[0].set_title(max(words, key=len), loc="left", color=INK_COLOUR), 0.0 * path))
+        self.moving.append((axes[0].set_title(max(titles, key=len), loc="left", color=INK_COLOUR), 0.0 * path))
 
     def show(self, k: int) -> Any:
-        """Draw picture number `k` and return its pixels.
+        """Draw frame number `k` and return its pixels.
 
-        Artists that do not move are drawn once, with the first picture.
+        Artists that do not move are drawn once, in frame 0.
         """
         from matplotlib import artist as artists, transforms
 
@@ -91,9 +112,10 @@ class Page:
             self.canvas.draw()
             self.figure.set_layout_engine("none")
             self.background = self.canvas.copy_from_bbox(self.figure.bbox)
-            self.places = [artists.Artist.get_transform(one) for one, _ in self.moving]  # circle: no size
+            # the transform of a circle itself would include its size
+            self.places = [artists.Artist.get_transform(artist) for artist, _ in self.moving]
         self.canvas.restore_region(self.background)
-        self.moving[-1][0].set_text(self.words[k])
+        self.moving[-1][0].set_text(self.titles[k])
         for (artist, path), place in zip(self.moving, self.places, strict=True):
             artist.set_transform(transforms.Affine2D().translate(*path[k]) + place)
             artist.axes.draw_artist(artist)
@@ -101,13 +123,23 @@ class Page:
 
 
 def blank(
-    said: str, more: str, scene: Scene, engines: Iterable[str], panels: Mapping[str, float], beside: float, tall: float,
+    title: str, subtitle: str, scene: Scene, engines: Iterable[str], panels: Mapping[str, float], beside: float,
+    tall: float,
 ) -> Page:
-    """Return a page with titles and empty axes: one stage per engine, and panels.
+    """Return a page with titles, one empty stage per engine, and empty panels.
 
-    `panels` gives the height of each panel. If balls fall, the panels are next to the stages and `beside` is their
-    width. Otherwise the stages are above the panels and `tall` is their height. Without panels, a time line is drawn
-    above the stages, and there are no titles.
+    Parameters
+    ----------
+    title, subtitle : str
+        Titles of the page.
+    engines : iterable of str
+        Name of each stage, "hard" or "soft".
+    panels : mapping
+        Relative height of each panel, by name. Without panels, a thin time axis is drawn above the stages.
+    beside : float
+        Width of the panels relative to a stage in a scene with gravity, where panels are next to the stages.
+    tall : float
+        Height of a stage relative to the panels in other scenes, where stages are above the panels.
     """
     names, upright = [*engines], scene.gravity > 0.0
     stages = [names] if upright else [[name] for name in names]
@@ -122,7 +154,7 @@ def blank(
     with optional("matplotlib", "animate").rc_context(FILM_STYLE):
         figure = optional("matplotlib.figure", "animate").Figure(
             PAGE_SIZE if panels else BARE_PAGE_SIZE, 100, layout="constrained")
-        head(figure, said, more, 10.0)
+        head(figure, title, subtitle, 10.0)
         axes = figure.subplot_mosaic(rows, **ratios)
     for name in names:
         axes[name].set_title(f"{name} spheres", color=LINE_COLOURS[name])
@@ -132,27 +164,28 @@ def blank(
 
 
 def slowed(page: Page, scene: Scene, of: dict[str, Array], span: Span, time: Array, fps: int) -> None:
-    """Prepare a page to show balls and the clock at given times (s) of a span.
+    """Prepare a page to show the balls and the clock, one frame for each time in s.
 
-    `of` contains positions (len(time), n) in m for each engine.
+    `of` contains the positions in m for each engine, with radii subtracted, shape (len(time), n). The times are in
+    `span`.
     """
-    stage(page, scene, of)
-    last = page.panels[-1]
+    draw_balls(page, scene, of)
+    lowest_panel = page.panels[-1]
     for axis in page.panels:
-        axis.set(xlim=span.limits, xlabel=span.named if axis is last and "time" not in page.axes else "")
-        axis.tick_params(labelbottom=axis is last)
-    page.tell(page.panels, span.clock(time), paces(span, time, fps))
+        axis.set(xlim=span.limits, xlabel=span.named if axis is lowest_panel and "time" not in page.axes else "")
+        axis.tick_params(labelbottom=axis is lowest_panel)
+    page.tell(page.panels, span.clock(time), frame_titles(span, time, fps))
     page.figure.align_ylabels(page.panels)
 
 
-def paces(span: Span, time: Array, fps: int) -> list[str]:
-    """Return the title of each picture: speed of the film, time of the picture."""
-    said, since = pace(len(time) / fps / (span.end - span.begin)), "t₁ + " if span.zero else ""
-    return [f"{said},  t = {since}{duration(t - span.zero)}" for t in time]
+def frame_titles(span: Span, time: Array, fps: int) -> list[str]:
+    """Return the title of each frame: the speed of the film and the time of the frame."""
+    speed, clock_origin = pace(len(time) / fps / (span.end - span.begin)), "t₁ + " if span.zero else ""
+    return [f"{speed},  t = {clock_origin}{duration(t - span.zero)}" for t in time]
 
 
 def pace(slower: float) -> str:
-    """Return the speed of a film in words.
+    """Return the speed of a film as a phrase, such as "20 × slower".
 
     `slower` is the ratio of the duration of the film to the time that it shows.
     """
@@ -160,71 +193,75 @@ def pace(slower: float) -> str:
     return f"{float(f'{factor:.2g}'):,g} × {way}".replace(",", " ") if factor > 1.05 else "as fast as life"
 
 
-def stage(page: Page, scene: Scene, of: dict[str, Array]) -> None:
-    """Draw the balls of each engine at positions (count, n) in m without radii.
+def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
+    """Draw the balls on the stage of each engine, and store their paths on the page.
 
-    The motion of the first engine fits on the stage. Balls of other engines can leave it.
+    `of` contains positions in m with radii subtracted for each engine, shape (count, n). The scale is chosen so that
+    the motion of the first engine fits on its stage. Balls of other engines can leave their stage.
     """
     from matplotlib.patches import Circle
 
     upright, first, radius = scene.gravity > 0.0, next(iter(of.values())), radii(scene)
-    # horizontal stages are longer; `turn` swaps x and y
-    length, turn = (1.0, 1) if upright else (3.6, -1)
+    # horizontal stages are longer; step -1 swaps x and y
+    length, step = (1.0, 1) if upright else (3.6, -1)
     radius *= min(BALL_RADIUS, 0.28 * length / max(float(radius.sum()), 1e-9))
     low, high = float(first.min()), float(first.max())
     top = min(max(float(places.max()) for places in of.values()), high + 0.35 * (high - low))
-    room = length - 0.06 - 2.0 * float(radius.sum())
-    sinks = np.maximum(0.0, -scene.across(first).min(axis=0))
+    available = length - 0.06 - 2.0 * float(radius.sum())
+    max_overlaps = np.maximum(0.0, -scene.across(first).min(axis=0))
     # the largest overlap is drawn with at most 0.6 of the smaller radius
-    sinks /= 0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf)))
+    max_overlaps /= 0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf)))
     # fill the stage, but do not draw overlaps deeper than the radii allow
-    scale = min(room / max(top - low, 1e-300), 1.0 / max(float(sinks.max()), 1e-300))
-    free = 0.0 if upright else 0.5 * (room - (high - low) * scale)
+    scale = min(available / max(top - low, 1e-300), 1.0 / max(float(max_overlaps.max()), 1e-300))
+    offset = 0.0 if upright else 0.5 * (available - (high - low) * scale)
     for name, places in of.items():
         axis, colour = page.axes[name], LINE_COLOURS[name]
-        axis.set(**dict(zip(("xlim", "ylim")[::turn], ((-0.16, 0.16), (-0.03, length)), strict=True)), aspect="equal")
+        axis.set(**dict(zip(("xlim", "ylim")[::step], ((-0.16, 0.16), (-0.03, length)), strict=True)), aspect="equal")
         axis.set_axis_off()
-        along = free + np.cumsum(2.0 * radius) - radius + (places - low) * scale
+        along = offset + np.cumsum(2.0 * radius) - radius + (places - low) * scale
         for body, (wall, r, place) in enumerate(zip(scene.is_wall, radius, along.T, strict=True)):
-            drawn = axis.plot(*([-BALL_RADIUS, BALL_RADIUS], [0.0, 0.0])[::turn], color=INK_COLOUR, lw=2) if wall else [
+            drawn = axis.plot(*([-BALL_RADIUS, BALL_RADIUS], [0.0, 0.0])[::step], color=INK_COLOUR, lw=2) if wall else [
                 axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4)),
                 axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, ha="center", va="center",
                           clip_on=True),
             ]
-            page.moving += [(artist, np.stack([0.0 * place, place][::turn], 1)) for artist in drawn]
+            page.moving += [(artist, np.stack([0.0 * place, place][::step], 1)) for artist in drawn]
 
 
 def radii(scene: Scene) -> Array:
-    """Return the radii in the drawing, relative to the largest radius.
+    """Return the radii with which bodies are drawn, relative to the largest radius.
 
-    They are square roots with a lower limit. All point particles have the same radius.
+    They are the square roots of the relative radii, and at least `MIN_RADIUS_RATIO`. The value of a wall is 0.
     """
     drawn = np.maximum(MIN_RADIUS_RATIO, np.sqrt(scene.radius / (float(scene.radius.max()) or 1.0)))
     return np.where(scene.is_wall, 0.0, drawn)
 
 
 def save(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps: int) -> None:
-    """Write a film atomically."""
+    """Write a film atomically.
+
+    `pictures` contains a page and a frame number for each frame.
+    """
     write = _save_gif if check_film(path) == ".gif" else _save_mp4
     files.write(path, lambda draft: write(pictures, draft, fps))
 
 
 def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
-    """Write pictures of pages with a common palette of 64 colours.
+    """Write a GIF film with a common palette of 64 colours.
 
-    This takes half the time and a quarter of the size.
+    Compared with one palette per frame, this takes half the time and a quarter of the size.
     """
     image = optional("PIL.Image", "animate")
-    drawn = [image.fromarray(np.asarray(page.show(k))).convert("RGB") for page, k in pictures]
-    colours = drawn[len(drawn) // 2].quantize(64)
-    first, *others = (picture.quantize(palette=colours, dither=0) for picture in drawn)
+    frames = [image.fromarray(np.asarray(page.show(k))).convert("RGB") for page, k in pictures]
+    colours = frames[len(frames) // 2].quantize(64)
+    first, *others = (picture.quantize(palette=colours, dither=0) for picture in frames)
     first.save(draft, save_all=True, append_images=others, duration=int(1000 / fps), loop=0)
 
 
 def _save_mp4(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
-    """Write pictures of pages one after the other."""
-    figure, drawn = pictures[0][0].figure, (page.show(k) for page, k in pictures)
-    figure.savefig = lambda file, **_: file.write(next(drawn))  # called by the writer for each picture
+    """Write an MP4 film with ffmpeg, one frame after the other."""
+    figure, frames = pictures[0][0].figure, (page.show(k) for page, k in pictures)
+    figure.savefig = lambda file, **_: file.write(next(frames))  # the writer calls it for each frame
     writer = optional("matplotlib.animation", "animate").FFMpegWriter(fps)
     try:
         with writer.saving(figure, draft, figure.dpi):

@@ -71,7 +71,7 @@ def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch)
     ("compare gas --plot none/out.png", "none/out.png: The directory 'none' does not exist. Create it first."),
     ("compare gas --plot out.pgn", "The ending of out.pgn must be one of "),
     ("compare gas --plot out", "The ending of out must be one of "),
-    ("compare gas --film out.avi", "The ending of out.avi must be one of .gif, .mp4, got '.avi'"),
+    ("compare gas --film out.avi", "The suffix of out.avi must be one of .gif, .mp4, got '.avi'"),
     ("compare gas --film none/out.gif", "none/out.gif: The directory 'none' does not exist. Create it first."),
 ])
 def test_a_mistake_is_one_line_and_exit_code_2(granular, line, sentence):

@@ -41,7 +41,7 @@ def test_every_picture_reaches_ffmpeg_and_nothing_is_left_where_it_fails(tmp_pat
 
 
 def test_films_refuse_what_they_cannot_do(tmp_path, cradle, monkeypatch) -> None:
-    with pytest.raises(ValueError, match=r"The ending of film\.avi must be one of \.gif, \.mp4, got '\.avi'\."):
+    with pytest.raises(ValueError, match=r"The suffix of film\.avi must be one of \.gif, \.mp4, got '\.avi'\."):
         cradle.animate(tmp_path / "film.avi")
     with pytest.raises(ValueError, match=r"`seconds` must be a finite number above 0, got 0\."):
         cradle.animate(tmp_path / "film.gif", seconds=0)

@@ -100,5 +100,5 @@ def test_a_film_has_its_pictures_and_is_refused_for_too_many(tmp_path):
     with pytest.raises(ValueError, match=r"`scene` must have at most 60 bodies for a film, got 72\. Play larger "
                                          r"runs with granular view\."):
         gr.edmd.simulate(gas(70), RULE, t_end=0.01).animate(tmp_path / "more.gif")
-    with pytest.raises(ValueError, match=r"The ending of run\.avi must be one of \.gif, \.mp4, got '\.avi'\."):
+    with pytest.raises(ValueError, match=r"The suffix of run\.avi must be one of \.gif, \.mp4, got '\.avi'\."):
         gr.edmd.simulate(RING, RULE, t_end=0.5).animate(tmp_path / "run.avi")
