@@ -32,12 +32,12 @@ def parts(pairs: int) -> int:
     return max(1, min(cores(), pairs // MIN_PAIRS_PER_PART))
 
 
-def parallel_workspace(whole: Any, workspaces: list[Any], code: Any) -> Crew:
+def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Crew:
     """Return the work space for parallel steps with the given work spaces.
 
     `whole` is the work space of the chain, and `code` contains its compiled kernels.
     """
-    return Crew(whole, workspaces, ThreadPoolExecutor(len(workspaces) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
+    return Crew(whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
 
 
 def take_steps(physics: Any, here: Any, there: Any, work: Crew, *arguments: Any) -> tuple[int, int]:
