@@ -37,7 +37,8 @@ def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Crew:
 
     `whole` is the work space of the chain, and `code` contains its compiled kernels.
     """
-    return Crew(whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
+    return Crew(
+        whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
 
 
 def take_steps(physics: Any, here: Any, there: Any, work: Crew, *arguments: Any) -> tuple[int, int]:

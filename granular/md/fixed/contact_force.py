@@ -6,9 +6,9 @@ in N before it is clipped at 0, and 0 if the overlap is not positive.
 
 Laws of the form k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) are part of the main loop (`march`), and so is Tsuji's law. All other
 laws are called as Python objects in interpreted runs (`object_force`), and as one C function in compiled runs
-(`called`). This function is the method `force` of the law, compiled with a record of its fields in place of `self`. The
-source is the same, so results are bitwise identical. The function has the same type for all laws. The main loop is
-therefore compiled once and cached, and for a new law only its own method is compiled.
+(`called`). This function is the method `force` of the law, compiled with a record of its fields instead of
+`self`. The source is the same, so results are bitwise identical. The function has the same type for all laws. The main
+loop is therefore compiled once and cached, and for a new law only its own method is compiled.
 """
 
 from __future__ import annotations

@@ -216,7 +216,8 @@ class Run:
         level, first = self.request.until, self.k if self.flight_start is None else self.flight_start[0]
         if not isinstance(level, stop.LEVEL_TYPES):
             return math.inf
-        return first_met(partial(shown, self, level), level, self.scene, self.start + first * self.dt, self.time())
+        return first_met(
+            partial(shown, self, level), level, self.scene, self.start + first * self.dt, self.time())
 
     def _process_last_partial_step(self, end: float) -> Pause:
         """Count and log the hits of thermal walls between the last step and `end` in s.

@@ -163,21 +163,21 @@ def store(lo: int, first: int, stop: int, work: Any, x: Any) -> None:
 
 
 @kernel
-def steer(physics: Any, lo: int, m: int, first_row: Any, first_kind: int, second_row: Any, second_kind: int) -> None:
+def steer(physics: Any, lo: int, m: int, row_1: Any, kind_1: int, row_2: Any, kind_2: int) -> None:
     """Write two velocities of each driven wall in a step to two rows of a window.
 
     Parameters
     ----------
-    first_row, second_row : row
+    row_1, row_2 : row
         Rows of the window, such as `half` and `guess`.
-    first_kind, second_kind : int
+    kind_1, kind_2 : int
         Velocities to write to them, `HALF` to `END`.
     """
     walls = physics.walls
     for i in range(len(walls.bodies)):
         index, velocities = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
         if 0 <= index <= m:
-            first_row[index + 1], second_row[index + 1] = velocities[first_kind], velocities[second_kind]
+            row_1[index + 1], row_2[index + 1] = velocities[kind_1], velocities[kind_2]
 
 
 def copied(x: Any) -> Any:
