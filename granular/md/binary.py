@@ -175,7 +175,7 @@ def restitution_at_speed(pair_law: PairLaw, speed: float) -> float:
 def at_speed_or_nan(pair_law: PairLaw, speed: float) -> float:
     """Return ε at an impact speed in m/s, or nan if it cannot be computed.
 
-    This is the case for a contact that does not end.
+    The result is nan for a contact that does not end, for example.
     """
     try:
         return restitution_at_speed(pair_law, speed)
@@ -414,7 +414,7 @@ def _elastic_contact(k: float, p: float, pair: Pair, v: float) -> Collision:
 def _integrated_contact(law: Any, pair: Pair, v: float) -> Collision:
     """Compute a contact at impact speed `v` in m/s by the event-located method.
 
-    Results are cached for laws whose fields are hashable.
+    Results are cached for immutable laws.
     """
     values = hashable_contents(law)
     return _simulate_contact(law, pair, v) if values is None else _cached_contact(values, law, pair, v)

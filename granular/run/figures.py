@@ -159,7 +159,7 @@ def _contact_times(run: Any) -> Array:
 
 
 def paths(run: Any, times: Array) -> Array:
-    """Return positions in m without radii at times in s within a run.
+    """Return positions in m with radii subtracted, at times in s within a run.
 
     The shape is (len(times), n). Accelerations are assumed to be constant between successive samples, onsets and ends
     of contacts. This is exact for hard spheres in uniform gravity.
@@ -209,10 +209,10 @@ def draw_paths(axis: Any, run: Any, span: Span) -> None:
 
 
 def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Array, Array]]) -> float:
-    """Draw positions without radii against time, and return the unit of the axis in m.
+    """Draw positions against time, and return the unit of the position axis in m.
 
-    `of` contains times in s and positions in m, with the key "soft" or "hard". Lines meet where balls touch, and cross
-    where balls overlap.
+    `of` contains times in s and positions in m with radii subtracted, with the key "soft" or "hard". Lines meet where
+    balls touch, and cross where balls overlap.
     """
     visible = {label: y[(t >= span.begin) & (t <= span.end)] for label, (t, y) in of.items()}
     first = next(iter(visible.values()))

@@ -139,7 +139,10 @@ class Watched:
         return getattr(self.run, name)
 
     def to(self, time: float, last: bool) -> Pause:
-        """Advance towards `time`, up to the next event or to the crossing of the level."""
+        """Advance towards `time` in s, and return the reason for the pause.
+
+        The run pauses at the next event, or at the time at which the level is passed.
+        """
         run, level, (now, next_event) = self.run, self.run.request.until, self.between.calm(self.run)
         if run.scene.driven and next_event == math.inf:
             # without a next event, the path of a driven wall is searched in windows, because it can be infinite

@@ -35,7 +35,8 @@ def parts(pairs: int) -> int:
 def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Crew:
     """Return the work space for parallel steps with the given work spaces.
 
-    `whole` is the work space of the chain, and `code` contains its compiled kernels.
+    `whole` is the work space of the chain, and `works` are the work spaces of its parts, one per thread. `code` contains
+    the compiled kernels.
     """
     return Crew(
         whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)

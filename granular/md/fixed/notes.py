@@ -87,9 +87,9 @@ def begin_resting_neighbours(j: int, k: int, part: float, ring: int, was: Any, n
 
 @kernel
 def _clear_touched_marks(j: int, ring: int, now: Any) -> None:
-    """Clear the `TOUCHED` marks next to pair `j`, whose contact ended.
+    """Clear the `TOUCHED` marks of pairs in a series next to pair `j`.
 
-    Its force has not reached the marked pairs.
+    The contact of pair `j` ended before its force reached the marked pairs. Their stored onsets are no longer valid.
     """
     for direction in (-1, 1):
         i = ring_index(j + direction, ring)

@@ -288,7 +288,7 @@ class Run:
         return False
 
     def _compile_if_worthwhile(self) -> None:
-        """Switch from interpreted to compiled steps if the run so far justifies it.
+        """Switch to compiled steps once the time of the interpreted steps justifies it.
 
         If the kernels cannot be compiled, the run continues interpreted, and `note` contains the reason.
         """

@@ -270,7 +270,8 @@ def _flight_towards_wall(side: int, j: int, s: float, a: Any) -> tuple[float, fl
 def _throw_back(wall: Any, j: int, m: int, time: float, speed_in: float, speed_out: float, pull: float, a: Any) -> None:
     """Throw a ball back from a thermal wall, and add the energy to the account.
 
-    The state in the window is replaced by the state from which the new parabola starts at the start of the step.
+    After the hit the ball moves on a new parabola. The parabola is traced back to the start of the step, and its state
+    there replaces the state in the window.
 
     Parameters
     ----------

@@ -167,9 +167,10 @@ def picture(
 
 
 def _checked_samples(run: Any, quantity: str, advice: str) -> Array:
-    """Return the attribute "force" or "velocity" of a run, shape (T, p) or (T, n).
+    """Return the forces (T, p) or velocities (T, n) of a run, after checking the run.
 
-    Raises an exception if the run has no forces or fewer than 5 samples. `advice` is added to the message.
+    `quantity` is "force" or "velocity". An exception is raised if the run has no forces or fewer than 5 samples.
+    `advice` is added to its message.
     """
     if not isinstance(run, Trajectory) or (quantity == "force" and run.force is None):
         raise TypeError(f"`run` must be a run of granular.md, got {run!r}. {advice}")

@@ -112,7 +112,7 @@ class SolitaryWave:
 def solitary(
     n: int = 40, speed: float = 0.1, *, law: Any, at: float = 6.0, radius: float = 0.009525, density: float = 8027.0
 ) -> Scene:
-    """Return a row of equal touching balls with the exact solitary wave.
+    """Return a row of equal touching balls in which an exact solitary wave moves.
 
     The wave moves to the right.
 
