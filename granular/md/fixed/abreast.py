@@ -35,7 +35,7 @@ def parts(pairs: int) -> int:
 def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Crew:
     """Return the work space for parallel steps with the given work spaces.
 
-    `whole` is the work space of the chain, and `works` are the work spaces of its parts, one per thread. `code` contains
+    `whole` is the work space of the chain, and `works` contains one work space per thread. `code` contains
     the compiled kernels.
     """
     return Crew(
