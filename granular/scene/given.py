@@ -1,4 +1,4 @@
-"""Checks of the arguments of `Scene`, each by itself and in combination."""
+"""Checks of the arguments of `Scene`, one by one and in combination."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 from granular._engine import check
 
 
-def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, ring: bool) -> dict[str, Any]:
-    """Return masses, radii, gaps, velocities and `ring` as checked fields of a scene."""
+def checked_bodies(
+    mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, ring: bool
+) -> dict[str, Any]:
+    """Return checked masses, radii, gaps, velocities and `ring` as {field of `Scene`: value}."""
     m = check.array("mass", mass)
     n = len(m)
     if n < 2:
@@ -27,20 +29,21 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
     r = check.array("radius", radius, (n,))
     check.every("radius", r, (r >= 0.0) & (r < np.inf), "finite and non-negative")
     check.every("radius", r, ~walls | (r == 0.0), "0", "A wall is flat and has radius 0.")
-    closed = check.truth("ring", ring)
-    fix = "Give one gap per pair; the last pair joins the last ball and ball 0." if closed else (
+    is_ring = check.truth("ring", ring)
+    fix = "Give one gap per pair; the last pair joins the last ball and ball 0." if is_ring else (
         "Give one gap per pair of neighbours.")
-    d = check.array("gap", gap, (n - 1 + closed,), fix=fix, finite="finite")
+    d = check.array("gap", gap, (n - 1 + is_ring,), fix=fix, finite="finite")
     v = check.array("velocity", velocity, (n,), finite="finite")
-    return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": closed}
+    return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": is_ring}
 
 
-def placed(
+def checked_positions(
     mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None
 ) -> tuple[check.Array, ...]:
-    """Return checked masses, radii and positions, and the gaps between the bodies.
+    """Return checked masses (kg), radii (m) and positions (m), and the gaps (m) between the bodies.
 
-    On a ring of circumference `length` (m), the last gap is the one between the last ball and ball 0.
+    A ring has the circumference `length` (m). Its last gap lies between the last ball and ball 0. Without a ring
+    `length` is None.
     """
     m = check.array("mass", mass)
     r = check.array("radius", radius, m.shape)
@@ -55,8 +58,11 @@ def placed(
     return m, r, x, gap
 
 
-def external_forces(value: ArrayLike | None, walls: Any) -> check.Array | None:
-    """Return the checked external forces on the balls, or None if all are 0."""
+def checked_forces(value: ArrayLike | None, walls: Any) -> check.Array | None:
+    """Return the checked external forces in N, shape (n,), or None if all are 0.
+
+    `walls` is a boolean array (n,), true for walls, on which no force may act.
+    """
     if value is None:
         return None
     f = check.array("external_force", value, walls.shape, fix="Give one force per body, 0 for walls.", finite="finite")
@@ -65,8 +71,11 @@ def external_forces(value: ArrayLike | None, walls: Any) -> check.Array | None:
     return f if f.any() else None
 
 
-def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array | None:
-    """Return the checked distances of pendula at rest, or None without pendula."""
+def checked_rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array | None:
+    """Return the checked gaps of `n` pendula and walls at rest in m, shape (n-1,), or None without pendula.
+
+    They default to 0. `ValueError` is raised if they are given without pendula (`pendulum` = 0).
+    """
     if pendulum == 0.0:
         if value is None:
             return None
@@ -77,27 +86,32 @@ def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array |
 
 
 def check_exclusive(scene: Any, walls: Any) -> None:
-    """Raise `ValueError` for arguments that cannot be combined."""
+    """Raise `ValueError` if arguments of a scene cannot be combined.
+
+    Rings, pendula and thermal walls exclude other arguments. `walls` is a boolean array (n,), true for walls.
+    """
     if not (scene.ring or scene.pendulum > 0.0 or scene.heated):
         return
-    hung, boxed = scene.pendulum > 0.0, walls[0] and walls[-1]
-    room, rest = (float(gap.sum()) if hung else 0.0 for gap in (scene.gap, scene.rest_gap))
-    level = ("0 for pendula", "Gravity acts on them by Ω² = g/l.") if hung else (
+    has_pendula, is_enclosed = scene.pendulum > 0.0, walls[0] and walls[-1]
+    gap_sum, rest_gap_sum = (float(gap.sum()) if has_pendula else 0.0 for gap in (scene.gap, scene.rest_gap))
+    zero_gravity = ("0 for pendula", "Gravity acts on them by Ω² = g/l.") if has_pendula else (
         "0 on a ring", "Gravity would accelerate the balls around the ring forever. Use external_force.")
     check.refuse({
         f"`mass[{int(walls.argmax())}]` must be finite on a ring, got inf. A ring has no walls.":
             scene.ring and walls.any(),
-        check.misuse("gravity", scene.gravity, *level): (scene.ring or hung) and scene.gravity != 0.0,
-        f"`pendulum` must be 0 on a ring, got {scene.pendulum!r}.": hung and scene.ring,
+        check.misuse("gravity", scene.gravity, *zero_gravity): (scene.ring or has_pendula) and scene.gravity != 0.0,
+        f"`pendulum` must be 0 on a ring, got {scene.pendulum!r}.": has_pendula and scene.ring,
         f"`external_force` must be None for pendula, got forces and pendulum = {scene.pendulum!r}. A constant force "
-        "shifts their rest positions: change `gap` and `rest_gap` instead.": hung and scene.external_force is not None,
+        "shifts their rest positions: change `gap` and `rest_gap` instead.":
+            has_pendula and scene.external_force is not None,
         f"Walls next to pendula must be at rest, got pendulum = {scene.pendulum!r} and a moving wall. Leave out "
         "`floor`, `ceiling` and the velocity of the wall.":
-            hung and (scene.driven or scene.heated or scene.velocity[walls].any()),
-        f"The sum of `rest_gap` must equal the sum of `gap` between two walls, {room!r}, got {rest!r}.":
-            hung and boxed and abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest),
+            has_pendula and (scene.driven or scene.heated or scene.velocity[walls].any()),
+        f"The sum of `rest_gap` must equal the sum of `gap` between two walls, {gap_sum!r}, got {rest_gap_sum!r}.":
+            has_pendula and is_enclosed
+            and abs(gap_sum - rest_gap_sum) > 1e-12 * float(np.abs(scene.gap).sum() + rest_gap_sum),
         check.misuse("pendulum", scene.pendulum, "a frequency whose square is finite"):
-            hung and not np.isfinite(scene.pendulum * scene.pendulum),
+            has_pendula and not np.isfinite(scene.pendulum * scene.pendulum),
     })
     for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
         if heat is not None and scene.gap[c] < 0.0:

@@ -15,7 +15,7 @@ from granular._engine.check import Array, face, misuse, number
 @face
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two neighbouring bodies, which a force law acts on.
+    """Two neighbouring bodies, between which a force law or a rule of restitution acts.
 
     Pair ``index`` joins bodies ``index`` and ``index + 1``. On a ring the last pair joins the last ball and ball 0.
     The two bodies remain neighbours during the whole run.
@@ -30,7 +30,7 @@ class Pair:
     index : int
         Number of the pair, counted from the bottom (left).
     label : str
-        Name of the pair in messages if its numbers are not its name, such as "floor–1". Empty by default.
+        Name of the pair in messages, such as "floor–1". Empty by default: then the numbers of the bodies are the name.
     """
 
     m_eff: float
@@ -50,9 +50,9 @@ class Pair:
 
 
 class Pairs(Sequence[Pair]):
-    """Pairs of a scene as two columns.
+    """Sequence of the pairs of a scene, stored as two arrays.
 
-    A `Pair` is created on access.
+    Each `Pair` is created when it is read.
 
     Parameters
     ----------
@@ -76,14 +76,14 @@ class Pairs(Sequence[Pair]):
     def between(
         cls, mass: tuple[Array, Array], radius: tuple[Array, Array], ends: tuple[str, str] = ("", "")
     ) -> Pairs:
-        """Return the pairs of bodies with given masses and radii.
+        """Return the pairs of neighbouring bodies with these masses and radii.
 
         Parameters
         ----------
         mass, radius : (array, array)
             Values of the lower and of the upper body of each pair, in kg and in m. Both are inf for a wall.
         ends : (str, str)
-            Names of the bodies at both ends, as in `Pairs`.
+            Names of the first body of the first pair and of the second body of the last pair, as in `Pairs`.
         """
         light, heavy = np.minimum(*mass), np.maximum(*mass)
         with np.errstate(divide="ignore"):
@@ -116,7 +116,7 @@ class Pairs(Sequence[Pair]):
         return self._label(index) or f"{index}–{index + 1}"
 
     def _label(self, index: int) -> str:
-        """Name of a pair with an end whose name is not its number, or an empty string."""
+        """Return the name of a pair if one of its bodies is named by `ends`, else an empty string."""
         below = self.ends[0] if index == self.start else ""
         above = self.ends[1] if index == self.start + len(self.m_eff) - 1 else ""
         return f"{below or index}–{above or index + 1}" if below or above else ""
@@ -139,8 +139,8 @@ def checked_pair(pair: Any) -> Pair:
 
 
 def body_name(scene: Any, body: int) -> str:
-    """Return the name of a body in messages: its number, or the kind of wall.
+    """Return the name of a body in messages: its number, or "floor" or "ceiling" for a wall.
 
-    A wall is "floor" or "ceiling", or "wall" without gravity.
+    Without gravity a wall is named "wall".
     """
     return str(body) if not scene.is_wall[body] else "wall" if not scene.gravity else "ceiling" if body else "floor"

@@ -17,7 +17,7 @@ from granular._engine import check
 from granular._engine.check import Array
 from granular._engine.flight import time_to_contact
 from granular._engine.records import SMALL_RECORD_COUNT, plain
-from granular.scene.state import Scene, summed
+from granular.scene.state import Scene, cumulative_sums
 from granular.scene.walls.motion import fastest, fitted as fitted_motion
 from granular.scene.walls.path import moved
 
@@ -87,7 +87,7 @@ def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) ->
     (T, n) array
         Velocities in m/s.
     """
-    offset, anchor = summed(rate[..., : scene.n - 1]), scene.anchor_velocity(elapsed, start)
+    offset, anchor = cumulative_sums(rate[..., : scene.n - 1]), scene.anchor_velocity(elapsed, start)
     if scene._wall is not None:
         offset += (anchor - offset[:, scene._wall])[:, None]
         return offset

@@ -1,4 +1,4 @@
-"""Definition of `Scene`, whose state is gaps and velocities instead of positions."""
+"""Initial state of a simulation: the class `Scene`, which stores gaps instead of positions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from granular._engine import check
 from granular._engine.check import Array, ByNumbers
-from granular.scene.given import check_exclusive, external_forces, line, placed, rest_gaps
+from granular.scene.given import check_exclusive, checked_bodies, checked_forces, checked_positions, checked_rest_gaps
 from granular.scene.pair import Pairs, body_name
 from granular.scene.walls.motion import checked, moved
 from granular.scene.walls.thermal import Thermal
@@ -45,8 +45,8 @@ class Scene(ByNumbers):
         Constant forces in N on the balls, upwards positive, 0 for a wall. Stored as None if all are 0.
     floor, ceiling : granular.walls.Sine, Piecewise, Motion or Thermal, optional
         Behaviour of the first and the last body, if they are walls. By default they move at their constant velocity v.
-        A `Sine`, `Piecewise` or `Motion` is added to it:
-        x_w(t) = start + v·(t - t_start) + m(t) - m(t_start), where start is given by `origin` and the gaps.
+        A `Sine`, `Piecewise` or `Motion` m(t) is added: x_w(t) = start + v·(t - t_start) + m(t) - m(t_start).
+        Here start is the position of the wall according to `origin` and the gaps.
         A `Thermal` wall gives every ball that hits it a random speed.
     ring : bool
         Whether the line is closed. Then pair n-1 joins the last ball and ball 0, and walls and gravity are not allowed.
@@ -88,16 +88,16 @@ class Scene(ByNumbers):
         origin: float = 0.0, *, external_force: ArrayLike | None = None, floor: Any = None, ceiling: Any = None,
         ring: bool = False, pendulum: float = 0.0, rest_gap: ArrayLike | None = None,
     ) -> None:
-        self.__dict__.update(line(mass, radius, gap, velocity, ring))
+        self.__dict__.update(checked_bodies(mass, radius, gap, velocity, ring))
         walls = np.isinf(self.mass)
         self.__dict__.update(
             gravity=check.number("gravity", gravity, at_least=0.0, fix="Its direction, downwards, is built in."),
-            origin=check.number("origin", origin), external_force=external_forces(external_force, walls),
+            origin=check.number("origin", origin), external_force=checked_forces(external_force, walls),
             floor=checked("floor", floor, bool(walls[0])),
             ceiling=checked("ceiling", ceiling, bool(walls[-1])),
             pendulum=check.number("pendulum", pendulum, at_least=0.0),
         )
-        self.__dict__["rest_gap"] = rest_gaps(rest_gap, self.pendulum, len(walls))
+        self.__dict__["rest_gap"] = checked_rest_gaps(rest_gap, self.pendulum, len(walls))
         check_exclusive(self, walls)
 
     @classmethod
@@ -124,7 +124,7 @@ class Scene(ByNumbers):
         -------
         Scene
         """
-        m, r, x, gap = placed(mass, radius, position, length)
+        m, r, x, gap = checked_positions(mass, radius, position, length)
         return cls(m, r, gap, velocity, gravity, float(x[0]) if len(x) else 0.0,
                    external_force=external_force, floor=floor, ceiling=ceiling, ring=length is not None,
                    pendulum=pendulum, rest_gap=rest_gap)
@@ -132,7 +132,8 @@ class Scene(ByNumbers):
     def replace(self, **changes: Any) -> Scene:
         """Return a copy with some fields changed.
 
-        All fields are checked again."""
+        All fields are checked again.
+        """
         return Scene(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
 
     @property
@@ -165,7 +166,7 @@ class Scene(ByNumbers):
         return pair, (pair + 1) % self.n
 
     def sides(self, of_bodies: Any) -> tuple[Any, Any]:
-        """Return the values of the lower and of the upper body of every pair.
+        """Return a quantity of the bodies for the lower and for the upper body of every pair.
 
         Parameters
         ----------
@@ -180,18 +181,18 @@ class Scene(ByNumbers):
         return (of_bodies, np.roll(of_bodies, -1, axis=-1)) if self.ring else (of_bodies[..., :-1], of_bodies[..., 1:])
 
     def across(self, of_bodies: Array) -> Array:
-        """Return the differences of an array (…, n), upper minus lower body of every pair.
+        """Return the difference of a quantity of the bodies, upper minus lower body, for every pair.
 
-        Applied to velocities, this gives the rates of the gaps.
+        The argument has the shape (…, n), the result the shape of the gaps. Velocities give the rates of the gaps.
         """
         lower, upper = self.sides(of_bodies)
         return np.asarray(upper - lower)
 
     @property
     def neighbours(self) -> tuple[Any, Any]:
-        """Numbers of the lower and the upper pair of every two pairs that share a ball.
+        """Numbers of the lower and of the upper pair at every ball that belongs to two pairs.
 
-        Two int arrays. On a ring of two balls, both pairs share two balls and occur twice.
+        Two int arrays. On a ring of two balls, pairs 0 and 1 share both balls and occur twice, as (0, 1) and (1, 0).
         """
         number = np.arange(self.n_pairs)
         return (number, np.roll(number, -1)) if self.ring else (number[:-1], number[1:])
@@ -204,17 +205,23 @@ class Scene(ByNumbers):
 
     @property
     def motions(self) -> tuple[Any, Any]:
-        """Motions of the first and the last body besides their constant velocity, or None."""
+        """Motions m(t) of floor and ceiling, which are added to their constant velocities.
+
+        An entry is None for a ball, for a thermal wall and for a wall at constant velocity.
+        """
         return self._ends(thermal=False)
 
     @property
     def heat(self) -> tuple[Any, Any]:
-        """Thermal walls at the first and at the last body; None for other bodies."""
+        """`Thermal` objects of floor and ceiling.
+
+        An entry is None if that body is not a thermal wall.
+        """
         return self._ends(thermal=True)
 
     def _ends(self, thermal: bool) -> tuple[Any, Any]:
-        floor, ceiling = (one if one and isinstance(one, Thermal) is thermal else None
-                          for one in (self.floor, self.ceiling))
+        floor, ceiling = (wall if wall and isinstance(wall, Thermal) is thermal else None
+                          for wall in (self.floor, self.ceiling))
         return floor, ceiling
 
     @cached_property
@@ -229,44 +236,45 @@ class Scene(ByNumbers):
 
     @cached_property
     def _flags(self) -> dict[str, bool]:
-        """Kernel flags of the scene, each `True`, see `granular._engine.kernels`."""
+        """Kernel flags that are true for the scene, as {name: True}; see `granular._engine.kernels`."""
         worked = self.driven or self.heated
-        given = {"DRIVEN": self.driven, "HEATED": self.heated, "WORKED": worked, "HUNG": self.pendulum > 0.0,
+        flags = {"DRIVEN": self.driven, "HEATED": self.heated, "WORKED": worked, "HUNG": self.pendulum > 0.0,
                  "FORCED": worked or self.external_force is not None, "RING": self.ring}
-        return {name: True for name, holds in given.items() if holds}
+        return {name: True for name, is_true in flags.items() if is_true}
 
     @property
     def endless(self) -> bool:
         """Whether contacts can continue forever.
 
-        This is possible beside driven or thermal walls, on a ring, and for pendula."""
+        This is possible with a driven or thermal wall, on a ring, and for pendula.
+        """
         return self.driven or self.heated or self.ring or self.pendulum > 0.0
 
     @cached_property
     def worked(self) -> bool:
-        """Whether a wall moves and thus does work on the balls."""
+        """Whether a wall moves, at constant velocity or driven, and thus does work on the balls."""
         return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
 
     @cached_property
     def fed(self) -> bool:
-        """Whether walls exchange energy with the balls, by work or by heat."""
+        """Whether a wall moves or is thermal, and thus exchanges energy with the balls."""
         return self.worked or self.heated
 
     def free_velocity(self, elapsed: float) -> Array:
         """Return velocities in m/s, shape (n,), after `elapsed` s without contacts.
 
-        Walls keep their constant velocity.
+        Walls keep their constant velocity. The motion of a driven wall is not included.
         """
         if self.pendulum == 0.0:
             return np.asarray(self.velocity + self.fall * elapsed)
-        turn = self.pendulum * elapsed
-        return np.asarray(self.velocity * math.cos(turn) - self.pendulum * self.displacement * math.sin(turn))
+        angle = self.pendulum * elapsed
+        return np.asarray(self.velocity * math.cos(angle) - self.pendulum * self.displacement * math.sin(angle))
 
     @property
     def fall(self) -> Array:
-        """Acceleration of every body in free flight in m/s², shape (n,), 0 for a wall.
+        """Acceleration of every body by gravity and external forces in m/s², shape (n,).
 
-        Upwards is positive.
+        Upwards is positive. The value is 0 for a wall.
         """
         fall = np.where(self.is_wall, 0.0, -self.gravity)
         return fall if self.external_force is None else fall + self.lift
@@ -275,8 +283,8 @@ class Scene(ByNumbers):
     def lift(self) -> Array:
         """Acceleration f/m of every body by external forces in m/s², shape (n,).
 
-        Upwards is positive. Accelerations of neighbours that differ only by rounding are set equal: with forces f = -m
-        g the balls fall as with gravity g.
+        Upwards is positive. Accelerations of neighbours that differ only by rounding are set equal. Forces f = -m g
+        therefore give all balls exactly the same acceleration, as gravity g does.
         """
         lift = np.zeros(self.n) if self.external_force is None else self.external_force * self.inverse_mass
         # 2⁻⁵⁰ exceeds the rounding of f = m g and of f/m
@@ -287,9 +295,9 @@ class Scene(ByNumbers):
     def pull(self) -> Array:
         """Closing acceleration of each gap in free flight in m/s², shape of the gaps.
 
-        Walls move at constant speed here. The value is g at a floor, -g at a ceiling and 0 between two balls, where
-        uniform gravity cancels. External forces add f_c/m_c - f_(c+1)/m_(c+1). The term Ω² (gap - d) of pendula is not
-        included.
+        A positive value closes the gap. It is g at a floor, -g at a ceiling and 0 between two balls, where uniform
+        gravity cancels. External forces add f_c/m_c - f_(c+1)/m_(c+1). The accelerations of driven walls and the term
+        Ω² (gap - d) of pendula are not included.
         """
         pull = self.gravity * self.across(np.where(self.is_wall, 0.0, 1.0))
         return pull if self.external_force is None else pull - self.across(self.lift)
@@ -300,9 +308,9 @@ class Scene(ByNumbers):
         return np.asarray(self.origin + self.offsets(self.gap))
 
     def offsets(self, gap: Array) -> Array:
-        """Return distances (…, n) in m of all bodies from body 0.
+        """Return the distances (…, n) in m of all bodies from body 0.
 
-        Distances are measured to the centres of balls and the surfaces of walls.
+        Distances are measured between centres of balls and surfaces of walls.
 
         Parameters
         ----------
@@ -317,78 +325,78 @@ class Scene(ByNumbers):
         return out
 
     def anchor(self, elapsed: Any, start: float = 0.0) -> Any:
-        """Return the position in m relative to which all positions are measured.
+        """Return the position of the anchor in m, from which all other positions are computed.
 
-        The anchor is a wall, whose motion begins at the time `start` in s. Without a wall it is the centre of mass in
-        its motion without contacts.
+        The anchor is the first wall. Without a wall it is the centre of mass, whose motion does not depend on contacts.
 
         Parameters
         ----------
         elapsed : float or array
             Time in s after the instant of the scene.
         start : float
-            Time of the scene in s.
+            Time of the scene in s, at which the motion of a driven wall begins. Defaults to 0.
         """
         if (wall := self._wall) is not None:
-            return self._stands + self.velocity[wall] * elapsed + self._moved(wall, elapsed, start)[0]
+            return self._anchor_wall_position + self.velocity[wall] * elapsed + self._moved(wall, elapsed, start)[0]
         speed = self._share @ self.velocity
         if self.pendulum > 0.0:
-            turn, rest = self.pendulum * elapsed, self._share @ self.at_rest
-            return rest + (self._share @ self.displacement * np.cos(turn) + speed / self.pendulum * np.sin(turn))
+            angle, rest = self.pendulum * elapsed, self._share @ self.at_rest
+            return rest + (self._share @ self.displacement * np.cos(angle) + speed / self.pendulum * np.sin(angle))
         return (self._share * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
-        """Return the velocity of the anchor in m/s; parameters as for `anchor`."""
+        """Return the velocity of the anchor in m/s. The parameters are those of `anchor`."""
         if self._wall is not None:
             return self.velocity[self._wall] + self._moved(self._wall, elapsed, start)[1]
         speed = (self._share * self.velocity).sum()
         if self.pendulum > 0.0:
-            turn, off = self.pendulum * elapsed, self._share @ self.displacement
-            return speed * np.cos(turn) - off * self.pendulum * np.sin(turn)
+            angle, displacement = self.pendulum * elapsed, self._share @ self.displacement
+            return speed * np.cos(angle) - displacement * self.pendulum * np.sin(angle)
         return speed + self._fall * elapsed
 
     @property
     def at_rest(self) -> Array:
         """Rest positions of pendula in m, shape (n,).
 
-        A wall stays at its position. Without a wall, body 0 rests at 0.
+        They are measured from the position of the wall. Without a wall, body 0 rests at 0.
         """
         rest = self.offsets(np.zeros(self.n_pairs) if self.rest_gap is None else self.rest_gap)
         return rest if self._wall is None else rest + (self.position[self._wall] - rest[self._wall])
 
     @property
     def displacement(self) -> Array:
-        """Displacements y of pendula from rest in m, shape (n,), 0 for a wall."""
-        off = summed((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
-        start = self.origin if self._wall is None else -off[self._wall]
-        return np.where(self.is_wall, 0.0, start + off)
+        """Displacements y of pendula from their rest positions in m, shape (n,), 0 for a wall."""
+        from_first = cumulative_sums((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
+        start = self.origin if self._wall is None else -from_first[self._wall]
+        return np.where(self.is_wall, 0.0, start + from_first)
 
     def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
-        """Return displacement (m) and velocity (m/s) of a wall by its motion.
+        """Return m(t) - m(start) in m and m'(t) in m/s of body `wall`, where m is its motion.
 
-        The constant velocity of the wall is not included."""
+        The time t is `elapsed` s after `start`. Both values are 0 for a wall that is not driven.
+        """
         return moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
 
     @property
     def _fall(self) -> float:
-        """Acceleration in m/s² of the centre of mass of a scene without walls."""
+        """Acceleration of the centre of mass of a scene without walls in m/s², upwards positive."""
         if self.external_force is None:
             return -self.gravity
         return float(self.external_force.sum() / self.mass.sum()) - self.gravity
 
     @cached_property
     def _wall(self) -> int | None:
-        """Number of the wall that is the anchor, or None without walls."""
+        """Number of the first wall, which is the anchor, or None without walls."""
         return int(self.is_wall.argmax()) if self.is_wall.any() else None
 
     @cached_property
-    def _stands(self) -> float:
-        """Position in m of the wall that is the anchor."""
+    def _anchor_wall_position(self) -> float:
+        """Position in m of the first wall at the instant of the scene."""
         return float(self.position[self._wall])
 
     @cached_property
     def _share(self) -> Array:
-        """Share of each body in the total mass, shape (n,), of a scene without walls."""
+        """Mass of each body divided by the total mass, shape (n,), for a scene without walls."""
         return np.asarray(self.mass / self.mass.sum())
 
     def momentum(self) -> float:
@@ -407,12 +415,12 @@ class Scene(ByNumbers):
 
     @property
     def _table(self) -> Any:
-        """Table of the bodies and the gaps above them, abridged for many bodies."""
+        """Rows of text with a header: the bodies and the gaps above them, abridged for many bodies."""
         from granular._engine.reports import abridged
 
         gaps = [f"{gap:.6g}" for gap in self.gap.tolist()] + [""] * (self.n - self.n_pairs)
-        each = zip(self.mass.tolist(), self.radius.tolist(), gaps, self.velocity.tolist(), strict=True)
-        rows = [[str(i), f"{m:.6g}", f"{r:.6g}", gap, f"{v:.6g}"] for i, (m, r, gap, v) in enumerate(each)]
+        bodies = zip(self.mass.tolist(), self.radius.tolist(), gaps, self.velocity.tolist(), strict=True)
+        rows = [[str(i), f"{m:.6g}", f"{r:.6g}", gap, f"{v:.6g}"] for i, (m, r, gap, v) in enumerate(bodies)]
         return [["body", "mass / kg", "radius / m", "gap above / m", "velocity / (m/s)"], *abridged(rows)]
 
     def __str__(self) -> str:
@@ -427,8 +435,8 @@ class Scene(ByNumbers):
         return f"Scene({balls} ball{'s' * (balls != 1)}{walls}{pull}{special}{driven})"
 
 
-def summed(steps: Array) -> Array:
-    """Return the sums (…, n) of the first 0, 1, 2, … of the steps (…, n-1)."""
+def cumulative_sums(steps: Array) -> Array:
+    """Return the cumulative sums (…, n) of `steps` (…, n-1). The first sum is 0."""
     out = np.zeros((*steps.shape[:-1], steps.shape[-1] + 1))
     steps.cumsum(axis=-1, out=out[..., 1:])
     return out
