@@ -1,7 +1,7 @@
-"""Positions and velocities from gaps and rates, and checks of states and walls.
+"""Positions and velocities from gaps and their rates, checks of states, and walls of a run.
 
-The state consists of gaps and their rates. This module computes positions, velocities and the speed scale of a scene,
-checks states, prepares driven walls for a run, and predicts when approaching walls meet.
+Engines store gaps and their rates. This module computes positions, velocities and the speed scale of a scene, checks
+states, prepares driven walls for a run, and predicts when approaching walls meet.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from granular.scene.walls.path import moved
 def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:
     """Compute positions of all bodies from gaps.
 
-    The positions are a cumulative sum from the anchor (see `Scene.anchor`). Without negative gaps they are in
-    increasing order by construction.
+    Gaps and radii are summed, and the sums are shifted to the position of the anchor (see `Scene.anchor`). Without
+    negative gaps the positions are therefore in increasing order.
 
     Parameters
     ----------
@@ -48,14 +48,14 @@ def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> A
 
 
 def points(scene: Scene, gap: Array, position: Array) -> Array:
-    """Compute positions with all radii subtracted, so that touching balls coincide.
+    """Compute positions of all bodies as if all radii were 0, so that touching balls coincide.
 
     Parameters
     ----------
     gap : (T, n-1) array
-        Gaps in m.
+        Gaps in m, one row per time.
     position : (T, n) array
-        Positions in m, which give the motion of the anchor.
+        Positions in m at the same times, from which the motion of the anchor is computed.
 
     Returns
     -------
@@ -63,24 +63,26 @@ def points(scene: Scene, gap: Array, position: Array) -> Array:
         Positions in m. Body 0 is at 0 at the time of the scene.
     """
     flat = scene.replace(radius=np.zeros(scene.n), origin=0.0)
-    offset, moved = flat.offsets(gap), _at_anchor(scene, position) - _at_anchor(scene, scene.position)
-    offset += (_at_anchor(flat, flat.position) + moved - _at_anchor(flat, offset))[:, None]
+    offset, shift = flat.offsets(gap), _at_anchor(scene, position) - _at_anchor(scene, scene.position)
+    offset += (_at_anchor(flat, flat.position) + shift - _at_anchor(flat, offset))[:, None]
     return offset
 
 
 def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:
     """Compute velocities of all bodies from the rates of the gaps.
 
-    The velocities are a cumulative sum from the anchor, so their differences equal the rates to the last digit. The
-    correction of the centre of mass is applied twice: in long chains the rounding error of the first one shifts every
-    ball.
+    The rates are summed, and the sums are shifted to the velocity of the anchor (see `Scene.anchor_velocity`). Without
+    a wall, the shift to the velocity of the centre of mass is applied twice. In long chains the rounding error of the
+    first shift would change the velocity of every ball.
 
     Parameters
     ----------
-    rate : (T, n-1) array
-        Rates of the gaps in m/s, one row per time.
+    rate : (T, n-1) array, (T, n) on a ring
+        Rates of the gaps in m/s, one row per time. The last rate of a ring is ignored.
     elapsed : (T,) array
         Times in s after `start`.
+    start : float
+        Time of the scene in s.
 
     Returns
     -------
@@ -98,19 +100,19 @@ def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) ->
 
 
 def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
-    """Evaluate an array (…, n) of values per body at the anchor.
+    """Return the value at the anchor of a quantity of the bodies with shape (…, n).
 
-    The anchor is the first wall, or else the centre of mass. Each row is summed by itself. The rounding of a matrix
-    product would depend on the other rows.
+    It is the value of the first wall, or without a wall the mean weighted by mass. Each row is summed separately,
+    because the rounding error of a matrix product depends on the other rows.
     """
     return (of_bodies * scene._share).sum(axis=-1) if scene._wall is None else of_bodies[..., scene._wall]
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return an upper bound in m/s of the speed at which a pair can first close.
+    """Return an upper bound of the approach speed of the first contact of any pair in m/s.
 
-    It adds the current velocity differences, the fall through all gaps, and the largest speeds of driven and thermal
-    walls.
+    It is the sum of the largest difference of the current velocities, the speed after a fall through all gaps, and the
+    largest speeds that driven and thermal walls add. Pendula add Ω times the largest difference of their displacements.
     """
     v = scene.velocity if isinstance(scene, Scene) else checked(scene).velocity
     # overlaps add no height of fall
@@ -125,9 +127,9 @@ def speed_scale(scene: Scene) -> float:
 
 
 def in_order(scene: Scene) -> Scene:
-    """Return `scene` if no overlap is so deep that two centres change places.
+    """Return `scene`, or raise `ValueError` if a pair overlaps by more than the sum of its radii.
 
-    Point particles are exempt. Else raise `ValueError`.
+    The centres of such a pair would be in the wrong order. Pairs of point particles are not checked.
     """
     reach = sum(checked(scene).sides(scene.radius))
     check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
@@ -137,21 +139,21 @@ def in_order(scene: Scene) -> Scene:
 
 
 def remembered(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
-    """Cache the result of a function of a scene, for scenes of few balls.
+    """Decorate a function of a scene, so that each scene stores its result.
 
-    The result is stored in the scene, which is immutable.
+    This saves time for scenes with at most `SMALL_RECORD_COUNT` bodies. For larger scenes nothing is stored.
     """
     name = f"_{function.__name__}"
 
     @wraps(function)
-    def asked(scene: Scene) -> Any:
+    def with_cache(scene: Scene) -> Any:
         # the dictionary of a frozen dataclass can still be written
-        known = vars(scene) if scene.n <= SMALL_RECORD_COUNT else {}
-        if name not in known:
-            known[name] = function(scene)
-        return known[name]
+        stored = vars(scene) if scene.n <= SMALL_RECORD_COUNT else {}
+        if name not in stored:
+            stored[name] = function(scene)
+        return stored[name]
 
-    return asked
+    return with_cache
 
 
 def checked(scene: Any) -> Scene:
@@ -162,9 +164,10 @@ def checked(scene: Any) -> Scene:
 
 
 MAX_LENGTH_ERROR = 2.0**-26
-"""Largest accepted relative error of the sum of gaps of a box.
+"""Maximum accepted error of the sum of all gaps between two walls or on a ring, relative to its terms.
 
-It is half of the digits of a float, much more than rounding causes, and much less than the error of a wrong state.
+It corresponds to half of the digits of a float. Rounding errors are much smaller, errors of an invalid state much
+larger.
 """
 
 
@@ -173,8 +176,8 @@ def flaw(
 ) -> str:
     """Return the reason why a state is invalid, or "" if it is valid.
 
-    Numbers must be finite. Gaps of `hard` spheres must not be negative. Between two walls and on a ring, Σ gap must
-    equal its initial value plus the increase of the distance between the walls, to rounding.
+    All numbers must be finite. Gaps of hard spheres must not be negative. Between two walls and on a ring, the sum of
+    the gaps must equal its initial value plus the increase of the distance between the walls.
 
     Parameters
     ----------
@@ -191,7 +194,7 @@ def flaw(
     hard : bool
         Whether negative gaps are invalid.
     adds_up : bool
-        Whether to check Σ gap.
+        Whether to check the sum of the gaps.
     """
     # the sums are finite only if all entries are
     if not math.isfinite(float(position.sum()) + float(velocity.sum())):
@@ -201,42 +204,45 @@ def flaw(
     if not adds_up or (not scene.ring and not (scene.is_wall[0] and scene.is_wall[-1])):
         return ""
     # a ring has no walls, so its length is constant
-    below, above = (0.0, 0.0) if scene.ring else (
+    lower_wall, upper_wall = (0.0, 0.0) if scene.ring else (
         float((scene.velocity[wall] * elapsed + scene._moved(wall, elapsed, start)[0])[0]) for wall in (0, scene.n - 1))
-    room, due = float(gap.sum()), float(scene.gap.sum()) + (above - below)
+    gap_sum, expected_sum = float(gap.sum()), float(scene.gap.sum()) + (upper_wall - lower_wall)
     # the rounding error of the sum is proportional to the lengths in it
-    size = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(below) + abs(above)
-    return "" if abs(room - due) <= MAX_LENGTH_ERROR * size else f"gaps add up to {room:.12g} m instead of {due:.12g} m"
+    length_scale = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(lower_wall) + abs(upper_wall)
+    return "" if abs(gap_sum - expected_sum) <= MAX_LENGTH_ERROR * length_scale else (
+        f"the gaps add up to {gap_sum:.12g} m instead of {expected_sum:.12g} m")
 
 
 def unending(scene: Scene) -> str:
-    """Return why the contacts of elastic balls never end, or "" if this is not proved.
+    """Return the reason why the contacts of elastic balls never end, or "" without a proof.
 
-    Two cases are proved, for walls at constant velocity. A ball that accelerates towards the wall next to it returns
-    to the wall after every contact. Between two walls at the same velocity, kinetic energy relative to them persists.
+    The walls must have constant velocities. There are two cases. A ball that accelerates towards the wall next to it
+    returns to the wall after every contact. Between two walls of the same velocity and without forces, the kinetic
+    energy relative to the walls is conserved. The reason is a phrase such as "of elastic balls between walls".
     """
     walls, pull, rate = scene.is_wall[[0, -1]], scene.pull, scene.across(scene.velocity)
-    enclosed = bool(walls.all())
-    if enclosed and scene.velocity[0] > scene.velocity[-1]:
+    has_two_walls = bool(walls.all())
+    if has_two_walls and scene.velocity[0] > scene.velocity[-1]:
         return ""  # walls that meet end the run
     for c, wall in zip((0, -1), walls.tolist(), strict=True):
         moves = scene.gap[c] > 0.0 or (scene.gap[c] == 0.0 and rate[c] != 0.0)
         if wall and moves and pull[c] > 2.0**-50 * scene.gravity:  # more than the rounding of forces f = m g
             return "of elastic balls that fall back to a wall"
-    boxed = enclosed and scene.velocity[0] == scene.velocity[-1] and not scene.fall.any()
+    conserves_energy = has_two_walls and scene.velocity[0] == scene.velocity[-1] and not scene.fall.any()
     # overlaps that walls hold closed can vibrate without ever opening
-    return "of elastic balls between walls" if boxed and rate.any() and scene.gap.sum() >= 0.0 else ""
+    return "of elastic balls between walls" if conserves_energy and rate.any() and scene.gap.sum() >= 0.0 else ""
 
 
 def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
-    """Return `scene` with panels in place of wall motions given as functions.
+    """Return `scene` with the `Motion` of each wall replaced by polynomials (`Panels`).
 
-    The panels cover a run from `t_start` to `t_end` (s). `ValueError` is raised if the path of a wall is shorter.
+    The polynomials cover a run from `t_start` to `t_end` (s). Other motions are kept. `ValueError` is raised if the
+    path of a wall does not cover this interval, or if its polynomials do not converge.
     """
     if not scene.driven:
         return scene
-    paths = [fitted_motion(motion, t_start, t_end) for motion in scene.motions]
-    floor, ceiling = (heat if path is None else path for path, heat in zip(paths, scene.heat, strict=True))
+    motions = [fitted_motion(motion, t_start, t_end) for motion in scene.motions]
+    floor, ceiling = (heat if path is None else path for path, heat in zip(motions, scene.heat, strict=True))
     return scene.replace(floor=floor, ceiling=ceiling)
 
 
@@ -255,31 +261,31 @@ def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tu
     Returns
     -------
     list of (int, array, array)
-        Number of the body, its record `WALL` in an array, and its records `PANEL`. Panels are numbered consecutively
-        over all walls.
+        Number of the body, its record of `WALL_DTYPE` in an array, and its records of `PANEL_DTYPE`. Panels are
+        numbered consecutively over all walls.
     """
-    found, first = list[tuple[int, Any, Any]](), 0
+    walls, first = list[tuple[int, Any, Any]](), 0
     for body, side, motion in zip((0, scene.n - 1), (1.0, -1.0), scene.motions, strict=True):
         if motion is not None and (still or fastest(motion) > 0.0):
-            stands = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body])}
+            at_start = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body])}
             panels = motion.panels(t_start, t_start)
-            found.append((body, *panels.records(side, **stands, t_start=t_start, first=first)))
-            first += len(found[-1][2])
-    return found
+            walls.append((body, *panels.records(side, **at_start, t_start=t_start, first=first)))
+            first += len(walls[-1][2])
+    return walls
 
 
 CLOSING_MARGIN = 2.0**-30
-"""Share of the free length between two closing walls at which they count as met.
+"""Fraction of the initial free length at which two approaching walls are considered to meet.
 
-Hard balls that bounce between the walls at 2/(1 - ε) times the speed of the walls give their sum of gaps a rounding
-error of similar size.
+The rounding error of the sum of gaps reaches a similar size, if hard balls bounce between the walls at 2/(1 - ε) times
+the speed of the walls.
 """
 
 
 class Closing:
-    """Time at which two approaching walls leave no room for the balls between them.
+    """Time at which two approaching walls leave no free length for the balls between them.
 
-    For driven walls the search proceeds only as far as requested.
+    For walls at constant velocity it is computed immediately. For driven walls, `look` searches step by step.
 
     Parameters
     ----------
@@ -288,15 +294,15 @@ class Closing:
     start : float
         Time of the scene in s.
     flattened : bool
-        Whether balls give way, so that no room is left only when the walls themselves meet. Walls that have changed
-        places at the start, because points overlap that much, are not checked.
+        Whether balls can be compressed to zero radius. Then the free length is the distance between the walls, else the
+        sum of the gaps. Walls whose free length is negative at the start are not checked. Defaults to False.
 
     Attributes
     ----------
     after : float
         Time in s from the start until the walls meet. It is inf if they never meet, or not within the time searched.
     horizon : float
-        Time in s at which a run of hard balls must end because there is no room left, inf like `after`.
+        Time in s at which a run of hard balls must end, slightly before the free length is 0. It is inf if `after` is.
     looked : float
         Time in s from the start up to which driven walls are proved not to meet, inf if they never meet.
     """
@@ -313,23 +319,26 @@ class Closing:
         self.horizon = start + (1.0 - CLOSING_MARGIN) * self.after
 
     def _read(self, driven: list[tuple[int, Any, Any]]) -> None:
-        """Store the paths of driven walls and the bounds that the search needs.
+        """Store the paths of driven walls, and the bounds that the search uses.
 
-        The bounds are the largest acceleration, the times of velocity jumps, and the time up to which the walls are
-        too far apart to meet.
+        The bounds are the largest closing acceleration (m/s²), the times of velocity jumps (s from the start), and the
+        time up to which the walls are too far apart to meet. `driven` is the result of `driven_walls`.
         """
         _, walls, panels = zip(*driven, strict=True)
         self.walls, self.panels = plain(np.concatenate(walls)), plain(np.concatenate(panels))
-        self.most = float(sum(wall["stiff"][0] for wall in walls))
+        self.max_acceleration = float(sum(wall["stiff"][0] for wall in walls))
         jumps = np.unique(np.concatenate([rows["left"][rows["jump"] != 0.0] for rows in panels]))
         # in s from the start, rounded up so that the time is certainly not before the jump
         self.jumps = (jumps - self.start) + 2.0**-50 * (abs(self.start) + np.abs(jumps))
         # m(t) - m(t_start) is at most twice the largest |m|
-        apart = self.room - 2.0 * float(sum(wall["extent"][0] for wall in walls))
-        self.looked = 0.0 if apart <= 0.0 else apart / self.speed if self.speed > 0.0 else math.inf
+        min_distance = self.room - 2.0 * float(sum(wall["extent"][0] for wall in walls))
+        self.looked = 0.0 if min_distance <= 0.0 else min_distance / self.speed if self.speed > 0.0 else math.inf
 
     def look(self, time: float) -> float:
-        """Return `horizon` after a search up to `time` in s, in steps that never pass it."""
+        """Search for the meeting of driven walls up to `time` in s, and return `horizon`.
+
+        No step goes beyond the meeting. If `time` is inf, only the start is checked.
+        """
         # without an end time only the start is checked
         until = time - self.start if time < math.inf else 0.0
         while self.looked <= until and self.horizon == math.inf:
@@ -337,25 +346,27 @@ class Closing:
             if gap <= CLOSING_MARGIN * self.room and rate <= 0.0:
                 self.after, self.horizon = self.looked, self.start + self.looked
                 break
-            # safe because of the bound `most`; half of the margin keeps the step positive
-            near = self.looked + time_to_contact(max(0.0, gap - 0.5 * CLOSING_MARGIN * self.room), rate, self.most)
-            later = self.jumps[np.searchsorted(self.jumps, self.looked, side="right") :]  # where the rate changes
-            step = min(near, float(later[:1].min(initial=math.inf)))
+            # no meeting before it, because of the bound on the acceleration; half of the margin keeps the step positive
+            safe_time = self.looked + time_to_contact(
+                max(0.0, gap - 0.5 * CLOSING_MARGIN * self.room), rate, self.max_acceleration)
+            later_jumps = self.jumps[np.searchsorted(self.jumps, self.looked, side="right") :]  # where the rate changes
+            next_time = min(safe_time, float(later_jumps[:1].min(initial=math.inf)))
             # at least one float forward, so that the loop ends
-            self.looked = max(step, math.nextafter(self.looked, math.inf))
+            self.looked = max(next_time, math.nextafter(self.looked, math.inf))
         return self.horizon
 
     def refuse(self, time: float, end: float) -> None:
-        """Raise `ValueError` if the walls of a run to `end` meet by `time`, in s."""
+        """Raise `ValueError` if the walls meet at or before `time` in s.
+
+        `end` is the end time of the run in s, for the message.
+        """
         self.look(time)
         if self.start + self.after <= time and self.after < math.inf:
             raise ValueError(f"`t_end` must be before the walls meet at t = {self.start + self.after:.12g} s, got "
                              f"{None if end == math.inf else end!r}.")
 
     def _at(self, elapsed: float) -> tuple[float, float]:
-        """Return the room between driven walls in m and its rate in m/s.
-
-        The time is `elapsed` s after the start."""
+        """Return the free length between driven walls in m and its rate in m/s, `elapsed` s after the start."""
         gap, rate = self.room - self.speed * elapsed, -self.speed
         for wall in self.walls:
             m, v, _ = moved(wall, self.panels, self.start, elapsed)
