@@ -210,7 +210,7 @@ def flaw(
     # the rounding error of the sum is proportional to the lengths in it
     length_scale = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(lower_wall) + abs(upper_wall)
     return "" if abs(gap_sum - expected_sum) <= MAX_LENGTH_ERROR * length_scale else (
-        f"the gaps add up to {gap_sum:.12g} m instead of {expected_sum:.12g} m")
+        f"gaps add up to {gap_sum:.12g} m instead of {expected_sum:.12g} m")
 
 
 def unending(scene: Scene) -> str:

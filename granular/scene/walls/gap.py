@@ -1,9 +1,10 @@
-"""Gap beside a moving wall between its collisions, for both engines.
+"""Gap between a driven wall and its neighbouring ball between two collisions, for both engines.
 
-The acceleration of the gap is -(pull + m''), where m is directed towards the balls. The constant `pull` is the closing
-acceleration of the pair: g at a floor, -g at a ceiling. Two formulas agree to rounding. On the first panel the gap is
-computed by divided differences, which are exact to the last digits of the smallest bounce. On later panels it is
-computed from the path of the wall.
+The acceleration of the gap is -(pull + m''), where the motion m of the wall is positive towards the balls. The constant
+`pull` is the closing acceleration without this motion: g at a floor, -g at a ceiling.
+
+Two formulas agree to rounding. On the panel of the current time the gap is computed by divided differences, which keep
+all digits even of the smallest bounce. On later panels it is the difference of the positions of ball and wall.
 """
 
 from __future__ import annotations
@@ -13,29 +14,32 @@ from collections import namedtuple
 
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
-from granular.scene.walls.path import panel_at, product, reduced, value
+from granular.scene.walls.path import motion_on_panel, panel_at, product, reduced_time
 
 GAP_NOISE = 4.0 * 2.0**-53
-"""Rounding error of a gap, relative to the terms of its sum."""
-State = namedtuple("State", "time low panel x gap rate pull height drift closing blur")
-"""State of a gap at a reduced `time` + `low`, at the coordinate `x` of `panel`.
+"""Bound of the rounding error of a gap, relative to the sum of the absolute values of its terms."""
+State = namedtuple("State", "time low panel x gap rate pull height drift closing time_error")
+"""State of a gap at one time, from which `flight` computes the gap at later times.
 
-`height` (m) and `drift` (m/s) are height and rate of the ball above the wall at rest. `closing` is pull + m''. `blur`
-is the largest rounding error of the time (s).
+`time` + `low` is the reduced time (s or turns). `panel` is the index of its panel, and `x` its coordinate there.
+`gap` (m), its `rate` (m/s) and `pull` (m/s²) are the arguments of `state`. `height` (m) and `drift` (m/s) are height
+and velocity of the ball above the position of the wall at m = 0. `closing` is pull + m'' (m/s²). `time_error` is a
+bound of the rounding error of the time in s.
 """
 
 
 @rare
 @kernel
 def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float) -> State:
-    """Return the state from which `flight` is computed, at the time t + tail.
+    """Return the state of a gap at the time t + tail (s).
 
-    `gap` is in m. `rate` in m/s includes the motion of the wall.
+    `gap` is in m. Its `rate` in m/s includes the motion of the wall. `pull` is its closing acceleration without this
+    motion, in m/s².
     """
-    y, low = reduced(wall, t, tail)
+    y, low = reduced_time(wall, t, tail)
     k = panel_at(wall, panels, y)
     x = (((y - panels[k].left) - panels[k].half) + low) / panels[k].half
-    m, v, a = value(panels[k], x)
+    m, v, a = motion_on_panel(panels[k], x)
     return State(y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail)))
 
 
@@ -44,9 +48,20 @@ def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate
 def flight(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float
 ) -> tuple[float, float, float, float]:
-    """Return gap (m), rate (m/s), closing acceleration (m/s²) and noise of the gap.
+    """Return a gap (m), its rate (m/s), its closing acceleration (m/s²) and the error of the gap, at a later time.
 
-    They are evaluated a time s after `now`, which must lie on panel k, a number of `turns` later.
+    The error is a bound of the rounding error in m.
+
+    Parameters
+    ----------
+    now : State
+        State at the current time.
+    k : int
+        Index of the panel of the later time.
+    turns : float
+        Number of whole periods between the panels of both times.
+    s : float
+        Later time in s after `now`.
     """
     panel, pull = panels[k], now.pull
     # divided differences do not subtract nearly equal positions of ball and wall
@@ -68,18 +83,18 @@ def flight(
         df = rate - pull * s - panel.per * dx * (2.0 * d2 + dx * d3)
         size = abs(gap) + s * (abs(rate) + 0.5 * (abs(pull) + wall.stiff) * s)
         return f, df, pull + panel.per * panel.per * (2.0 * dd), GAP_NOISE * size
-    m, v, a = value(panel, coordinate(wall, panel, now, turns, s))
-    height, drift, noise = above(wall, now, s)
+    m, v, a = motion_on_panel(panel, coordinate(wall, panel, now, turns, s))
+    height, drift, noise = height_above_wall(wall, now, s)
     return height - m, drift - v, pull + a, noise
 
 
 @rare
 @kernel
-def above(wall: Record, now: State, s: float) -> tuple[float, float, float]:
-    """Return height (m), rate (m/s) and noise of the ball above the wall at rest.
+def height_above_wall(wall: Record, now: State, s: float) -> tuple[float, float, float]:
+    """Return height (m) and velocity (m/s) of the ball at the time s after `now`, and the error of the gap (m).
 
-    They are evaluated a time s after `now`. The noise applies to a gap computed as a difference to the path of the
-    wall.
+    Height and velocity are relative to the position of the wall at m = 0. The error is a bound of the rounding error
+    of the gap, if the gap is computed as the height minus m.
     """
     drift, pull = now.drift, now.pull
     size = abs(now.height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
@@ -88,15 +103,18 @@ def above(wall: Record, now: State, s: float) -> tuple[float, float, float]:
 
 @rare
 @kernel
-def faint(wall: Record, now: State, s: float) -> float:
-    """Return the rounding error of a rate (m/s) a time s after `now`."""
+def rate_error(wall: Record, now: State, s: float) -> float:
+    """Return a bound of the rounding error (m/s) of the rate of a gap at the time s after `now`."""
     return GAP_NOISE * (abs(now.rate) + (abs(now.pull) + wall.stiff) * s)  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
-    """Return the coordinate x on a panel, `turns` later, at a time s after `now`."""
+    """Return the coordinate x on a panel at the time s after `now`, from -1 to 1.
+
+    `turns` is the number of whole periods between the panel of `now` and this panel.
+    """
     p, p_low = s, 0.0
     if wall.periodic:
         # two floats, because whole turns are subtracted from f·s
@@ -106,17 +124,18 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
 
 @rare
 @kernel
-def lasts(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
-    """Return the time after `now` at which panel k, `turns` later, ends."""
+def time_to_panel_end(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
+    """Return the time in s from `now` to the end of panel k, `turns` whole periods later."""
     return ((panels[k].right - now.time) - now.low + turns) / wall.frequency  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def next_panel(wall: Record, k: int, turns: float) -> tuple[int, float]:
-    """Return the panel after k and its turns.
+    """Return the index of the panel after panel k, and its number of periods after the current one.
 
-    The first panel of the next turn follows the last panel."""
+    The last panel is followed by the first panel of the next period.
+    """
     if k + 1 < wall.first + wall.panels:
         return k + 1, turns
     return wall.first, turns + 1.0
@@ -124,8 +143,8 @@ def next_panel(wall: Record, k: int, turns: float) -> tuple[int, float]:
 
 @rare
 @kernel
-def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
-    """Return the panel a time s after `now`, and the number of turns in between."""
+def later_panel(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
+    """Return the index of the panel at the time s after `now`, and the number of whole periods in between."""
     y, turns = now.time + wall.frequency * s, 0.0
     if wall.periodic:
         turns = float(math.floor(y))
@@ -134,29 +153,31 @@ def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[in
 
 @rare
 @kernel
-def hop(wall: Record, panels: Records, now: State, s: float) -> State:
-    """Return the state a time s after `now`, at the start of the next panel.
+def next_panel_state(wall: Record, panels: Records, now: State, s: float) -> State:
+    """Return the state at the start of the next panel.
 
-    Its panel must end at that time. No digits are lost for a bounce that is small compared with the motion of the wall.
+    `s` is the time in s from `now` to the end of its panel. From the new state the gap is again computed by divided
+    differences, so a bounce that is small compared with the motion of the wall loses no digits.
     """
     f, df, _, noise = flight(wall, panels, now, now.panel, 0.0, s)
     # values within their noise have no sign
     f = f if abs(f) > noise else 0.0
-    df = df if abs(df) > faint(wall, now, s) else 0.0
-    if now.gap == 0.0 and now.rate == 0.0 and s <= 4.0 * now.blur:  # a ball that has just lifted off
+    df = df if abs(df) > rate_error(wall, now, s) else 0.0
+    if now.gap == 0.0 and now.rate == 0.0 and s <= 4.0 * now.time_error:  # a ball that has just lifted off
         f = df = 0.0
     k, _ = next_panel(wall, now.panel, 0.0)
-    height, drift, _ = above(wall, now, s)
-    a = now.pull + value(panels[k], -1.0)[2]
-    return State(panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, now.pull, height, drift, a, now.blur)
+    height, drift, _ = height_above_wall(wall, now, s)
+    a = now.pull + motion_on_panel(panels[k], -1.0)[2]
+    return State(panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, now.pull, height, drift, a, now.time_error)
 
 
 @rare
 @kernel
-def short(wall: Record, panels: Records, now: State, s: float) -> bool:
-    """Return whether the gap should be continued from the end of its panel.
+def is_panel_end_near(wall: Record, panels: Records, now: State, s: float) -> bool:
+    """Return whether to continue the computation of a gap from the state at the end of its panel.
 
-    That end must be a short time s ahead, and the path must continue.
+    The path must continue there. The time `s` (s) from `now`, at or after this end, must be at most half of the length
+    of the panel.
     """
     k = now.panel
     return panels[k].per * s <= 1.0 and (wall.periodic == 1 or k + 1 < wall.first + wall.panels)  # type: ignore[no-any-return]
@@ -167,17 +188,17 @@ def short(wall: Record, panels: Records, now: State, s: float) -> bool:
 def after(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, s: float
 ) -> tuple[float, float]:
-    """Return a gap (m) and its rate (m/s) a time s (s) after t + tail.
+    """Return a gap (m) and its rate (m/s) at the time s (s) after t + tail.
 
-    The expressions and the other parameters are the same as in `first_hit`. Rounding can make a closing gap negative,
+    The other parameters are those of `first_hit`, whose formulas are used. Rounding can make a closing gap negative,
     so callers clamp it at 0.
     """
     now = state(wall, panels, t, tail, gap, rate, pull)
-    end = max(0.0, lasts(wall, panels, now, now.panel, 0.0))
+    end = max(0.0, time_to_panel_end(wall, panels, now, now.panel, 0.0))
     # a longer s would lose digits
-    if s > end and short(wall, panels, now, end) and panels[now.panel].per * s <= 4.0:
-        now = hop(wall, panels, now, end)
+    if s > end and is_panel_end_near(wall, panels, now, end) and panels[now.panel].per * s <= 4.0:
+        now = next_panel_state(wall, panels, now, end)
         s -= end
-    k, turns = panel_later(wall, panels, now, s)
+    k, turns = later_panel(wall, panels, now, s)
     f, df, _, _ = flight(wall, panels, now, k, turns, s)
     return f, df

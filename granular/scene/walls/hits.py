@@ -1,14 +1,14 @@
-"""Certified times of the first hit of a moving wall and of the first lift-off.
+"""Certified times at which a driven wall hits a ball, or a resting ball leaves the wall.
 
-All searches step forward from below and never pass the event.
+All searches step forward in time, and no step goes beyond the event. Consider a gap f with the rate f'. While its
+closing acceleration is below M, the gap after a time s is above the parabola f + f's - ½Ms². A step to the root of this
+parabola therefore cannot pass a hit. M is the bound of the current panel, or a narrower bound from the acceleration and
+the bound of its rate. The steps converge quadratically at a hit, and few steps are needed at a near miss. Times at
+which the wall cannot reach the ball are skipped.
 
-While the closing acceleration stays below M, the gap stays above the parabola f + f's - ½Ms². A step to the root of
-this parabola is therefore safe. On each panel, M is the bound of the panel, or a narrower bound from the acceleration
-and the bound of its rate. The steps converge quadratically at a hit and pass a near miss quickly. Times at which the
-wall cannot reach the ball are skipped.
-
-A ball that rests on the wall presses on it while a = pull + m'' > 0 (m towards the balls). The same holds for a pile.
-The ball leaves where a falls to 0, and immediately where a < 0. A jump of the wall velocity towards the ball is a hit.
+A ball rests on the wall while its closing acceleration a = pull + m'' is positive (m towards the balls). The same
+holds for a pile. The ball leaves the wall when a falls to 0, and immediately if a < 0. A jump of the wall velocity
+towards the ball is a hit.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from granular._engine.records import Record, Records
 from granular.scene.walls.gap import (
     GAP_NOISE,
     State,
-    above,
     coordinate,
-    faint,
     flight,
-    hop,
-    lasts,
+    height_above_wall,
+    is_panel_end_near,
+    later_panel,
     next_panel,
-    panel_later,
-    short,
+    next_panel_state,
+    rate_error,
     state,
+    time_to_panel_end,
 )
-from granular.scene.walls.path import pressed
+from granular.scene.walls.path import closing_acceleration
 
 NO_HIT = math.inf
 MAX_PERIODS = 2.0**50
 """Number of periods after which a float no longer resolves the phase of the wall.
 
-A gap that is still open then counts as closed at that time.
+If the search reaches this time without a hit, this time is returned as the hit.
 """
 SHORT_STEP_SHARE = 2.0**-6
-"""Share of the rest of a panel below which a step triggers a refined bound."""
+"""Fraction of the rest of a panel. After a shorter step, the narrower bound of `opens` is tried."""
 
 
 @rare
@@ -49,9 +49,7 @@ SHORT_STEP_SHARE = 2.0**-6
 def first_hit(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, within: float
 ) -> float:
-    """Return the time (s) from now at which a gap closes, or inf.
-
-    The result is inf if the gap does not close within `within` (s).
+    """Return the time in s from now to the first hit of a driven wall, or inf if there is none `within` (s).
 
     Parameters
     ----------
@@ -62,43 +60,45 @@ def first_hit(
     gap : float
         Current gap in m, not negative.
     rate : float
-        Its total rate in m/s, including the motion of the wall.
+        Rate of the gap in m/s, including the motion of the wall.
     pull : float
-        Its constant closing acceleration in m/s²: g at a floor, -g at a ceiling, plus other forces on the ball.
+        Closing acceleration without the motion of the wall, in m/s²: g at a floor, -g at a ceiling, plus the
+        acceleration by other forces on the ball. It is constant.
     within : float
         Length of the search in s, possibly inf. The search also ends with the path of a wall that is not periodic.
 
     Notes
     -----
-    A gap of 0 that closes is hit now. A gap of 0 that opens or rests belongs to the previous hit, which is not found
-    again. `lift_off` returns when a ball at rest leaves the wall. A minimum of the gap is a hit unless it stays above
-    the noise of the gap, 4 2⁻⁵³ of its terms. No hit is missed. A hit is reported once the gap is at most twice the
-    noise.
+    If the gap is 0 and closes, the result is 0. If the gap is 0 and opens, the ball has just been hit, and the next hit
+    is returned. For a ball at rest on the wall the result is inf. `lift_off` returns when this ball leaves the wall.
+
+    No hit is missed. A gap of at most twice its rounding error is a hit if it decreases. A minimum of the gap that does
+    not stay above the rounding error, 4·2⁻⁵³ times its terms, is a hit as well.
     """
-    now, passed = state(wall, panels, t, tail, gap, rate, pull), 0.0
+    now, elapsed = state(wall, panels, t, tail, gap, rate, pull), 0.0
     k, turns, s = now.panel, 0.0, 0.0
     # a ball at rest is not hit; `lift_off` returns when it leaves
     if gap == 0.0 and rate == 0.0 and opens(wall, panels[k], now, 0.0, 0.0) == 0.0:
         return NO_HIT
-    while passed + s <= within:
-        end = lasts(wall, panels, now, k, turns)
+    while elapsed + s <= within:
+        end = time_to_panel_end(wall, panels, now, k, turns)
         s, hit = hit_on_panel(wall, panels, now, k, turns, s, end)
         if hit:
-            return passed + s if passed + s <= within else NO_HIT
+            return elapsed + s if elapsed + s <= within else NO_HIT
         if s == NO_HIT:
             return NO_HIT
         # restart on the next panel while divided differences are precise there
-        if k == now.panel and turns == 0.0 and short(wall, panels, now, s):
+        if k == now.panel and turns == 0.0 and is_panel_end_near(wall, panels, now, s):
             end = max(0.0, end)
-            now = hop(wall, panels, now, end)
-            passed += end
+            now = next_panel_state(wall, panels, now, end)
+            elapsed += end
             s, k = max(0.0, s - end), now.panel
-        s += out_of_reach(wall, now, s)
+        s += time_out_of_reach(wall, now, s)
         if s == NO_HIT:
             return NO_HIT
         if wall.periodic and wall.frequency * s > MAX_PERIODS:
-            return passed + s if passed + s <= within else NO_HIT
-        k, turns = onward(wall, panels, now, k, turns, s)
+            return elapsed + s if elapsed + s <= within else NO_HIT
+        k, turns = panel_from_time(wall, panels, now, k, turns, s)
         if k < 0:
             return NO_HIT
     return NO_HIT
@@ -106,15 +106,16 @@ def first_hit(
 
 @rare
 @kernel
-def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: float) -> tuple[int, float]:
-    """Return the panel for the time s after `now`, and its turns.
+def panel_from_time(wall: Record, panels: Records, now: State, k: int, turns: float, s: float) -> tuple[int, float]:
+    """Return the index of the panel that begins at or contains the time s after `now`, and its periods after `now`.
 
-    That time is on the panel, possibly at its start. The number is -1 if the path ends there. The previous panel was k.
+    `k` and `turns` are index and periods of the panel of the previous step. The index is -1 if the path ends at that
+    time.
     """
-    end = lasts(wall, panels, now, k, turns)
+    end = time_to_panel_end(wall, panels, now, k, turns)
     if s > end:
-        k, turns = panel_later(wall, panels, now, s)
-        end = lasts(wall, panels, now, k, turns)
+        k, turns = later_panel(wall, panels, now, s)
+        end = time_to_panel_end(wall, panels, now, k, turns)
     if s < end:
         return k, turns
     k, later = next_panel(wall, k, turns)
@@ -123,12 +124,13 @@ def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: f
 
 @rare
 @kernel
-def out_of_reach(wall: Record, now: State, s: float) -> float:
-    """Return a time in s for which the ball stays out of reach of the wall.
+def time_out_of_reach(wall: Record, now: State, s: float) -> float:
+    """Return a time in s during which the ball is certainly farther from the wall than the wall can move.
 
-    The interval starts a time s after `now`. The result is `NO_HIT` for all times, and 0 if the ball is within reach.
+    It is counted from the time s after `now`. It is `NO_HIT` (inf) if the ball is never reached, and 0 if the ball is
+    within reach.
     """
-    height, rate, noise = above(wall, now, s)
+    height, rate, noise = height_above_wall(wall, now, s)
     if rate == 0.0 and now.pull == 0.0 and wall.speed == 0.0:
         return NO_HIT
     room = height - wall.reach - noise
@@ -141,25 +143,26 @@ def out_of_reach(wall: Record, now: State, s: float) -> float:
 def hit_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
 ) -> tuple[float, bool]:
-    """Return the time after `now` at which the gap closes on panel k, and True.
+    """Return the time in s after `now` of the hit on panel k and True, or False if there is none.
 
-    Without a hit on panel k it returns False and a time, `end` or later, before which the gap does not close.
+    The search starts at the time s after `now`. With False, the time is `end` (the end of the panel) or later, and
+    there is no hit before it. `turns` is the number of whole periods between the panel of `now` and panel k.
     """
     panel, pull = panels[k], now.pull
     slack = GAP_NOISE * (abs(pull) + wall.stiff)
     while s < end:
         f, df, a, noise = flight(wall, panels, now, k, turns, s)
         # a rate within its rounding error has no sign
-        df = df if abs(df) > faint(wall, now, s) else 0.0
+        df = df if abs(df) > rate_error(wall, now, s) else 0.0
         if f <= 2.0 * noise and df < 0.0:
-            return touch(s, f, df, a), True
-        sure, left = f - noise if f > noise else 0.0, end - s
-        step = stays_open(panel, sure, df, a - slack, pull + panel.most - slack, left)
+            return refined_hit(s, f, df, a), True
+        certain_gap, left = f - noise if f > noise else 0.0, end - s
+        step = safe_step(panel, certain_gap, df, a - slack, pull + panel.most - slack, left)
         if df >= 0.0 and (a <= slack or s == df == 0.0) and step < SHORT_STEP_SHARE * left:
             step = max(step, opens(wall, panel, now, turns, s))
         if step >= left:
-            if wall.periodic and sure > noise:  # no velocity jumps: the bound holds on all panels
-                return max(end, s + time_to_contact(sure, df, pull + wall.stiff)), False
+            if wall.periodic and certain_gap > noise:  # no velocity jumps: the bound holds on all panels
+                return max(end, s + time_to_contact(certain_gap, df, pull + wall.stiff)), False
             return end, False
         # the step is below the resolution of time
         if s + step == s:
@@ -170,34 +173,36 @@ def hit_on_panel(
 
 @rare
 @kernel
-def stays_open(panel: Record, f: float, df: float, a: float, most: float, left: float) -> float:
-    """Return a time during which a gap f of rate df does not close, at most `left`.
+def safe_step(panel: Record, f: float, df: float, a: float, most: float, left: float) -> float:
+    """Return a time in s, at most `left`, during which a gap f (m) of rate df (m/s) certainly does not close.
 
-    `left` is the time to the end of the panel. The closing acceleration is a now and at most `most` on the panel. A
-    bound of it over all of `left` gives a first step. Over four times that step the bound is narrower, and so on.
+    `left` is the time in s to the end of the panel. The closing acceleration is `a` now and at most `most` on the panel
+    (m/s²). Its bound over all of `left` gives a first step. Over four times this step the bound is narrower and gives a
+    longer step, and so on.
     """
     if f == 0.0 and df == 0.0:
         return 0.0
     step = min(left, time_to_contact(f, df, min(most, a + panel.rise * left)))
     while 0.0 < step < left:
-        near = min(left, 4.0 * step)
-        longer = time_to_contact(f, df, min(most, a + panel.rise * near))
-        if longer < near:
-            return max(step, longer)
-        step = near
+        interval = min(left, 4.0 * step)
+        longer_step = time_to_contact(f, df, min(most, a + panel.rise * interval))
+        if longer_step < interval:
+            return max(step, longer_step)
+        step = interval
     return step if step <= 0.0 else left
 
 
 @rare
 @kernel
 def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
-    """Return how long a gap that does not close is pulled open on this panel, else 0.
+    """Return a time in s during which a gap certainly stays open on this panel, as its acceleration opens it.
 
-    The interval starts a time s after `now`. It follows from the acceleration, its rate and the bound of its second
-    rate. In this way a ball leaves after lift-off.
+    The time is counted from the time s after `now`, at which the rate of the gap must not be negative. It is 0 if the
+    acceleration closes the gap. It follows from the acceleration, its rate and the bound of its second derivative. This
+    covers a ball that has just left the wall.
     """
-    a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
-    if a > GAP_NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.blur:
+    a, j = closing_acceleration(panel, now.pull, coordinate(wall, panel, now, turns, s))
+    if a > GAP_NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.time_error:
         return 0.0
     a = min(a, 0.0)
     # root of a + j s/3 + bend s²/12, at which a lower bound of the gap returns to 0
@@ -210,10 +215,11 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
 
 @rare
 @kernel
-def touch(s: float, f: float, df: float, a: float) -> float:
-    """Return the time of a hit from a state whose gap is 0 up to rounding errors.
+def refined_hit(s: float, f: float, df: float, a: float) -> float:
+    """Return the time in s of a hit, from the time `s` at which the gap is 0 up to rounding errors.
 
-    `f`, `df` and `a` are gap, rate and acceleration. If the gap is still positive, one last step is added.
+    `f` (m), `df` (m/s) and `a` (m/s²) are gap, rate and closing acceleration at `s`. If the gap is still positive, the
+    time until it closes is added.
     """
     if f <= 0.0:
         return s
@@ -226,7 +232,7 @@ def touch(s: float, f: float, df: float, a: float) -> float:
 def lift_off(
     wall: Record, panels: Records, t: float, tail: float, pull: float, within: float
 ) -> tuple[float, float]:
-    """Return the time (s) at which a ball at rest leaves a wall, and the rate then.
+    """Return the time in s from now at which a resting ball leaves a driven wall, and the rate of the gap (m/s).
 
     Parameters
     ----------
@@ -242,23 +248,23 @@ def lift_off(
     Returns
     -------
     s, rate : float
-        Time in s from now, and rate of the gap in m/s at that time. They are inf and 0 if the ball stays on the wall.
-        A rate of 0 means that pull + m'' falls to 0 (s is 0 if it is already below 0). A positive rate means that the
-        velocity of the wall jumps away from the ball. A negative rate means that it jumps against the ball, a hit.
+        Time in s from now, and rate of the gap in m/s just after it. They are inf and 0 if the ball stays on the wall.
+        If the rate is 0, pull + m'' falls to 0 (s is 0 if it is already negative). If the rate is positive, the
+        velocity of the wall jumps away from the ball. If it is negative, the velocity jumps towards the ball: a hit.
 
     Notes
     -----
-    Values of pull + m'' below 0 by no more than rounding, 4 2⁻⁵³ (|pull| + max |m''|), do not lift a ball.
+    A ball stays on the wall while pull + m'' is negative only by rounding, at most 4·2⁻⁵³ (|pull| + max |m''|).
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
     k, turns, s = now.panel, 0.0, 0.0
     # a full turn and the rest of the first panel
     for _ in range(wall.panels + 1):
-        end = lasts(wall, panels, now, k, turns)
+        end = time_to_panel_end(wall, panels, now, k, turns)
         if pull + panels[k].least < 0.0:
-            found = falls_on_panel(wall, panels, now, k, turns, s, end)
-            if found < NO_HIT:
-                return (found, 0.0) if found <= within else (NO_HIT, 0.0)
+            time = lift_off_on_panel(wall, panels, now, k, turns, s, end)
+            if time < NO_HIT:
+                return (time, 0.0) if time <= within else (NO_HIT, 0.0)
         s = max(s, end)
         k, turns = next_panel(wall, k, turns)
         if s > within or (turns > 0.0 and wall.periodic == 0):
@@ -270,17 +276,17 @@ def lift_off(
 
 @rare
 @kernel
-def falls_on_panel(
+def lift_off_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
 ) -> float:
-    """Return the time at which pull + m'' falls below 0 on panel k, or inf.
+    """Return the time in s after `now` at which pull + m'' falls below 0 on panel k, or inf if it does not.
 
-    The time is counted from `now`, and the search ends at `end`. It steps from below: a bound of the second rate keeps
-    pull + m'' above a parabola.
+    The search goes from the time s to the time `end`, both after `now`. No step goes beyond the event, because the
+    bound of the second derivative keeps pull + m'' above a parabola.
     """
     panel, noise = panels[k], GAP_NOISE * (abs(now.pull) + wall.stiff)
     while s < end:
-        a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
+        a, j = closing_acceleration(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
             return s
         # certain to fall: even if its second rate is `bend`, the minimum a - j²/(2 bend) is below -noise. The event
@@ -299,21 +305,20 @@ def falls_on_panel(
 def pressing_bounds(
     wall: Record, panels: Records, t: float, tail: float, pull: float, span: float
 ) -> tuple[float, float]:
-    """Return certain lower and upper bounds of pull + m'' (m/s²) during `span` (s).
+    """Return certain lower and upper bounds of the closing acceleration pull + m'' (m/s²) during `span` (s).
 
-    The interval starts now, at t + tail. A bouncing ball can be set to rest on the wall if the lower bound is above 0
-    until the end of its bounces. The flank of an isolated contact is at most as convex as max(0, -lower). A path that
-    has ended is continued by its last panel. Bounds for a short time are as narrow as the change of acceleration in
-    it.
+    The interval starts at t + tail. If the lower bound is positive until the end of the bounces of a ball, the ball can
+    be set to rest on the wall. The second derivative of a gap at the wall is at most -lower. The last panel of a path
+    is used for all later times. For a short interval, the bounds are as narrow as the change of the acceleration.
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
     least, most = NO_HIT, -NO_HIT
     k, turns, s = now.panel, 0.0, 0.0
     # a full turn and the rest of the first panel
     for _ in range(wall.panels + 1):
-        end = lasts(wall, panels, now, k, turns)
+        end = time_to_panel_end(wall, panels, now, k, turns)
         last = end >= span or (wall.periodic == 0 and k + 1 == wall.first + wall.panels)
-        low, high = bounds(wall, panels[k], now, turns, s, span if last else end)
+        low, high = pressing_bounds_on_panel(wall, panels[k], now, turns, s, span if last else end)
         least, most = min(least, low), max(most, high)
         if last:
             return least, most
@@ -324,31 +329,31 @@ def pressing_bounds(
 
 @rare
 @kernel
-def bounds(
+def pressing_bounds_on_panel(
     wall: Record, panel: Record, now: State, turns: float, s: float, until: float
 ) -> tuple[float, float]:
-    """Return bounds of pull + m'' on a panel between two times after `now`.
+    """Return certain bounds of pull + m'' (m/s²) on a panel, between the times `s` and `until` (s) after `now`.
 
-    They are the bounds of the panel, or narrower ones from the values at both times and the bounds of the rate.
+    They are the bounds of the panel, or narrower bounds from the values at both times and the bounds of the rate.
     """
     pull, length = now.pull, max(0.0, until - s)
     noise = GAP_NOISE * (abs(pull) + wall.stiff)
-    a, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s))
-    b, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s + length))
-    low = lowest(a, b, panel.rise, -panel.fall, length)
-    high = -lowest(-a, -b, -panel.fall, panel.rise, length)
+    a, _ = closing_acceleration(panel, pull, coordinate(wall, panel, now, turns, s))
+    b, _ = closing_acceleration(panel, pull, coordinate(wall, panel, now, turns, s + length))
+    low = lower_bound(a, b, panel.rise, -panel.fall, length)
+    high = -lower_bound(-a, -b, -panel.fall, panel.rise, length)
     return max(low, pull + panel.least) - noise, min(high, pull + panel.most) + noise
 
 
 @rare
 @kernel
-def lowest(a: float, b: float, rise: float, fall: float, length: float) -> float:
-    """Return a lower bound of functions that change from a to b in `length`.
+def lower_bound(a: float, b: float, rise: float, fall: float, length: float) -> float:
+    """Return a lower bound of a function that changes from a to b over the interval `length`.
 
-    Their rates of increase and decrease are at most `rise` and `fall`, both not negative.
+    Its derivative is between -fall and rise, where both are not negative.
     """
     if rise + fall == 0.0:
         return min(a, b)
     # time for which the steepest path falls before it has to rise to b
-    down = min(max((a - b + rise * length) / (rise + fall), 0.0), length)
-    return a - fall * down
+    falling_time = min(max((a - b + rise * length) / (rise + fall), 0.0), length)
+    return a - fall * falling_time

@@ -1,7 +1,11 @@
-"""Position, velocity and acceleration of a wall at a time in two floats, t + tail.
+"""Position, velocity and acceleration of a driven wall at the time t + tail.
 
-The phase of a sine is kept as the fraction of f·t in two floats, so late times cost no digits. Panels contain, and most
-kernels return, ``side·m``: the motion towards the balls, for floor and ceiling.
+A time is the sum of two floats in s, so no digits are lost at late times. The path of the wall consists of panels:
+intervals of time with one polynomial each. Edges of panels are *reduced times*: times in s, or for a periodic wall
+turns, the fraction of the period from 0 to 1.
+
+Panels contain, and most kernels return, ``side·m``: the motion m of the wall in the direction of the balls. `side` is 1
+for a floor and -1 for a ceiling.
 """
 
 from __future__ import annotations
@@ -19,39 +23,40 @@ if TYPE_CHECKING:
 # 2²⁷ + 1, which splits a float into two halves of at most 26 bits (Veltkamp)
 SPLIT_FACTOR = 134217729.0
 EDGE_TOLERANCE = 2.0**-96
-"""Relative distance to an edge below which a time counts as on the edge.
+"""Distance to an edge, relative to the time, below which a time is considered to be on the edge.
 
-Two floats do not resolve smaller distances.
+The sum of two floats does not resolve smaller distances.
 """
 PERIODIC_EDGE_TOLERANCE = 2.0**-46
-"""Distance to an edge in turns below which a time counts as on the edge.
+"""Distance to an edge in turns below which the time of a periodic wall is considered to be on the edge.
 
-This is accurate enough because the path of a periodic wall has no corners.
+This is accurate enough, because the velocity of a periodic wall is continuous.
 """
 MAX_TERMS = 20
-"""Maximum number of coefficients per panel."""
+"""Maximum number of coefficients of the polynomial of a panel."""
 PANEL_DTYPE = np.dtype(
     [
         ("left", float), ("right", float), ("centre", float), ("half", float),  # edges, middle, half width: s or turns
-        ("per", float),  # dx/dt, 1/s
-        ("jump", float),  # m/s by which the velocity jumps at the left edge
-        ("most", float), ("least", float),  # bounds of the acceleration, m/s²
-        ("rise", float), ("fall", float),  # bounds of its rate, m/s³: ≥ 0, ≤ 0
-        ("bend", float), ("bow", float),  # bounds of its second rate, and of minus that, m/s⁴: ≥ 0
-        ("degree", int), ("series", float, (MAX_TERMS,)),  # m
+        ("per", float),  # dx/dt in 1/s, where x from -1 to 1 is the coordinate on the panel
+        ("jump", float),  # jump of the velocity of side·m at the left edge, m/s
+        ("most", float), ("least", float),  # upper and lower bound of the acceleration a of side·m, m/s²
+        ("rise", float), ("fall", float),  # upper bound ≥ 0 and lower bound ≤ 0 of da/dt, m/s³
+        ("bend", float), ("bow", float),  # upper bounds ≥ 0 of d²a/dt² and of -d²a/dt², m/s⁴
+        ("degree", int), ("series", float, (MAX_TERMS,)),  # side·m = Σ series[j] x^j, m
     ],
     align=True,
 )
 WALL_DTYPE = np.dtype(
     [
-        ("side", float),  # 1 a floor, -1 a ceiling; panels hold side·m, so towards the balls is up
-        ("first", int), ("panels", int), ("density", float),  # panels per s or turn, on average
-        ("periodic", int),  # then its velocity is continuous too
-        ("frequency", float), ("turn", float), ("turn_low", float),  # turns per s (1 if not periodic); at t = 0
-        ("start", float), ("velocity", float), ("begin", float), ("origin", float),  # m, m/s, s; side·m at the start
+        ("side", float),  # 1 for a floor, -1 for a ceiling
+        ("first", int), ("panels", int), ("density", float),  # first panel, number of panels, mean number per s or turn
+        ("periodic", int),  # 1 for a periodic motion, whose velocity is continuous
+        ("frequency", float), ("turn", float), ("turn_low", float),  # turns per s (1 if not periodic); turns at t = 0
+        ("start", float), ("velocity", float), ("begin", float),  # position (m) at the time `begin` (s); constant m/s
+        ("origin", float),  # side·m at the time `begin`, m
         ("reach", float), ("extent", float), ("speed", float), ("stiff", float),  # bounds of side·m, |m|, |m'|, |m''|
-        ("error", float),  # m, how far the panels may be from m
-        ("about", float), ("about_tail", float), ("holds", float),  # s: of when and for how long an `expansion` is
+        ("error", float),  # maximum deviation of the panels from m, m
+        ("about", float), ("about_tail", float), ("holds", float),  # time and validity of a stored `expansion`, s
     ],
     align=True,
 )
@@ -60,7 +65,7 @@ WALL_DTYPE = np.dtype(
 @rare
 @kernel
 def product(a: float, b: float) -> tuple[float, float]:
-    """Return a·b in two floats (Dekker)."""
+    """Return a·b exactly, as the sum of two floats (Dekker)."""
     p, c, d = a * b, SPLIT_FACTOR * a, SPLIT_FACTOR * b
     ah, bh = c - (c - a), d - (d - b)
     al, bl = a - ah, b - bh
@@ -70,7 +75,7 @@ def product(a: float, b: float) -> tuple[float, float]:
 @rare
 @kernel
 def total(a: float, b: float) -> tuple[float, float]:
-    """Return a + b in two floats (Knuth)."""
+    """Return a + b exactly, as the sum of two floats (Knuth)."""
     s = a + b
     c = s - a
     return s, (a - (s - c)) + (b - c)
@@ -78,10 +83,10 @@ def total(a: float, b: float) -> tuple[float, float]:
 
 @rare
 @kernel
-def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
-    """Return the reduced time of t + tail in two floats.
+def reduced_time(wall: Record, t: float, tail: float) -> tuple[float, float]:
+    """Return the reduced time of t + tail as the sum of two floats.
 
-    For a periodic wall it is the fraction f·t + phase of its turn, from 0 to 1.
+    For a periodic wall it is the fractional part of f·(t + tail) + phase in turns, else the time itself in s.
     """
     if wall.periodic == 0:
         return total(t, tail)
@@ -96,7 +101,10 @@ def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
 @rare
 @kernel
 def panel_at(wall: Record, panels: Records, y: float) -> int:
-    """Return the panel of the reduced time y; at an edge, the later panel."""
+    """Return the index of the panel that contains the reduced time y.
+
+    At an edge it is the later panel. Before and after the path it is the first and the last panel.
+    """
     low, high = wall.first, wall.first + wall.panels - 1
     # correct for panels of equal length, else replaced by bisection
     guess = low + int(min(max((y - panels[low].left) * wall.density, 0.0), wall.panels - 1.0))
@@ -113,8 +121,8 @@ def panel_at(wall: Record, panels: Records, y: float) -> int:
 
 @rare
 @kernel
-def value(panel: Record, x: float) -> tuple[float, float, float]:
-    """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at x on a panel."""
+def motion_on_panel(panel: Record, x: float) -> tuple[float, float, float]:
+    """Return side·m (m), its velocity (m/s) and its acceleration (m/s²) at x on a panel, from -1 to 1."""
     v = d = dd = 0.0
     for j in range(panel.degree, -1, -1):
         dd = dd * x + d
@@ -125,8 +133,18 @@ def value(panel: Record, x: float) -> tuple[float, float, float]:
 
 @rare
 @kernel
-def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
-    """Return pull + m'' (m/s²) at x on a panel, and its rate (m/s³)."""
+def closing_acceleration(panel: Record, pull: float, x: float) -> tuple[float, float]:
+    """Return the closing acceleration pull + m'' (m/s²) of the gap at a wall, and its rate (m/s³).
+
+    Parameters
+    ----------
+    panel : record
+        Panel of the motion m towards the balls.
+    pull : float
+        Closing acceleration without the motion, in m/s²: g at a floor.
+    x : float
+        Coordinate on the panel, from -1 to 1.
+    """
     v = d = dd = ddd = 0.0
     for j in range(panel.degree, -1, -1):
         ddd = ddd * x + dd
@@ -140,18 +158,18 @@ def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
 @rare
 @kernel
 def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
-    """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at t + tail."""
-    y, low = reduced(wall, t, tail)
+    """Return side·m (m), its velocity (m/s) and its acceleration (m/s²) at the time t + tail (s)."""
+    y, low = reduced_time(wall, t, tail)
     panel = panels[panel_at(wall, panels, y)]
-    return value(panel, (((y - panel.left) - panel.half) + low) / panel.half)
+    return motion_on_panel(panel, (((y - panel.left) - panel.half) + low) / panel.half)
 
 
 @rare
 @kernel
 def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
-    """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall.
+    """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall at the time t + tail (s).
 
-    The time is t + tail (s).
+    Upwards is positive, also for a ceiling.
     """
     m, v, a = moved(wall, panels, t, tail)
     x = wall.start + wall.velocity * ((t - wall.begin) + tail) + wall.side * (m - wall.origin)
@@ -161,10 +179,10 @@ def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float
 @rare
 @kernel
 def phase(wall: Record, t: float, tail: float) -> float:
-    """Return the phase of a periodic wall at t + tail, in turns from 0 to 1, else nan."""
+    """Return the phase of a periodic wall at t + tail in turns, from 0 to 1; nan for other walls."""
     if wall.periodic == 0:
         return math.nan
-    y, low = reduced(wall, t, tail)
+    y, low = reduced_time(wall, t, tail)
     y += low
     return y - math.floor(y)
 
@@ -172,13 +190,13 @@ def phase(wall: Record, t: float, tail: float) -> float:
 @rare
 @kernel
 def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
-    """Return the panel that continues the path from the time t + tail.
+    """Return the index of the panel that contains the path just after the time t + tail.
 
-    At an edge, to rounding, it is the later panel.
+    A time within rounding error of an edge is considered to be on the edge. The result is then the later panel.
     """
-    y, low = reduced(wall, t, tail)
+    y, low = reduced_time(wall, t, tail)
     k = panel_at(wall, panels, y)
-    if (panels[k].right - y) - low > near(wall, t, tail, panels[k].right):
+    if (panels[k].right - y) - low > edge_tolerance(wall, t, tail, panels[k].right):
         return k
     if k + 1 < wall.first + wall.panels:
         return k + 1
@@ -186,49 +204,49 @@ def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
 
 
 @kernel
-def near(wall: Record, t: float, tail: float, edge: float) -> float:
-    """Return the distance in s or turns below which t + tail is at an `edge`."""
+def edge_tolerance(wall: Record, t: float, tail: float, edge: float) -> float:
+    """Return the tolerance (s or turns) within which t + tail is considered to be on an `edge`."""
     return PERIODIC_EDGE_TOLERANCE if wall.periodic else EDGE_TOLERANCE * (abs(t) + abs(tail) + abs(edge))
 
 
 @kernel
 def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
-    """Return the time in s from t + tail to the nearest edge, if it is only rounding.
+    """Return the signed time in s from t + tail to an edge that differs from it only by rounding.
 
-    The result is 0 if the edge is farther away than the rounding of a float, or if the path is periodic.
+    The result is 0 if the nearest edge is farther away than the rounding error of a float, or if the path is periodic.
     """
     if wall.periodic:
         return 0.0
-    y, low = reduced(wall, t, tail)
+    y, low = reduced_time(wall, t, tail)
     panel = panels[panel_at(wall, panels, y)]
-    before, after = (panel.left - y) - low, (panel.right - y) - low
-    nearest = before if abs(before) < abs(after) else after
-    return nearest if abs(nearest) <= 2.0**-48 * (abs(t) + abs(panel.left) + abs(panel.right)) else 0.0
+    to_left, to_right = (panel.left - y) - low, (panel.right - y) - low
+    to_nearest = to_left if abs(to_left) < abs(to_right) else to_right
+    return to_nearest if abs(to_nearest) <= 2.0**-48 * (abs(t) + abs(panel.left) + abs(panel.right)) else 0.0
 
 
 @kernel
 def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float]:
-    """Return the jump of the velocity of side·m (m/s) at t + tail, in two versions.
+    """Return the jump of the velocity of side·m (m/s) at t + tail, without and with rounding errors.
 
-    The first version omits jumps by rounding of the path. The second includes them. Both are 0 away from an edge and
-    for periodic paths.
+    The first value is 0 if the velocities of both panels differ only by rounding. The second value is their computed
+    difference. Both values are 0 away from an edge and for periodic paths.
     """
-    y, low = reduced(wall, t, tail)
+    y, low = reduced_time(wall, t, tail)
     k = panel_from(wall, panels, t, tail)
     if wall.periodic or k == wall.first or not (
-            abs((y - panels[k].left) + low) <= near(wall, t, tail, panels[k].left)):
+            abs((y - panels[k].left) + low) <= edge_tolerance(wall, t, tail, panels[k].left)):
         return 0.0, 0.0
-    return panels[k].jump, value(panels[k], -1.0)[1] - value(panels[k - 1], 1.0)[1]
+    return panels[k].jump, motion_on_panel(panels[k], -1.0)[1] - motion_on_panel(panels[k - 1], 1.0)[1]
 
 
 @kernel
 def expansion(wall: Record, panels: Records, t: float, tail: float, series: list[float]) -> float:
-    """Fill `series` with the power series of side·m (m) in the time s after t + tail.
+    """Expand side·m (m) in powers of the time s after t + tail, and return how long the series holds.
 
-    `series` has 20 entries. The return value is the time in s up to which the series holds: the end of the panel, or
-    inf on the last panel of a path that is not periodic.
+    The coefficients are written to `series`, which has `MAX_TERMS` entries. The return value is the time in s from
+    t + tail to the end of the panel. It is inf on the last panel of a path that is not periodic.
     """
-    y, low = reduced(wall, t, tail)
+    y, low = reduced_time(wall, t, tail)
     k = panel_from(wall, panels, t, tail)
     panel = panels[k]
     if wall.periodic and y > panel.right:  # at the end of a turn
