@@ -1,7 +1,7 @@
 """One-dimensional collisions of balls as hard and as soft spheres, compared.
 
-Main line: `scene/`, `laws/`, `run/`, `_engine/`, `edmd/`, `md/`, `comparison/`.
-A first reader may skip: `app/`, `cases/`, `studies/`.
+Start with: `scene/`, `laws/`, `run/`, `_engine/`, `edmd/`, `md/`, `comparison/`.
+Support modules: `app/`, `cases/`, `studies/`.
 """
 
 from typing import TYPE_CHECKING

@@ -2,7 +2,7 @@
 
 Modules of this folder do not depend on scenes, laws or engines.
 
-Main line: `flight`.
-A first reader may skip: `check`, `compiler_state`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`,
+Start with: `flight`.
+Support modules: `check`, `compiler_state`, `describe`, `files`, `kernels`, `numba_pipeline`, `package`,
 `progress`, `records`, `reports`, `roots`, `signature`.
 """

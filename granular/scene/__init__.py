@@ -2,8 +2,8 @@
 
 Both engines read the same `Scene`.
 
-Main line: `state`.
-A first reader may skip: `given`, `pair`, `places`, `walls/`.
+Start with: `state`.
+Support modules: `given`, `pair`, `places`, `walls/`.
 """
 
 from granular.scene.pair import Pair, Pairs, checked_pair

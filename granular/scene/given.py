@@ -13,7 +13,7 @@ from granular._engine import check
 def checked_bodies(
     mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, ring: bool
 ) -> dict[str, Any]:
-    """Return checked masses, radii, gaps, velocities and `ring` as {field of `Scene`: value}."""
+    """Return checked masses, radii, gaps, velocities and `ring`, as fields by name."""
     m = check.array("mass", mass)
     n = len(m)
     if n < 2:
@@ -40,7 +40,7 @@ def checked_bodies(
 def checked_positions(
     mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None
 ) -> tuple[check.Array, ...]:
-    """Return checked masses (kg), radii (m) and positions (m), and the gaps (m) between the bodies.
+    """Return checked masses (kg), radii (m) and positions (m), and the gaps (m).
 
     A ring has the circumference `length` (m). Its last gap lies between the last ball and ball 0. Without a ring
     `length` is None.
@@ -72,9 +72,9 @@ def checked_forces(value: ArrayLike | None, walls: Any) -> check.Array | None:
 
 
 def checked_rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> check.Array | None:
-    """Return the checked gaps of `n` pendula and walls at rest in m, shape (n-1,), or None without pendula.
+    """Return the checked gaps of pendula at rest in m, shape (n-1,).
 
-    They default to 0. `ValueError` is raised if they are given without pendula (`pendulum` = 0).
+    They default to 0. Without pendula (`pendulum` = 0) the result is None, and other values raise `ValueError`.
     """
     if pendulum == 0.0:
         if value is None:

@@ -15,7 +15,7 @@ from granular._engine.check import Array, face, misuse, number
 @face
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two neighbouring bodies, between which a force law or a rule of restitution acts.
+    """Two neighbouring bodies between which a force law or collision rule acts.
 
     Pair ``index`` joins bodies ``index`` and ``index + 1``. On a ring the last pair joins the last ball and ball 0.
     The two bodies remain neighbours during the whole run.
@@ -116,7 +116,7 @@ class Pairs(Sequence[Pair]):
         return self._label(index) or f"{index}–{index + 1}"
 
     def _label(self, index: int) -> str:
-        """Return the name of a pair if one of its bodies is named by `ends`, else an empty string."""
+        """Return the name of a pair at a named end (see `ends`), else an empty string."""
         below = self.ends[0] if index == self.start else ""
         above = self.ends[1] if index == self.start + len(self.m_eff) - 1 else ""
         return f"{below or index}–{above or index + 1}" if below or above else ""
@@ -139,8 +139,8 @@ def checked_pair(pair: Any) -> Pair:
 
 
 def body_name(scene: Any, body: int) -> str:
-    """Return the name of a body in messages: its number, or "floor" or "ceiling" for a wall.
+    """Return the name of a body in messages: its number, or "floor" or "ceiling".
 
-    Without gravity a wall is named "wall".
+    Without gravity the name of a wall is "wall".
     """
     return str(body) if not scene.is_wall[body] else "wall" if not scene.gravity else "ceiling" if body else "floor"

@@ -1,7 +1,7 @@
-"""Positions and velocities from gaps and their rates, checks of states, and walls of a run.
+"""Positions and velocities from gaps and their rates, and preparation of walls.
 
-Engines store gaps and their rates. This module computes positions, velocities and the speed scale of a scene, checks
-states, prepares driven walls for a run, and predicts when approaching walls meet.
+Engines store gaps and their rates. This module computes positions, velocities and the speed scale of a scene. It also
+checks states, prepares driven walls for a run, and predicts when approaching walls meet.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from granular._engine.check import Array
 from granular._engine.flight import time_to_contact
 from granular._engine.records import SMALL_RECORD_COUNT, plain
 from granular.scene.state import Scene, cumulative_sums
-from granular.scene.walls.motion import fastest, fitted as fitted_motion
+from granular.scene.walls.motion import fastest, fitted_motion
 from granular.scene.walls.path import moved
 
 
@@ -48,7 +48,7 @@ def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> A
 
 
 def points(scene: Scene, gap: Array, position: Array) -> Array:
-    """Compute positions of all bodies as if all radii were 0, so that touching balls coincide.
+    """Compute positions as if all radii were 0, so that touching balls coincide.
 
     Parameters
     ----------
@@ -109,10 +109,10 @@ def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return an upper bound of the approach speed of the first contact of any pair in m/s.
+    """Return an upper bound of the approach speed at the first contact in m/s.
 
     It is the sum of the largest difference of the current velocities, the speed after a fall through all gaps, and the
-    largest speeds that driven and thermal walls add. Pendula add Ω times the largest difference of their displacements.
+    largest speeds of driven and thermal walls. Pendula add Ω times the largest difference of their displacements.
     """
     v = scene.velocity if isinstance(scene, Scene) else checked(scene).velocity
     # overlaps add no height of fall
@@ -127,9 +127,10 @@ def speed_scale(scene: Scene) -> float:
 
 
 def in_order(scene: Scene) -> Scene:
-    """Return `scene`, or raise `ValueError` if a pair overlaps by more than the sum of its radii.
+    """Return `scene` if no pair overlaps by more than the sum of its radii.
 
-    The centres of such a pair would be in the wrong order. Pairs of point particles are not checked.
+    The centres of such a pair would be in the wrong order, and `ValueError` is raised. Pairs of point particles are not
+    checked.
     """
     reach = sum(checked(scene).sides(scene.radius))
     check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
@@ -164,10 +165,9 @@ def checked(scene: Any) -> Scene:
 
 
 MAX_LENGTH_ERROR = 2.0**-26
-"""Maximum accepted error of the sum of all gaps between two walls or on a ring, relative to its terms.
+"""Maximum accepted error of the sum of gaps, relative to its terms; see `flaw`.
 
-It corresponds to half of the digits of a float. Rounding errors are much smaller, errors of an invalid state much
-larger.
+It corresponds to half of the digits of a float. Rounding errors are much smaller, errors of invalid states much larger.
 """
 
 
@@ -214,7 +214,7 @@ def flaw(
 
 
 def unending(scene: Scene) -> str:
-    """Return the reason why the contacts of elastic balls never end, or "" without a proof.
+    """Return the reason why contacts of elastic balls never end, or "" if unproved.
 
     The walls must have constant velocities. There are two cases. A ball that accelerates towards the wall next to it
     returns to the wall after every contact. Between two walls of the same velocity and without forces, the kinetic
@@ -234,7 +234,7 @@ def unending(scene: Scene) -> str:
 
 
 def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
-    """Return `scene` with the `Motion` of each wall replaced by polynomials (`Panels`).
+    """Return `scene` with each wall `Motion` replaced by polynomials (`Panels`).
 
     The polynomials cover a run from `t_start` to `t_end` (s). Other motions are kept. `ValueError` is raised if the
     path of a wall does not cover this interval, or if its polynomials do not converge.
@@ -275,15 +275,14 @@ def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tu
 
 
 CLOSING_MARGIN = 2.0**-30
-"""Fraction of the initial free length at which two approaching walls are considered to meet.
+"""Fraction of the initial free length at which two approaching walls meet.
 
-The rounding error of the sum of gaps reaches a similar size, if hard balls bounce between the walls at 2/(1 - ε) times
-the speed of the walls.
+The rounding error of the sum of gaps is similar, if hard balls bounce between the walls at 2/(1 - ε) times their speed.
 """
 
 
 class Closing:
-    """Time at which two approaching walls leave no free length for the balls between them.
+    """Time at which two approaching walls meet, with no free length between them.
 
     For walls at constant velocity it is computed immediately. For driven walls, `look` searches step by step.
 
@@ -321,8 +320,8 @@ class Closing:
     def _read(self, driven: list[tuple[int, Any, Any]]) -> None:
         """Store the paths of driven walls, and the bounds that the search uses.
 
-        The bounds are the largest closing acceleration (m/s²), the times of velocity jumps (s from the start), and the
-        time up to which the walls are too far apart to meet. `driven` is the result of `driven_walls`.
+        The bounds are the largest closing acceleration (m/s²) and the times of velocity jumps (s from the start). The
+        search begins when the walls could meet. `driven` is the result of `driven_walls`.
         """
         _, walls, panels = zip(*driven, strict=True)
         self.walls, self.panels = plain(np.concatenate(walls)), plain(np.concatenate(panels))
@@ -366,7 +365,7 @@ class Closing:
                              f"{None if end == math.inf else end!r}.")
 
     def _at(self, elapsed: float) -> tuple[float, float]:
-        """Return the free length between driven walls in m and its rate in m/s, `elapsed` s after the start."""
+        """Return the free length (m) and its rate (m/s), `elapsed` s after the start."""
         gap, rate = self.room - self.speed * elapsed, -self.speed
         for wall in self.walls:
             m, v, _ = moved(wall, self.panels, self.start, elapsed)

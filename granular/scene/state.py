@@ -1,4 +1,4 @@
-"""Initial state of a simulation: the class `Scene`, which stores gaps instead of positions."""
+"""The class `Scene`: initial state of a simulation, with gaps instead of positions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular.scene.given import check_exclusive, checked_bodies, checked_forces, checked_positions, checked_rest_gaps
 from granular.scene.pair import Pairs, body_name
-from granular.scene.walls.motion import checked, moved
+from granular.scene.walls.motion import checked_motion, displacement_since
 from granular.scene.walls.thermal import Thermal
 
 
@@ -93,8 +93,8 @@ class Scene(ByNumbers):
         self.__dict__.update(
             gravity=check.number("gravity", gravity, at_least=0.0, fix="Its direction, downwards, is built in."),
             origin=check.number("origin", origin), external_force=checked_forces(external_force, walls),
-            floor=checked("floor", floor, bool(walls[0])),
-            ceiling=checked("ceiling", ceiling, bool(walls[-1])),
+            floor=checked_motion("floor", floor, bool(walls[0])),
+            ceiling=checked_motion("ceiling", ceiling, bool(walls[-1])),
             pendulum=check.number("pendulum", pendulum, at_least=0.0),
         )
         self.__dict__["rest_gap"] = checked_rest_gaps(rest_gap, self.pendulum, len(walls))
@@ -166,7 +166,7 @@ class Scene(ByNumbers):
         return pair, (pair + 1) % self.n
 
     def sides(self, of_bodies: Any) -> tuple[Any, Any]:
-        """Return a quantity of the bodies for the lower and for the upper body of every pair.
+        """Return the values of the lower and of the upper body of every pair.
 
         Parameters
         ----------
@@ -181,16 +181,16 @@ class Scene(ByNumbers):
         return (of_bodies, np.roll(of_bodies, -1, axis=-1)) if self.ring else (of_bodies[..., :-1], of_bodies[..., 1:])
 
     def across(self, of_bodies: Array) -> Array:
-        """Return the difference of a quantity of the bodies, upper minus lower body, for every pair.
+        """Return the differences of values, upper minus lower body of every pair.
 
-        The argument has the shape (…, n), the result the shape of the gaps. Velocities give the rates of the gaps.
+        `of_bodies` has one value per body, shape (…, n). Velocities give the rates of the gaps.
         """
         lower, upper = self.sides(of_bodies)
         return np.asarray(upper - lower)
 
     @property
     def neighbours(self) -> tuple[Any, Any]:
-        """Numbers of the lower and of the upper pair at every ball that belongs to two pairs.
+        """Numbers of the lower and the upper pair of every ball that has two pairs.
 
         Two int arrays. On a ring of two balls, pairs 0 and 1 share both balls and occur twice, as (0, 1) and (1, 0).
         """
@@ -236,7 +236,7 @@ class Scene(ByNumbers):
 
     @cached_property
     def _flags(self) -> dict[str, bool]:
-        """Kernel flags that are true for the scene, as {name: True}; see `granular._engine.kernels`."""
+        """Flags of `granular._engine.kernels` that are true here, as {name: True}."""
         worked = self.driven or self.heated
         flags = {"DRIVEN": self.driven, "HEATED": self.heated, "WORKED": worked, "HUNG": self.pendulum > 0.0,
                  "FORCED": worked or self.external_force is not None, "RING": self.ring}
@@ -252,7 +252,7 @@ class Scene(ByNumbers):
 
     @cached_property
     def worked(self) -> bool:
-        """Whether a wall moves, at constant velocity or driven, and thus does work on the balls."""
+        """Whether a wall moves, also at constant velocity, and thus does work."""
         return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
 
     @cached_property
@@ -325,7 +325,7 @@ class Scene(ByNumbers):
         return out
 
     def anchor(self, elapsed: Any, start: float = 0.0) -> Any:
-        """Return the position of the anchor in m, from which all other positions are computed.
+        """Return the position in m of the anchor, from which positions are measured.
 
         The anchor is the first wall. Without a wall it is the centre of mass, whose motion does not depend on contacts.
 
@@ -365,21 +365,21 @@ class Scene(ByNumbers):
 
     @property
     def displacement(self) -> Array:
-        """Displacements y of pendula from their rest positions in m, shape (n,), 0 for a wall."""
+        """Displacements y (m) of pendula from rest positions, shape (n,), 0 for a wall."""
         from_first = cumulative_sums((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
         start = self.origin if self._wall is None else -from_first[self._wall]
         return np.where(self.is_wall, 0.0, start + from_first)
 
     def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
-        """Return m(t) - m(start) in m and m'(t) in m/s of body `wall`, where m is its motion.
+        """Return m(t) - m(start) in m and m'(t) in m/s of the motion m of body `wall`.
 
         The time t is `elapsed` s after `start`. Both values are 0 for a wall that is not driven.
         """
-        return moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
+        return displacement_since(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
 
     @property
     def _fall(self) -> float:
-        """Acceleration of the centre of mass of a scene without walls in m/s², upwards positive."""
+        """Upward acceleration of the centre of mass in m/s², for a scene without walls."""
         if self.external_force is None:
             return -self.gravity
         return float(self.external_force.sum() / self.mass.sum()) - self.gravity
@@ -396,7 +396,7 @@ class Scene(ByNumbers):
 
     @cached_property
     def _share(self) -> Array:
-        """Mass of each body divided by the total mass, shape (n,), for a scene without walls."""
+        """Fraction of the total mass of each body, shape (n,), for a scene without walls."""
         return np.asarray(self.mass / self.mass.sum())
 
     def momentum(self) -> float:
@@ -415,7 +415,7 @@ class Scene(ByNumbers):
 
     @property
     def _table(self) -> Any:
-        """Rows of text with a header: the bodies and the gaps above them, abridged for many bodies."""
+        """Rows of text: a header, the bodies and their gaps above, abridged if long."""
         from granular._engine.reports import abridged
 
         gaps = [f"{gap:.6g}" for gap in self.gap.tolist()] + [""] * (self.n - self.n_pairs)

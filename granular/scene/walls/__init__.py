@@ -1,9 +1,9 @@
-"""Floors and ceilings that move along a given path, or that are thermal.
+"""Walls that move along a given path (driven walls), and thermal walls.
 
-A moving wall is at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start), where m(t) in m is its motion. At
-t_start it is at the position given by origin and gaps of the scene, and its velocity is velocity + m'(t_start).
+A driven wall is at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start), where m(t) in m is its motion. At
+t_start it is at the position given by origin and gaps of the scene. Its velocity is then velocity + m'(t_start).
 
-A first reader may skip: `formulas`, `gap`, `hits`, `motion`, `panels`, `path`, `thermal`.
+Support modules: `formulas`, `gap`, `hits`, `motion`, `panels`, `path`, `thermal`.
 """
 
 from granular.scene.walls.formulas import Piecewise, Sine

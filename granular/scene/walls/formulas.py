@@ -1,4 +1,4 @@
-"""Wall motions given by a formula: a sine, or polynomials piece by piece.
+"""Wall motions given by a formula: a sine, or piecewise polynomials.
 
 Piecewise polynomials include splines through measured positions.
 """
@@ -15,24 +15,25 @@ import numpy as np
 from granular._engine import check
 from granular._engine.check import Array, ByNumbers
 from granular.scene.walls import path
-from granular.scene.walls.panels import Panels, _OnPanels
+from granular.scene.walls.panels import Panels, _PanelMotion
 from granular.scene.walls.path import MAX_TERMS
 
 MAX_MOTION = 1e150
-"""Largest amplitude (m) and acceleration (m/s²); products do not overflow."""
+"""Maximum amplitude (m) and acceleration (m/s²). Products do not overflow."""
 PANELS_PER_PERIOD = 8
-"""Panels per period."""
+"""Number of polynomials per period of a `Sine`."""
 # as a fraction, so that phases of many turns are reduced without rounding
 TWO_PI = 6283185307179586476925286766559005768394338798750211641949889184615632812572417997256, 10**84
 STEP_TOLERANCE = 1e-9
-"""Largest relative step between pieces that counts as rounding.
+"""Largest jump of a path at a break that is removed as a rounding error.
 
-It is relative to the largest term."""
+It is relative to the largest term of the polynomials.
+"""
 
 
 @check.face
 @dataclass(frozen=True)
-class Sine(_OnPanels):
+class Sine(_PanelMotion):
     """Harmonic motion of a wall, m(t) = A sin(2π f t + φ).
 
     Its derivatives are m' = 2π f A cos(2π f t + φ) and m'' = -(2π f)² m.
@@ -75,7 +76,7 @@ class Sine(_OnPanels):
 
     @classmethod
     def from_acceleration(cls, gamma: float, frequency: float, gravity: float = 9.81, phase: float = 0.0) -> Sine:
-        """Return the motion with the largest acceleration Γ g, Γ = A (2π f)² / g.
+        """Return the motion with the largest acceleration Γ g, where Γ = A (2π f)² / g.
 
         Parameters
         ----------
@@ -107,11 +108,11 @@ class Sine(_OnPanels):
 
         The values are from 0 to 1 and lose no digits at late times.
         """
-        wall, _ = self._panels._plain
+        wall, _ = self._panels._plain_records
         return np.array([path.phase(wall, t, 0.0) for t in times.tolist()])
 
     def panels(self, t_start: float = 0.0, t_end: float = math.inf) -> Panels:
-        """Return the panels that engines evaluate; they are valid at all times."""
+        """Return the polynomials that engines evaluate. They are valid at all times."""
         return self._panels
 
     @cached_property
@@ -134,7 +135,7 @@ class Sine(_OnPanels):
 
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
-class Piecewise(_OnPanels, ByNumbers):
+class Piecewise(_PanelMotion, ByNumbers):
     """Motion of a wall given by polynomials between breaks.
 
     From break t_i to t_(i+1), m(t) = Σ_j c_ji (t - t_i)^(K-j), as in `scipy.interpolate.PPoly`.
@@ -149,12 +150,12 @@ class Piecewise(_OnPanels, ByNumbers):
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, or if the path jumps between pieces. The velocity can jump, which is an event for
+        If an argument is invalid, or if the position jumps at a break. The velocity can jump, which is an event for
         balls that touch the wall.
 
     Notes
     -----
-    A run must lie between the first and the last break. Steps of the position by rounding are closed.
+    A run must lie between the first and the last break. Jumps of the position by rounding are removed.
     """
 
     breaks: Array
@@ -173,52 +174,61 @@ class Piecewise(_OnPanels, ByNumbers):
         c = check.array("coefficients", coefficients, (rows, len(t) - 1), fix="Give one column per piece.",
                          finite="a finite number")
         self.__dict__.update(breaks=t, coefficients=c)
-        _check_steps(t, *_joined(t, c))
+        _check_jumps(t, *_continuous_series(t, c))
 
     def __repr__(self) -> str:
         n = self.coefficients.shape[1]
         return f"Piecewise({n} piece{'s' * (n != 1)}, {self.breaks[0]:g} … {self.breaks[-1]:g} s)"
 
     def panels(self, t_start: float, t_end: float) -> Panels:
-        """Return the panels that engines evaluate.
+        """Return the polynomials that engines evaluate.
 
-        Raises `ValueError` if the path does not cover the time from `t_start` to `t_end`, in s.
+        `ValueError` is raised if the path does not cover the time from `t_start` to `t_end` (s).
         """
         return self._panels.panels(t_start, t_end)
 
     @cached_property
     def _panels(self) -> Panels:
-        return Panels(self.breaks, _joined(self.breaks, self.coefficients)[0])
+        return Panels(self.breaks, _continuous_series(self.breaks, self.coefficients)[0])
 
 
-def _joined(t: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Return the series of all pieces about their middles, without steps between them.
+def _continuous_series(t: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return the polynomials of a path in the form of `Panels`, without jumps.
+
+    Parameters
+    ----------
+    t, c : (n+1,) and (K+1, n) arrays
+        Breaks in s and coefficients, as in `Piecewise`.
 
     Returns
     -------
     series : (n, K+1) array
-        Coefficients with the steps closed.
-    steps : (n-1,) array
-        Steps before they were closed, in m.
+        Coefficients in m of 1, x, x², …, x from -1 to 1 between two breaks. Jumps of the position are removed.
+    jumps : (n-1,) array
+        Jumps of the position at the inner breaks in m, before they were removed.
     largest : (n,) array
-        Largest term of each piece in m.
+        Largest term of each polynomial in m.
     """
     scaled = (c[::-1] * (0.5 * np.diff(t)) ** np.arange(len(c))[:, None]).T
     series = scaled.copy()
-    # shift the expansion point from the left edge to the middle of the piece (Horner)
+    # shift the expansion point from the left edge to the middle of the interval (Horner)
     for i in range(series.shape[1] - 1):
         for j in range(series.shape[1] - 2, i - 1, -1):
             series[:, j] += series[:, j + 1]
-    # left end of each piece minus right end of the piece before
-    steps = (series @ (-1.0) ** np.arange(series.shape[1]))[1:] - series.sum(axis=1)[:-1]
+    # left end of each polynomial minus right end of the polynomial before
+    jumps = (series @ (-1.0) ** np.arange(series.shape[1]))[1:] - series.sum(axis=1)[:-1]
     largest = np.abs(scaled * 2.0 ** np.arange(series.shape[1])).max(axis=1)
-    series[1:, 0] -= np.cumsum(steps)
-    return series, steps, largest
+    series[1:, 0] -= np.cumsum(jumps)
+    return series, jumps, largest
 
 
-def _check_steps(t: Array, series: Array, steps: Array, largest: Array) -> None:
-    big = np.abs(steps) > STEP_TOLERANCE * max(float(largest.max()), math.ulp(0.0))
-    if big.any():
-        i = int(big.argmax())
-        raise ValueError(f"`coefficients` must give a continuous path, got a jump of {steps[i]:.3g} m at "
+def _check_jumps(t: Array, series: Array, jumps: Array, largest: Array) -> None:
+    """Raise `ValueError` if a jump of the position is not a rounding error.
+
+    The other arguments are explained in `_continuous_series`.
+    """
+    too_large = np.abs(jumps) > STEP_TOLERANCE * max(float(largest.max()), math.ulp(0.0))
+    if too_large.any():
+        i = int(too_large.argmax())
+        raise ValueError(f"`coefficients` must give a continuous path, got a jump of {jumps[i]:.3g} m at "
                          f"breaks[{i + 1}] = {t[i + 1]:g}. Change the constant of the later piece.")

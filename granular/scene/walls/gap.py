@@ -1,4 +1,4 @@
-"""Gap between a driven wall and its neighbouring ball between two collisions, for both engines.
+"""Gap between a driven wall and the ball next to it, between two collisions.
 
 The acceleration of the gap is -(pull + m''), where the motion m of the wall is positive towards the balls. The constant
 `pull` is the closing acceleration without this motion: g at a floor, -g at a ceiling.
@@ -17,7 +17,7 @@ from granular._engine.records import Record, Records
 from granular.scene.walls.path import motion_on_panel, panel_at, product, reduced_time
 
 GAP_NOISE = 4.0 * 2.0**-53
-"""Bound of the rounding error of a gap, relative to the sum of the absolute values of its terms."""
+"""Bound of the rounding error of a gap, relative to the size of its terms."""
 State = namedtuple("State", "time low panel x gap rate pull height drift closing time_error")
 """State of a gap at one time, from which `flight` computes the gap at later times.
 
@@ -48,9 +48,9 @@ def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate
 def flight(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float
 ) -> tuple[float, float, float, float]:
-    """Return a gap (m), its rate (m/s), its closing acceleration (m/s²) and the error of the gap, at a later time.
+    """Return a gap (m), its rate (m/s), its closing acceleration (m/s²) and its error.
 
-    The error is a bound of the rounding error in m.
+    They hold at a later time than `now`. The error is a bound of the rounding error of the gap in m.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def flight(
     k : int
         Index of the panel of the later time.
     turns : float
-        Number of whole periods between the panels of both times.
+        Period of that panel, counted from the period of `now`.
     s : float
         Later time in s after `now`.
     """
@@ -91,10 +91,10 @@ def flight(
 @rare
 @kernel
 def height_above_wall(wall: Record, now: State, s: float) -> tuple[float, float, float]:
-    """Return height (m) and velocity (m/s) of the ball at the time s after `now`, and the error of the gap (m).
+    """Return height (m) and velocity (m/s) of the ball, and the error of the gap (m).
 
-    Height and velocity are relative to the position of the wall at m = 0. The error is a bound of the rounding error
-    of the gap, if the gap is computed as the height minus m.
+    They hold at the time s (s) after `now`. Height and velocity are relative to the position of the wall at m = 0. The
+    error is a bound of the rounding error of a gap that is computed as the height minus m.
     """
     drift, pull = now.drift, now.pull
     size = abs(now.height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
@@ -104,7 +104,7 @@ def height_above_wall(wall: Record, now: State, s: float) -> tuple[float, float,
 @rare
 @kernel
 def rate_error(wall: Record, now: State, s: float) -> float:
-    """Return a bound of the rounding error (m/s) of the rate of a gap at the time s after `now`."""
+    """Return a bound of the rounding error (m/s) of a rate at the time s after `now`."""
     return GAP_NOISE * (abs(now.rate) + (abs(now.pull) + wall.stiff) * s)  # type: ignore[no-any-return]
 
 
@@ -113,7 +113,7 @@ def rate_error(wall: Record, now: State, s: float) -> float:
 def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
     """Return the coordinate x on a panel at the time s after `now`, from -1 to 1.
 
-    `turns` is the number of whole periods between the panel of `now` and this panel.
+    The panel is `turns` periods after the period of `now`.
     """
     p, p_low = s, 0.0
     if wall.periodic:
@@ -125,14 +125,14 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
 @rare
 @kernel
 def time_to_panel_end(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
-    """Return the time in s from `now` to the end of panel k, `turns` whole periods later."""
+    """Return the time (s) from `now` to the end of panel k, `turns` periods later."""
     return ((panels[k].right - now.time) - now.low + turns) / wall.frequency  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def next_panel(wall: Record, k: int, turns: float) -> tuple[int, float]:
-    """Return the index of the panel after panel k, and its number of periods after the current one.
+    """Return index and period of the panel after panel k, whose period is `turns`.
 
     The last panel is followed by the first panel of the next period.
     """
@@ -144,7 +144,10 @@ def next_panel(wall: Record, k: int, turns: float) -> tuple[int, float]:
 @rare
 @kernel
 def later_panel(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
-    """Return the index of the panel at the time s after `now`, and the number of whole periods in between."""
+    """Return index and period of the panel at the time s after `now`.
+
+    The period is counted from the period of `now`.
+    """
     y, turns = now.time + wall.frequency * s, 0.0
     if wall.periodic:
         turns = float(math.floor(y))
@@ -174,7 +177,7 @@ def next_panel_state(wall: Record, panels: Records, now: State, s: float) -> Sta
 @rare
 @kernel
 def is_panel_end_near(wall: Record, panels: Records, now: State, s: float) -> bool:
-    """Return whether to continue the computation of a gap from the state at the end of its panel.
+    """Return whether to continue a gap from its state at the end of the panel.
 
     The path must continue there. The time `s` (s) from `now`, at or after this end, must be at most half of the length
     of the panel.

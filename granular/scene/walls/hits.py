@@ -1,4 +1,4 @@
-"""Certified times at which a driven wall hits a ball, or a resting ball leaves the wall.
+"""Certified times of the first hit of a driven wall and of the first lift-off.
 
 All searches step forward in time, and no step goes beyond the event. Consider a gap f with the rate f'. While its
 closing acceleration is below M, the gap after a time s is above the parabola f + f's - ½Ms². A step to the root of this
@@ -32,7 +32,7 @@ from granular.scene.walls.gap import (
     state,
     time_to_panel_end,
 )
-from granular.scene.walls.path import closing_acceleration
+from granular.scene.walls.path import pressed
 
 NO_HIT = math.inf
 MAX_PERIODS = 2.0**50
@@ -41,7 +41,7 @@ MAX_PERIODS = 2.0**50
 If the search reaches this time without a hit, this time is returned as the hit.
 """
 SHORT_STEP_SHARE = 2.0**-6
-"""Fraction of the rest of a panel. After a shorter step, the narrower bound of `opens` is tried."""
+"""Fraction of the rest of a panel; after a shorter step, `opens` is tried as well."""
 
 
 @rare
@@ -49,7 +49,7 @@ SHORT_STEP_SHARE = 2.0**-6
 def first_hit(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, within: float
 ) -> float:
-    """Return the time in s from now to the first hit of a driven wall, or inf if there is none `within` (s).
+    """Return the time (s) until a driven wall hits a ball, or inf without a hit.
 
     Parameters
     ----------
@@ -107,10 +107,10 @@ def first_hit(
 @rare
 @kernel
 def panel_from_time(wall: Record, panels: Records, now: State, k: int, turns: float, s: float) -> tuple[int, float]:
-    """Return the index of the panel that begins at or contains the time s after `now`, and its periods after `now`.
+    """Return index and period of the panel at the time s (s) after `now`.
 
-    `k` and `turns` are index and periods of the panel of the previous step. The index is -1 if the path ends at that
-    time.
+    At an edge it is the later panel. The period is counted from the period of `now`. `k` and `turns` are index and
+    period of the panel of the previous step. The index is -1 if the path ends at that time.
     """
     end = time_to_panel_end(wall, panels, now, k, turns)
     if s > end:
@@ -125,10 +125,10 @@ def panel_from_time(wall: Record, panels: Records, now: State, k: int, turns: fl
 @rare
 @kernel
 def time_out_of_reach(wall: Record, now: State, s: float) -> float:
-    """Return a time in s during which the ball is certainly farther from the wall than the wall can move.
+    """Return a time (s) during which the wall certainly cannot reach the ball.
 
-    It is counted from the time s after `now`. It is `NO_HIT` (inf) if the ball is never reached, and 0 if the ball is
-    within reach.
+    It is counted from the time s after `now`. It is `NO_HIT` (inf) if the wall never reaches the ball, and 0 if the
+    ball is within reach.
     """
     height, rate, noise = height_above_wall(wall, now, s)
     if rate == 0.0 and now.pull == 0.0 and wall.speed == 0.0:
@@ -143,10 +143,10 @@ def time_out_of_reach(wall: Record, now: State, s: float) -> float:
 def hit_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
 ) -> tuple[float, bool]:
-    """Return the time in s after `now` of the hit on panel k and True, or False if there is none.
+    """Search for a hit on panel k, from the time s to the time `end` after `now`.
 
-    The search starts at the time s after `now`. With False, the time is `end` (the end of the panel) or later, and
-    there is no hit before it. `turns` is the number of whole periods between the panel of `now` and panel k.
+    Return the time (s) of the hit after `now` and True. Without a hit, return False and a time, not before `end`, up to
+    which the gap certainly does not close. Panel k is `turns` periods after the period of `now`.
     """
     panel, pull = panels[k], now.pull
     slack = GAP_NOISE * (abs(pull) + wall.stiff)
@@ -174,11 +174,11 @@ def hit_on_panel(
 @rare
 @kernel
 def safe_step(panel: Record, f: float, df: float, a: float, most: float, left: float) -> float:
-    """Return a time in s, at most `left`, during which a gap f (m) of rate df (m/s) certainly does not close.
+    """Return a time (s) during which a gap f (m) of rate df (m/s) does not close.
 
-    `left` is the time in s to the end of the panel. The closing acceleration is `a` now and at most `most` on the panel
-    (m/s²). Its bound over all of `left` gives a first step. Over four times this step the bound is narrower and gives a
-    longer step, and so on.
+    It is at most `left`, the time (s) to the end of the panel. The closing acceleration (m/s²) is `a` now and at most
+    `most` on the panel. Its bound over all of `left` gives a first step. Over four times this step the bound is
+    narrower and gives a longer step, and so on.
     """
     if f == 0.0 and df == 0.0:
         return 0.0
@@ -195,13 +195,13 @@ def safe_step(panel: Record, f: float, df: float, a: float, most: float, left: f
 @rare
 @kernel
 def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
-    """Return a time in s during which a gap certainly stays open on this panel, as its acceleration opens it.
+    """Return a time (s) during which the acceleration keeps a gap open on this panel.
 
-    The time is counted from the time s after `now`, at which the rate of the gap must not be negative. It is 0 if the
-    acceleration closes the gap. It follows from the acceleration, its rate and the bound of its second derivative. This
-    covers a ball that has just left the wall.
+    It is counted from the time s after `now`, at which the rate of the gap must not be negative. It is 0 if the
+    acceleration closes the gap. It follows from the acceleration, its rate and the bound of its second derivative. The
+    function is used for a ball that has just left the wall.
     """
-    a, j = closing_acceleration(panel, now.pull, coordinate(wall, panel, now, turns, s))
+    a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
     if a > GAP_NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.time_error:
         return 0.0
     a = min(a, 0.0)
@@ -216,7 +216,7 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
 @rare
 @kernel
 def refined_hit(s: float, f: float, df: float, a: float) -> float:
-    """Return the time in s of a hit, from the time `s` at which the gap is 0 up to rounding errors.
+    """Return the time (s) of a hit, where the gap at the time `s` is a rounding error.
 
     `f` (m), `df` (m/s) and `a` (m/s²) are gap, rate and closing acceleration at `s`. If the gap is still positive, the
     time until it closes is added.
@@ -232,7 +232,7 @@ def refined_hit(s: float, f: float, df: float, a: float) -> float:
 def lift_off(
     wall: Record, panels: Records, t: float, tail: float, pull: float, within: float
 ) -> tuple[float, float]:
-    """Return the time in s from now at which a resting ball leaves a driven wall, and the rate of the gap (m/s).
+    """Return when a resting ball leaves a driven wall, and the rate of the gap then.
 
     Parameters
     ----------
@@ -279,14 +279,14 @@ def lift_off(
 def lift_off_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
 ) -> float:
-    """Return the time in s after `now` at which pull + m'' falls below 0 on panel k, or inf if it does not.
+    """Return the time (s) after `now` at which pull + m'' falls below 0 on panel k.
 
-    The search goes from the time s to the time `end`, both after `now`. No step goes beyond the event, because the
-    bound of the second derivative keeps pull + m'' above a parabola.
+    The search goes from the time s to the time `end` after `now`. The result is inf if pull + m'' stays positive. No
+    step goes beyond the event, because the bound of the second derivative keeps pull + m'' above a parabola.
     """
     panel, noise = panels[k], GAP_NOISE * (abs(now.pull) + wall.stiff)
     while s < end:
-        a, j = closing_acceleration(panel, now.pull, coordinate(wall, panel, now, turns, s))
+        a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
             return s
         # certain to fall: even if its second rate is `bend`, the minimum a - j²/(2 bend) is below -noise. The event
@@ -305,11 +305,12 @@ def lift_off_on_panel(
 def pressing_bounds(
     wall: Record, panels: Records, t: float, tail: float, pull: float, span: float
 ) -> tuple[float, float]:
-    """Return certain lower and upper bounds of the closing acceleration pull + m'' (m/s²) during `span` (s).
+    """Return certain bounds of the closing acceleration pull + m'' (m/s²).
 
-    The interval starts at t + tail. If the lower bound is positive until the end of the bounces of a ball, the ball can
-    be set to rest on the wall. The second derivative of a gap at the wall is at most -lower. The last panel of a path
-    is used for all later times. For a short interval, the bounds are as narrow as the change of the acceleration.
+    The lower and the upper bound hold for `span` (s) from the time t + tail. If the lower bound is positive until the
+    end of the bounces of a ball, the ball can be set to rest on the wall. The second derivative of a gap at the wall is
+    at most -lower. The last panel of a path is used for all later times. For a short interval, the bounds are as narrow
+    as the change of the acceleration.
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
     least, most = NO_HIT, -NO_HIT
@@ -332,14 +333,15 @@ def pressing_bounds(
 def pressing_bounds_on_panel(
     wall: Record, panel: Record, now: State, turns: float, s: float, until: float
 ) -> tuple[float, float]:
-    """Return certain bounds of pull + m'' (m/s²) on a panel, between the times `s` and `until` (s) after `now`.
+    """Return certain bounds of pull + m'' (m/s²) during a part of a panel.
 
-    They are the bounds of the panel, or narrower bounds from the values at both times and the bounds of the rate.
+    The part is between the times `s` and `until` (s) after `now`. The result consists of the bounds of the panel, or of
+    narrower bounds from the values at both times and the bounds of the rate.
     """
     pull, length = now.pull, max(0.0, until - s)
     noise = GAP_NOISE * (abs(pull) + wall.stiff)
-    a, _ = closing_acceleration(panel, pull, coordinate(wall, panel, now, turns, s))
-    b, _ = closing_acceleration(panel, pull, coordinate(wall, panel, now, turns, s + length))
+    a, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s))
+    b, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s + length))
     low = lower_bound(a, b, panel.rise, -panel.fall, length)
     high = -lower_bound(-a, -b, -panel.fall, panel.rise, length)
     return max(low, pull + panel.least) - noise, min(high, pull + panel.most) + noise
@@ -348,9 +350,10 @@ def pressing_bounds_on_panel(
 @rare
 @kernel
 def lower_bound(a: float, b: float, rise: float, fall: float, length: float) -> float:
-    """Return a lower bound of a function that changes from a to b over the interval `length`.
+    """Return a lower bound of a function on an interval from its values at the ends.
 
-    Its derivative is between -fall and rise, where both are not negative.
+    The values are a and b, the derivative is between -fall ≤ 0 and rise ≥ 0, and `length` is the length of the
+    interval.
     """
     if rise + fall == 0.0:
         return min(a, b)

@@ -1,4 +1,4 @@
-"""Wall motions given by any smooth function, and properties of all motions."""
+"""Wall motions given by a smooth function, and functions for all wall motions."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array
-from granular.scene.walls.panels import Panels, _OnPanels
+from granular.scene.walls.panels import Panels, _PanelMotion
 from granular.scene.walls.path import MAX_TERMS
 from granular.scene.walls.thermal import Thermal
 
 __all__ = ["Motion"]
 PANEL_NODES = 24
-"""Function values per panel.
+"""Number of function values and of Chebyshev coefficients per panel.
 
-The stored series has at most `MAX_TERMS` terms. The remaining terms must have decayed.
+Fewer than `MAX_TERMS` coefficients are stored. The last ones must be negligible.
 """
 FIRST_PANELS = 16
 """Number of panels before the first bisection.
@@ -29,13 +29,14 @@ FIRST_PANELS = 16
 Features shorter than a small part of such a panel can be missed.
 """
 MIN_FIT_TIME = 1e-6
-"""Time in s that is fitted for a run of zero length.
+"""Minimum length in s of the interval that is fitted for a run of zero length.
 
-Its wall also has a velocity."""
+The velocity of the wall is then defined as well.
+"""
 # a panel of 2⁻³⁰ of the run that has not converged shows that the function is not smooth
 MAX_HALVINGS = 30
 MAX_WALL_PANELS = 1 << 18
-"""Maximum number of panels, which take a minute to fit."""
+"""Maximum number of panels of a motion. Their fit takes a minute."""
 
 
 @check.face
@@ -62,7 +63,7 @@ class Motion:
     -----
     The derivatives m' and m'' are computed from the panels. Each differentiation costs about two digits.
     Features between two of the 24 values on a panel can be missed. The first panels are a sixteenth of the run long.
-    Two motions are equal if they have the same function.
+    Two motions are equal if they have the same function and accuracy.
     """
 
     function: Callable[[float], float]
@@ -77,8 +78,8 @@ class Motion:
 
     def __repr__(self) -> str:
         function: Any = self.function
-        named = function if isinstance(function, Panels) else getattr(function, "__qualname__", function)
-        return f"Motion({named})" if self.accuracy == 1e-15 else f"Motion({named}, accuracy={self.accuracy:g})"
+        name = function if isinstance(function, Panels) else getattr(function, "__qualname__", function)
+        return f"Motion({name})" if self.accuracy == 1e-15 else f"Motion({name}, accuracy={self.accuracy:g})"
 
     def displacement(self, t: float) -> float:
         """Return m(t) in m, the value of `function`."""
@@ -98,30 +99,34 @@ class Motion:
             return self.function.panels(t_start, t_end)
         begin = check.number("t_start", t_start)
         end = check.number("t_end", t_end, at_least=begin, fix="A wall moved by a function requires t_end=.")
-        return _fitted(self.function, self.accuracy, begin,
+        return _fitted_panels(self.function, self.accuracy, begin,
                        end if end > begin else begin + max(MIN_FIT_TIME, 2.0**-26 * abs(begin)))
 
 
-def _fitted(function: Callable[[float], float], accuracy: float, begin: float, end: float) -> Panels:
-    """Return panels of a function, bisected until they are accurate."""
+def _fitted_panels(function: Callable[[float], float], accuracy: float, begin: float, end: float) -> Panels:
+    """Return panels of the function m(t), bisected until they reach the accuracy.
+
+    They cover the time from `begin` to `end` (s). The accuracy is relative to the largest excursion |m - m(begin)|.
+    `ValueError` is raised if it cannot be reached.
+    """
     edges = np.linspace(begin, end, FIRST_PANELS + 1).tolist()
     # a stack: panels are finished from left to right
-    todo = [(left, right, _sampled(function, left, right)) for left, right in pairwise(edges)][::-1]
-    origin, ends, series, worst = _value(function, begin), [], [], 0.0
-    scale = max(float(np.abs(values - origin).max()) for _, _, values in todo)
-    while todo:
-        left, right, values = todo.pop()
+    stack = [(left, right, _node_values(function, left, right)) for left, right in pairwise(edges)][::-1]
+    origin, right_edges, series, error = _value(function, begin), [], [], 0.0
+    scale = max(float(np.abs(values - origin).max()) for _, _, values in stack)
+    while stack:
+        left, right, values = stack.pop()
         scale = max(scale, float(np.abs(values - origin).max()))
-        small, c = max(accuracy * scale, _rounding(left, right, values)), _coefficients(values)
+        tolerance, c = max(accuracy * scale, _rounding(left, right, values)), _coefficients(values)
         # several coefficients must have decayed, because a single one can be small by chance
-        if float(np.abs(c[MAX_TERMS - 3 :]).max()) <= small:
-            kept = _chopped(c[: MAX_TERMS - 1], 0.2 * small)
-            series.append(_powers() @ kept)
-            ends.append(right)
-            worst = max(worst, small, float(np.abs(c).sum() - np.abs(kept).sum()))
+        if float(np.abs(c[MAX_TERMS - 3 :]).max()) <= tolerance:
+            stored = _without_tail(c[: MAX_TERMS - 1], 0.2 * tolerance)
+            series.append(_power_matrix() @ stored)
+            right_edges.append(right)
+            error = max(error, tolerance, float(np.abs(c).sum() - np.abs(stored).sum()))
             continue
         middle = 0.5 * (left + right)
-        if len(series) + len(todo) >= MAX_WALL_PANELS:
+        if len(series) + len(stack) >= MAX_WALL_PANELS:
             raise ValueError(
                 f"`function` must be representable by {MAX_WALL_PANELS} polynomials, got {len(series)} up to "
                 f"t = {left:.9g} s. Use a shorter run, or granular.walls.Sine for a harmonic motion."
@@ -132,38 +137,39 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
                 f"near t = {middle:.9g} s. Use granular.walls.Piecewise for a path with corners, or a larger "
                 "`accuracy` for one with noise."
             )
-        todo += [(one, other, _sampled(function, one, other)) for one, other in ((middle, right), (left, middle))]
-    return Panels(np.array([begin, *ends]), np.array(series), worst)
+        stack += [(a, b, _node_values(function, a, b)) for a, b in ((middle, right), (left, middle))]
+    return Panels(np.array([begin, *right_edges]), np.array(series), error)
 
 
 def _rounding(left: float, right: float, values: Array) -> float:
-    """Return the rounding error of values in m.
+    """Return the rounding error of function values in m.
 
-    It is caused by the values and by their times."""
+    It is caused by the rounding of the values and of their times between `left` and `right` (s).
+    """
     slope = (values.max() - values.min()) / (right - left)
     return 8.0 * float(slope * math.ulp(max(abs(left), abs(right)))) + math.ulp(float(np.abs(values).max()))
 
 
-def _chopped(c: Array, small: float) -> Array:
-    """Set Chebyshev coefficients after the last one above `small` to 0.
+def _without_tail(c: Array, tolerance: float) -> Array:
+    """Return coefficients with zeros after the last entry above `tolerance`.
 
-    Derivatives would amplify them.
+    Differentiation would amplify these negligible entries.
     """
-    above = np.flatnonzero(np.abs(c) > small)
+    above = np.flatnonzero(np.abs(c) > tolerance)
     return np.where(np.arange(len(c)) <= (above[-1] if len(above) else 0), c, 0.0)
 
 
-def _sampled(function: Callable[[float], float], left: float, right: float) -> Array:
+def _node_values(function: Callable[[float], float], left: float, right: float) -> Array:
     centre, half = 0.5 * (left + right), 0.5 * (right - left)
     return np.array([_value(function, float(centre + half * x)) for x in _nodes()])
 
 
 def _coefficients(values: Array) -> Array:
-    """Return the Chebyshev coefficients (NODES,) of values at the nodes.
+    """Return the Chebyshev coefficients (PANEL_NODES,) of values at the nodes.
 
-    A constant part of the values costs no digits.
+    The first value is subtracted and added again, so that a large constant part costs no digits.
     """
-    c = _transform() @ (values - values[0])
+    c = _chebyshev_matrix() @ (values - values[0])
     c[0] += values[0]
     return np.asarray(c)
 
@@ -178,9 +184,9 @@ def _nodes() -> Array:
 
 
 @lru_cache(maxsize=1)
-def _transform() -> Array:
-    """Matrix (NODES, NODES) from values at the nodes to Chebyshev coefficients."""
-    # multiples of π/(2 NODES), exactly
+def _chebyshev_matrix() -> Array:
+    """Return the square matrix from values at the nodes to Chebyshev coefficients."""
+    # multiples of π/(2 PANEL_NODES), exactly
     parts = np.arange(PANEL_NODES)[:, None] * np.arange(2 * PANEL_NODES - 1, 0, -2) % (4 * PANEL_NODES)
     rows = 2.0 / PANEL_NODES * np.cos(math.pi / (2 * PANEL_NODES) * parts)
     rows[0] *= 0.5
@@ -188,8 +194,8 @@ def _transform() -> Array:
 
 
 @lru_cache(maxsize=1)
-def _powers() -> Array:
-    """Matrix (TERMS-1, TERMS-1) from Chebyshev coefficients to powers."""
+def _power_matrix() -> Array:
+    """Return the matrix from Chebyshev coefficients to coefficients of powers of x."""
     n = MAX_TERMS - 1
     rows = np.zeros((n, n))
     for k in range(n):
@@ -198,11 +204,14 @@ def _powers() -> Array:
     return rows
 
 
-def checked(name: str, motion: Any, is_wall: bool) -> Any:
-    """Return the motion, thermal wall or None, if its type and its body are valid."""
+def checked_motion(name: str, motion: Any, is_wall: bool) -> Any:
+    """Return the argument `floor` or `ceiling` of a scene if it is valid.
+
+    It must be None, or a motion or a thermal wall of a body that is a wall. `name` is the name of the argument.
+    """
     if motion is None:
         return None
-    if not isinstance(motion, (Motion, _OnPanels, Thermal)):
+    if not isinstance(motion, (Motion, _PanelMotion, Thermal)):
         raise TypeError(check.misuse(name, motion, "a wall of granular.walls, such as Sine(1e-3, 50.0)"))
     if not is_wall:
         end = "first" if name == "floor" else "last"
@@ -211,10 +220,8 @@ def checked(name: str, motion: Any, is_wall: bool) -> Any:
     return motion
 
 
-def fitted(motion: Any, t_start: float, t_end: float) -> Any:
-    """Return a motion in the form that runs store.
-
-    A `Motion` is replaced by its panels. Other motions are returned as they are.
+def fitted_motion(motion: Any, t_start: float, t_end: float) -> Any:
+    """Return the panels of a `Motion`, or any other motion unchanged, for a run.
 
     Raises
     ------
@@ -226,29 +233,30 @@ def fitted(motion: Any, t_start: float, t_end: float) -> Any:
 
 
 def ends(*motions: Any) -> float:
-    """Return the earliest time in s at which one of the paths ends.
+    """Return the earliest time in s at which the path of one of the motions ends.
 
-    It is inf for a `Sine`, and for a `Motion`, whose function has no known end.
+    It is inf for a `Sine`, and for a `Motion` that is given by a function, because the end is unknown.
     """
     paths = [getattr(motion, "function", motion) for motion in motions]
-    last = [*(path.breaks[-1] for path in paths if isinstance(path, _OnPanels) and hasattr(path, "breaks")),
+    last = [*(path.breaks[-1] for path in paths if isinstance(path, _PanelMotion) and hasattr(path, "breaks")),
             *(path.edges[-1] for path in paths if isinstance(path, Panels) and not path.frequency)]
     return float(min(last, default=math.inf))
 
 
 def fastest(motion: Any) -> float:
-    """Return an upper bound of |m'| in m/s.
+    """Return an upper bound of the speed |m'| of a wall motion in m/s.
 
-    It is 0 for a wall at constant velocity, and for a `Motion` that has not been replaced by panels.
+    It is 0 without a motion, and for a `Motion` that has not been replaced by panels.
     """
     panels = getattr(motion, "_panels", getattr(motion, "function", motion))
     return float(panels.speed) if isinstance(panels, Panels) else 0.0
 
 
-def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
-    """Return m(t) - m(start) in m and m'(t) in m/s of a motion.
+def displacement_since(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
+    """Return m(t) - m(start) in m and m'(t) in m/s of a wall motion.
 
-    Times are given as `elapsed` (s) after `start`. Both values are 0 without a motion.
+    The times are t = `start` + `elapsed` (s), where `elapsed` is a number or an array. Both values are 0 without a
+    motion.
     """
     if motion is None:
         return 0.0, 0.0
@@ -257,6 +265,6 @@ def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
     panels: Panels = motion.panels(start, end)
     times = np.atleast_1d(np.asarray(elapsed, dtype=float))
     origin = panels.at(start, 0.0)[0]
-    both = np.array([panels.at(start, dt)[:2] for dt in times.tolist()]).reshape(-1, 2)
-    x, v = both[:, 0] - origin, both[:, 1]
+    states = np.array([panels.at(start, dt)[:2] for dt in times.tolist()]).reshape(-1, 2)
+    x, v = states[:, 0] - origin, states[:, 1]
     return (x, v) if np.ndim(elapsed) else (float(x[0]), float(v[0]))

@@ -1,7 +1,8 @@
-"""Motion of a wall as polynomials on panels of time, with bounds on each panel.
+"""Motion of a wall as one polynomial per panel of time, with bounds on each panel.
 
-Panel k is Σ_j c_kj x^j in m, x from -1 to 1 between its edges. Time is in s, or in turns f·t of a period. All bounds
-are computed from Bernstein coefficients on [-1, 1]. They are therefore rigorous, and tight on short panels.
+On panel k the motion is Σ_j c_kj x^j in m, where x goes from -1 to 1 between the edges of the panel. Edges are times in
+s, or for a periodic motion turns (fractions of the period). All bounds are computed from Bernstein coefficients on
+[-1, 1]. They are therefore rigorous, and tight on short panels.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from granular.scene.walls import path
 from granular.scene.walls.path import MAX_TERMS, PANEL_DTYPE, WALL_DTYPE
 
 
-class _OnPanels:
-    """Common methods of motions whose panels are computed once."""
+class _PanelMotion:
+    """Base class of motions whose polynomials do not depend on the run."""
 
     @property
     def _panels(self) -> Panels:
@@ -32,17 +33,17 @@ class _OnPanels:
         return self._panels._at(t)[0]
 
     def velocity(self, t: float) -> float:
-        """Return m'(t) in m/s; at a break, the value after the break."""
+        """Return m'(t) in m/s. At an edge of a panel it is the value after the edge."""
         return self._panels._at(t)[1]
 
     def acceleration(self, t: float) -> float:
-        """Return m''(t) in m/s²; at a break, the value after the break."""
+        """Return m''(t) in m/s². At an edge of a panel it is the value after the edge."""
         return self._panels._at(t)[2]
 
 
 @check.face
 @dataclass(frozen=True, eq=False, repr=False)
-class Panels(_OnPanels, ByNumbers):
+class Panels(_PanelMotion, ByNumbers):
     """Motion m(t) of a wall as polynomials on panels of time.
 
     A `Motion` is converted to panels for a run, and is saved in this form.
@@ -52,12 +53,13 @@ class Panels(_OnPanels, ByNumbers):
     edges : (n+1,) array
         Ends of the panels in s, increasing.
     series : (n, k) array
-        Coefficients in m of 1, x, x², …, x from -1 to 1 on each panel; k ≤ 20.
+        Coefficients in m of 1, x, x², …, where x goes from -1 to 1 on each panel; k ≤ 20.
     error : float
-        Largest deviation in m from the motion that the panels approximate. Defaults to 0.
+        Maximum deviation in m from the motion that the polynomials approximate. Defaults to 0.
     frequency, turn : float, (float, float)
-        Frequency in Hz and phase of a periodic motion. Then edges are turns from 0 to 1, and the time t corresponds to
-        f·t + turn, with `turn` in two floats. By default the motion is not periodic.
+        Frequency f in Hz and phase at t = 0 of a periodic motion. Then edges are turns from 0 to 1. The time t
+        corresponds to the fractional part of f·t + turn, where `turn` is the sum of two floats. By default the motion
+        is not periodic.
 
     Raises
     ------
@@ -98,28 +100,29 @@ class Panels(_OnPanels, ByNumbers):
         self._check_joints()
 
     def _check_joints(self) -> None:
-        """Raise `ValueError` if the path jumps, or if a periodic path has a corner."""
-        steps, largest = self._steps(0), float(np.abs(self.series).max())
-        i = int(np.argmax(np.abs(steps)))
-        if abs(steps[i]) > 1e-9 * largest + 2.0 * self.error:
-            raise ValueError(f"`series` must be continuous, got a jump of {steps[i]:g} m where panel {i} begins. Begin "
+        """Raise `ValueError` if the position, or the velocity of a periodic motion, jumps."""
+        jumps, largest = self._edge_jumps(0), float(np.abs(self.series).max())
+        i = int(np.argmax(np.abs(jumps)))
+        if abs(jumps[i]) > 1e-9 * largest + 2.0 * self.error:
+            raise ValueError(f"`series` must be continuous, got a jump of {jumps[i]:g} m where panel {i} begins. Begin "
                              "each panel where the previous panel ends.")
-        kinks, fastest = self._steps(1), float(np.abs(_derived(self.series, 1)).max())
+        kinks, max_rate = self._edge_jumps(1), float(np.abs(_derivative(self.series, 1)).max())
         i = int(np.argmax(np.abs(kinks)))
-        if self.frequency and abs(kinks[i]) > 1e-9 * fastest / float(np.diff(self.edges).min()):
+        if self.frequency and abs(kinks[i]) > 1e-9 * max_rate / float(np.diff(self.edges).min()):
             raise ValueError("`series` must have a continuous velocity if a frequency is given, got a jump of "
                              f"{kinks[i] * self.frequency:g} m/s where panel {i} begins. Round the corners, or give "
                              "all turns without a frequency.")
 
-    def _steps(self, order: int) -> Array:
-        """Return the jumps of a derivative at the start of each panel.
+    def _edge_jumps(self, order: int) -> Array:
+        """Return the jumps (n,) of a derivative of the motion at the start of each panel.
 
-        Time is in the unit of the edges. The first jump is 0 if the path is not periodic.
+        `order` is the order of the derivative with respect to the time in the unit of the edges (s or turns). The first
+        jump is 0 if the motion is not periodic.
         """
-        c = (_derived(self.series, order).T * (2.0 / np.diff(self.edges)) ** order).T
-        steps: Array = c @ (-1.0) ** np.arange(c.shape[1]) - np.roll(c.sum(axis=1), 1)
-        steps[0] = steps[0] if self.frequency else 0.0
-        return steps
+        c = (_derivative(self.series, order).T * (2.0 / np.diff(self.edges)) ** order).T
+        jumps: Array = c @ (-1.0) ** np.arange(c.shape[1]) - np.roll(c.sum(axis=1), 1)
+        jumps[0] = jumps[0] if self.frequency else 0.0
+        return jumps
 
     def __repr__(self) -> str:
         end = f"{self.frequency:g} Hz" if self.frequency else f"{self.edges[0]:g} … {self.edges[-1]:g} s"
@@ -129,12 +132,12 @@ class Panels(_OnPanels, ByNumbers):
     def _panels(self) -> Panels:
         return self
 
-    __call__ = _OnPanels.displacement
+    __call__ = _PanelMotion.displacement
 
     def panels(self, t_start: float, t_end: float) -> Panels:
-        """Return this object if the path covers the time from `t_start` to `t_end`, in s.
+        """Return this object if it covers the time from `t_start` to `t_end` (s).
 
-        Else raise `ValueError`.
+        `ValueError` is raised otherwise.
         """
         if self.frequency:
             return self
@@ -153,7 +156,7 @@ class Panels(_OnPanels, ByNumbers):
         t_start: float | None = None,
         first: int = 0,
     ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-        """Return the records that kernels read.
+        """Return the records of a wall and of its panels, which kernels read.
 
         Parameters
         ----------
@@ -163,7 +166,8 @@ class Panels(_OnPanels, ByNumbers):
             Position (m) of the wall at `t_start` (s), and its constant velocity (m/s). `t_start` defaults to the first
             edge.
         first : int
-            Index of the first panel, if the panels of several walls are stored in one array.
+            Index of the first panel of this wall, if the panels of several walls are stored in one array. Defaults
+            to 0.
 
         Returns
         -------
@@ -175,46 +179,50 @@ class Panels(_OnPanels, ByNumbers):
         left, right, c = self.edges[:-1], self.edges[1:], side * self.series
         half = 0.5 * (right - left)
         per = rate / half
-        within = [(_derived(c, order).T * per**order).T for order in range(5)]
-        (low, high), (slow, fast), (least, most), (fall, rise), (sink, soar) = map(_span, within)
+        derivatives = [(_derivative(c, order).T * per**order).T for order in range(5)]
+        (low, high), (min_velocity, max_velocity), (least, most), (fall, rise), (min_second_rate, max_second_rate) = map(
+            _polynomial_bounds, derivatives)
         rows["series"][:, : c.shape[1]] = c
-        _fill(rows, left=left, right=right, centre=0.5 * (left + right), half=half, per=per, most=most,
-              least=least, rise=rise.clip(min=0.0), fall=fall.clip(max=0.0), bend=soar.clip(min=0.0),
-              bow=-sink.clip(max=0.0),
-              degree=(np.arange(c.shape[1]) * (c != 0.0)).max(axis=1), jump=self._jumps(side, fast.max() - slow.min()))
+        _set_fields(rows, left=left, right=right, centre=0.5 * (left + right), half=half, per=per, most=most,
+              least=least, rise=rise.clip(min=0.0), fall=fall.clip(max=0.0), bend=max_second_rate.clip(min=0.0),
+              bow=-min_second_rate.clip(max=0.0),
+              degree=(np.arange(c.shape[1]) * (c != 0.0)).max(axis=1),
+              jump=self._velocity_jumps(side, max_velocity.max() - min_velocity.min()))
         begin = float(left[0]) if t_start is None else t_start
-        _fill(wall, side=side, panels=len(rows), density=len(rows) / (right[-1] - left[0]),
+        _set_fields(wall, side=side, panels=len(rows), density=len(rows) / (right[-1] - left[0]),
               periodic=self.frequency > 0.0, frequency=rate, turn=self.turn[0], turn_low=self.turn[1], start=start,
               velocity=velocity, begin=begin, error=self.error, reach=high.max(), extent=max(high.max(), -low.min()),
               # nan in `about` means that no expansion is cached
-              speed=max(fast.max(), -slow.min()), stiff=max(most.max(), -least.min()), about=np.nan)
-        _fill(wall, origin=path.moved(plain(wall)[0], plain(rows), begin, 0.0)[0], first=first)
+              speed=max(max_velocity.max(), -min_velocity.min()), stiff=max(most.max(), -least.min()), about=np.nan)
+        _set_fields(wall, origin=path.moved(plain(wall)[0], plain(rows), begin, 0.0)[0], first=first)
         return wall, rows
 
-    def _jumps(self, side: float, scale: float) -> Array:
-        """Return the jumps of the velocity in m/s at left edges, without rounding errors.
+    def _velocity_jumps(self, side: float, scale: float) -> Array:
+        """Return the jumps (n,) of the velocity of side·m (m/s) at the left edges.
 
-        The jump at the first edge is 0.
+        Jumps below 1e-11 of `scale` (m/s) are rounding errors and are set to 0. The first jump is 0. A periodic motion
+        has no jumps.
         """
         if self.frequency or len(self.series) == 1:
             return np.zeros(len(self.series))
-        jump = side * self._steps(1)
+        jump = side * self._edge_jumps(1)
         # smaller jumps are rounding errors of the derivatives
         return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
 
     @cached_property
     def speed(self) -> float:
         """Upper bound of |m'| in m/s."""
-        return float(self._plain[0].speed)
+        return float(self._plain_records[0].speed)
 
     @cached_property
-    def _plain(self) -> tuple[Any, list[Any]]:
+    def _plain_records(self) -> tuple[Any, list[Any]]:
+        """Records of the wall and of its panels as plain objects, for side 1."""
         wall, rows = self.records()
         return plain(wall)[0], plain(rows)
 
     def at(self, t: float, tail: float = 0.0) -> tuple[float, float, float]:
-        """Return m(t + tail) in m, its rate in m/s and its acceleration in m/s²."""
-        wall, rows = self._plain
+        """Return m (m), its velocity (m/s) and its acceleration (m/s²) at t + tail (s)."""
+        wall, rows = self._plain_records
         x, v, a = path.moved(wall, rows, t, tail)
         return x, v, a
 
@@ -225,36 +233,38 @@ class Panels(_OnPanels, ByNumbers):
         return self.at(time)
 
 
-def _fill(records: np.ndarray[Any, Any], **columns: Any) -> None:
-    """Write columns of records by their names."""
+def _set_fields(records: np.ndarray[Any, Any], **columns: Any) -> None:
+    """Set the fields of all records of an array, given as name=values."""
     for name, column in columns.items():
         records[name] = column
 
 
-def _derived(series: Array, order: int) -> Array:
-    """Return the coefficients (n, ·) of the derivative by x of polynomials (n, k).
+def _derivative(series: Array, order: int) -> Array:
+    """Return the coefficients of a derivative of n polynomials with respect to x.
 
-    `order` is the order of the derivative.
+    `series` has the shape (n, k), lowest power first. The derivative of order `order` has `order` columns fewer, but at
+    least one.
     """
     for _ in range(order):
         series = series[:, 1:] * np.arange(1, series.shape[1]) if series.shape[1] > 1 else 0.0 * series
     return series
 
 
-def _span(series: Array) -> tuple[Array, Array]:
-    """Return certain lower and upper bounds (n,) of polynomials (n, k) on [-1, 1].
+def _polynomial_bounds(series: Array) -> tuple[Array, Array]:
+    """Return certain lower and upper bounds (n,) of n polynomials on [-1, 1].
 
-    They are the extreme Bernstein coefficients with a margin for rounding.
+    They are the smallest and the largest Bernstein coefficients, with a margin for rounding errors. `series` has the
+    shape (n, k), lowest power first.
     """
-    bernstein, slack = series @ _basis(series.shape[1] - 1), 2.0**-48 * np.abs(series).sum(axis=1)
+    bernstein, slack = series @ _bernstein_matrix(series.shape[1] - 1), 2.0**-48 * np.abs(series).sum(axis=1)
     return bernstein.min(axis=1) - slack, bernstein.max(axis=1) + slack
 
 
 @cache
-def _basis(n: int) -> Array:
-    """Return the Bernstein coefficients (n+1, n+1) on [-1, 1] of 1, x, … x^n.
+def _bernstein_matrix(n: int) -> Array:
+    """Return the Bernstein coefficients (n+1, n+1) of 1, x, … x^n on [-1, 1].
 
-    No coefficient is above 1, so no digits are lost.
+    Row j belongs to x^j. No coefficient is above 1 in magnitude, so no digits are lost.
     """
     factors = np.array([math.comb(n, j) for j in range(n + 1)])
     columns = [np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i) / factors

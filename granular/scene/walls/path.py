@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 # 2²⁷ + 1, which splits a float into two halves of at most 26 bits (Veltkamp)
 SPLIT_FACTOR = 134217729.0
 EDGE_TOLERANCE = 2.0**-96
-"""Distance to an edge, relative to the time, below which a time is considered to be on the edge.
+"""Largest distance of a time from an edge that it is considered to be on.
 
-The sum of two floats does not resolve smaller distances.
+It is relative to the time. The sum of two floats does not resolve smaller distances.
 """
 PERIODIC_EDGE_TOLERANCE = 2.0**-46
-"""Distance to an edge in turns below which the time of a periodic wall is considered to be on the edge.
+"""`EDGE_TOLERANCE` of a periodic wall, in turns.
 
 This is accurate enough, because the velocity of a periodic wall is continuous.
 """
@@ -122,7 +122,10 @@ def panel_at(wall: Record, panels: Records, y: float) -> int:
 @rare
 @kernel
 def motion_on_panel(panel: Record, x: float) -> tuple[float, float, float]:
-    """Return side·m (m), its velocity (m/s) and its acceleration (m/s²) at x on a panel, from -1 to 1."""
+    """Return side·m (m), its velocity (m/s) and its acceleration (m/s²) on a panel.
+
+    `x` is the coordinate on the panel, from -1 to 1.
+    """
     v = d = dd = 0.0
     for j in range(panel.degree, -1, -1):
         dd = dd * x + d
@@ -133,17 +136,11 @@ def motion_on_panel(panel: Record, x: float) -> tuple[float, float, float]:
 
 @rare
 @kernel
-def closing_acceleration(panel: Record, pull: float, x: float) -> tuple[float, float]:
-    """Return the closing acceleration pull + m'' (m/s²) of the gap at a wall, and its rate (m/s³).
+def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
+    """Return the closing acceleration pull + m'' (m/s²) of a gap, and its rate (m/s³).
 
-    Parameters
-    ----------
-    panel : record
-        Panel of the motion m towards the balls.
-    pull : float
-        Closing acceleration without the motion, in m/s²: g at a floor.
-    x : float
-        Coordinate on the panel, from -1 to 1.
+    `pull` is the closing acceleration without the motion m of the wall towards the balls, such as g at a floor. `x` is
+    the coordinate on the panel, from -1 to 1.
     """
     v = d = dd = ddd = 0.0
     for j in range(panel.degree, -1, -1):
@@ -158,7 +155,10 @@ def closing_acceleration(panel: Record, pull: float, x: float) -> tuple[float, f
 @rare
 @kernel
 def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
-    """Return side·m (m), its velocity (m/s) and its acceleration (m/s²) at the time t + tail (s)."""
+    """Return side·m (m), its velocity (m/s) and its acceleration (m/s²) at a time.
+
+    The time is t + tail (s).
+    """
     y, low = reduced_time(wall, t, tail)
     panel = panels[panel_at(wall, panels, y)]
     return motion_on_panel(panel, (((y - panel.left) - panel.half) + low) / panel.half)
@@ -167,9 +167,9 @@ def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, 
 @rare
 @kernel
 def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
-    """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall at the time t + tail (s).
+    """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall at a time.
 
-    Upwards is positive, also for a ceiling.
+    The time is t + tail (s). Upwards is positive, also for a ceiling.
     """
     m, v, a = moved(wall, panels, t, tail)
     x = wall.start + wall.velocity * ((t - wall.begin) + tail) + wall.side * (m - wall.origin)
@@ -179,7 +179,10 @@ def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float
 @rare
 @kernel
 def phase(wall: Record, t: float, tail: float) -> float:
-    """Return the phase of a periodic wall at t + tail in turns, from 0 to 1; nan for other walls."""
+    """Return the phase of a periodic wall at t + tail (s) in turns, from 0 to 1.
+
+    For other walls it is nan.
+    """
     if wall.periodic == 0:
         return math.nan
     y, low = reduced_time(wall, t, tail)
@@ -190,7 +193,7 @@ def phase(wall: Record, t: float, tail: float) -> float:
 @rare
 @kernel
 def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
-    """Return the index of the panel that contains the path just after the time t + tail.
+    """Return the index of the panel that contains the path just after t + tail (s).
 
     A time within rounding error of an edge is considered to be on the edge. The result is then the later panel.
     """
@@ -205,13 +208,13 @@ def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
 
 @kernel
 def edge_tolerance(wall: Record, t: float, tail: float, edge: float) -> float:
-    """Return the tolerance (s or turns) within which t + tail is considered to be on an `edge`."""
+    """Return the largest distance of t + tail from an `edge` that it is considered on."""
     return PERIODIC_EDGE_TOLERANCE if wall.periodic else EDGE_TOLERANCE * (abs(t) + abs(tail) + abs(edge))
 
 
 @kernel
 def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
-    """Return the signed time in s from t + tail to an edge that differs from it only by rounding.
+    """Return the signed time (s) from t + tail to an edge within rounding error.
 
     The result is 0 if the nearest edge is farther away than the rounding error of a float, or if the path is periodic.
     """
@@ -226,7 +229,7 @@ def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
 
 @kernel
 def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float]:
-    """Return the jump of the velocity of side·m (m/s) at t + tail, without and with rounding errors.
+    """Return the jump of the velocity of side·m (m/s) at t + tail, in two versions.
 
     The first value is 0 if the velocities of both panels differ only by rounding. The second value is their computed
     difference. Both values are 0 away from an edge and for periodic paths.
@@ -241,7 +244,7 @@ def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> tuple[flo
 
 @kernel
 def expansion(wall: Record, panels: Records, t: float, tail: float, series: list[float]) -> float:
-    """Expand side·m (m) in powers of the time s after t + tail, and return how long the series holds.
+    """Expand side·m (m) in powers of the time s (s) after t + tail.
 
     The coefficients are written to `series`, which has `MAX_TERMS` entries. The return value is the time in s from
     t + tail to the end of the panel. It is inf on the last panel of a path that is not periodic.

@@ -9,31 +9,34 @@ from granular._engine import check
 from granular._engine.kernels import kernel
 
 WORD_MASK = 0xFFFFFFFF
-"""Mask of 32 bits.
+"""Mask of a word of 32 bits.
 
-Sums and shifts of such words stay below 63 bits, so compiled and interpreted code agree.
+Sums and shifts of such words need less than 63 bits, so compiled and interpreted code give the same numbers.
 """
 # key parity and rotation distances as given by Salmon et al.
 KEY_PARITY = 0x1BD11BDA
 ROTATION_BITS = (13, 15, 26, 6, 17, 29, 16, 24)
 MAX_THERMAL_SPEED = math.sqrt(2.0 * 53.0 * math.log(2.0))
-"""Largest possible speed in √(T/m), which belongs to the smallest U, 2^-53."""
+"""Largest possible speed of a ball that leaves a thermal wall, in units of √(T/m).
+
+It belongs to the smallest random number U = 2⁻⁵³ of `Thermal`.
+"""
 
 
 @check.face
 @dataclass(frozen=True)
 class Thermal:
-    """Wall at a temperature, which a ball leaves with a random speed.
+    """Wall at a temperature T, which every ball leaves with a random speed.
 
-    A ball of mass m leaves with the speed √(-2 (T/m) ln U) away from the wall, with U uniform in (0, 1). This is the
-    Maxwellian of the flux, v/(T/m) exp(-m v²/2T), with which a gas at rest at temperature T meets the wall. A half
-    Gaussian would be colder. The outgoing speed is independent of the incoming speed. The rule or law of that pair is
-    ignored: also for soft spheres the wall acts instantaneously, when ball and wall touch.
+    A ball of mass m leaves with the speed v = √(-2 (T/m) ln U) away from the wall, where U is uniform in (0, 1). Its
+    probability density v/(T/m) exp(-m v²/2T) is the speed distribution of the particles of a gas at temperature T that
+    hit a wall. A half Gaussian would be colder. The outgoing speed does not depend on the incoming speed. The rule or
+    force law of the pair is ignored. Also for soft spheres the wall acts instantaneously, when ball and wall touch.
 
     Parameters
     ----------
     temperature : float
-        T, the temperature times Boltzmann's constant, in J; positive.
+        T in J, the temperature times Boltzmann's constant; positive.
     seed : int
         Seed of the random numbers, not negative. Defaults to 0.
 
@@ -44,9 +47,9 @@ class Thermal:
 
     Notes
     -----
-    U = (n + ½)·2⁻⁵² with 52 bits n of the counter-based generator Threefry-2×32, of 20 rounds (Salmon, Moraes,
-    Dror & Shaw, Proc. SC11, 2011). The counter is (seed, floor or ceiling, number of the hit on that wall). All
-    engines, and a run that is resumed, therefore draw the same numbers.
+    U = (n + ½)·2⁻⁵², where n has 52 bits of the counter-based generator Threefry-2×32 with 20 rounds (Salmon, Moraes,
+    Dror & Shaw, Proc. SC11, 2011). Key and counter are the seed, floor or ceiling, and the number of the hit on that
+    wall. All engines, and a resumed run, therefore draw the same numbers.
     """
 
     temperature: float
@@ -58,7 +61,7 @@ class Thermal:
                              seed=check.whole("seed", self.seed))
 
     def drawn(self, side: int, hit: int, mass: float) -> float:
-        """Return the speed in m/s after a given hit on the wall.
+        """Return the speed in m/s with which a ball leaves the wall after a hit.
 
         Parameters
         ----------
@@ -72,13 +75,16 @@ class Thermal:
         return drawn(self.temperature, self.seed, side, hit, mass)
 
     def fastest(self, mass: float) -> float:
-        """Return an upper bound in m/s of the speeds at which balls of `mass` in kg leave."""
+        """Return an upper bound (m/s) of the speed of a ball of `mass` (kg) after a hit."""
         return MAX_THERMAL_SPEED * math.sqrt(self.temperature / mass)
 
 
 @kernel
 def drawn(temperature: float, seed: int, side: int, hit: int, mass: float) -> float:
-    """Return the speed in m/s after a hit on a thermal wall; see `Thermal.drawn`."""
+    """Return the speed in m/s with which a ball leaves a thermal wall.
+
+    `temperature` (J), `seed`, `side`, `hit` and `mass` (kg) are explained in `Thermal.drawn`.
+    """
     high, low = threefry(seed & WORD_MASK, ((seed >> 32) << 1 | side) & WORD_MASK, hit & WORD_MASK, hit >> 32)
     # the upper 52 of 64 bits; U is never 0 or 1
     u = (float(high << 20 | low >> 12) + 0.5) * 2.0**-52
@@ -87,18 +93,18 @@ def drawn(temperature: float, seed: int, side: int, hit: int, mass: float) -> fl
 
 @kernel
 def threefry(key_0: int, key_1: int, count_0: int, count_1: int) -> tuple[int, int]:
-    """Return two random words of 32 bits from a key and a counter.
+    """Return two random words of 32 bits from a key and a counter of two words each.
 
     The generator is Threefry-2×32 with 20 rounds.
     """
     key_2 = KEY_PARITY ^ key_0 ^ key_1
     x, y = (count_0 + key_0) & WORD_MASK, (count_1 + key_1) & WORD_MASK
     # each block of four rounds ends with an injection of the key
-    for five in range(1, 6):
-        for turn in range(4):
-            r = ROTATION_BITS[(five - 1) % 2 * 4 + turn]
+    for injection in range(1, 6):
+        for i in range(4):
+            r = ROTATION_BITS[(injection - 1) % 2 * 4 + i]
             x = (x + y) & WORD_MASK
             y = ((y << r | y >> (32 - r)) & WORD_MASK) ^ x
         key_0, key_1, key_2 = key_1, key_2, key_0
-        x, y = (x + key_0) & WORD_MASK, (y + key_1 + five) & WORD_MASK
+        x, y = (x + key_0) & WORD_MASK, (y + key_1 + injection) & WORD_MASK
     return x, y
