@@ -2,11 +2,11 @@
 
 A kernel is a Python function of floats, lists or arrays in the subset of Python that numba compiles. Interpreted, it is
 the plain function. `compiled` returns its numba version, in which every kernel that it calls is compiled as well. Only
-+ - * /, `math.sqrt`, `math.pow`, `exp`, `log` and the like are used (no ``**``, `hypot`, `sum`, and no fast-math).
-Both versions therefore give bitwise identical results.
++ - * /, `math.sqrt`, `math.pow`, `exp`, `log` and similar functions are used (no ``**``, `hypot`, `sum`, and no
+fast-math). Both versions therefore give bitwise identical results.
 
-`fitted` and `specialised` adapt a kernel to a scene: the same source with other constants, such as the flags below, or
-with other kernels called by the same names.
+`fitted` and `specialised` adapt a kernel to a scene. They return a copy of the kernel that reads other constants, such
+as the flags below, or calls other kernels under the same names.
 
 numba compiles by a faster pipeline (`granular._engine.numba_pipeline`), which depends on internals of numba. Versions
 of numba that are not in `TESTED_NUMBA` use numba's default pipeline instead, with bitwise identical results. If the
@@ -36,42 +36,48 @@ from granular._engine.package import install
 F = TypeVar("F", bound=Callable[..., Any])
 
 DRIVEN: bool = False
-"""A wall moves."""
+"""A wall is driven: its velocity is not constant."""
 HEATED: bool = False
-"""A wall is thermal: balls leave it with a random speed drawn at its temperature."""
+"""A wall is thermal: balls leave it with a random speed."""
 WORKED: bool = False
-"""A wall exchanges energy with the balls, because it moves or is thermal.
+"""A wall is driven or thermal, and exchanges energy with the balls.
 
 The run then records an energy balance.
 """
 FORCED: bool = False
-"""`WORKED`, or constant forces: accelerations of the balls differ."""
+"""`WORKED`, or the scene has external forces.
+
+Balls can then have different accelerations in free flight.
+"""
 HUNG: bool = False
 """The balls are pendula."""
 RING: bool = False
-"""The balls are on a ring: the last one touches the first one."""
+"""The balls are on a ring: the last ball and the first ball are a pair."""
 FLAGS = frozenset({"DRIVEN", "HEATED", "WORKED", "FORCED", "HUNG", "RING"})
 """Names of the flags. `fitted` accepts them for every kernel."""
 TESTED_NUMBA = ((0, 68),)
-"""Versions of numba (major, minor) that use the fast pipeline.
+"""Versions of numba (major, minor) for which the fast pipeline is used.
 
 All tests were run with them.
 """
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-"""numba's options of every kernel: 1/0 is inf, and the interpreter lock is free."""
-FAST_OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True}
-"""Further options of the fast pipeline.
+"""Options of numba for every kernel.
 
-Arrays are not reference-counted, which halves the time, and there is no entry for C.
+1/0 is inf, and the interpreter lock is released.
+"""
+FAST_OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True}
+"""Further options of numba for kernels compiled by the fast pipeline.
+
+References to arrays are not counted, which halves the time. No functions for calls from C are created.
 """
 on_making: list[Callable[[], object]] = []
-"""Function to call before the first compilation. At most one entry."""
+"""Function without arguments to call before the first compilation, if any."""
 
 
 def kernel(function: F) -> F:
-    """Mark a function as a kernel, which `compiled` compiles with its callers.
+    """Mark a function as a kernel, so that `compiled` compiles it with its callers.
 
-    The function itself is unchanged.
+    The function itself is returned.
     """
     function.__granular_kernel__ = True  # type: ignore[attr-defined]
     return function
@@ -81,18 +87,18 @@ kernel(by_reference)  # the fast pipeline replaces it
 
 
 def rare(function: F) -> F:
-    """Mark a kernel that is called too rarely to be inlined."""
+    """Mark a kernel that `compiled` does not inline, because it is rarely called."""
     function.__granular_rare__ = True  # type: ignore[attr-defined]
     return function
 
 
-def specialised(function: F, **instead: Any) -> F:
-    """Return a copy of a kernel in which globals of the given names are replaced.
+def specialised(function: F, **replacements: Any) -> F:
+    """Return a copy of a kernel that uses other values for some global names.
 
-    The replacement also holds in all kernels that it calls. ``specialised(march, step=verlet, force=spring)`` is the
-    source of `march` with these two kernels called as `step` and `force`. Constants are replaced in the same way.
-    Copies are kernels, too: they run interpreted, and `compiled` keeps separate machine code for each of them, also on
-    disk. Equal replacements return the same copy.
+    Names are also replaced in all kernels that the kernel calls. For example, the copy
+    ``specialised(march, step=verlet, force=spring)`` calls these two kernels wherever `march` calls `step` and `force`.
+    Constants are replaced in the same way. Copies are kernels, too: they run interpreted, and `compiled` keeps separate
+    machine code for each of them, also on disk. Equal replacements return the same copy.
 
     Parameters
     ----------
@@ -106,45 +112,46 @@ def specialised(function: F, **instead: Any) -> F:
     TypeError
         If neither the kernel nor any kernel that it calls reads a global of that name.
     """
-    for name, value in instead.items():
+    for name, value in replacements.items():
         if fitted(function, **{name: value}) is function:
             raise TypeError(f"{function.__name__} cannot be specialised for {name}: none of its kernels reads that "
                             "name.")
-    return fitted(function, **instead)
+    return fitted(function, **replacements)
 
 
-def fitted(function: F, **instead: Any) -> F:
-    """Return the copy that `specialised` makes, or the kernel if nothing changes.
+def fitted(function: F, **replacements: Any) -> F:
+    """Return the copy of `specialised`, or the kernel itself if nothing changes.
 
-    The kernel itself is returned if it does not read any of the names.
+    Nothing changes if neither the kernel nor any kernel that it calls reads one of the names.
 
     Raises
     ------
     TypeError
         If a name is neither a flag nor read by the kernel, by a kernel that it calls or by a replacement.
     """
-    if not instead:
+    if not replacements:
         return function
-    read = _read_below(function).union(*(_read_below(value) for value in instead.values() if _is_kernel(value)))
-    if unknown := instead.keys() - read - FLAGS:
+    read = _read_below(function).union(*(_read_below(value) for value in replacements.values() if _is_kernel(value)))
+    if unknown := replacements.keys() - read - FLAGS:
         raise TypeError(f"{function.__name__} cannot be specialised for {min(unknown)}: none of its kernels reads "
                         "that name.")
-    known = sorted((name, value) for name, value in instead.items() if name in read)
-    copy: F = _specialised_copy(function, tuple((name, value, repr(value)) for name, value in known))
+    used = sorted((name, value) for name, value in replacements.items() if name in read)
+    copy: F = _specialised_copy(function, tuple((name, value, repr(value)) for name, value in used))
     return copy
 
 
 @cache
-def _specialised_copy(function: Any, instead: tuple[tuple[str, Any, str], ...]) -> Any:
+def _specialised_copy(function: Any, replacements: tuple[tuple[str, Any, str], ...]) -> Any:
     """Return the copy for sorted triples of name, replacement and its `repr`.
 
-    The `repr` is part of the cache key, because 1 and 1.0 are equal but give different code.
+    The `repr` is part of the cache key, because 1 and 1.0 are equal but give different code. The kernel itself is
+    returned if nothing changes.
     """
     scope, read = function.__globals__, _globals_read(function.__code__)
-    own = {name: value for name, value, _ in instead if name in read}
-    called = {name: callee for name, callee in (_callees(function) | own).items() if _is_kernel(callee)}
-    copies = own | {name: _specialised_copy(callee, instead) for name, callee in called.items()}
-    if not own and all(copy is scope[name] for name, copy in copies.items()):
+    replaced = {name: value for name, value, _ in replacements if name in read}
+    called = {name: callee for name, callee in (_callees(function) | replaced).items() if _is_kernel(callee)}
+    copies = replaced | {name: _specialised_copy(callee, replacements) for name, callee in called.items()}
+    if not replaced and all(copy is scope[name] for name, copy in copies.items()):
         return function
     copy = types.FunctionType(
         function.__code__, scope | copies, function.__name__, function.__defaults__, function.__closure__
@@ -157,7 +164,7 @@ def _specialised_copy(function: Any, instead: tuple[tuple[str, Any, str], ...]) 
 def have_numba() -> bool:
     """Return whether numba (the extra ``fast``) is installed and enabled.
 
-    numba is not loaded.
+    The function does not load numba.
     """
     return not no_compiler()
 
@@ -181,12 +188,12 @@ def _is_installed(module: str) -> bool:
 
 
 def load_numba() -> Any:
-    """Return the module numba, and choose the pipeline.
+    """Load and return numba. The first call also chooses the compiler pipeline.
 
-    Raises `ImportError` with the reason if numba is unusable.
+    `ImportError` with the reason is raised if numba is not installed or disabled.
     """
-    if why := no_compiler():
-        raise ImportError(f"`engine` cannot be 'compiled': {why}.")
+    if reason := no_compiler():
+        raise ImportError(f"`engine` cannot be 'compiled': {reason}.")
     import numba
 
     if Mode.fast is None:
@@ -201,9 +208,9 @@ def load_numba() -> Any:
 
 @cache
 def version() -> int:
-    """Return a number that changes with the source of the fast pipeline.
+    """Return a checksum of the source of the fast pipeline.
 
-    It is part of the names of cached machine code.
+    Names of cached machine code contain it.
     """
     text = __spec__.loader.get_data(str(Path(__file__).with_name("numba_pipeline.py")))  # type: ignore[union-attr]
     return crc32(text) or 1  # 0 would read like "unknown"
@@ -211,9 +218,16 @@ def version() -> int:
 
 @cache
 def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False) -> Any:
-    """Return the numba dispatcher of a kernel.
+    """Return the numba dispatcher of a kernel, which compiles it when called.
 
-    `within` another kernel it is a `Part` in the fast pipeline.
+    Parameters
+    ----------
+    function : kernel
+        Kernel to compile.
+    inline : bool
+        Whether the kernels that it calls are inlined, except for those marked `rare`.
+    within : bool
+        Whether only kernels call it. The fast pipeline then compiles it as a `Part`. Defaults to False.
     """
     numba, code = load_numba(), without_dead_branches(function)
     fast = bool(Mode.fast)
@@ -237,29 +251,31 @@ def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False)
         return result
     cache_on_disk(result)
     if fast:
-        result._compile_for_args = _or_by_default(result._compile_for_args, function, inline)
+        result._compile_for_args = _with_fallback(result._compile_for_args, function, inline)
     return result
 
 
 def cache_key(function: Callable[..., Any], fast: bool) -> int:
-    """Return the number in the name of a kernel's machine code.
+    """Return the number that identifies the machine code of a kernel by its name.
 
-    It differs for the fast pipeline and the default one.
+    It depends on the code of the kernel, on the options of numba and on the pipeline. `fast` is true for the fast
+    pipeline.
     """
     return crc32(repr((checksum(function), OPTIONS, FAST_OPTIONS, version(), fast)).encode())
 
 
-def _or_by_default(compile_for: Callable[..., Any], function: Callable[..., Any], inline: bool) -> Callable[..., Any]:
-    """Return a function that compiles by the default pipeline if the fast one fails.
+def _with_fallback(compile_for: Callable[..., Any], function: Callable[..., Any], inline: bool) -> Callable[..., Any]:
+    """Return a compile function with the default pipeline as a fallback.
 
-    numba calls it if a dispatcher has no machine code for the types of its arguments, and then calls its return value.
+    numba calls it if the dispatcher of `function` has no machine code for the types of its arguments. numba then calls
+    its return value. `compile_for` is numba's own compile function.
     """
 
     @wraps(compile_for)
-    def compiled(*values: Any, **named: Any) -> Any:
+    def compiled(*values: Any, **keywords: Any) -> Any:
         if Mode.fast:
             try:
-                return compile_for(*values, **named)
+                return compile_for(*values, **keywords)
             except Exception as error:
                 use_default_pipeline(error)
         return dispatcher(function, inline)
@@ -267,58 +283,60 @@ def _or_by_default(compile_for: Callable[..., Any], function: Callable[..., Any]
     return compiled
 
 
-def _without_collection(make: Any) -> Any:
-    """Return `make` with the garbage collector disabled while it runs.
+def _without_collection(compile_for: Any) -> Any:
+    """Return a compile function that disables the garbage collector while it runs.
 
-    Compilation creates millions of objects that stay alive. Traversing them repeatedly takes up to a tenth of the time.
+    Compilation creates millions of objects that stay alive. Their repeated traversal by the collector takes up to a
+    tenth of the time.
     """
 
-    @wraps(make)
-    def made(signature: Any) -> Any:
+    @wraps(compile_for)
+    def compile_without_collection(signature: Any) -> Any:
         enabled = gc.isenabled()
         gc.disable()
         try:
-            return make(signature)
+            return compile_for(signature)
         finally:
             if enabled:
                 gc.enable()
 
-    return made
+    return compile_without_collection
 
 
 def without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
-    """Return the code of a kernel with the truth values that it reads as constants.
+    """Return the code of a kernel with global booleans replaced by their values.
 
-    Python then drops branches that are never executed, before numba inlines and types them. The code is returned
-    unchanged if its source is missing or was edited after it was loaded.
+    Python then removes branches that are never executed, so numba does not compile them. The code is returned unchanged
+    if its source is missing or was edited after it was loaded.
     """
     code, scope = function.__code__, function.__globals__
-    known = {name: ast.Constant(scope[name]) for name in _globals_read(code) if isinstance(scope.get(name), bool)}
+    values = {name: ast.Constant(scope[name]) for name in _globals_read(code) if isinstance(scope.get(name), bool)}
 
-    class Known(ast.NodeTransformer):
+    class Inserter(ast.NodeTransformer):
         def visit_Name(self, node: ast.Name) -> ast.expr:
-            return ast.copy_location(known[node.id], node) if node.id in known else node
+            return ast.copy_location(values[node.id], node) if node.id in values else node
 
-    if not known:
+    if not values:
         return code
     try:
         lines, first = getsourcelines(code)
         tree = ast.increment_lineno(ast.parse("".join(lines)), first - 1)
-        read = _code_in(tree, code)
+        read = _compiled_code(tree, code)
         as_loaded = read.co_code == code.co_code and read.co_names == code.co_names
-        return _code_in(Known().visit(tree), code) if as_loaded and read.co_consts[1:] == code.co_consts[1:] else code
+        return _compiled_code(Inserter().visit(tree), code) if (
+            as_loaded and read.co_consts[1:] == code.co_consts[1:]) else code
     except (OSError, SyntaxError, StopIteration):
         return code
 
 
-def _code_in(tree: ast.Module, code: types.CodeType) -> types.CodeType:
-    """Return the code object in a syntax tree that has the name of `code`."""
-    made = compile(tree, code.co_filename, "exec", dont_inherit=True).co_consts
-    return next(one for one in made if isinstance(one, types.CodeType) and one.co_name == code.co_name)
+def _compiled_code(tree: ast.Module, code: types.CodeType) -> types.CodeType:
+    """Compile a syntax tree, and return its code object with the name of `code`."""
+    constants = compile(tree, code.co_filename, "exec", dont_inherit=True).co_consts
+    return next(each for each in constants if isinstance(each, types.CodeType) and each.co_name == code.co_name)
 
 
 def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
-    """Return whether machine code of a kernel is loaded."""
+    """Return whether machine code of a kernel is loaded in this process."""
     if "numba" not in sys.modules or not have_numba():
         return False
     return bool(dispatcher(function, inline).overloads)
@@ -328,8 +346,8 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
 def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is in numba's cache on disk.
 
-    Loading it takes up to one second, compiling up to 12 s. Loads numba. Code that another process adds to the cache
-    later is ignored.
+    Loading it takes up to 1 s, compiling up to 12 s. The function loads numba. The result is cached: code that another
+    process adds later is ignored.
     """
     if not have_numba():
         return False
@@ -340,14 +358,14 @@ def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
 
 
 def worth(function: Callable[..., Any], work: float, warm: float, cold: float, inline: bool = False) -> bool:
-    """Return whether `work` justifies loading or compiling a kernel.
+    """Return whether `work` is large enough to load or compile a kernel for it.
 
     Parameters
     ----------
     work : float
         Remaining work, or the work done so far if the remaining work is unknown, in any unit.
     warm, cold : float
-        Work in the same unit that takes as long as loading the code from disk, and as compiling it.
+        Work in the same unit that takes as long as loading the code from disk (warm), and as compiling it (cold).
     """
     if work < warm or not have_numba():
         return False
@@ -355,10 +373,10 @@ def worth(function: Callable[..., Any], work: float, warm: float, cold: float, i
 
 
 class Toll:
-    """Interpreted time of a kernel in this process, which decides when to compile it.
+    """Interpreted time of a kernel in this process, to decide when to compile it.
 
-    The length of a run is unknown in advance. Compilation starts once the time spent interpreted equals the time that
-    loading or compiling takes. The total is then at most about twice the time of the best choice.
+    The length of a run is unknown in advance. Therefore a kernel is loaded or compiled once its interpreted time equals
+    the time that loading or compiling takes. The total time is then at most about twice the shortest possible time.
 
     Parameters
     ----------
@@ -374,7 +392,7 @@ class Toll:
         self.function, self.warm, self.cold, self.since = function, warm, cold, process_time()
 
     def lap(self) -> float:
-        """Add the time since the last call, and return the total in s."""
+        """Add the processor time since the last call, and return the total in s."""
         now = process_time()
         total = self.spent[self.function] = self.spent.get(self.function, 0.0) + now - self.since
         self.since = now
@@ -383,13 +401,13 @@ class Toll:
     def due(self, ahead: float = 0.0) -> bool:
         """Return whether to continue with machine code.
 
-        `ahead` is a lower bound of the remaining time in s.
+        `ahead` is a lower bound of the remaining interpreted time in s. Defaults to 0.
         """
         return in_memory(self.function) or worth(self.function, self.lap() + ahead, self.warm, self.cold)
 
 
 def interpreted(function: F) -> F:
-    """Return the kernel itself. Counterpart of `compiled` for interpreted runs."""
+    """Return the kernel itself. It replaces `compiled` in interpreted runs."""
     return function
 
 
@@ -397,8 +415,8 @@ def interpreted(function: F) -> F:
 def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[..., Any]:
     """Return the compiled version of a kernel and of all kernels that it calls.
 
-    numba caches the machine code on disk beside the source, under a name that changes with the code of the kernel, of
-    all kernels that it calls, and of the compiler pipeline. A kernel cannot create arrays.
+    numba caches the machine code on disk next to the source. Its name changes with the code of the kernel, of all
+    kernels that it calls, and of the compiler pipeline. A kernel cannot create arrays.
 
     Parameters
     ----------
@@ -420,7 +438,7 @@ Mode.on_switch += [dispatcher.cache_clear, on_disk.cache_clear, compiled.cache_c
 
 
 def _callees(function: Callable[..., Any]) -> dict[str, Callable[..., Any]]:
-    """Return the kernels that `function` calls, by their names."""
+    """Return the kernels that a kernel calls, by their global names."""
     scope = function.__globals__
     return {name: scope[name] for name in _globals_read(function.__code__) if _is_kernel(scope.get(name))}
 
@@ -431,22 +449,19 @@ def _is_kernel(value: Any) -> bool:
 
 @cache
 def _globals_read(code: types.CodeType) -> tuple[str, ...]:
-    """Return the distinct names of the globals that a code object reads.
-
-    This takes 0.5 ms without the cache.
-    """
+    """Return the distinct global names that a code object reads, which takes 0.5 ms."""
     return tuple(dict.fromkeys(i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"))
 
 
 @cache
 def _read_below(function: Callable[..., Any]) -> frozenset[str]:
-    """Return the names of all globals that a kernel and its callees read."""
+    """Return all global names that a kernel and the kernels below it read."""
     return frozenset(_globals_read(function.__code__)).union(*map(_read_below, _callees(function).values()))
 
 
 @cache
 def checksum(function: Callable[..., Any]) -> int:
-    """Return a checksum of a kernel, of the constants it reads, and of its callees."""
+    """Return a checksum of a kernel, of its constants and of the kernels it calls."""
     code, scope = function.__code__, function.__globals__
     constants = [x for x in code.co_consts if x != function.__doc__ and not isinstance(x, types.CodeType)]
     values = [scope.get(name) for name in _globals_read(code)]

@@ -1,4 +1,4 @@
-"""The class `Scene`: initial state of a simulation, with gaps instead of positions."""
+"""Class `Scene`: initial state of a simulation, with gaps instead of positions."""
 
 from __future__ import annotations
 

@@ -180,12 +180,12 @@ class Panels(_PanelMotion, ByNumbers):
         half = 0.5 * (right - left)
         per = rate / half
         derivatives = [(_derivative(c, order).T * per**order).T for order in range(5)]
-        (low, high), (min_velocity, max_velocity), (least, most), (fall, rise), (min_second_rate, max_second_rate) = map(
+        (low, high), (min_velocity, max_velocity), (least, most), (fall, rise), (min_snap, max_snap) = map(
             _polynomial_bounds, derivatives)
         rows["series"][:, : c.shape[1]] = c
         _set_fields(rows, left=left, right=right, centre=0.5 * (left + right), half=half, per=per, most=most,
-              least=least, rise=rise.clip(min=0.0), fall=fall.clip(max=0.0), bend=max_second_rate.clip(min=0.0),
-              bow=-min_second_rate.clip(max=0.0),
+              least=least, rise=rise.clip(min=0.0), fall=fall.clip(max=0.0), bend=max_snap.clip(min=0.0),
+              bow=-min_snap.clip(max=0.0),
               degree=(np.arange(c.shape[1]) * (c != 0.0)).max(axis=1),
               jump=self._velocity_jumps(side, max_velocity.max() - min_velocity.min()))
         begin = float(left[0]) if t_start is None else t_start
