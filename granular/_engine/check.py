@@ -1,7 +1,7 @@
-"""Argument checks. Each returns the checked value, or raises an error.
+"""Checks of arguments. Most functions return the checked value, or raise an error.
 
-Every message has the form "`name` must be N, got V." and, if it helps, one sentence with the usual fix. `optional`
-imports packages that only some tasks need.
+Every message has the form "`name` must be N, got V.", followed by one sentence with the usual fix if it helps. `name`
+is the name of the argument in messages, `fix` the sentence. `optional` imports packages that only some tasks need.
 """
 
 from __future__ import annotations
@@ -24,25 +24,28 @@ from granular._engine.signature import Function, face as face, nearest, paramete
 
 Array = NDArray[np.float64]
 MAX_INTEGER = 2**63 - 1
-"""The largest whole number that arrays hold."""
+"""Largest integer of 64 bits, the largest that arrays can store."""
 MAX_REQUESTED_COUNT = 10_000_000
-"""Largest number of balls of a ready-made scene, or of samples of a run.
+"""Maximum number of balls of a ready-made scene, and of samples of a run.
 
-With all results they take some GB.
+The results of such a run take several GB.
 """
 
-LISTED = 12
-"""Names up to this number are listed in a message before the value that was given."""
+MAX_LISTED_OPTIONS = 12
+"""Maximum number of options that a message lists as the requirement.
+
+More options are listed at the end of the message, and only if none of them resembles the value.
+"""
 EDITED_STATE = "The file was edited after it was saved."
-"""The remedy of a saved state that does not fit."""
+"""Last sentence of messages about an inconsistent saved state."""
 
 
 class ByNumbers:
-    """Dataclass of numbers and arrays, compared and hashed by their values."""
+    """Base class of dataclasses of numbers and arrays, compared and hashed by value."""
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
-        """All field values as one hashable value; -0.0 counts as 0.0."""
+        """Hashable tuple of all field values, with 0.0 for -0.0 in arrays."""
         values = (getattr(self, f.name) for f in fields(self))  # type: ignore[arg-type]
         return tuple((x.shape, (x + 0.0).tobytes()) if isinstance(x, np.ndarray) else x for x in values)
 
@@ -52,7 +55,7 @@ class ByNumbers:
     def __hash__(self) -> int:
         return hash(self._key)
 
-    def __reduce__(self) -> tuple[Any, ...]:  # made anew: none writes into arrays of a copy of which all is known
+    def __reduce__(self) -> tuple[Any, ...]:  # a copy is constructed again, so that its arrays are read-only
         return partial(type(self), **{f.name: getattr(self, f.name) for f in fields(self)}), ()  # type: ignore[arg-type]
 
 
@@ -66,9 +69,21 @@ def number(
     finite: bool = True,
     fix: str = "",
 ) -> float:
-    """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``.
+    """Return `value` as a float if it is a single number in the allowed range.
 
-    nan is always refused.
+    Parameters
+    ----------
+    above, at_least, at_most : float
+        Requirements above < value and at_least ≤ value ≤ at_most. By default all numbers are allowed.
+    finite : bool
+        Whether infinity is refused. nan is always refused. Defaults to True.
+
+    Raises
+    ------
+    TypeError
+        If `value` is not a single number, such as a string, a boolean or an array.
+    ValueError
+        If it is outside of the range.
     """
     if type(value) is float and above < value and at_least <= value <= at_most and math.isfinite(value):
         return value
@@ -82,12 +97,15 @@ def number(
     except (TypeError, ValueError):
         raise TypeError(misuse(name, value, "a single number", fix)) from None
     if not (above < x and at_least <= x <= at_most) or (finite and math.isinf(x)):
-        raise ValueError(misuse(name, value, _range(above, at_least, at_most, finite), fix))
+        raise ValueError(misuse(name, value, _range_text(above, at_least, at_most, finite), fix))
     return x
 
 
 def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = MAX_INTEGER, fix: str = "") -> int:
-    """Return `value` as an int within ``[at_least, at_most]``."""
+    """Return `value` as an int if it is a whole number within ``[at_least, at_most]``.
+
+    Floats without a fractional part are accepted.
+    """
     if type(value) is int and at_least <= value <= at_most:
         return value
     exact = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
@@ -101,52 +119,52 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = MAX_INTEGE
 def array(
     name: str, value: Any, shape: tuple[int, ...] | EllipsisType | None = None, *, fix: str = "", finite: str = ""
 ) -> Array:
-    """Return a read-only float64 copy of `value` with the given `shape`.
+    """Return a read-only float64 copy of `value` if it has the shape `shape`.
 
-    The shape None means any length, and ``...`` any shape. If `finite` is given, all entries have to be finite, and it
-    describes an entry in the message.
+    The shape None means one dimension of any length, and ``...`` any shape. If `finite` is not empty, all entries must
+    be finite. `finite` then describes the requirement in the message, such as "a finite coefficient".
     """
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(misuse(name, value, "an array without a mask", fix or "Leave out the masked entries."))
     try:
-        plain = type(value) is np.ndarray and value.dtype == np.float64
-        out = value.copy() if plain else np.array(_worded(value), dtype=np.float64)
+        is_float_array = type(value) is np.ndarray and value.dtype == np.float64
+        copy = value.copy() if is_float_array else np.array(_checked_numbers(value), dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(misuse(name, value, "an array of numbers", fix)) from None
     except MemoryError:
         raise ValueError(must(name, "an array that fits into memory", f"an array of shape {np.shape(value)}")) from None
-    if out.ndim != 1 if shape is None else shape not in (..., out.shape):
+    if copy.ndim != 1 if shape is None else shape not in (..., copy.shape):
         need = "a one-dimensional array" if shape is None else f"an array of shape {shape}"
-        raise ValueError(must(name, need, f"an array of shape {out.shape}", fix))
-    out.flags.writeable = False
-    if finite and not np.isfinite(out).all():
-        every(name, out.ravel(), np.isfinite(out).ravel(), finite)
-    return out
+        raise ValueError(must(name, need, f"an array of shape {copy.shape}", fix))
+    copy.flags.writeable = False
+    if finite and not np.isfinite(copy).all():
+        every(name, copy.ravel(), np.isfinite(copy).ravel(), finite)
+    return copy
 
 
 def rising(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> Array:
-    """Return two or more finite, increasing numbers as an array.
+    """Return an array of at least two finite, strictly increasing numbers.
 
-    `need` describes an entry in the message.
+    No entry may be below `at_least`. `need` describes the requirement on an entry in the message.
     """
-    out = array(name, value)
-    if len(out) < 2:
-        raise ValueError(must(name, "an array of at least 2 entries", f"{len(out)}"))
-    every(name, out, np.isfinite(out) & (out >= at_least), need)
-    every(name, out, np.diff(out, prepend=-math.inf) > 0.0, "larger than the entry before it")
-    return out
+    copy = array(name, value)
+    if len(copy) < 2:
+        raise ValueError(must(name, "an array of at least 2 entries", f"{len(copy)}"))
+    every(name, copy, np.isfinite(copy) & (copy >= at_least), need)
+    every(name, copy, np.diff(copy, prepend=-math.inf) > 0.0, "larger than the entry before it")
+    return copy
 
 
-def _worded(value: Any) -> Any:
-    """Return a value that can become an array, or raise `TypeError`.
+def _checked_numbers(value: Any) -> Any:
+    """Return `value`, or raise `TypeError` if it does not consist of numbers.
 
-    It refuses values that numpy would convert silently: words (except "inf"), truth values and None among numbers,
-    complex numbers and dates.
+    Refused are values that numpy converts without a warning: strings (except "inf"), booleans, None, complex numbers
+    and dates.
     """
     if isinstance(value, (list, tuple)) and {float, int}.issuperset(map(type, value)):
         return value
-    given = np.asarray(value)
-    kind = given.dtype.kind
+    converted = np.asarray(value)
+    kind = converted.dtype.kind
     if kind not in "iufUSO" or among_numbers(value):
         raise TypeError
     if kind in "USO":
@@ -154,16 +172,16 @@ def _worded(value: Any) -> Any:
                for x in np.asarray(value, dtype=object).flat):
             raise TypeError
         return value
-    return given
+    return converted
 
 
 def is_one(value: Any) -> bool:
-    """Whether a value is a single one, and not a list or array of values."""
+    """Return whether `value` is a single value, not a list or an array of values."""
     return (value if isinstance(value, np.ndarray) else np.asarray(value, dtype=object)).ndim == 0
 
 
 def among_numbers(value: Any) -> bool:
-    """Whether a list contains truth values, which numpy converts to 0 and 1."""
+    """Return whether a list or tuple contains booleans, which numpy makes 0 and 1."""
     return isinstance(value, (list, tuple)) and not {bool, np.bool_}.isdisjoint(map(type, value))
 
 
@@ -171,44 +189,59 @@ def saved_array(
     state: Mapping[str, Any], name: str, kind: str, shape: tuple[int, ...], least: float = -math.inf,
     most: float = math.inf, *, finite: bool = True, nan: bool = False,
 ) -> Any:
-    """Return an entry of a saved state with the given `kind` (of numpy) and `shape`.
+    """Return one array of a saved state if its type, shape and values are valid.
 
-    Its entries must be within the limits.
+    Parameters
+    ----------
+    state : mapping of str to array
+        Saved state.
+    name : str
+        Name of the array in the state.
+    kind : {"f", "i", "b"}
+        Kind of numpy's data type: float, int or bool.
+    shape : tuple of int
+        Required shape.
+    least, most : float
+        Allowed range of the entries. Defaults to all numbers.
+    finite, nan : bool
+        Whether inf is refused, and whether nan is accepted. Default to True and False.
     """
     value = np.asarray(state.get(name))
     if value.dtype.kind != kind or value.shape != shape:
         got = f"{value.dtype} of shape {value.shape}" if name in state else "nothing"
-        word = {"f": "float", "i": "int", "b": "bool"}[kind]
-        raise ValueError(must(f"{name!r} in the state of `trajectory`", f"{word} of shape {shape}", got, EDITED_STATE))
-    good = (value >= least) & (value <= most) & (not finite or np.isfinite(value)) | (nan and np.isnan(value))
-    if not good.all():
-        wrong = value[~good].flat[0] if value.shape else value
+        type_name = {"f": "float", "i": "int", "b": "bool"}[kind]
+        raise ValueError(must(
+            f"{name!r} in the state of `trajectory`", f"{type_name} of shape {shape}", got, EDITED_STATE))
+    is_valid = (value >= least) & (value <= most) & (not finite or np.isfinite(value)) | (nan and np.isnan(value))
+    if not is_valid.all():
+        invalid_value = value[~is_valid].flat[0] if value.shape else value
         raise ValueError(must(f"{name!r} in the state of "
-                              "`trajectory`", f"in [{least:g}, {most:g}]", str(wrong), EDITED_STATE))
+                              "`trajectory`", f"in [{least:g}, {most:g}]", str(invalid_value), EDITED_STATE))
     return value
 
 
 def truth(name: str, value: Any) -> bool:
-    """Return `value` if it is True or False."""
+    """Return `value` as a bool if it is True or False."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(misuse(name, value, "True or False"))
     return bool(value)
 
 
 def of_kind(name: str, value: Any, kind: Any, need: str, fix: str = "") -> Any:
-    """Return `value` if it is an instance of `kind`; `need` says of what."""
+    """Return `value` if it is an instance of `kind`. `need` describes the requirement."""
     if not isinstance(value, kind):
         raise TypeError(misuse(name, value, need, fix))
     return value
 
 
 def several(name: str, value: Any, need: str, least: int = 0) -> list[Any]:
-    """Return words or functions, or a single one, as a list.
+    """Return one or several strings or functions as a list.
 
-    `need` is "X, or several", where each entry is X.
+    The list must have at least `least` entries. `need` describes the requirement in the message, in the form "X, or
+    several", where X describes an entry.
     """
-    one = isinstance(value, str) or callable(value)
-    entries = [value] if one else list(of_kind(name, value, Iterable, need))
+    is_single_value = isinstance(value, str) or callable(value)
+    entries = [value] if is_single_value else list(of_kind(name, value, Iterable, need))
     for entry in entries:
         of_kind(f"every entry of `{name}`", entry, (str, Callable), need.removesuffix(", or several"))
     if len(entries) < least:
@@ -217,16 +250,19 @@ def several(name: str, value: Any, need: str, least: int = 0) -> list[Any]:
 
 
 def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tuple[str, ...]:
-    """Return one or several choices as a tuple; raise unless all are in `options`."""
+    """Return one or several strings as a tuple if all of them are in `options`.
+
+    The tuple must have at least `least` entries.
+    """
     need = f"one or more of {', '.join(options)}"
-    return tuple(choice(name, one, options) for one in several(name, value, need, least))
+    return tuple(choice(name, entry, options) for entry in several(name, value, need, least))
 
 
 def typed(module: dict[str, Any], *kinds: type) -> None:
-    """Make the public functions of a module check their annotated arguments.
+    """Add type checks of the arguments to all public functions of a module.
 
-    `module` is the module's ``globals()``. Arguments annotated as one of `kinds`, as an `Array` or as a `Mapping` must
-    have this type.
+    `module` is the ``globals()`` of the module. Arguments that are annotated as one of the classes `kinds`, as `Array`
+    or as `Mapping` must have this type. Others are not checked.
     """
     needed: dict[str, Any] = {kind.__name__: (kind, f"a granular.{kind.__name__}") for kind in kinds} | {
         "Array": (np.ndarray, "an array"), "Mapping": (Mapping, "a mapping")}
@@ -236,37 +272,42 @@ def typed(module: dict[str, Any], *kinds: type) -> None:
 
 
 def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Function:
-    """Return a function that checks its annotated arguments.
+    """Return a function that checks the types of annotated arguments, see `typed`.
 
-    Without such arguments the function is only a `face`.
+    `needed` maps names of annotations to classes and to their description in messages. Without arguments to check, the
+    function is only decorated by `face`.
     """
     names = function.__code__.co_varnames
-    places = [(names.index(name), name, *needed[word.partition("[")[0]])
-              for name, word in function.__annotations__.items()
-              if name != "return" and word.partition("[")[0] in needed]
+    checked_arguments = [(names.index(name), name, *needed[annotation.partition("[")[0]])
+              for name, annotation in function.__annotations__.items()
+              if name != "return" and annotation.partition("[")[0] in needed]
 
     inner = face(function)
 
     @wraps(function)
-    def checked(*values: Any, **named: Any) -> Any:
-        for i, name, kind, need in places:
-            if not isinstance(values[i] if i < len(values) else named.get(name), kind) and (
-                    i < len(values) or name in named):
-                of_kind(name, values[i] if i < len(values) else named[name], kind, need)
-        return inner(*values, **named)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        for i, name, kind, need in checked_arguments:
+            if not isinstance(args[i] if i < len(args) else kwargs.get(name), kind) and (
+                    i < len(args) or name in kwargs):
+                of_kind(name, args[i] if i < len(args) else kwargs[name], kind, need)
+        return inner(*args, **kwargs)
 
-    return checked if places else inner  # type: ignore[return-value]
+    return call if checked_arguments else inner  # type: ignore[return-value]
 
 
 def callback(name: str, value: Any, *given: str) -> Any:
-    """Return `value` if it is None, or a function with arguments of these names."""
+    """Return `value` if it is None, or a function with these arguments (see `takes`)."""
     if value is not None and not callable(value):
         raise TypeError(misuse(name, value, "a function or None"))
     return value if value is None else takes(name, value, *given)
 
 
 def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
-    """Return a user's function if it has arguments of these names, in this order."""
+    """Return a user's function if it can be called with these arguments.
+
+    `given` are the names of the arguments. A function with the same names in another order is refused. A function with
+    other names is accepted if the number of its arguments fits.
+    """
     import inspect
 
     try:
@@ -280,70 +321,86 @@ def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
     except TypeError:
         fits = False
     if not fits:
-        bare = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
-        taken = signature.replace(parameters=bare, return_annotation=signature.empty)
+        parameters = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
+        shown_signature = signature.replace(parameters=parameters, return_annotation=signature.empty)
         arguments = f"argument{'s' * (len(given) != 1)} ({', '.join(given)})"
-        raise TypeError(must(name, f"a function with the {arguments}", f"{taken}", fix))
+        raise TypeError(must(name, f"a function with the {arguments}", f"{shown_signature}", fix))
     return function
 
 
 def is_own(value: Any) -> bool:
     """Return whether a law or rule is user-defined."""
     cls = type(value)
-    home = sys.modules.get(cls.__module__) if cls.__module__.startswith("granular.") else None
-    return getattr(home, cls.__name__, None) is not cls
+    module = sys.modules.get(cls.__module__) if cls.__module__.startswith("granular.") else None
+    return getattr(module, cls.__name__, None) is not cls
 
 
 def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str = "") -> None:
-    """Raise for the first entry of `values` whose `good` is false, naming its index."""
+    """Raise `ValueError` for the first entry of `values` that is not `good`.
+
+    `good` is a boolean array. The message contains the index of the entry. `need` describes the requirement on an
+    entry.
+    """
     if not good.all():
         i = int(np.flatnonzero(~good)[0])
         raise ValueError(misuse(f"{name}[{i}]", float(values[i]), need, fix))
 
 
 def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, ...] | None = None) -> Array:
-    """Return positive, finite numbers as a non-empty array. `what` names an entry."""
-    out = array(name, value, shape, fix=fix)
-    every(name, out, np.isfinite(out) & (out > 0.0), "positive and finite", fix)
-    if not out.size:
+    """Return a non-empty array of positive, finite numbers.
+
+    `what` names an entry in the message, such as "mass".
+    """
+    copy = array(name, value, shape, fix=fix)
+    every(name, copy, np.isfinite(copy) & (copy > 0.0), "positive and finite", fix)
+    if not copy.size:
         raise ValueError(must(name, f"an array of at least one {what}", "an empty array"))
-    return out
+    return copy
 
 
 def refuse(wrong: Mapping[str, object]) -> None:
-    """Raise `ValueError` with the first of these sentences whose condition holds."""
-    for sentence, so in wrong.items():
-        if so:
+    """Raise `ValueError` with the first sentence whose condition is true.
+
+    `wrong` maps sentences to conditions.
+    """
+    for sentence, is_wrong in wrong.items():
+        if is_wrong:
             raise ValueError(sentence)
 
 
 def choice(name: str, value: Any, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
     if not isinstance(value, str) or value not in options:
-        near = nearest(value, options)
+        suggestion = nearest(value, options)
         listed = ", ".join(options)
-        need, fix = (f"one of {listed}", "") if len(options) <= LISTED else ("a known name", f"Known names: {listed}.")
-        raise ValueError(misuse(name, value, need, f"Did you mean {near!r}?" if near else fix))
+        need, fix = (f"one of {listed}", "") if len(options) <= MAX_LISTED_OPTIONS else (
+            "a known name", f"Known names: {listed}.")
+        raise ValueError(misuse(name, value, need, f"Did you mean {suggestion!r}?" if suggestion else fix))
     return str(value)
 
 
 def known(given: Iterable[str], names: Collection[str], what: str, kind: type[Exception] = ValueError) -> None:
-    """Raise an error for the first given name that is not in `names`.
+    """Raise an error for the first of the `given` names that is not in `names`.
 
-    `what` is the kind of name, such as "option of gas" or "command". The message contains the nearest name, or all.
+    `kind` is the class of the error. `what` is the kind of name, such as "option of gas" or "command". The message
+    contains the most similar name, or all names if no name is similar.
     """
     for name in given:
         if name not in names:
             thing, _, owner = what.partition(" of ")
-            near = nearest(name, names)
-            every = f"available: {', '.join(sorted(names))}." if names else "there is none."
-            listed = "see --help." if name.startswith("-") else every  # an option of a command
-            wrong = f"{owner} has no {thing} {quoted(name)}" if owner else f"unknown {thing} {name}"
-            raise kind(f"{wrong}; " + (f"did you mean {quoted(near) if owner else near}?" if near else listed))
+            suggestion = nearest(name, names)
+            all_names = f"available: {', '.join(sorted(names))}." if names else "there is none."
+            hint = "see --help." if name.startswith("-") else all_names  # an option of a command
+            complaint = f"{owner} has no {thing} {quoted(name)}" if owner else f"unknown {thing} {name}"
+            raise kind(f"{complaint}; " + (
+                f"did you mean {quoted(suggestion) if owner else suggestion}?" if suggestion else hint))
 
 
 def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:
-    """Spread one law or rule over all pairs, or check that a list has one per pair."""
+    """Return one law or rule per pair as a tuple.
+
+    A single law or rule holds for all pairs. A list must have `n_pairs` entries.
+    """
     if not isinstance(value, (list, tuple)):
         return (value,) * n_pairs
     if len(value) != n_pairs:
@@ -353,7 +410,8 @@ def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:
     return tuple(value)
 
 
-def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
+def _range_text(above: float, at_least: float, at_most: float, finite: bool) -> str:
+    """Return the description of an allowed range in messages; see `number`."""
     low, kind = max(above, at_least), "a finite number" if finite else "a number"
     if low == at_least == at_most:
         return f"{low:g}"
@@ -366,7 +424,7 @@ def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
 
 
 def misuse(name: str, value: Any, need: str, fix: str = "") -> str:
-    """Return the message "`name` must be …, got …. One sentence with the fix."."""
+    """Return the message "`name` must be `need`, got `value`. `fix`"."""
     try:
         shown = " ".join(repr(value).split())
     except ValueError:  # a whole number of thousands of digits
@@ -377,12 +435,13 @@ def misuse(name: str, value: Any, need: str, fix: str = "") -> str:
 
 
 def must(name: str, need: str, got: str, fix: str = "") -> str:
+    """Return the message "`name` must be `need`, got `got`. `fix`" for a text `got`."""
     subject = quoted(name)
     return f"{subject[0].upper()}{subject[1:]} must be {need}, got {got}." + f" {fix}" * bool(fix)
 
 
 def quoted(name: str) -> str:
-    """Return a name in backticks if it is an argument, such as `gap[1]`.
+    """Return a name in backticks if it is the name of an argument, such as `gap[1]`.
 
     Phrases and options of the command line are returned unchanged.
     """
@@ -390,14 +449,16 @@ def quoted(name: str) -> str:
 
 
 def optional(module: str, by: str) -> Any:
-    """Return a module of an optional package, or raise `ImportError` with a hint.
+    """Import and return a module of a package that is not always installed.
+
+    `ImportError` with the command for the installation is raised without the package.
 
     Parameters
     ----------
     module : str
         Name of the module, such as "matplotlib.figure".
     by : str
-        Feature that needs it.
+        Feature that requires it, for the message.
     """
     package = module.split(".")[0]
     try:

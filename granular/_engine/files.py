@@ -1,7 +1,7 @@
 """Files: atomic writing, formats, provenance, JSON numbers, ``.npz`` archives.
 
-Files are written completely or not at all. The kind and the size of each array in an archive are checked before memory
-is allocated.
+Files are written completely or not at all. The data type and the size of each array in an archive are checked before
+memory is allocated.
 """
 
 from __future__ import annotations
@@ -24,62 +24,65 @@ from granular._engine.package import VERSION
 FILE_FORMAT = 3
 """Number of the current file format.
 
-Files without a number are of format 1. Up to format 2, laws, rules and walls were named by the places of their
-classes, since then by words.
+Files without a number have format 1. Up to format 2, a file names laws, rules and walls by module and class, such as
+"granular.rules:ConstantRestitution". Since then it uses words, such as "constant-restitution".
 """
 STDOUT = "/dev/stdout"
 FORMAT_BYTES = 1 << 20
-"""Upper bound of the bytes that a format takes besides its numbers."""
+"""Upper bound of the bytes that a file contains in addition to its numbers."""
 MAX_SHOWN_CHARACTERS = 500
-"""Maximum length of a text from a file that is shown."""
+"""Maximum number of characters of a text from a file that are shown."""
 MAX_EXPANSION, ROOM = 1032, 4096
-"""Largest expansion of a deflated byte, and size of a small header."""
+"""Maximum ratio of original to compressed size, and size of a header in bytes."""
 Head: TypeAlias = tuple[np.dtype[Any], tuple[int, ...]]
-"""Kind and shape of an array."""
+"""Data type and shape of an array."""
 
 
 def plain_text(text: str, most: int = MAX_SHOWN_CHARACTERS) -> str:
-    """Return a text for terminal and page, without control characters.
+    """Return a text without control characters, at most `most` characters long.
 
-    Characters that control or turn text become blanks, and the text is shortened to `most` characters.
+    Characters that are not printable are replaced by blanks.
     """
     shown = "".join(c if c.isprintable() else " " for c in text[: most + 1])
     return shown if len(text) <= most else shown[: most - 1] + "…"
 
 
 def write(path: str | os.PathLike[str], fill: Callable[[str], object]) -> None:
-    """Let `fill` write a draft, then move it to `path`. Failure leaves no trace.
+    """Write a file completely or not at all.
 
-    The draft of a regular file is beside it and has the mode of the file that it replaces. A link remains a link, to a
-    new file. For devices, pipes and open files (``/dev/stdout``, ``/dev/fd/3``) the draft is copied: they are never
-    replaced.
+    `fill` writes a draft to the path that it receives. The draft is then moved to `path`. It lies in the same folder
+    and gets the mode of the file that it replaces. If `path` is a link, the file to which it leads is replaced. For
+    devices, pipes and open files (``/dev/stdout``, ``/dev/fd/3``) the draft is copied instead.
 
     Raises
     ------
     OSError
         If the file cannot be written, with the path and the reason.
     """
-    given = os.path.abspath(checked_path("the output path", path))
-    if os.path.isdir(given):
+    target = os.path.abspath(checked_path("the output path", path))
+    if os.path.isdir(target):
         raise IsADirectoryError(f"The output path must be the name of a file, got the folder {os.fspath(path)!r}.")
     try:
-        (_pour if is_stream(given) else _replace)(given, fill)
+        (_copy_to_stream if is_stream(target) else _replace_file)(target, fill)
     except OSError as error:
         if error.errno is None:
             raise
-        why = error.strerror or error
-        raise type(error)(f"The output path must be writable, got {os.fspath(path)!r} ({why}).") from None
+        reason = error.strerror or error
+        raise type(error)(f"The output path must be writable, got {os.fspath(path)!r} ({reason}).") from None
 
 
 def checked_path(name: str, path: Any) -> str:
-    """Return a path as text. Numbers are refused: they would be open files."""
+    """Return a path as a string. Numbers are refused, because they denote open files."""
     if not isinstance(path, (str, bytes, os.PathLike)):
         raise TypeError(misuse(name, path, "the name of a file"))
     return os.fsdecode(path)
 
 
 def checked_source(name: str, path: Any) -> str:
-    """Return the path of a file that can be read. Devices and pipes may be endless."""
+    """Return a path as a string if it is not a device or a pipe.
+
+    Data from a device or a pipe can be endless.
+    """
     text = checked_path(name, path)
     if os.path.exists(text) and not (os.path.isfile(text) or os.path.isdir(text)):
         raise ValueError(misuse(name, text, "a regular file", "A device or a pipe cannot be read here."))
@@ -87,19 +90,22 @@ def checked_source(name: str, path: Any) -> str:
 
 
 def check_writable(name: str) -> None:
-    """Raise an error if no file can be written there, before a long computation."""
+    """Raise `ValueError` if the file `name` cannot be written.
+
+    The check is made before a long computation.
+    """
     if is_stream(name) and os.access(name, os.W_OK) and not os.path.isdir(name):
         return
     import tempfile
 
     path, folder = os.path.realpath(name), os.path.dirname(name) or "."
-    wrong = ("This is a directory. Give the name of a file." if os.path.isdir(path) else
+    complaint = ("This is a directory. Give the name of a file." if os.path.isdir(path) else
              f"The directory {folder!r} does not exist. Create it first." if (
                  not os.path.isdir(os.path.dirname(path))) else
              "The file exists and is read-only." if os.path.exists(path) and not os.access(path, os.W_OK)
              else "")
-    if wrong:
-        raise ValueError(f"{name}: {wrong}")
+    if complaint:
+        raise ValueError(f"{name}: {complaint}")
     try:
         tempfile.TemporaryFile(dir=os.path.dirname(path)).close()
     except OSError as error:
@@ -107,7 +113,7 @@ def check_writable(name: str) -> None:
 
 
 def is_stream(path: str | os.PathLike[str]) -> bool:
-    """Whether `path` is a device, a pipe or an open file, which is written in place."""
+    """Return whether `path` is a device, a pipe or an open file, not a regular file."""
     if os.path.exists(path) and not os.path.isfile(path):
         return True
     name = os.path.abspath(os.fspath(path))
@@ -120,12 +126,12 @@ def is_stream(path: str | os.PathLike[str]) -> bool:
     return False
 
 
-def _replace(target: str, fill: Callable[[str], object]) -> None:
-    """Move a draft to the regular file `target`, or to the file that it links to."""
+def _replace_file(target: str, fill: Callable[[str], object]) -> None:
+    """Write a draft by `fill`, and move it to the file `target`, following links."""
     target = os.path.realpath(target)
     folder, name = os.path.split(target)
-    stem, ending = os.path.splitext(name)
-    draft = os.path.join(folder, f".{stem[:100]}-{os.urandom(6).hex()}{ending}")
+    stem, suffix = os.path.splitext(name)
+    draft = os.path.join(folder, f".{stem[:100]}-{os.urandom(6).hex()}{suffix}")
     try:
         os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         fill(draft)
@@ -139,17 +145,17 @@ def _replace(target: str, fill: Callable[[str], object]) -> None:
 
 
 def check_room(draft: str, size: int) -> None:
-    """Raise the system's `OSError` without space for a file of `size` bytes.
+    """Raise `OSError` if the disk has no space for `size` bytes of numbers.
 
-    The bytes of its format are added.
+    The file `draft` is filled with zeros of this size and of `FORMAT_BYTES`.
     """
     with open(draft, "wb") as file:
         for _ in range(0, size + FORMAT_BYTES, FORMAT_BYTES):
             file.write(bytes(FORMAT_BYTES))
 
 
-def _pour(stream: str, fill: Callable[[str], object]) -> None:
-    """Copy a draft into a device, a pipe or an open file."""
+def _copy_to_stream(stream: str, fill: Callable[[str], object]) -> None:
+    """Write a draft by `fill`, and copy it into a device, a pipe or an open file."""
     import shutil
     import tempfile
 
@@ -203,23 +209,23 @@ def write_figure(path: str | os.PathLike[str] | None, figure: Any, dpi: int) -> 
 
 
 def check_picture(path: str | os.PathLike[str]) -> None:
-    """Raise `ValueError` unless matplotlib writes files with the suffix of `path`."""
+    """Raise `ValueError` if matplotlib cannot write files with the suffix of `path`."""
     from matplotlib.backend_bases import FigureCanvasBase
 
-    ending = os.path.splitext(checked_path("path", path))[1][1:]
-    known = sorted(FigureCanvasBase.get_supported_filetypes())
-    if ending.lower() not in known:
-        raise ValueError(f"The ending of {os.fspath(path)} must be one of {', '.join(known)}, got {ending!r}.")
+    suffix = os.path.splitext(checked_path("path", path))[1][1:]
+    suffixes = sorted(FigureCanvasBase.get_supported_filetypes())
+    if suffix.lower() not in suffixes:
+        raise ValueError(f"The suffix of {os.fspath(path)} must be one of {', '.join(suffixes)}, got {suffix!r}.")
 
 
 class Later(ValueError):
-    """Error for a file of a later version."""
+    """Error for a file that a later version of granular has written."""
 
 
 def check_ending(path: str | os.PathLike[str], needed: str) -> None:
-    """Raise `ValueError` unless the file name has the suffix of its format.
+    """Raise `ValueError` if `path` does not end with the suffix `needed`.
 
-    Devices and pipes need no suffix.
+    Devices and pipes do not need a suffix.
     """
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str) or "\0" in name or not (name.lower().endswith(needed) or is_stream(name)):
@@ -227,15 +233,18 @@ def check_ending(path: str | os.PathLike[str], needed: str) -> None:
 
 
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
-    """Raise `Later` for a file of a later format, or with unknown contents."""
+    """Raise `Later` for a file of a later format, or with unknown contents.
+
+    `number` is the format of the file, `unknown` the names of contents that this version cannot read.
+    """
     name = os.fspath(path)
     if not isinstance(number, int) or not 1 <= number <= FILE_FORMAT:
         shown = plain_text(repr(number), 60)
         raise Later(f"The format of {name} must be at most {FILE_FORMAT}, got {shown}. Read it with a later version of "
                     "granular.")
-    if listed := plain_text(", ".join(sorted(unknown))):
-        raise Later(f"The file {name!r} contains {listed}, which this version does not know. Read it with a later "
-                    "version of granular.")
+    if unknown_names := plain_text(", ".join(sorted(unknown))):
+        raise Later(f"The file {name!r} contains {unknown_names}, which this version does not know. Read it with a "
+                    "later version of granular.")
 
 
 @cache
@@ -250,7 +259,7 @@ def version_of(package: str) -> str | None:
 
 
 def provenance() -> dict[str, Any]:
-    """Return format, versions and platform, which make a number traceable."""
+    """Return file format, versions and platform, which are stored with every result."""
     import platform
 
     packages = ("numpy", "scipy", "numba", "sortedcontainers")
@@ -268,35 +277,36 @@ class Foreign(ValueError):
 
 
 def heads(file: IO[bytes]) -> dict[str, Head]:
-    """Return the headers of all arrays of an open file by name.
+    """Return data type and shape of all arrays of an open ``.npz`` file, by name.
 
-    Arrays of objects are refused, and arrays larger than their header states.
+    `Foreign` is raised for a damaged archive, for arrays of objects, and if the size of an array differs from its
+    header.
     """
     with _opened(file) as archive:
         members, size = archive.infolist(), file.seek(0, os.SEEK_END)
-        sound = all(info.compress_type in (0, 8) and info.file_size <= MAX_EXPANSION * info.compress_size + ROOM
+        is_valid = all(info.compress_type in (0, 8) and info.file_size <= MAX_EXPANSION * info.compress_size + ROOM
                     for info in members)
-        if not sound or sum(info.compress_size for info in members) > size:
+        if not is_valid or sum(info.compress_size for info in members) > size:
             raise ValueError("members overlap, are too large, or use an unsupported compression")
-        found = {_name(info): _head(archive, info) for info in members}
-        if len(found) < len(members):
+        headers = {_name(info): _head(archive, info) for info in members}
+        if len(headers) < len(members):
             raise ValueError("a member occurs twice")
-        return found
+        return headers
 
 
 def arrays(file: IO[bytes]) -> dict[str, Any]:
-    """Return all arrays of an open file by name."""
+    """Return all arrays of an open ``.npz`` file, by name."""
     with _opened(file) as archive:
-        found = {}
+        values = {}
         for info in archive.infolist():
             with archive.open(info) as stream:
-                found[_name(info)] = np.lib.format.read_array(stream, allow_pickle=False)
-        return found
+                values[_name(info)] = np.lib.format.read_array(stream, allow_pickle=False)
+        return values
 
 
 @contextmanager
 def _opened(file: IO[bytes]) -> Iterator[Any]:
-    """Open an archive. All errors of zipfile and numpy become `Foreign`."""
+    """Open an archive. Errors of zipfile and numpy are raised again as `Foreign`."""
     from zipfile import ZipFile
 
     try:
@@ -313,11 +323,11 @@ def _name(info: Any) -> str:
 
 
 def _head(archive: Any, info: Any) -> Head:
-    form = np.lib.format
-    readers = {(1, 0): form.read_array_header_1_0, (2, 0): form.read_array_header_2_0}
+    formats = np.lib.format
+    readers = {(1, 0): formats.read_array_header_1_0, (2, 0): formats.read_array_header_2_0}
     with archive.open(info) as stream:
-        shape, _, dtype = readers[form.read_magic(stream)](stream)
-        counted = all(type(length) is int and length >= 0 for length in shape) and dtype.itemsize > 0
-        if dtype.hasobject or not counted or stream.tell() + dtype.itemsize * math.prod(shape) != info.file_size:
+        shape, _, dtype = readers[formats.read_magic(stream)](stream)
+        has_sizes = all(type(length) is int and length >= 0 for length in shape) and dtype.itemsize > 0
+        if dtype.hasobject or not has_sizes or stream.tell() + dtype.itemsize * math.prod(shape) != info.file_size:
             raise ValueError("an array contains objects, or its size differs from its header")
     return dtype, shape

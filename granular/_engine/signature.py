@@ -1,4 +1,4 @@
-"""Messages for calls that do not fit the signature of a public function."""
+"""Error messages for calls that do not fit the signature of a public function."""
 
 from __future__ import annotations
 
@@ -10,57 +10,62 @@ from typing import Any, TypeVar
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def face(thing: Function) -> Function:
-    """Decorate a public function or class, so that wrong calls name a parameter.
+def face(target: Function) -> Function:
+    """Decorate a public function or class to name the parameter in errors of calls.
 
-    A call that does not fit the signature raises `TypeError` with the nearest parameter. Other calls cost one more
-    frame. Their exceptions are unchanged.
+    A call that does not fit the signature raises `TypeError` with the wrong or missing parameter, and with the most
+    similar parameter, if any. Exceptions raised inside the function are unchanged. A class is changed in place: its
+    `__init__` and its class methods are decorated. Every call costs one more frame.
     """
-    if isinstance(thing, type):
-        for name, made in list(vars(thing).items()):
-            if name == "__init__" or isinstance(made, classmethod):
-                setattr(thing, name, classmethod(face(made.__func__)) if name != "__init__" else face(made))
-        return thing
+    if isinstance(target, type):
+        for name, member in list(vars(target).items()):
+            if name == "__init__" or isinstance(member, classmethod):
+                setattr(target, name, classmethod(face(member.__func__)) if name != "__init__" else face(member))
+        return target
 
-    @wraps(thing)
-    def call(*values: Any, **named: Any) -> Any:
+    @wraps(target)
+    def call(*args: Any, **kwargs: Any) -> Any:
         try:
-            return thing(*values, **named)
+            return target(*args, **kwargs)
         except TypeError as error:
             if error.__traceback__.tb_next is not None:  # type: ignore[union-attr]  # raised within the function
                 raise
-            raise _misfit(thing, str(error)) from None
+            raise _call_error(target, str(error)) from None
 
     return call  # type: ignore[return-value]
 
 
-def _misfit(function: Callable[..., Any], message: str) -> TypeError:
-    """Return the error for a call that does not fit, from Python's own message."""
-    name, quoted = function.__qualname__.removesuffix(".__init__"), [*re.findall(r"'(\w+)'", message), ""]
+def _call_error(function: Callable[..., Any], message: str) -> TypeError:
+    """Return the error for a call that does not fit the signature.
+
+    `message` is the message of Python's own `TypeError`.
+    """
+    name, names = function.__qualname__.removesuffix(".__init__"), [*re.findall(r"'(\w+)'", message), ""]
     if "unexpected keyword" in message:
-        near = nearest(quoted[0], parameters(function) - {"self", "cls"})
-        fix = f"did you mean `{near}`?" if near else f"see help({name})."
-        return TypeError(f"`{name}` has no parameter `{quoted[0]}`; {fix}")
+        suggestion = nearest(names[0], parameters(function) - {"self", "cls"})
+        fix = f"did you mean `{suggestion}`?" if suggestion else f"see help({name})."
+        return TypeError(f"`{name}` has no parameter `{names[0]}`; {fix}")
     if "missing" in message:
-        missing = ", ".join(f"`{word}`" for word in quoted[:-1])
-        return TypeError(f"`{name}` requires {missing}, which {'is' if len(quoted) == 2 else 'are'} missing.")
-    found = re.search(r"takes (.*) but (\d+) (?:was|were) given", message)
-    return TypeError(f"`{name}` takes {found[1]}, got {found[2]}. Name the others." if found else message)
+        missing = ", ".join(f"`{word}`" for word in names[:-1])
+        return TypeError(f"`{name}` requires {missing}, which {'is' if len(names) == 2 else 'are'} missing.")
+    counts = re.search(r"takes (.*) but (\d+) (?:was|were) given", message)
+    return TypeError(f"`{name}` takes {counts[1]}, got {counts[2]}. Pass the other arguments by name."
+                     if counts else message)
 
 
 def parameters(function: Callable[..., Any]) -> set[str]:
-    """Return the names of the parameters of a function."""
+    """Return the names of all parameters of a function."""
     from inspect import signature
 
     return set(signature(function).parameters)
 
 
 def nearest(word: Any, options: Iterable[str]) -> str:
-    """Return the option closest to `word`, or an empty string.
+    """Return the option most similar to `word`, or an empty string.
 
-    Its similarity must be above 0.6.
+    The similarity must be at least 0.6 (see `difflib.get_close_matches`).
     """
     from difflib import get_close_matches
 
-    near = get_close_matches(str(word), list(options), n=1)
-    return near[0] if near else ""
+    matches = get_close_matches(str(word), list(options), n=1)
+    return matches[0] if matches else ""

@@ -69,8 +69,8 @@ def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch)
     ("run gas --save .", ".: This is a directory. Give the name of a file."),
     ("compare gas --json none/out.json", "none/out.json: The directory 'none' does not exist. Create it first."),
     ("compare gas --plot none/out.png", "none/out.png: The directory 'none' does not exist. Create it first."),
-    ("compare gas --plot out.pgn", "The ending of out.pgn must be one of "),
-    ("compare gas --plot out", "The ending of out must be one of "),
+    ("compare gas --plot out.pgn", "The suffix of out.pgn must be one of "),
+    ("compare gas --plot out", "The suffix of out must be one of "),
     ("compare gas --film out.avi", "The suffix of out.avi must be one of .gif, .mp4, got '.avi'"),
     ("compare gas --film none/out.gif", "none/out.gif: The directory 'none' does not exist. Create it first."),
 ])

@@ -78,7 +78,7 @@ def test_json_on_standard_output_is_all_there_is_on_it(tmp_path, name, redirecte
 def test_a_picture_without_a_format_is_refused_and_leaves_nothing(tmp_path, report, name, ending, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match=rf"The ending of {name} must be one of .*png.*, got {ending}\."):
+    with pytest.raises(ValueError, match=rf"The suffix of {name} must be one of .*png.*, got {ending}\."):
         report.plot(name)
     assert os.listdir(tmp_path) == []
 

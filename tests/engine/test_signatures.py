@@ -52,8 +52,8 @@ CALLS = {
     "from arrays": (lambda: gr.Trajectory.from_arrays(SCENE, [0.0], position=[[0.0] * 4]),
                     "`Trajectory.from_arrays` requires `velocity`, which is missing."),
     "two missing": (lambda: gr.compare(), "`compare` requires `scene`, `law`, which are missing."),
-    "positional": (lambda: gr.md.simulate(SCENE, LAW, 1.0), "`simulate` takes 2 positional arguments, got 3. Name the "
-                                                            "others."),
+    "positional": (lambda: gr.md.simulate(SCENE, LAW, 1.0), "`simulate` takes 2 positional arguments, got 3. Pass the "
+                                                            "other arguments by name."),
     "resume": (lambda: gr.edmd.resume(None, t_edn=1.0), "`resume` has no parameter `t_edn`; did you mean `t_end`?"),
 }
 
