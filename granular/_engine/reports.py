@@ -1,7 +1,6 @@
-"""Common parts of reports and figures.
+"""Tables, numbers with units, JSON and figure styles for all reports.
 
-Tables for the terminal, numbers with units, JSON with provenance, and the style of figures: colours, and sizes as in
-Physical Review (8 pt, columns).
+Figures have the font size (8 pt) and the column widths of Physical Review.
 """
 
 from __future__ import annotations
@@ -20,31 +19,31 @@ from granular._engine.check import optional
 from granular._engine.package import VERSION
 
 Rows = Sequence[Sequence[str]]
-"""Rows of a table as text. The first row is the header."""
-LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
+"""Rows of a table as strings. The first row is the header."""
+DECIMAL_NUMBER = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 INVERSE_UNIT = re.compile(r" (\w+)-1$")
 UNIT_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
 LEAST_SHARE = 1e-12
-"""Share below which only rounding errors remain."""
+"""Fraction below which a value is only a rounding error."""
 HARD_COLOUR, SOFT_COLOUR = "#c1440e", "#1f4e79"
-"""Colours of hard and soft spheres, which also differ in grey print."""
+"""Colours of hard and soft spheres, which also differ in black and white."""
 GREY_COLOUR = "#8a8a8a"
 COLUMN_WIDTH, PAGE = 3.4, 7.0
-"""Widths in inches."""
+"""Widths of a column and of a page in inches."""
 
 
 class Report:
-    """Result of a study. `_numbers` are all numbers, ready for JSON by `to_dict`."""
+    """Base class of results, whose subclasses define the dictionary `_numbers`."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all numbers with provenance, ready for JSON (nan and inf become None)."""
+        """Return all numbers with provenance, for JSON (nan and inf are None)."""
         from granular._engine import files
 
         return dict(files.plain({"provenance": files.provenance(), **self._numbers()}))
 
     def to_json(self, path: str | os.PathLike[str]) -> None:
-        """Write `to_dict` to a file, completely or not at all."""
+        """Write the result of `to_dict` to a file, completely or not at all."""
         from granular._engine import files
 
         files.write_json(path, self.to_dict())
@@ -59,17 +58,17 @@ class Report:
         return html(self._headline, more=self._whole(), picture=_picture(self))
 
     def _whole(self) -> str:
-        """Return the full text."""
+        """Return the full report as text."""
         return str(self)
 
     @property
     def _headline(self) -> str:
-        """The result in one line."""
+        """First line of the report."""
         return str(self).partition("\n")[0]
 
 
 def problem(report: Any) -> dict[str, Any]:
-    """Return the problem for JSON: the complete scene, the laws, and the end."""
+    """Return scene, laws, stop condition and end time of a comparison, for JSON."""
     from granular._engine.describe import scene_to_json
 
     return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
@@ -77,28 +76,28 @@ def problem(report: Any) -> dict[str, Any]:
 
 
 def cores() -> int:
-    """Return the number of cores that this process can use."""
+    """Return the number of processor cores that this process can use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine() -> dict[str, Any]:
-    """Return processor, available cores, system and versions, for run times."""
+    """Return processor, available cores, system and versions, for use with run times."""
     from granular._engine import files
 
     packages = ("numpy", "scipy", "numba", "mpmath")
     text = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""
-    named = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    model = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
     return {
-        "processor": named[1] if named else platform.processor() or platform.machine(), "cores": cores(),
+        "processor": model[1] if model else platform.processor() or platform.machine(), "cores": cores(),
         "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),
         "granular": VERSION, **{name: files.version_of(name) or "not installed" for name in packages},
     }
 
 
 def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
-    """Return a table for the terminal.
+    """Return a table as text with aligned columns.
 
-    `sides` contains < or > for each column. The last one holds for all following columns.
+    `sides` contains < (left) or > (right) for each column. Its last character is also used for all further columns.
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     sides = sides.ljust(len(widths), sides[-1])
@@ -108,9 +107,9 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
 
 
 def blocks(rows: Rows, sides: str = ">", left: int = 1, width: int = 80) -> str:
-    """Return a table, split into tables of at most `width` columns if it is wider.
+    """Return a table as text, split into several tables if it is wider than `width`.
 
-    Each of them begins with the first `left` columns.
+    The width is in characters. Each table begins with the first `left` columns. `sides` is explained in `aligned`.
     """
     widths = [2 + max(map(len, column)) for column in zip(*rows, strict=True)]
     sides, groups = sides.ljust(len(widths), sides[-1]), [[*range(left)]]
@@ -123,23 +122,23 @@ def blocks(rows: Rows, sides: str = ">", left: int = 1, width: int = 80) -> str:
 
 
 def with_unit(text: str, units: str, between: str = ", ") -> str:
-    """Return a text and its unit, such as the header "v, m/s" of a column.
+    """Return a text with its unit, such as the header "v, m/s" of a column.
 
-    `units` can also be in the form "m s-1". It is empty or "1" for pure numbers.
+    "m s-1" is converted to "m/s". `units` is empty or "1" for pure numbers.
     """
     return text if units in ("", "1") else text + between + INVERSE_UNIT.sub(r"/\1", units)
 
 
 def abridged(rows: Rows, most: int = 12) -> Rows:
-    """Return the rows of a table, or the first and last ones of a long table."""
+    """Return the rows of a table, or the first and last rows if it has over `most`."""
     half = most // 2
     return rows if len(rows) <= most else [*rows[:half], ["…"] * len(rows[0]), *rows[-half:]]
 
 
 def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
-    """Return HTML for a notebook: a line, a table or text, and a figure.
+    """Return HTML for a notebook in its own colours.
 
-    It uses the colours of the notebook.
+    It consists of the line `head`, a table of `rows`, the text `more` that can be opened, and the HTML of a figure.
     """
     from html import escape
 
@@ -150,7 +149,7 @@ def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
 
 
 def _picture(report: Any) -> str:
-    """Return the figure of a report for a notebook, or nothing without matplotlib."""
+    """Return the figure of a report as HTML, or "" without a figure or matplotlib."""
     from base64 import b64encode
     from importlib.util import find_spec
 
@@ -162,30 +161,33 @@ def _picture(report: Any) -> str:
 
 
 def _png(figure: Any) -> bytes:
-    """Return a figure as embedded PNG."""
+    """Return a figure in the format PNG."""
     import io
 
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=90)
-    return drawn.getvalue()
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=90)
+    return stream.getvalue()
 
 
 def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:
-    """Return the pairs of each different law or rule, by its text."""
-    found: dict[str, list[int]] = {}
+    """Return the numbers of the pairs of each different law or rule, by its `repr`."""
+    pairs: dict[str, list[int]] = {}
     for pair, law in enumerate(laws):
-        found.setdefault(repr(law), []).append(pair)
-    return found
+        pairs.setdefault(repr(law), []).append(pair)
+    return pairs
 
 
 def named_pairs(pairs: Sequence[int], n: int, name: Callable[[int], str]) -> str:
-    """Return the text for some of `n` pairs, where `name` returns the name of a pair."""
+    """Return "pair 1–2", "all pairs" or "3 pairs" for some of `n` pairs.
+
+    `name` returns the name of a pair.
+    """
     return f"pair {name(pairs[0])}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
 
 
 def shortened(text: str) -> str:
-    """Return the text of a law or a wall with numbers of four digits."""
-    return LONG.sub(lambda found: f"{float(found[0]):.4g}", text)
+    """Return the text of a law or a wall with numbers rounded to four digits."""
+    return DECIMAL_NUMBER.sub(lambda match: f"{float(match[0]):.4g}", text)
 
 
 def described(scene: Any) -> str:
@@ -194,22 +196,25 @@ def described(scene: Any) -> str:
 
 
 def number(value: float, form: str = ".6g", none: str = "–") -> str:
-    """Return the text of a number, or `none` for nan and infinity."""
+    """Return a number as text in the format `form`, or `none` for nan and infinity."""
     return format(value, form) if math.isfinite(value) else none
 
 
 def rough(value: float) -> str:
-    """Return the text of a number with two significant digits, without exponent."""
+    """Return a number as text with two significant digits."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent with two digits. Smaller shares are rounding errors."""
+    """Return a fraction as text in per cent with two digits.
+
+    Fractions below `LEAST_SHARE` are rounding errors, and are only given as smaller than this value.
+    """
     return f"{rough(100.0 * share)} %" if share == 0.0 or not share < LEAST_SHARE else f"< {100.0 * LEAST_SHARE:g} %"
 
 
 def rounded(value: float, digits: int, *, up: bool) -> str:
-    """Return a number rounded up (or down) to some digits, so that it stays a bound."""
+    """Return a number as text, rounded up or down so that it remains a bound."""
     from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
     context = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
@@ -219,22 +224,22 @@ def rounded(value: float, digits: int, *, up: bool) -> str:
 def unit_of(
     value: float, si: str, least: float = 2.0, prefixes: Sequence[tuple[float, str]] = UNIT_PREFIXES
 ) -> tuple[float, str]:
-    """Return the largest multiple of a unit in which `value` is at least `least`.
+    """Return factor and name of the largest multiple of a unit for a value.
 
-    The factor and the name are returned.
+    `value`, in the unit `si`, is at least `least` times this factor. Small values get the smallest multiple.
     """
-    scale, prefix = next((one for one in prefixes if value >= least * one[0]), prefixes[-1])
+    scale, prefix = next((entry for entry in prefixes if value >= least * entry[0]), prefixes[-1])
     return scale, prefix + si
 
 
 def duration(seconds: float) -> str:
-    """Return the text of a time with three digits and its unit."""
+    """Return a time in s as text with three digits and a unit, such as "1.5 ms"."""
     scale, name = unit_of(seconds, "s", 1.0)
     return f"{seconds / scale:.3g} {name}"
 
 
 def style() -> AbstractContextManager[None]:
-    """Settings of matplotlib for figures in print."""
+    """Return a context manager that sets matplotlib to the style of printed figures."""
     context: AbstractContextManager[None] = optional("matplotlib", "plot").rc_context({
         "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
         "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
@@ -246,7 +251,7 @@ def style() -> AbstractContextManager[None]:
 
 
 def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
-    """Return a figure of a size in inches and its axes as an array (rows, columns)."""
+    """Return a figure with a size in inches, and its axes as an array (rows, columns)."""
     figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
     figure._repr_png_ = partial(_png, figure)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
