@@ -1,8 +1,9 @@
-"""Free flight of one gap: time to contact, gap and rate.
+"""Free flight of one gap without contact: time to contact, gap and rate.
 
-The acceleration of the gap is ``-a``: a = g above a floor, 0 between two balls, -g below a ceiling (`Scene.pull`).
-Between two pendula with the gap d at rest it is Ω² (d - gap). These flights are called hung. `rate` is the rate of
-change of the gap in m/s, negative while it closes. All formulas avoid the cancellation of digits.
+The acceleration of the gap is -a, where a (m/s²) is the closing acceleration `Scene.pull`: g above a floor, 0 between
+two balls, -g below a ceiling. Between two pendula it is Ω² (d - gap), where d is the gap at rest. Names of functions
+for pendula begin with `hung`. `rate` is the rate of change of the gap in m/s, negative while it closes. All formulas
+avoid the cancellation of digits.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from granular._engine.kernels import kernel
 
 @kernel
 def time_to_contact(gap: float, rate: float, a: float) -> float:
-    """Return the time in s until a non-negative `gap` closes, or inf.
+    """Return the time in s until a non-negative `gap` closes, or inf if never.
 
-    With s = √(rate² + 2·a·gap) it is 2·gap/(s - rate) while closing, and (rate + s)/a while opening. (The textbook root
-    -(rate - s)/a without cases loses half of its digits after every bounce.)
+    With s = √(rate² + 2·a·gap) it is 2·gap/(s - rate) if the gap closes, and (rate + s)/a if it opens. (The textbook
+    root (rate + s)/a for both cases would lose half of its digits after every bounce.)
     """
     if a == 0.0:
         return gap / -rate if rate < 0.0 else math.inf
@@ -35,19 +36,19 @@ def time_to_contact(gap: float, rate: float, a: float) -> float:
 
 @kernel
 def gap_after(gap: float, rate: float, a: float, dt: float) -> float:
-    """Return the gap in m after a flight of `dt` s.
+    """Return the gap in m after a free flight of `dt` s.
 
-    Rounding can make a closing gap negative, so that callers clamp it at 0.
+    Rounding can make a closing gap negative, so callers clamp it at 0.
     """
     return gap + rate * dt if a == 0.0 else gap + dt * (rate - 0.5 * a * dt)
 
 
 @kernel
 def rate_at_contact(gap: float, rate: float, a: float) -> float:
-    """Return the (negative) rate in m/s with which the gap closes.
+    """Return the rate of the gap in m/s, not positive, when it closes.
 
-    It follows from the state, not from the rounded time. Otherwise a bounce so low that its time rounds to the current
-    time would seem to recede.
+    It is computed from the present gap and rate, not from the rounded time of contact. If the time of a very low bounce
+    rounds to the current time, a rate at this time would be positive.
     """
     if a == 0.0:
         return rate
@@ -57,15 +58,15 @@ def rate_at_contact(gap: float, rate: float, a: float) -> float:
 
 @kernel
 def hung(gap: float, rate: float, omega: float, d: float) -> float:
-    """Return the time in s until a non-negative `gap` between pendula closes, or inf.
+    """Return the time t (s) until a non-negative `gap` between pendula closes, or inf.
 
-    With u = rate/Ω, a = 2d - gap and τ = tan(Ωt/2) the gap closes where aτ² + 2uτ + gap = 0. The root without
-    cancellation is used, whereas atan2 and acos would cancel for small gaps. For balls that touch at rest, d = 0, the
-    angle is Ωt.
+    With u = rate/Ω, a = 2d - gap and τ = tan(Ωt/2) the gap closes where aτ² + 2uτ + gap = 0. The form of the root
+    without cancellation is used. Formulas with atan2 or acos lose digits for small gaps. If the balls touch at rest
+    (d = 0), the angle Ωt is computed directly.
     """
     if d == 0.0 and rate != 0.0:
-        turn = math.atan(omega * gap / -rate)
-        return (math.pi + turn if rate > 0.0 else turn) * (1.0 / omega)
+        angle = math.atan(omega * gap / -rate)
+        return (math.pi + angle if rate > 0.0 else angle) * (1.0 / omega)
     u, a = rate / omega, 2.0 * d - gap
     square = u * u - a * gap
     if not square > 0.0:
@@ -80,22 +81,22 @@ def hung(gap: float, rate: float, omega: float, d: float) -> float:
 
 @kernel
 def hung_after(gap: float, rate: float, omega: float, d: float, dt: float) -> tuple[float, float]:
-    """Return gap and rate after a flight of `dt` s between pendula.
+    """Return gap (m) and rate (m/s) between pendula after a free flight of `dt` s.
 
-    With τ, u and a of `hung` the gap is (gap + 2uτ + aτ²) / (1 + τ²), which takes one tangent instead of two sines and
-    a cosine. Rounding can make a closing gap negative, so that callers clamp it at 0.
+    With τ, u and a of `hung` the gap is (gap + 2uτ + aτ²) / (1 + τ²), which needs one tangent instead of two sines and
+    a cosine. Rounding can make a closing gap negative, so callers clamp it at 0.
     """
     t = math.tan(0.5 * omega * dt)
-    share = 1.0 / (1.0 + t * t)
-    after = gap + t * (2.0 * rate / omega + (2.0 * d - gap) * t)
-    return after * share, (rate * (1.0 - t * t) + 2.0 * omega * (d - gap) * t) * share
+    scale = 1.0 / (1.0 + t * t)
+    scaled_gap = gap + t * (2.0 * rate / omega + (2.0 * d - gap) * t)
+    return scaled_gap * scale, (rate * (1.0 - t * t) + 2.0 * omega * (d - gap) * t) * scale
 
 
 @kernel
 def hung_rate_at_contact(gap: float, rate: float, omega: float, d: float) -> float:
-    """Return the (negative) rate with which a gap between pendula closes.
+    """Return the rate of a gap between pendula in m/s, not positive, when it closes.
 
-    It follows from the state, not from the rounded time.
+    It is computed from the present gap and rate, not from the rounded time of contact.
     """
     square = rate * rate - omega * omega * (2.0 * d - gap) * gap
     return -math.sqrt(square) if square > 0.0 else 0.0
@@ -103,6 +104,9 @@ def hung_rate_at_contact(gap: float, rate: float, omega: float, d: float) -> flo
 
 @kernel
 def swung(body: Any, omega: float, dt: float) -> tuple[float, float]:
-    """Return velocity and `fall` of a pendulum after a free swing of `dt` s."""
+    """Return velocity (m/s) and `fall` (m/s²) of a free pendulum after `dt` s.
+
+    `fall` is the acceleration towards smaller x, Ω² y at the displacement y. `body` has `v` and `fall` at the start.
+    """
     cosine, sine = math.cos(omega * dt), math.sin(omega * dt)
     return body.v * cosine - body.fall / omega * sine, body.fall * cosine + body.v * omega * sine

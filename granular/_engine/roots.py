@@ -1,12 +1,13 @@
 """First up-crossing of a polynomial on [0, θ], certified by bounds and signs.
 
-A step of a soft-sphere engine is a power series, and an event is its first root with a change from - to +. Descartes'
-rule of signs in the Bernstein basis decides for each interval whether it can contain a crossing. Newton's method only
-refines a root that is known to be the only one. A maximum no higher than the rounding error of the polynomial,
-4 (n+1) 2⁻⁵³ max |p_j θ^j|, is not an event. If the next piece then starts above zero, the event occurs immediately.
+An up-crossing is a root at which the polynomial changes from negative to positive. A step of a soft-sphere engine is a
+power series, and its events are such roots. Descartes' rule of signs in the Bernstein basis decides for each interval
+whether it can contain a crossing. Newton's method is only used for a root that is proved to be the only one of its
+interval. A maximum no higher than the rounding error of the polynomial, 4 (n+1) 2⁻⁵³ max |p_j θ^j|, is not an event. If
+the next step then starts above zero, the event occurs immediately.
 
-Coefficients must be finite. Rows of `work` are temporary storage: row 0 has the power form on [0, 1], rows 1, 2, … a
-stack of intervals from right to left, each with its Bernstein coefficients followed by its width.
+Coefficients must be finite. Rows of `work` are temporary storage. Row 0 has the coefficients of powers on [0, 1].
+Rows 1, 2, … are a stack of intervals from right to left, each with its Bernstein coefficients followed by its width.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ MAX_SUBDIVISIONS = 60  # an interval of width 2⁻⁵⁵ is decided by the round
 
 
 def workspace(degree: int) -> list[list[float]]:
-    """Return temporary storage for polynomials up to `degree`.
+    """Return the rows of temporary storage for polynomials up to `degree`.
 
-    Compiled code takes an array of the same shape.
+    Compiled code needs an array of the same shape.
     """
     return [[0.0] * (degree + 2) for _ in range(MAX_SUBDIVISIONS + 1)]
 
@@ -35,30 +36,31 @@ def workspace(degree: int) -> list[list[float]]:
 def first_up_crossing(p: Row, theta: float, work: Rows, sign: float = 1.0) -> float:
     """Return the first τ in [0, θ] at which p changes from negative to positive.
 
+    The result is `NO_ROOT` (inf) without a crossing, and 0 if p is positive just after 0.
+
     Parameters
     ----------
     p : sequence of floats
-        Power-series coefficients, lowest first, so that p(τ) = Σ p_j τ^j. Exact zeros at the front are divided out:
-        the root of the previous event, written as p_0 = 0, is not found again. If p is positive right after 0, the
-        result is 0. It is `NO_ROOT` (inf) without a crossing.
+        Power-series coefficients, lowest first, so that p(τ) = Σ p_j τ^j. Leading coefficients that are exactly 0 are
+        removed: the root of the previous event, stored as p_0 = 0, is not returned again.
     theta : float
-        End of the interval, not negative. The earliest event found so far is the best choice.
+        End θ of the interval, not negative. The search is fastest if it is the time of the earliest known event.
     work : rows of floats
         Temporary storage from `workspace`, for at least the degree of p.
     sign : float
-        -1 to find the first crossing from positive to negative instead.
+        -1 to return the first crossing from positive to negative instead. Defaults to 1.
 
     Notes
     -----
-    A root at which p is far from flat is accurate to rounding error. One of two roots with distance d is accurate to
-    about (noise/p'')/d, the limit given by the coefficients of p.
+    A simple root is accurate to rounding error. If another root is at a distance d, the error is about (e/p'')/d, where
+    e is the rounding error of p. The coefficients of p do not allow a smaller error.
     """
     first, size = 0, len(p)
     while first < size - 1 and p[first] == 0.0:
         first += 1
     if sign * p[first] > 0.0:
         return 0.0
-    s, n, power, rise, fall, drag = work[0], size - 1 - first, sign, 0.0, 0.0, 0.0
+    s, n, power, rise, fall, negative_slope = work[0], size - 1 - first, sign, 0.0, 0.0, 0.0
     for j in range(n + 1):
         c = p[first + j] * power
         s[j] = c
@@ -67,11 +69,11 @@ def first_up_crossing(p: Row, theta: float, work: Rows, sign: float = 1.0) -> fl
             rise += c
         else:
             fall += c
-            drag += j * c
+            negative_slope += j * c
     if s[0] + rise <= 0.0 or (n > 3 and _cubic_bound(s, rise) <= 0.0):
         return NO_ROOT
     noise = 4.0 * (n + 1) * 2.0**-53 * (rise - fall)
-    if n > 0 and s[1] + drag > n * noise and abs(rise + fall) > noise:  # increasing: at most one root
+    if n > 0 and s[1] + negative_slope > n * noise and abs(rise + fall) > noise:  # increasing: at most one root
         end = rise + fall
         return theta * _polish(s, n, 0.0, 1.0, s[0] / (s[0] - end)) if end > 0.0 else NO_ROOT
     return theta * _isolate(work, n)
@@ -79,19 +81,22 @@ def first_up_crossing(p: Row, theta: float, work: Rows, sign: float = 1.0) -> fl
 
 @kernel
 def _cubic_bound(s: Row, rise: float) -> float:
-    """Return an upper bound of a polynomial on [0, 1].
+    """Return an upper bound on [0, 1] of the polynomial with the coefficients `s`.
 
-    `s` contains its coefficients. The cubic part is bounded by its Bernstein coefficients, the rest by the sum of its
-    positive coefficients. `rise` is the sum of all positive coefficients.
+    The cubic part is bounded by its Bernstein coefficients, the rest by the sum of its positive coefficients. `rise` is
+    the sum of all positive coefficients.
     """
-    late = rise - (max(0.0, s[1]) + max(0.0, s[2]) + max(0.0, s[3]))
-    third, two = s[0] + s[1] / 3.0, s[0] + (2.0 * s[1] + s[2]) / 3.0
-    return max(max(s[0], third), max(two, s[0] + s[1] + s[2] + s[3])) + late
+    rest = rise - (max(0.0, s[1]) + max(0.0, s[2]) + max(0.0, s[3]))
+    b1, b2 = s[0] + s[1] / 3.0, s[0] + (2.0 * s[1] + s[2]) / 3.0
+    return max(max(s[0], b1), max(b2, s[0] + s[1] + s[2] + s[3])) + rest
 
 
 @kernel
 def _isolate(work: Rows, n: int) -> float:
-    """Return the first up-crossing in [0, 1] of row 0, over intervals left to right."""
+    """Return the first up-crossing in [0, 1] of the polynomial in row 0 of `work`.
+
+    Its degree is n. Intervals are examined from left to right, and halved until one contains exactly one root.
+    """
     s, top, left = work[0], 1, 0.0
     noise = 4.0 * (n + 1) * 2.0**-53 * _largest(s, n)
     _bernstein(s, work[1], n)
@@ -114,6 +119,7 @@ def _isolate(work: Rows, n: int) -> float:
 
 @kernel
 def _largest(s: Row, n: int) -> float:
+    """Return the largest absolute value of s_0 … s_n."""
     largest = 0.0
     for j in range(n + 1):
         largest = max(largest, abs(s[j]))
@@ -122,6 +128,7 @@ def _largest(s: Row, n: int) -> float:
 
 @kernel
 def _highest(b: Row, n: int) -> float:
+    """Return the maximum of b_0 … b_n."""
     highest = b[0]
     for i in range(1, n + 1):
         if b[i] > highest:
@@ -131,9 +138,9 @@ def _highest(b: Row, n: int) -> float:
 
 @kernel
 def _sign_changes(b: Row, n: int) -> int:
-    """Count the sign changes of b_0 … b_n without zeros.
+    """Return the number of sign changes of the Bernstein coefficients b_0 … b_n.
 
-    It is the number of roots inside, or larger by an even number.
+    Zeros are skipped. The number of roots inside the interval is the same, or smaller by an even number.
     """
     changes, last = 0, 0.0
     for i in range(n + 1):
@@ -147,7 +154,7 @@ def _sign_changes(b: Row, n: int) -> int:
 
 @kernel
 def _bernstein(s: Row, b: Row, n: int) -> None:
-    """Convert the power form s on [0, 1] to Bernstein coefficients.
+    """Convert coefficients of powers s on [0, 1] to Bernstein coefficients b.
 
     The coefficients are divided by binomials. All further operations are additions.
     """
@@ -166,7 +173,11 @@ def _bernstein(s: Row, b: Row, n: int) -> None:
 
 @kernel
 def _halve(b: Row, half: Row, n: int) -> None:
-    """Split by de Casteljau's scheme: left half to `half`, right half stays in `b`."""
+    """Split an interval into halves by de Casteljau's scheme.
+
+    `b` has the Bernstein coefficients and then the width of the interval. Afterwards `half` has those of the left half,
+    and `b` those of the right half.
+    """
     for k in range(n + 1):
         half[k] = b[0]
         for i in range(n - k):
@@ -177,9 +188,9 @@ def _halve(b: Row, half: Row, n: int) -> None:
 
 @kernel
 def _polygon_root(b: Row, n: int) -> float:
-    """Return the zero of the control polygon of b as a share of the interval.
+    """Return the root of the control polygon of b as a fraction of the interval.
 
-    It approximates the root for large n.
+    For large n it approximates the root of the polynomial, and is the start of Newton's method.
     """
     i = 0
     while b[i + 1] <= 0.0:
@@ -189,9 +200,10 @@ def _polygon_root(b: Row, n: int) -> float:
 
 @kernel
 def _polish(s: Row, n: int, low: float, high: float, x: float) -> float:
-    """Return the single root in [low, high] by Newton's method from x.
+    """Return the only root of a polynomial in [low, high] by Newton's method from x.
 
-    s(low) ≤ 0 < s(high). Steps that leave the interval are replaced by bisection.
+    `s` are the coefficients of its n + 1 powers, with s(low) ≤ 0 < s(high). A step that leaves the interval is replaced
+    by bisection.
     """
     for _ in range(100):  # never reached: bisection takes 53 steps at most
         value, slope = s[n], 0.0
