@@ -1,4 +1,4 @@
-"""One-dimensional collisions of balls as hard and as soft spheres, compared.
+"""Collisions of balls on a line, simulated and compared as hard and soft spheres.
 
 Start with: `scene/`, `laws/`, `run/`, `_engine/`, `edmd/`, `md/`, `comparison/`.
 Support modules: `app/`, `cases/`, `studies/`.
@@ -81,5 +81,5 @@ __getattr__ = attributes(__name__, {
     "granular.scene.walls": "walls",
     "granular.md.waves": "waves",
 })
-_isolation = attributes(__name__, {"granular.md.isolation": "Durations"})
-CROSS_ROOM_LOADERS["contact_durations"] = lambda: _isolation("Durations")
+_load_isolation = attributes(__name__, {"granular.md.isolation": "Durations"})
+CROSS_ROOM_LOADERS["contact_durations"] = lambda: _load_isolation("Durations")

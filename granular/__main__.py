@@ -1,4 +1,4 @@
-"""``python -m granular`` is the `granular` command."""
+"""Run the `granular` command by ``python -m granular``."""
 
 from granular.app.cli import main
 

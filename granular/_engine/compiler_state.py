@@ -1,6 +1,6 @@
 """State of the compiler in this process, and tuples passed by reference.
 
-Used by `granular._engine.kernels` and `granular._engine.numba_pipeline`.
+The state is shared by `granular._engine.kernels` and `granular._engine.numba_pipeline`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class ByReference:
     """
 
     _plain: ClassVar[Callable[..., Any]]
-    """The named tuple without this base class."""
+    """The same named tuple without this base class."""
     write_addresses: ClassVar[Callable[[Any, Any], None]]
     """Function that writes the addresses of the arrays into a table.
 
@@ -42,9 +42,10 @@ class ByReference:
 
 
 def by_reference(fields: Any, room: Any) -> Any:
-    """Return a named tuple in the form that kernels take.
+    """Return the named tuple `fields` in the form in which kernels receive it.
 
-    In compiled code it is a reference to the fields, in the table `room`.
+    Interpreted, it is the tuple itself. Compiled, it is a pointer to the table `room`, which contains the addresses of
+    the arrays.
     """
     return fields
 
@@ -55,7 +56,7 @@ class Mode:
     fast: bool | None = None
     """Whether kernels are compiled by the fast pipeline. None before numba is loaded."""
     on_switch: ClassVar[list[Callable[[], None]]] = []
-    """Functions that clear caches, called at the switch to the default pipeline."""
+    """Functions without arguments that clear caches, called by `use_default_pipeline`."""
 
 
 def numba_version() -> tuple[int, ...]:
@@ -64,7 +65,10 @@ def numba_version() -> tuple[int, ...]:
 
 
 def use_default_pipeline(reason: BaseException) -> None:
-    """Compile by numba's default pipeline from now on, and warn once."""
+    """Switch to numba's default pipeline for all later compilations, and warn once.
+
+    `reason` is the exception of the fast pipeline.
+    """
     if Mode.fast:
         Mode.fast = False
         for clear in Mode.on_switch:
@@ -76,7 +80,7 @@ def use_default_pipeline(reason: BaseException) -> None:
 
 
 def cache_on_disk(function: Any) -> Any:
-    """Let numba cache the machine code of a function on disk, if it can write."""
+    """Enable numba's cache on disk for a compiled function, if it can be written."""
     with suppress(RuntimeError):
         function.enable_caching()
     return function

@@ -1,6 +1,6 @@
-"""Force laws, collision rules, walls and scenes as JSON: a word and numbers.
+"""Force laws, collision rules, walls and scenes as JSON: words and numbers.
 
-Reading such a description never runs code from the file.
+A word names a class, such as "hertz" or "sine". No code from a file is executed when such a description is read.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ CLASS_PLACES = {
         "thermal": "granular.scene.walls.thermal:Thermal",
     },
 }
-"""Classes that a file can name, by words. No other object is created from a file."""
+"""Classes that a file can contain, as module:class, by kind and word."""
 CLASS_WORDS = {place: word for kind in CLASS_PLACES.values() for word, place in kind.items()}
-"""Word of each class, by its place."""
+"""Word of each class in files, by its module:class."""
 OLD_CLASS_PLACES = {f"granular.{place}": word for place, word in {
     "laws.dashpot:LinearDashpot": "linear-dashpot",
     "laws.hertz:Hertz": "hertz",
@@ -61,20 +61,20 @@ OLD_CLASS_PLACES = {f"granular.{place}": word for place, word in {
     "walls.sine:Sine": "sine",
     "walls.piecewise:Piecewise": "piecewise",
 }.items()}
-"""Places of these classes in files of formats 1 and 2, with their words."""
+"""Word of each class by its module:class in files of formats 1 and 2."""
 
 
 def to_json(physics: Any) -> dict[str, Any]:
-    """Return the word and the numbers of a law, rule or wall.
+    """Return the description of a law, rule or wall: its word, text and numbers.
 
-    For a user-defined class, and for a function, only the name is returned.
+    For a user-defined class, and for a function, there are no numbers, and the class replaces the word.
     """
     kind = type(physics)
     place = f"{kind.__module__}:{kind.__qualname__}"
-    described: dict[str, Any] = {"class": CLASS_WORDS.get(place, place), "shown": plain_text(repr(physics))}
+    description: dict[str, Any] = {"class": CLASS_WORDS.get(place, place), "shown": plain_text(repr(physics))}
     if place in CLASS_WORDS:
-        described["fields"] = _numbers(physics)
-    return described
+        description["fields"] = _numbers(physics)
+    return description
 
 
 def _numbers(physics: Any) -> dict[str, Any]:
@@ -85,52 +85,59 @@ def _as_json(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, (list, tuple)):
-        return [_as_json(one) for one in value]
+        return [_as_json(entry) for entry in value]
     return to_json(value) if is_dataclass(value) or callable(value) else value
 
 
 def scene_to_json(scene: Any) -> dict[str, Any]:
-    """Return the numbers of a scene, with the word inf for the mass of a wall."""
+    """Return all fields of a scene for JSON, with "inf" for the mass of a wall."""
     return _numbers(scene) | {"mass": ["inf" if m == np.inf else m for m in scene.mass.tolist()]}
 
 
 def by_words(text: str) -> str:
-    """Return JSON text of an older format with words instead of places."""
+    """Return JSON text of format 1 or 2 with the words of the current format."""
     for place, word in OLD_CLASS_PLACES.items():
         text = text.replace(f'"{place}"', f'"{word}"')
     return text
 
 
 def from_json(what: str, value: Any) -> Any:
-    """Return the law, rule or wall (`what`) that `to_json` described.
+    """Return the law, rule or wall that `to_json` described.
+
+    Parameters
+    ----------
+    what : {"law", "rule", "wall"}
+        Kind of the object.
+    value : dict
+        Description.
 
     Raises
     ------
     LookupError
-        If it is a user-defined class. The message is its description.
+        If the class is user-defined. The message is the text of the object.
     TypeError, ValueError
-        If it is not in `CLASS_PLACES`, has other fields, or values that its class refuses.
+        If the class is not in `CLASS_PLACES`, or if its fields are not valid.
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
-        raise ValueError(f"The description of a {what} must be a table with the texts 'class' and 'shown', got "
+        raise ValueError(f"The description of a {what} must be an object with the strings 'class' and 'shown', got "
                          f"{plain_text(repr(value), 60)}.")
     word = OLD_CLASS_PLACES.get(value["class"], value["class"])
     if "fields" not in value and word not in CLASS_WORDS.values():
         raise LookupError(plain_text(value["shown"]))
     if word not in CLASS_PLACES[what]:
         raise ValueError(f"The class of a {what} must be one of {', '.join(CLASS_PLACES[what])}, got "
-                         f"{plain_text(repr(word), 60)}. A later version of granular may know more.")
+                         f"{plain_text(repr(word), 60)}. A later version of granular may know other classes.")
     module, name = CLASS_PLACES[what][word].split(":")
-    kind, given = getattr(import_module(module), name), value.get("fields")
-    known = [f.name for f in fields(kind)]
-    if not isinstance(given, dict) or sorted(given) != sorted(known):
-        raise ValueError(f"The fields of a {what} of class {word!r} must be {', '.join(known)}, got "
-                         f"{plain_text(repr(given), 60)}.")
-    return kind(**{key: _value(one) for key, one in given.items()})
+    kind, values = getattr(import_module(module), name), value.get("fields")
+    field_names = [f.name for f in fields(kind)]
+    if not isinstance(values, dict) or sorted(values) != sorted(field_names):
+        raise ValueError(f"The fields of a {what} of class {word!r} must be {', '.join(field_names)}, got "
+                         f"{plain_text(repr(values), 60)}.")
+    return kind(**{key: _value(value) for key, value in values.items()})
 
 
 def _value(value: Any) -> Any:
-    """Return a number, a tuple of numbers, or the laws of a rule."""
+    """Return the value of a field from JSON: a number, a law, or a tuple of them."""
     if isinstance(value, list):
         return tuple(map(_value, value))
     return from_json("law", value) if isinstance(value, dict) else value

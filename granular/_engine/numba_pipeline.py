@@ -1,7 +1,7 @@
 """Faster compiler pipeline for kernels, by overriding internals of numba.
 
-By default numba optimises the machine code of every kernel once for each of its callers. This pipeline types and
-lowers a kernel that only kernels call once, as a `Part`, and links it into every `Whole` kernel that Python calls.
+By default numba optimises the machine code of every kernel once for each of its callers. This pipeline compiles a
+kernel that only kernels call once, as a `Part`, and links it into every `Whole`, a kernel that Python calls.
 Named tuples of arrays (`granular._engine.compiler_state.ByReference`) are passed as one pointer. Together this halves
 the compilation time and saves 5 % of a call.
 
@@ -38,17 +38,17 @@ UNUSED_PASSES = {
     "AnnotateTypes", "FindLiterallyCalls", "InlineClosureLikes", "InlineInlinables", "InlineOverloads",
     "LiteralPropagationSubPipelinePass", "LiteralUnroll", "MakeFunctionToJitFunction", "NopythonRewrites",
     "RewriteDynamicRaises", "WithLifting"}
-"""Compiler passes for constructs that kernels do not contain.
+"""Compiler passes of numba for constructs that kernels do not contain.
 
-They are closures, ``with``, unrolled tuples and array expressions.
+These constructs are closures, ``with``, unrolled tuples and array expressions.
 """
 
 
 class Part(JITCodeLibrary):  # type: ignore[misc]
-    """Machine code of a kernel that only kernels call. It is only linked."""
+    """Machine code of a kernel that only kernels call. It is linked, but not loaded."""
 
     def finalize(self) -> None:
-        """Leave the code as it is, to be linked."""
+        """Mark the code as final without optimisation, because it is linked later."""
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -57,18 +57,18 @@ class Part(JITCodeLibrary):  # type: ignore[misc]
 
     @property
     def codegen(self) -> Part:
-        """Receiver of the environment for exceptions, which kernels do not raise."""
+        """Object whose `set_env` numba calls with the environment for exceptions."""
         return self
 
     def set_env(self, name: str, env: Any) -> None:
-        """Ignore the environment."""
+        """Ignore the environment, because kernels do not raise exceptions."""
 
 
 class Whole(JITCodeLibrary):  # type: ignore[misc]
     """Machine code of a kernel that Python calls, with the code of all parts below it."""
 
     def add_linking_library(self, library: Any) -> None:
-        """Link a library, and the libraries below it that a part does not link."""
+        """Link a library, and all libraries that a `Part` refers to but does not link."""
         if library not in self._linking_libraries:
             super().add_linking_library(library)
             for below in library._linking_libraries if isinstance(library, Part) else ():
@@ -77,56 +77,57 @@ class Whole(JITCodeLibrary):  # type: ignore[misc]
 
 @cache
 def remembering(context: Any) -> Any:
-    """Return a typing context like `context` that caches the types of functions.
+    """Return a typing context of numba like `context` that caches function types.
 
-    numba tries 14 templates for each ``pairs[c]``, a fifth of the compilation time. A kernel is compiled once for all
-    literal arguments, and for exactly these types: numba would warn about records whose first fields are equal.
+    numba tries 14 templates for each ``pairs[c]``, which takes a fifth of the compilation time. A kernel is compiled
+    once for all values of literal arguments. Its machine code is used for exactly these types, because numba would warn
+    about records whose first fields are equal.
     """
 
-    class Remembering(type(context)):  # type: ignore[misc]
+    class CachingContext(type(context)):  # type: ignore[misc]
         def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
             if isinstance(function, types.Dispatcher):
-                plain = tuple(map(types.unliteral, args))  # type: ignore[attr-defined]
-                _, names, folded, _ = function.dispatcher.get_call_template(plain, kws)
+                argument_types = tuple(map(types.unliteral, args))  # type: ignore[attr-defined]
+                _, names, folded, _ = function.dispatcher.get_call_template(argument_types, kws)
                 return function.dispatcher.overloads[tuple(folded)].signature.replace(pysig=names)
             if kws:
                 return super().resolve_function_type(function, args, kws)
-            if (function, args) not in known:
-                known[function, args] = super().resolve_function_type(function, args, kws)
-            return known[function, args]
+            if (function, args) not in signatures:
+                signatures[function, args] = super().resolve_function_type(function, args, kws)
+            return signatures[function, args]
 
-    known: dict[Any, Any] = {}
-    out = object.__new__(Remembering)
+    signatures: dict[Any, Any] = {}
+    out = object.__new__(CachingContext)
     out.__dict__ = context.__dict__
     return out
 
 
 class PartCompiler(CompilerBase):  # type: ignore[misc]
-    """numba's compiler passes for a part, without `UNUSED_PASSES`."""
+    """Compiler passes of numba for a `Part`, without `UNUSED_PASSES`."""
 
     library = Part
 
     def define_pipelines(self) -> list[Any]:
-        """Return the passes."""
+        """Return the list of pipelines, which has one entry."""
         state = self.state
         state.typingctx = remembering(state.typingctx)
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
-        passes.passes[:] = [one for one in passes.passes if one[0].__name__ not in UNUSED_PASSES]
+        passes.passes[:] = [entry for entry in passes.passes if entry[0].__name__ not in UNUSED_PASSES]
         return [passes]
 
 
 class WholeCompiler(PartCompiler):
-    """numba's compiler passes for a kernel that Python calls."""
+    """Compiler passes of numba for a kernel that Python calls, a `Whole`."""
 
     library = Whole
 
 
 class Reference(types.Type):
-    """numba type of a pointer to a table of addresses of arrays.
+    """Type in numba of a pointer to the table of a `ByReference` tuple.
 
-    It is defined by the names and types of the fields.
+    It is defined by the names and types of the fields of the tuple.
     """
 
     def __init__(self, names: tuple[str, ...], fields: tuple[Any, ...]) -> None:
@@ -141,12 +142,12 @@ class Reference(types.Type):
 
 @register_model(Reference)
 class ReferenceModel(models.OpaqueModel):  # type: ignore[misc]
-    """A pointer."""
+    """Data model of a `Reference` in machine code: a pointer."""
 
 
 @infer_getattr
 class ReferenceAttribute(AttributeTemplate):  # type: ignore[misc]
-    """Types of the fields of a reference."""
+    """Types of the fields of a `Reference`, for attributes in kernels."""
 
     key = Reference
 
@@ -156,7 +157,7 @@ class ReferenceAttribute(AttributeTemplate):  # type: ignore[misc]
 
 
 def place_of(context: Any, builder: Any, reference: Reference, room: Any, at: int) -> Any:
-    """Return a pointer to the array structure of field number `at` of a table."""
+    """Return a pointer to the array structure of field `at` in the table `room`."""
     layout = ir.LiteralStructType([context.get_value_type(field) for field in reference.fields])
     assert context.get_abi_sizeof(layout) <= 8 * REFERENCE_WORDS
     return cgutils.gep_inbounds(builder, builder.bitcast(room, layout.as_pointer()), 0, at)
@@ -164,6 +165,7 @@ def place_of(context: Any, builder: Any, reference: Reference, room: Any, at: in
 
 @lower_getattr_generic(Reference)  # type: ignore[untyped-decorator]
 def _read_field(context: Any, builder: Any, reference: Any, room: Any, name: str) -> Any:
+    """Generate code that reads the field `name` from the table `room`."""
     at = reference.names.index(name)
     value = builder.load(place_of(context, builder, reference, room, at))
     return impl_ret_borrowed(context, builder, reference.fields[at], value)
@@ -171,12 +173,13 @@ def _read_field(context: Any, builder: Any, reference: Any, room: Any, name: str
 
 @intrinsic  # type: ignore[untyped-decorator]
 def _write(typing: Any, fields: Any, room: Any) -> Any:
+    """Return the type of a `Reference`, and code that writes its table `room`."""
     reference = Reference(fields.fields, tuple(fields.types))
 
-    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        data = context.make_array(room)(context, builder, given[1]).data
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        data = context.make_array(room)(context, builder, values[1]).data
         for at in range(len(fields)):
-            builder.store(builder.extract_value(given[0], at), place_of(context, builder, reference, data, at))
+            builder.store(builder.extract_value(values[0], at), place_of(context, builder, reference, data, at))
         return builder.bitcast(data, cgutils.voidptr_t)
 
     return reference(fields, room), code
@@ -184,6 +187,7 @@ def _write(typing: Any, fields: Any, room: Any) -> Any:
 
 @unbox(Reference)  # type: ignore[untyped-decorator]
 def _unboxed(reference: Any, value: Any, c: Any) -> Any:
+    """Generate code that converts a `ByReference` tuple of Python to a `Reference`."""
     room, array = c.pyapi.object_getattr_string(value, "room"), types.Array(types.int64, 1, "C")
     failed = cgutils.is_null(c.builder, room)
     place = cgutils.alloca_once_value(c.builder, ir.Constant(cgutils.voidptr_t, None))
@@ -213,6 +217,7 @@ ByReference.write_addresses = staticmethod(_fill)
 
 @typeof_impl.register(ByReference)  # type: ignore[untyped-decorator]
 def _type_of(value: Any, context: Any) -> Any:
+    """Return the numba type of a `ByReference` tuple, which depends on the pipeline."""
     fields = tuple(map(typeof, value))
     if Mode.fast:
         try:

@@ -8,44 +8,44 @@ from importlib import import_module
 from typing import Any
 
 NAME = "granular-collisions"
-"""Name for pip. The package index has another `granular` with the same folder."""
+"""Name for pip. Another package of the index has the import name `granular`."""
 VERSION = "0.2.0"
 CROSS_ROOM_LOADERS: dict[str, Callable[[], Any]] = {}
-"""Loaders of functions that a room uses without an import.
+"""Loaders of functions of other subpackages that a subpackage must not import.
 
-They are set by `granular/__init__.py`. `contact_durations` loads `granular.md.isolation.Durations` for hard runs with
-the option `watch`.
+They are set by `granular/__init__.py`. `contact_durations` returns `granular.md.isolation.Durations`, for runs of hard
+spheres with the option `watch`.
 """
 EXTRAS = {"fast": "numba", "plot": "matplotlib", "sweep": "xarray netCDF4 pandas"}
-"""Optional packages, by the extra that installs them."""
+"""Names of optional packages, by the extra of pip that installs them."""
 
 
 def install(extra: str) -> str:
-    """Return the command that installs an extra.
+    """Return the command that installs the optional packages of an extra.
 
-    It also holds after an installation from a folder.
+    It also works after an installation from a folder.
     """
     return f"pip install '{NAME}[{extra}]'"
 
 
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package, which imports names at their first use.
+    """Return a ``__getattr__`` of a package that imports names at their first use.
 
     Parameters
     ----------
     package : str
         ``__name__`` of the package.
     homes : mapping of str to str
-        Names by the module that defines them, separated by spaces, such as {"granular.scene": "Pair Scene"}. The last
-        part of a module's own name stands for the module.
+        Names, separated by spaces, by the module that defines them, such as {"granular.scene": "Pair Scene"}. A name
+        that is the last part of the name of its module denotes the module itself.
     """
-    home = {name: module for module, names in homes.items() for name in names.split()}
+    module_of = {name: module for module, names in homes.items() for name in names.split()}
 
     def load(name: str) -> Any:
-        if name not in home:
+        if name not in module_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        module = import_module(home[name])
-        value = module if home[name].endswith(f".{name}") else getattr(module, name)
+        module = import_module(module_of[name])
+        value = module if module_of[name].endswith(f".{name}") else getattr(module, name)
         setattr(sys.modules[package], name, value)
         return value
 

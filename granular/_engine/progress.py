@@ -1,6 +1,7 @@
-"""Progress reporting on standard error.
+"""Progress reports on standard error.
 
-A bar of tqdm if it is installed and standard error is a terminal, otherwise a line every 30 s.
+A report is a bar if tqdm is installed and standard error is a terminal or a notebook. Otherwise it is a line every
+30 s.
 """
 
 from __future__ import annotations
@@ -18,51 +19,57 @@ LINE_INTERVAL = 30.0
 """Time in s between two lines."""
 BAR_DELAY = 2.0
 """Time in s before a bar is shown."""
-BAR = "{l_bar}{bar}| {elapsed}<{remaining}{postfix}"
+BAR_FORMAT = "{l_bar}{bar}| {elapsed}<{remaining}{postfix}"
 Told = Callable[[float, int], object]
-"""Progress callback: time reached in s or share, and number of things done."""
+"""Progress callback: time (s) or completed fraction, and number of things done."""
 
 
 def shown(
     progress: bool, on_progress: Told | None, things: str = "contacts", end: float = 1.0, start: float = 0.0
 ) -> AbstractContextManager[Told | None]:
-    """Check both progress options of a function and provide the progress callback.
+    """Return a context manager that yields the progress callback of a computation.
+
+    The callback shows the progress, if this is enabled, and calls the callback of the user. It is None if neither is
+    required. Both options are checked.
 
     Parameters
     ----------
     progress : bool
         Whether to show a bar or lines.
     on_progress : callable or None
-        Callback of the user, which is called as well.
+        Callback of the user.
     things : str
         Things that are counted: "contacts" of a run, or parts of other work, such as "cells".
     end, start : float
-        Times in s of a run, or 1 and 0 for work that reports its share. An infinite end is unknown.
+        End and start of a run in s, or 1 and 0 for work that reports its completed fraction. inf means that the end is
+        unknown.
     """
-    tell = check.callback("on_progress", on_progress, "reached", "count")
-    return _reported(tell, things, end, start) if check.truth("progress", progress) else nullcontext(tell)
+    callback = check.callback("on_progress", on_progress, "reached", "count")
+    return _reported(callback, things, end, start) if check.truth("progress", progress) else nullcontext(callback)
 
 
 @contextmanager
-def _reported(tell: Told | None, things: str, end: float, start: float) -> Iterator[Told]:
-    watched = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
-    tqdm = import_module("tqdm.auto").tqdm if watched and find_spec("tqdm") else None
-    bar = tqdm and tqdm(total=1.0, bar_format=BAR, leave=False, delay=BAR_DELAY)
+def _reported(callback: Told | None, things: str, end: float, start: float) -> Iterator[Told]:
+    """Yield a function that shows the progress and calls `callback`; see `shown`."""
+    is_interactive = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
+    tqdm = import_module("tqdm.auto").tqdm if is_interactive and find_spec("tqdm") else None
+    bar = tqdm and tqdm(total=1.0, bar_format=BAR_FORMAT, leave=False, delay=BAR_DELAY)
     begin = last = time.monotonic()
 
     def report(reached: float, count: int) -> None:
         nonlocal last
-        share, now = (reached - start) / (end - start) if end > start else 0.0, time.monotonic()
+        fraction, now = (reached - start) / (end - start) if end > start else 0.0, time.monotonic()
         text = f"t = {reached:.6g} s, " * (things == "contacts") + f"{count} {things}"
         if bar is not None:
             bar.set_postfix_str(text, refresh=False)
-            bar.update(min(share, 1.0) - bar.n)
+            bar.update(min(fraction, 1.0) - bar.n)
         elif now - last >= LINE_INTERVAL:
             last = now
-            left = f", {min(share, 1.0):.0%}, about {(now - begin) * (1.0 / share - 1.0):.0f} s left" if share else ""
-            print(f"granular: {text}, {now - begin:.0f} s so far{left}", file=sys.stderr, flush=True)
-        if tell is not None:
-            tell(reached, count)
+            remaining = (f", {min(fraction, 1.0):.0%}, about {(now - begin) * (1.0 / fraction - 1.0):.0f} s left"
+                         if fraction else "")
+            print(f"granular: {text}, {now - begin:.0f} s so far{remaining}", file=sys.stderr, flush=True)
+        if callback is not None:
+            callback(reached, count)
 
     try:
         yield report
