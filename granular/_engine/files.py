@@ -306,7 +306,7 @@ def arrays(file: IO[bytes]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(file: IO[bytes]) -> Iterator[Any]:
-    """Open an archive. Errors of zipfile and numpy are raised again as `Foreign`."""
+    """Yield an open archive, and raise errors of zipfile and numpy as `Foreign`."""
     from zipfile import ZipFile
 
     try:

@@ -104,7 +104,7 @@ def specialised(function: F, **replacements: Any) -> F:
     ----------
     function : kernel
         Kernel to copy.
-    **instead : kernel, or number, string or tuple of them
+    **replacements : kernel, or number, string or tuple of them
         Replacement for each global name. A kernel as a replacement may read other replaced names, but not its own.
 
     Raises
@@ -399,7 +399,7 @@ class Toll:
         return total
 
     def due(self, ahead: float = 0.0) -> bool:
-        """Return whether to continue with machine code.
+        """Return whether the run should continue with machine code.
 
         `ahead` is a lower bound of the remaining interpreted time in s. Defaults to 0.
         """

@@ -80,8 +80,8 @@ def remembering(context: Any) -> Any:
     """Return a typing context of numba like `context` that caches function types.
 
     numba tries 14 templates for each ``pairs[c]``, which takes a fifth of the compilation time. A kernel is compiled
-    once for all values of literal arguments. Its machine code is used for exactly these types, because numba would warn
-    about records whose first fields are equal.
+    once for all values of literal arguments. Its compiled version is selected by the exact types, because numba would
+    warn about records whose first fields are equal.
     """
 
     class CachingContext(type(context)):  # type: ignore[misc]

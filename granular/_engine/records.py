@@ -69,7 +69,10 @@ def copied(records: Records) -> Records:
 
 
 def taken(records: Records, numbers: Any) -> Records:
-    """Return the records with the indices `numbers`, copied only from an array."""
+    """Return the records with the indices `numbers`.
+
+    They are copies of the records of an array, or the same objects as in a list.
+    """
     return records[numbers] if isinstance(records, np.ndarray) else [records[i] for i in numbers.tolist()]
 
 
@@ -132,7 +135,7 @@ def tournament(n: int) -> np.ndarray[Any, Any]:
 
 @kernel
 def leaf(tree: Records, owner: int) -> Record:
-    """Return the leaf of an owner, whose change requires a call of `replay`."""
+    """Return the leaf of an owner. A change must be followed by a call of `replay`."""
     return tree[len(tree) // 2 + owner]
 
 

@@ -236,7 +236,7 @@ class Scene(ByNumbers):
 
     @cached_property
     def _flags(self) -> dict[str, bool]:
-        """Flags of `granular._engine.kernels` that are true here, as {name: True}."""
+        """Flags of `granular._engine.kernels` that are true, as {name: True}."""
         worked = self.driven or self.heated
         flags = {"DRIVEN": self.driven, "HEATED": self.heated, "WORKED": worked, "HUNG": self.pendulum > 0.0,
                  "FORCED": worked or self.external_force is not None, "RING": self.ring}

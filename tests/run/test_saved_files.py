@@ -145,8 +145,8 @@ def test_a_file_that_names_code_is_refused_and_nothing_runs(call, place, files, 
         r"The length of `restitution` must be 2 \(the number of pairs\), got 3\. Give one for all pairs, or one "
         r"per pair from the bottom up\."),
     ({"rule": {"class": 5, "shown": ""}},
-        r"The file '.*edited\.npz' is not a valid run: The description of a rule must be a table with the "
-        r"texts 'class' and 'shown', got \{'class': 5, 'shown': ''\}\."),
+        r"The file '.*edited\.npz' is not a valid run: The description of a rule must be an object with the "
+        r"strings 'class' and 'shown', got \{'class': 5, 'shown': ''\}\."),
     ({"rule": [{"class": "thornton-restitution", "shown": "", "fields": {"yield_speed": 1.0}}]},
         r"The file '.*edited\.npz' is not a valid run: The length of `rule` must be 2 \(the number of pairs\), got "
         r"1\. Give one for all pairs, or one per pair from the bottom up\."),

@@ -151,7 +151,7 @@ def _rounding(left: float, right: float, values: Array) -> float:
 
 
 def _without_tail(c: Array, tolerance: float) -> Array:
-    """Return coefficients with zeros after the last entry above `tolerance`.
+    """Return Chebyshev coefficients with zeros after the last one above `tolerance`.
 
     Differentiation would amplify these negligible entries.
     """
