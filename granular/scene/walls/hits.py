@@ -216,7 +216,7 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
 @rare
 @kernel
 def refined_hit(s: float, f: float, df: float, a: float) -> float:
-    """Return the time (s) of a hit, where the gap at the time `s` is a rounding error.
+    """Return the time (s) of a hit near `s`, where the gap is 0 up to rounding errors.
 
     `f` (m), `df` (m/s) and `a` (m/s²) are gap, rate and closing acceleration at `s`. If the gap is still positive, the
     time until it closes is added.

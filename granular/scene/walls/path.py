@@ -208,7 +208,7 @@ def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
 
 @kernel
 def edge_tolerance(wall: Record, t: float, tail: float, edge: float) -> float:
-    """Return the largest distance of t + tail from an `edge` that it is considered on."""
+    """Return the distance (s or turns) within which t + tail is on an `edge`."""
     return PERIODIC_EDGE_TOLERANCE if wall.periodic else EDGE_TOLERANCE * (abs(t) + abs(tail) + abs(edge))
 
 
