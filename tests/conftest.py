@@ -103,7 +103,7 @@ def forty_digits():
 def interpreted(monkeypatch):
     """Engine "auto" stays interpreted: piles that rest are looked at interpreted, which is slow on records of machine
     code."""
-    monkeypatch.setattr("granular._engine.kernels.Toll.due", lambda self, ahead=0.0: False)
+    monkeypatch.setattr("granular._engine.kernels.CompilationCost.due", lambda self, ahead=0.0: False)
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ def solve(
     Reference
         Contacts as mpmath numbers (floats for laws without a power series), with estimated errors.
     """
-    whole = check.whole("digits", digits, at_least=20, at_most=200)
+    whole = check.integer("digits", digits, at_least=20, at_most=200)
     problem = reference.checked_problem(scene, law, until, t_end, t_start)
     forms = [power_series(one) for one in problem.laws]
     if None in forms:

@@ -19,7 +19,7 @@ from bench.stability import AXES, StabilityReport, stability
 from bench.stability.cell import DEFAULT_METHODS, FIXED_METHODS, Result
 from bench.stability.report import BAD_VERDICTS, markdown
 from granular._engine import check
-from granular._engine.progress import shown
+from granular._engine.progress import progress_callback
 
 PAGE_PATH = Path(__file__).parents[2] / "docs" / "guide" / "stability.md"
 FIGURE_PATH = PAGE_PATH.parent / "figures" / "stability-three-balls.png"
@@ -32,7 +32,7 @@ def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> Stabil
     """Run the cells of all methods on the given axes."""
     parts = []
     for methods, seconds in CELL_SECONDS.items():
-        with shown(True, None, things="cells") as progress:
+        with progress_callback(True, None, things="cells") as progress:
             parts.append(stability(methods, axes, quick=quick, seconds=seconds, on_progress=progress))
     own, fixed = parts
     return replace(
@@ -78,7 +78,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--json", metavar="FILE", help="write every cell to FILE")
     given = parser.parse_args(arguments)
     try:
-        check.known(given.axes, AXES, "axis")
+        check.known_names(given.axes, AXES, "axis")
     except ValueError as error:
         parser.error(str(error))
     whole = not (given.axes or given.quick)

@@ -26,7 +26,7 @@ from granular import md, scenes
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.kinds import resolved
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.md.time_step import sharpest_rate
+from granular.md.time_step import highest_rate_bound
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
 
@@ -165,7 +165,7 @@ def limit(n: int, method: str) -> StabilityLimit:
     while unstable - stable > 2e-3 * stable:
         dt = 0.5 * (stable + unstable)
         stable, unstable = (stable, dt) if grows(scene, method, dt) else (dt, unstable)
-    bound = sharpest_rate(scene, resolved([UNIT_SPRING] * scene.n_pairs, scene), np.ones(scene.n_pairs))
+    bound = highest_rate_bound(scene, resolved([UNIT_SPRING] * scene.n_pairs, scene), np.ones(scene.n_pairs))
     theory = OSCILLATOR_LIMITS.get(method, math.nan) / (2.0 * math.cos(0.5 * math.pi / (n + 1)))
     return StabilityLimit(method, n, stable, theory, INTEGRATORS[method].limit / bound)
 

@@ -1,7 +1,8 @@
 """Checks of arguments. Most functions return the checked value, or raise an error.
 
 Every message has the form "`name` must be N, got V.", followed by one sentence with the usual fix if it helps. `name`
-is the name of the argument in messages, `fix` the sentence. `optional` imports packages that only some tasks need.
+is the name of the argument in messages, `fix` the sentence. `import_optional` imports packages that only some tasks
+need.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def number(
     return x
 
 
-def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = MAX_INTEGER, fix: str = "") -> int:
+def integer(name: str, value: Any, *, at_least: int = 0, at_most: int = MAX_INTEGER, fix: str = "") -> int:
     """Return `value` as an int if it is a whole number within ``[at_least, at_most]``.
 
     Floats without a fractional part are accepted.
@@ -142,7 +143,7 @@ def array(
     return copy
 
 
-def rising(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> Array:
+def increasing_array(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> Array:
     """Return an array of at least two finite, strictly increasing numbers.
 
     No entry may be below `at_least`. `need` describes the requirement on an entry in the message.
@@ -165,7 +166,7 @@ def _checked_numbers(value: Any) -> Any:
         return value
     converted = np.asarray(value)
     kind = converted.dtype.kind
-    if kind not in "iufUSO" or among_numbers(value):
+    if kind not in "iufUSO" or contains_booleans(value):
         raise TypeError
     if kind in "USO":
         if any(isinstance(x, (str, bytes, bool, np.bool_, type(None))) and x != "inf"
@@ -175,12 +176,12 @@ def _checked_numbers(value: Any) -> Any:
     return converted
 
 
-def is_one(value: Any) -> bool:
+def is_single(value: Any) -> bool:
     """Return whether `value` is a single value, not a list or an array of values."""
     return (value if isinstance(value, np.ndarray) else np.asarray(value, dtype=object)).ndim == 0
 
 
-def among_numbers(value: Any) -> bool:
+def contains_booleans(value: Any) -> bool:
     """Return whether a list or tuple contains booleans, which numpy makes 0 and 1."""
     return isinstance(value, (list, tuple)) and not {bool, np.bool_}.isdisjoint(map(type, value))
 
@@ -220,7 +221,7 @@ def saved_array(
     return value
 
 
-def truth(name: str, value: Any) -> bool:
+def boolean(name: str, value: Any) -> bool:
     """Return `value` as a bool if it is True or False."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(misuse(name, value, "True or False"))
@@ -258,7 +259,7 @@ def choices(name: str, value: Any, options: Sequence[str], least: int = 0) -> tu
     return tuple(choice(name, entry, options) for entry in several(name, value, need, least))
 
 
-def typed(module: dict[str, Any], *kinds: type) -> None:
+def check_argument_types(module: dict[str, Any], *kinds: type) -> None:
     """Add type checks of the arguments to all public functions of a module.
 
     `module` is the ``globals()`` of the module. Arguments that are annotated as one of the classes `kinds`, as `Array`
@@ -272,7 +273,7 @@ def typed(module: dict[str, Any], *kinds: type) -> None:
 
 
 def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Function:
-    """Return a function that checks the types of annotated arguments, see `typed`.
+    """Return a function that checks the types of annotated arguments, see `check_argument_types`.
 
     `needed` maps names of annotations to classes and to their description in messages. Without arguments to check, the
     function is only decorated by `face`.
@@ -296,13 +297,13 @@ def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Functi
 
 
 def callback(name: str, value: Any, *given: str) -> Any:
-    """Return `value` if it is None, or a function with these arguments (see `takes`)."""
+    """Return `value` if it is None, or a function with these arguments (see `function_of`)."""
     if value is not None and not callable(value):
         raise TypeError(misuse(name, value, "a function or None"))
-    return value if value is None else takes(name, value, *given)
+    return value if value is None else function_of(name, value, *given)
 
 
-def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
+def function_of(name: str, function: Any, *given: str, fix: str = "") -> Any:
     """Return a user's function if it can be called with these arguments.
 
     `given` are the names of the arguments. A function with the same names in another order is refused. A function with
@@ -328,7 +329,7 @@ def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
     return function
 
 
-def is_own(value: Any) -> bool:
+def is_user_defined(value: Any) -> bool:
     """Return whether a law or rule is user-defined."""
     cls = type(value)
     module = sys.modules.get(cls.__module__) if cls.__module__.startswith("granular.") else None
@@ -358,7 +359,7 @@ def positive(name: str, value: Any, what: str, fix: str = "", shape: tuple[int, 
     return copy
 
 
-def refuse(wrong: Mapping[str, object]) -> None:
+def raise_if_true(wrong: Mapping[str, object]) -> None:
     """Raise `ValueError` with the first sentence whose condition is true.
 
     `wrong` maps sentences to conditions.
@@ -379,7 +380,7 @@ def choice(name: str, value: Any, options: Sequence[str]) -> str:
     return str(value)
 
 
-def known(given: Iterable[str], names: Collection[str], what: str, kind: type[Exception] = ValueError) -> None:
+def known_names(given: Iterable[str], names: Collection[str], what: str, kind: type[Exception] = ValueError) -> None:
     """Raise an error for the first of the `given` names that is not in `names`.
 
     `kind` is the class of the error. `what` is the kind of name, such as "option of gas" or "command". The message
@@ -448,7 +449,7 @@ def quoted(name: str) -> str:
     return f"`{name}`" if re.fullmatch(r"[^\W\d]\w*(\[[^\]]*\]|\.\w+|\(\S+\))*", name) else name
 
 
-def optional(module: str, by: str) -> Any:
+def import_optional(module: str, by: str) -> Any:
     """Import and return a module of a package that is not always installed.
 
     `ImportError` with the command for the installation is raised without the package.

@@ -94,7 +94,7 @@ def scene_to_json(scene: Any) -> dict[str, Any]:
     return _numbers(scene) | {"mass": ["inf" if m == np.inf else m for m in scene.mass.tolist()]}
 
 
-def by_words(text: str) -> str:
+def with_current_words(text: str) -> str:
     """Return JSON text of format 1 or 2 with the words of the current format."""
     for place, word in OLD_CLASS_PLACES.items():
         text = text.replace(f'"{place}"', f'"{word}"')

@@ -32,9 +32,9 @@ FORMAT_BYTES = 1 << 20
 """Upper bound of the bytes that a file contains in addition to its numbers."""
 MAX_SHOWN_CHARACTERS = 500
 """Maximum number of characters of a text from a file that are shown."""
-MAX_EXPANSION, ROOM = 1032, 4096
+MAX_EXPANSION, MAX_HEADER_BYTES = 1032, 4096
 """Maximum ratio of original to compressed size, and size of a header in bytes."""
-Head: TypeAlias = tuple[np.dtype[Any], tuple[int, ...]]
+ArrayHeader: TypeAlias = tuple[np.dtype[Any], tuple[int, ...]]
 """Data type and shape of an array."""
 
 
@@ -144,7 +144,7 @@ def _replace_file(target: str, fill: Callable[[str], object]) -> None:
         raise
 
 
-def check_room(draft: str, size: int) -> None:
+def check_disk_space(draft: str, size: int) -> None:
     """Raise `OSError` if the disk has no space for `size` bytes of numbers.
 
     The file `draft` is filled with zeros of this size and of `FORMAT_BYTES`.
@@ -203,12 +203,12 @@ def write_figure(path: str | os.PathLike[str] | None, figure: Any, dpi: int) -> 
     """
     if path is None:
         return figure
-    check_picture(path)
+    check_figure_suffix(path)
     write(path, lambda draft: figure.savefig(draft, dpi=dpi))
     return None
 
 
-def check_picture(path: str | os.PathLike[str]) -> None:
+def check_figure_suffix(path: str | os.PathLike[str]) -> None:
     """Raise `ValueError` if matplotlib cannot write files with the suffix of `path`."""
     from matplotlib.backend_bases import FigureCanvasBase
 
@@ -218,11 +218,11 @@ def check_picture(path: str | os.PathLike[str]) -> None:
         raise ValueError(f"The suffix of {os.fspath(path)} must be one of {', '.join(suffixes)}, got {suffix!r}.")
 
 
-class Later(ValueError):
+class LaterVersionError(ValueError):
     """Error for a file that a later version of granular has written."""
 
 
-def check_ending(path: str | os.PathLike[str], needed: str) -> None:
+def check_suffix(path: str | os.PathLike[str], needed: str) -> None:
     """Raise `ValueError` if `path` does not end with the suffix `needed`.
 
     Devices and pipes do not need a suffix.
@@ -233,18 +233,18 @@ def check_ending(path: str | os.PathLike[str], needed: str) -> None:
 
 
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
-    """Raise `Later` for a file of a later format, or with unknown contents.
+    """Raise `LaterVersionError` for a file of a later format, or with unknown contents.
 
     `number` is the format of the file, `unknown` the names of contents that this version cannot read.
     """
     name = os.fspath(path)
     if not isinstance(number, int) or not 1 <= number <= FILE_FORMAT:
         shown = plain_text(repr(number), 60)
-        raise Later(f"The format of {name} must be at most {FILE_FORMAT}, got {shown}. Read it with a later version of "
-                    "granular.")
+        raise LaterVersionError(f"The format of {name} must be at most {FILE_FORMAT}, got {shown}. Read it with a "
+                                "later version of granular.")
     if unknown_names := plain_text(", ".join(sorted(unknown))):
-        raise Later(f"The file {name!r} contains {unknown_names}, which this version does not know. Read it with a "
-                    "later version of granular.")
+        raise LaterVersionError(f"The file {name!r} contains {unknown_names}, which this version does not know. Read "
+                                "it with a later version of granular.")
 
 
 @cache
@@ -272,20 +272,22 @@ def provenance() -> dict[str, Any]:
     }
 
 
-class Foreign(ValueError):
+class InvalidArchiveError(ValueError):
     """Error for a file that is not a complete, undamaged archive of arrays."""
 
 
-def heads(file: IO[bytes]) -> dict[str, Head]:
+def array_headers(file: IO[bytes]) -> dict[str, ArrayHeader]:
     """Return data type and shape of all arrays of an open ``.npz`` file, by name.
 
-    `Foreign` is raised for a damaged archive, for arrays of objects, and if the size of an array differs from its
-    header.
+    `InvalidArchiveError` is raised for a damaged archive, for arrays of objects, and if the size of an array differs
+    from its header.
     """
     with _opened(file) as archive:
         members, size = archive.infolist(), file.seek(0, os.SEEK_END)
-        is_valid = all(info.compress_type in (0, 8) and info.file_size <= MAX_EXPANSION * info.compress_size + ROOM
-                    for info in members)
+        is_valid = all(
+            info.compress_type in (0, 8) and info.file_size <= MAX_EXPANSION * info.compress_size + MAX_HEADER_BYTES
+            for info in members
+        )
         if not is_valid or sum(info.compress_size for info in members) > size:
             raise ValueError("members overlap, are too large, or use an unsupported compression")
         headers = {_name(info): _head(archive, info) for info in members}
@@ -294,7 +296,7 @@ def heads(file: IO[bytes]) -> dict[str, Head]:
         return headers
 
 
-def arrays(file: IO[bytes]) -> dict[str, Any]:
+def read_arrays(file: IO[bytes]) -> dict[str, Any]:
     """Return all arrays of an open ``.npz`` file, by name."""
     with _opened(file) as archive:
         values = {}
@@ -306,7 +308,7 @@ def arrays(file: IO[bytes]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(file: IO[bytes]) -> Iterator[Any]:
-    """Yield an open archive, and raise errors of zipfile and numpy as `Foreign`."""
+    """Yield an open archive, and raise errors of zipfile and numpy as `InvalidArchiveError`."""
     from zipfile import ZipFile
 
     try:
@@ -315,14 +317,14 @@ def _opened(file: IO[bytes]) -> Iterator[Any]:
     except MemoryError:
         raise
     except Exception as error:
-        raise Foreign(str(error)) from None
+        raise InvalidArchiveError(str(error)) from None
 
 
 def _name(info: Any) -> str:
     return str(info.filename).removesuffix(".npy")
 
 
-def _head(archive: Any, info: Any) -> Head:
+def _head(archive: Any, info: Any) -> ArrayHeader:
     formats = np.lib.format
     readers = {(1, 0): formats.read_array_header_1_0, (2, 0): formats.read_array_header_2_0}
     with archive.open(info) as stream:

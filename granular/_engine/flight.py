@@ -57,7 +57,7 @@ def rate_at_contact(gap: float, rate: float, a: float) -> float:
 
 
 @kernel
-def hung(gap: float, rate: float, omega: float, d: float) -> float:
+def hung_time_to_contact(gap: float, rate: float, omega: float, d: float) -> float:
     """Return the time t (s) until a non-negative `gap` between pendula closes, or inf.
 
     With u = rate/Ω, a = 2d - gap and τ = tan(Ωt/2) the gap closes where aτ² + 2uτ + gap = 0. The form of the root
@@ -83,8 +83,8 @@ def hung(gap: float, rate: float, omega: float, d: float) -> float:
 def hung_after(gap: float, rate: float, omega: float, d: float, dt: float) -> tuple[float, float]:
     """Return gap (m) and rate (m/s) between pendula after a free flight of `dt` s.
 
-    With τ, u and a of `hung` the gap is (gap + 2uτ + aτ²) / (1 + τ²), which needs one tangent instead of two sines and
-    a cosine. Rounding can make a closing gap negative, so callers clamp it at 0.
+    With τ, u and a of `hung_time_to_contact` the gap is (gap + 2uτ + aτ²) / (1 + τ²), which needs one tangent
+    instead of two sines and a cosine. Rounding can make a closing gap negative, so callers clamp it at 0.
     """
     t = math.tan(0.5 * omega * dt)
     scale = 1.0 / (1.0 + t * t)
@@ -103,7 +103,7 @@ def hung_rate_at_contact(gap: float, rate: float, omega: float, d: float) -> flo
 
 
 @kernel
-def swung(body: Any, omega: float, dt: float) -> tuple[float, float]:
+def swing_after(body: Any, omega: float, dt: float) -> tuple[float, float]:
     """Return velocity (m/s) and `fall` (m/s²) of a free pendulum after `dt` s.
 
     `fall` is the acceleration towards smaller x, Ω² y at the displacement y. `body` has `v` and `fall` at the start.

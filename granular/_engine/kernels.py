@@ -70,7 +70,7 @@ FAST_OPTIONS: dict[str, Any] = {"_nrt": False, "no_cfunc_wrapper": True}
 
 References to arrays are not counted, which halves the time. No functions for calls from C are created.
 """
-on_making: list[Callable[[], object]] = []
+before_compiling: list[Callable[[], object]] = []
 """Function without arguments to call before the first compilation, if any."""
 
 
@@ -131,7 +131,8 @@ def fitted(function: F, **replacements: Any) -> F:
     """
     if not replacements:
         return function
-    read = _read_below(function).union(*(_read_below(value) for value in replacements.values() if _is_kernel(value)))
+    kernels = [function, *filter(_is_kernel, replacements.values())]
+    read = frozenset().union(*map(_all_globals_read, kernels))
     if unknown := replacements.keys() - read - FLAGS:
         raise TypeError(f"{function.__name__} cannot be specialised for {min(unknown)}: none of its kernels reads "
                         "that name.")
@@ -166,10 +167,10 @@ def have_numba() -> bool:
 
     The function does not load numba.
     """
-    return not no_compiler()
+    return not missing_compiler_reason()
 
 
-def no_compiler() -> str:
+def missing_compiler_reason() -> str:
     """Return the reason why kernels cannot be compiled, or an empty string."""
     if sys.modules.get("numba", True) is None or not _is_installed("numba"):
         return f"numba is not installed; run {install('fast')}"
@@ -192,7 +193,7 @@ def load_numba() -> Any:
 
     `ImportError` with the reason is raised if numba is not installed or disabled.
     """
-    if reason := no_compiler():
+    if reason := missing_compiler_reason():
         raise ImportError(f"`engine` cannot be 'compiled': {reason}.")
     import numba
 
@@ -335,7 +336,7 @@ def _compiled_code(tree: ast.Module, code: types.CodeType) -> types.CodeType:
     return next(each for each in constants if isinstance(each, types.CodeType) and each.co_name == code.co_name)
 
 
-def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
+def is_in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is loaded in this process."""
     if "numba" not in sys.modules or not have_numba():
         return False
@@ -343,7 +344,7 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
 
 
 @cache
-def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
+def is_on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is in numba's cache on disk.
 
     Loading it takes up to 1 s, compiling up to 12 s. The function loads numba. The result is cached: code that another
@@ -357,7 +358,7 @@ def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
         return False
 
 
-def worth(function: Callable[..., Any], work: float, warm: float, cold: float, inline: bool = False) -> bool:
+def is_worthwhile(function: Callable[..., Any], work: float, warm: float, cold: float, inline: bool = False) -> bool:
     """Return whether `work` is large enough to load or compile a kernel for it.
 
     Parameters
@@ -369,10 +370,10 @@ def worth(function: Callable[..., Any], work: float, warm: float, cold: float, i
     """
     if work < warm or not have_numba():
         return False
-    return work >= cold or in_memory(function, inline) or on_disk(function, inline)
+    return work >= cold or is_in_memory(function, inline) or is_on_disk(function, inline)
 
 
-class Toll:
+class CompilationCost:
     """Interpreted time of a kernel in this process, to decide when to compile it.
 
     The length of a run is unknown in advance. Therefore a kernel is loaded or compiled once its interpreted time equals
@@ -403,7 +404,7 @@ class Toll:
 
         `ahead` is a lower bound of the remaining interpreted time in s. Defaults to 0.
         """
-        return in_memory(self.function) or worth(self.function, self.lap() + ahead, self.warm, self.cold)
+        return is_in_memory(self.function) or is_worthwhile(self.function, self.lap() + ahead, self.warm, self.cold)
 
 
 def interpreted(function: F) -> F:
@@ -429,12 +430,12 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
     ImportError
         If numba is not installed, or disabled.
     """
-    if on_making and not on_disk(function, inline):
-        on_making.pop()()
+    if before_compiling and not is_on_disk(function, inline):
+        before_compiling.pop()()
     return dispatcher(function, inline)  # type: ignore[no-any-return]
 
 
-Mode.on_switch += [dispatcher.cache_clear, on_disk.cache_clear, compiled.cache_clear]
+Mode.on_switch += [dispatcher.cache_clear, is_on_disk.cache_clear, compiled.cache_clear]
 
 
 def _callees(function: Callable[..., Any]) -> dict[str, Callable[..., Any]]:
@@ -454,9 +455,9 @@ def _globals_read(code: types.CodeType) -> tuple[str, ...]:
 
 
 @cache
-def _read_below(function: Callable[..., Any]) -> frozenset[str]:
+def _all_globals_read(function: Callable[..., Any]) -> frozenset[str]:
     """Return all global names that a kernel and the kernels below it read."""
-    return frozenset(_globals_read(function.__code__)).union(*map(_read_below, _callees(function).values()))
+    return frozenset(_globals_read(function.__code__)).union(*map(_all_globals_read, _callees(function).values()))
 
 
 @cache

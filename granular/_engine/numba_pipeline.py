@@ -76,7 +76,7 @@ class Whole(JITCodeLibrary):  # type: ignore[misc]
 
 
 @cache
-def remembering(context: Any) -> Any:
+def caching_context(context: Any) -> Any:
     """Return a typing context of numba like `context` that caches function types.
 
     numba tries 14 templates for each ``pairs[c]``, which takes a fifth of the compilation time. A kernel is compiled
@@ -110,7 +110,7 @@ class PartCompiler(CompilerBase):  # type: ignore[misc]
     def define_pipelines(self) -> list[Any]:
         """Return the list of pipelines, which has one entry."""
         state = self.state
-        state.typingctx = remembering(state.typingctx)
+        state.typingctx = caching_context(state.typingctx)
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
@@ -156,7 +156,7 @@ class ReferenceAttribute(AttributeTemplate):  # type: ignore[misc]
         return reference.fields[reference.names.index(name)] if name in reference.names else None
 
 
-def place_of(context: Any, builder: Any, reference: Reference, room: Any, at: int) -> Any:
+def field_pointer(context: Any, builder: Any, reference: Reference, room: Any, at: int) -> Any:
     """Return a pointer to the array structure of field `at` in the table `room`."""
     layout = ir.LiteralStructType([context.get_value_type(field) for field in reference.fields])
     assert context.get_abi_sizeof(layout) <= 8 * REFERENCE_WORDS
@@ -167,7 +167,7 @@ def place_of(context: Any, builder: Any, reference: Reference, room: Any, at: in
 def _read_field(context: Any, builder: Any, reference: Any, room: Any, name: str) -> Any:
     """Generate code that reads the field `name` from the table `room`."""
     at = reference.names.index(name)
-    value = builder.load(place_of(context, builder, reference, room, at))
+    value = builder.load(field_pointer(context, builder, reference, room, at))
     return impl_ret_borrowed(context, builder, reference.fields[at], value)
 
 
@@ -179,7 +179,7 @@ def _write(typing: Any, fields: Any, room: Any) -> Any:
     def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         data = context.make_array(room)(context, builder, values[1]).data
         for at in range(len(fields)):
-            builder.store(builder.extract_value(values[0], at), place_of(context, builder, reference, data, at))
+            builder.store(builder.extract_value(values[0], at), field_pointer(context, builder, reference, data, at))
         return builder.bitcast(data, cgutils.voidptr_t)
 
     return reference(fields, room), code

@@ -20,13 +20,13 @@ LINE_INTERVAL = 30.0
 BAR_DELAY = 2.0
 """Time in s before a bar is shown."""
 BAR_FORMAT = "{l_bar}{bar}| {elapsed}<{remaining}{postfix}"
-Told = Callable[[float, int], object]
+ProgressCallback = Callable[[float, int], object]
 """Progress callback: time (s) or completed fraction, and number of things done."""
 
 
-def shown(
-    progress: bool, on_progress: Told | None, things: str = "contacts", end: float = 1.0, start: float = 0.0
-) -> AbstractContextManager[Told | None]:
+def progress_callback(
+    progress: bool, on_progress: ProgressCallback | None, things: str = "contacts", end: float = 1.0, start: float = 0.0
+) -> AbstractContextManager[ProgressCallback | None]:
     """Return a context manager that yields the progress callback of a computation.
 
     The callback shows the progress, if this is enabled, and calls the callback of the user. It is None if neither is
@@ -45,12 +45,12 @@ def shown(
         unknown.
     """
     callback = check.callback("on_progress", on_progress, "reached", "count")
-    return _reported(callback, things, end, start) if check.truth("progress", progress) else nullcontext(callback)
+    return _reported(callback, things, end, start) if check.boolean("progress", progress) else nullcontext(callback)
 
 
 @contextmanager
-def _reported(callback: Told | None, things: str, end: float, start: float) -> Iterator[Told]:
-    """Yield a function that shows the progress and calls `callback`; see `shown`."""
+def _reported(callback: ProgressCallback | None, things: str, end: float, start: float) -> Iterator[ProgressCallback]:
+    """Yield a function that shows the progress and calls `callback`; see `progress_callback`."""
     is_interactive = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
     tqdm = import_module("tqdm.auto").tqdm if is_interactive and find_spec("tqdm") else None
     bar = tqdm and tqdm(total=1.0, bar_format=BAR_FORMAT, leave=False, delay=BAR_DELAY)

@@ -48,7 +48,7 @@ def plain(records: Records) -> list[Any]:
     return list(map(make_object, *(records[name].tolist() for name in records.dtype.names)))
 
 
-def packed(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[Any, Any]:
+def record_array(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[Any, Any]:
     """Convert a list of Python objects to an array of records.
 
     An array is returned unchanged. `dtype` is required if the class of the objects does not contain it.
@@ -68,7 +68,7 @@ def copied(records: Records) -> Records:
     return [type(records[0])(*(x[:] if isinstance(x, list) else x for x in values)) for values in field_tuples]
 
 
-def taken(records: Records, numbers: Any) -> Records:
+def selected(records: Records, numbers: Any) -> Records:
     """Return the records with the indices `numbers`.
 
     They are copies of the records of an array, or the same objects as in a list.
@@ -76,7 +76,7 @@ def taken(records: Records, numbers: Any) -> Records:
     return records[numbers] if isinstance(records, np.ndarray) else [records[i] for i in numbers.tolist()]
 
 
-def raw(records: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def as_bytes(records: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Return a view of records as blocks of bytes, which numpy copies in one step."""
     return records.view(np.dtype((np.void, records.dtype.itemsize)))
 
@@ -135,19 +135,19 @@ def tournament(n: int) -> np.ndarray[Any, Any]:
 
 @kernel
 def leaf(tree: Records, owner: int) -> Record:
-    """Return the leaf of an owner. A change must be followed by a call of `replay`."""
+    """Return the leaf of an owner. A change must be followed by a call of `update_tournament`."""
     return tree[len(tree) // 2 + owner]
 
 
 @kernel
-def play(tree: Records, owner: int, due: float) -> None:
+def set_event_time(tree: Records, owner: int, due: float) -> None:
     """Set the time of the event of an owner, and update the queue, in O(log n)."""
     leaf(tree, owner).due = due
-    replay(tree, owner, owner)
+    update_tournament(tree, owner, owner)
 
 
 @kernel
-def replay(tree: Records, first: int, last: int) -> None:
+def update_tournament(tree: Records, first: int, last: int) -> None:
     """Update the event queue after changes of the leaves `first` to `last`.
 
     The time is O(log n) for few leaves. The code avoids branches, because the processor cannot predict them.

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from granular._engine.check import optional
+from granular._engine.check import import_optional
 from granular._engine.package import VERSION
 
 Rows = Sequence[Sequence[str]]
@@ -29,7 +29,7 @@ LEAST_SHARE = 1e-12
 HARD_COLOUR, SOFT_COLOUR = "#c1440e", "#1f4e79"
 """Colours of hard and soft spheres, which also differ in black and white."""
 GREY_COLOUR = "#8a8a8a"
-COLUMN_WIDTH, PAGE = 3.4, 7.0
+COLUMN_WIDTH, PAGE_WIDTH = 3.4, 7.0
 """Widths of a column and of a page in inches."""
 
 
@@ -106,7 +106,7 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
     return "\n".join((indent + line).rstrip() for line in lines)
 
 
-def blocks(rows: Rows, sides: str = ">", left: int = 1, width: int = 80) -> str:
+def split_table(rows: Rows, sides: str = ">", left: int = 1, width: int = 80) -> str:
     """Return a table as text, split into several tables if it is wider than `width`.
 
     The width is in characters. Each table begins with the first `left` columns. `sides` is explained in `aligned`.
@@ -129,7 +129,7 @@ def with_unit(text: str, units: str, between: str = ", ") -> str:
     return text if units in ("", "1") else text + between + INVERSE_UNIT.sub(r"/\1", units)
 
 
-def abridged(rows: Rows, most: int = 12) -> Rows:
+def abridged_rows(rows: Rows, most: int = 12) -> Rows:
     """Return the rows of a table, or the first and last rows if it has over `most`."""
     half = most // 2
     return rows if len(rows) <= most else [*rows[:half], ["…"] * len(rows[0]), *rows[-half:]]
@@ -185,12 +185,12 @@ def named_pairs(pairs: Sequence[int], n: int, name: Callable[[int], str]) -> str
     return f"pair {name(pairs[0])}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
 
 
-def shortened(text: str) -> str:
+def short_text(text: str) -> str:
     """Return the text of a law or a wall with numbers rounded to four digits."""
     return DECIMAL_NUMBER.sub(lambda match: f"{float(match[0]):.4g}", text)
 
 
-def described(scene: Any) -> str:
+def scene_text(scene: Any) -> str:
     """Return the text of a scene without the name of its class."""
     return str(scene).removeprefix("Scene(").removesuffix(")")
 
@@ -200,7 +200,7 @@ def number(value: float, form: str = ".6g", none: str = "–") -> str:
     return format(value, form) if math.isfinite(value) else none
 
 
-def rough(value: float) -> str:
+def rough_text(value: float) -> str:
     """Return a number as text with two significant digits."""
     return f"{float(f'{value:.2g}'):g}"
 
@@ -210,10 +210,12 @@ def percent(share: float) -> str:
 
     Fractions below `LEAST_SHARE` are rounding errors, and are only given as smaller than this value.
     """
-    return f"{rough(100.0 * share)} %" if share == 0.0 or not share < LEAST_SHARE else f"< {100.0 * LEAST_SHARE:g} %"
+    if share == 0.0 or not share < LEAST_SHARE:
+        return f"{rough_text(100.0 * share)} %"
+    return f"< {100.0 * LEAST_SHARE:g} %"
 
 
-def rounded(value: float, digits: int, *, up: bool) -> str:
+def rounded_bound(value: float, digits: int, *, up: bool) -> str:
     """Return a number as text, rounded up or down so that it remains a bound."""
     from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
@@ -240,7 +242,7 @@ def duration(seconds: float) -> str:
 
 def style() -> AbstractContextManager[None]:
     """Return a context manager that sets matplotlib to the style of printed figures."""
-    context: AbstractContextManager[None] = optional("matplotlib", "plot").rc_context({
+    context: AbstractContextManager[None] = import_optional("matplotlib", "plot").rc_context({
         "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
         "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
         "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.direction": "in", "ytick.direction": "in",
@@ -252,6 +254,6 @@ def style() -> AbstractContextManager[None]:
 
 def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
     """Return a figure with a size in inches, and its axes as an array (rows, columns)."""
-    figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
+    figure = import_optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
     figure._repr_png_ = partial(_png, figure)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)

@@ -55,7 +55,7 @@ class Ball:
             check.number(name, getattr(self, name), above=0.0)
         check.number("restitution", self.restitution, above=0.0, at_most=1.0)
         check.number("spread", self.spread, at_least=1.0)
-        check.truth("filled", self.filled)
+        check.boolean("filled", self.filled)
 
     @property
     def stiffness(self) -> float:

@@ -243,7 +243,7 @@ def call(functions: Sequence[Constructor], values: Mapping[str, Any], **extra: A
     for way, accepted, required in zip(functions, keys, needed, strict=True):
         if set(required) <= values.keys() <= {p.name for p in accepted}:
             return way(**values, **{p.name: extra[p.name] for p in parameters(way) if p.name in extra})
-    check.known(values, dict.fromkeys(p.name for accepted in keys for p in accepted), "key")
+    check.known_names(values, dict.fromkeys(p.name for accepted in keys for p in accepted), "key")
     sets = " or ".join("(" + ", ".join(required) + ")" for required in needed)
     raise ValueError(f"The keys must be {sets}, got ({', '.join(values)}).")
 

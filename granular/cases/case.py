@@ -138,7 +138,8 @@ class Case:
             For misuse, such as an unknown option, or ``"md"`` for a case without force law.
         """
         simulate = engine_named(engine)
-        check.known(changes, keyword_options(simulate) | CASE_ARGUMENTS, f"option of {engine}.simulate", TypeError)
+        known = keyword_options(simulate) | CASE_ARGUMENTS
+        check.known_names(changes, known, f"option of {engine}.simulate", TypeError)
         return simulate(self.scene, self.physics(engine), **self.options(simulate) | changes)
 
     def options(self, run: Callable[..., Any]) -> dict[str, Any]:
@@ -173,7 +174,7 @@ def checked_run(run: Any) -> Mapping[str, Any]:
     Raises `TypeError` if neither engine has an option of that name.
     """
     if check.of_kind("run", run, Mapping, "a mapping of options to values"):
-        check.known(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINE_NAMES)),
+        check.known_names(run, set().union(*(keyword_options(engine_named(engine)) for engine in ENGINE_NAMES)),
                      "option", TypeError)
     return run  # type: ignore[no-any-return]
 

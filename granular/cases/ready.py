@@ -20,7 +20,7 @@ from granular.laws.rules import ConstantRestitution
 from granular.md import waves
 from granular.run import until
 from granular.scene import Pair, Scene, walls
-from granular.scene.walls.motion import ends, fastest
+from granular.scene.walls.motion import ends, max_wall_speed
 
 STEEL_CONTACT = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Hertz contacts of steel balls of 1 kg, with Tsuji's damping for ε below 1."""
@@ -40,8 +40,8 @@ def first_impact_speed(scene: Scene) -> float:
     from_flight = np.where(returns, closing**2, closing * np.abs(closing))
     square = from_flight + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
     speed = np.sqrt(np.maximum(0.0, square))
-    speed[0] += fastest(scene.floor)
-    speed[-1] += fastest(scene.ceiling)
+    speed[0] += max_wall_speed(scene.floor)
+    speed[-1] += max_wall_speed(scene.ceiling)
     return float(speed.max())
 
 
@@ -247,7 +247,7 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
         For an unknown name or option (with a suggestion), or an invalid value.
     """
     scene_options, contact_options = scene_option_names(name), _contact_option_names(name)
-    check.known(options, scene_options | contact_options, f"option of {name}", TypeError)
+    check.known_names(options, scene_options | contact_options, f"option of {name}", TypeError)
     of_scene = {key: value for key, value in options.items() if key in scene_options}
     case = case_without_contacts(name, of_scene, t_end)
     case = with_contacts(name, case, **{key: value for key, value in options.items() if key in contact_options})
@@ -280,7 +280,7 @@ def case_without_contacts(name: str, of_scene: Mapping[str, Any], t_end: float |
     """
     template = _template_named(name)
     if template.pressed is not None:
-        check.known(of_scene, scene_option_names(name), f"parameter of {name}")
+        check.known_names(of_scene, scene_option_names(name), f"parameter of {name}")
     without_law = {} if template.pressed is None else {"law": None}
     scene = build.call([template.make], build.with_wall_motions(of_scene) | without_law)
     end = template.t_end(scene) if t_end is None else check.number("t_end", t_end, at_least=0.0)

@@ -136,7 +136,7 @@ def case_of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     `folder` is the folder of files with user-defined functions.
     """
     for key in tables:
-        check.known([key], TABLE_NAMES, "table or key")
+        check.known_names([key], TABLE_NAMES, "table or key")
     if "scene" not in tables:
         raise ValueError("The table [scene] is missing. It names a ready-made scene, or gives mass, radius, gap and "
                          "velocity.")

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular import edmd, md
-from granular._engine.check import Array, typed
+from granular._engine.check import Array, check_argument_types
 from granular.comparison.outcome import (
     approach,
     combine_simultaneous,
@@ -35,7 +35,7 @@ from granular.md.isolation import Durations
 from granular.run.drive import DEFAULT_MAX_EVENTS
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene
-from granular.scene.places import Closing
+from granular.scene.places import WallMeeting
 from granular.scene.walls.motion import ends
 
 FOLLOWED_DURATIONS = 20.0
@@ -268,7 +268,7 @@ def _continue_run(run: Trajectory, end: float, options: Mapping[str, Any]) -> Tr
     """
     end = min(end, ends(*run.scene.motions))
     if run.scene.is_wall[[0, -1]].all():  # nor beyond the time when they leave no room
-        end = min(end, Closing(run.scene, float(run.time[0]), flattened=run.rule is None).look(end))
+        end = min(end, WallMeeting(run.scene, float(run.time[0]), flattened=run.rule is None).search_until(end))
     if run.status not in CONTINUABLE_STATUSES or not end > run.time[-1]:
         return run
     if run.rule is not None:
@@ -378,4 +378,4 @@ def other_tie_rules(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[di
             yield {**options, "ties": name, "max_events": limit}
 
 
-typed(globals(), Scene, Trajectory)
+check_argument_types(globals(), Scene, Trajectory)

@@ -27,7 +27,7 @@ import numpy as np
 
 from granular import edmd
 from granular._engine import check as _check
-from granular._engine.reports import percent, rounded
+from granular._engine.reports import percent, rounded_bound
 from granular.comparison import align, measures, outcome
 from granular.comparison.measures import static_overlaps
 from granular.comparison.numbers import ComparedRuns, smaller_radius
@@ -320,7 +320,7 @@ def _reason_for_yes(report: Checked, trivial_reasons: list[str]) -> Reason:
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= ERROR_LIMIT:
         return Reason(Answer.undecided, ": no contact has ended")
-    bound = f"within {rounded(100.0 * error, 1, up=True)} % of the fastest impact"
+    bound = f"within {rounded_bound(100.0 * error, 1, up=True)} % of the fastest impact"
     within = bound if error >= MIN_CONTACT_STRENGTH else "to rounding"
     agree = f"outcomes agree {within}"
     if len(trivial_reasons) == report.components.count:

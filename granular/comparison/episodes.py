@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, typed
+from granular._engine.check import Array, check_argument_types
 from granular.comparison.outcome import (
     SIMULTANEITY_TOLERANCE,
     approach,
@@ -279,4 +279,4 @@ def rest_differences(hard: Trajectory, soft: Trajectory, weight: Array) -> Itera
             np.max(differences, where=fastest[common:] > weight[c] * rests_in_both[c], initial=0.0)))
 
 
-typed(globals(), Scene, Trajectory)
+check_argument_types(globals(), Scene, Trajectory)

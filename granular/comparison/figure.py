@@ -13,7 +13,7 @@ from granular._engine.check import Array
 from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, canvas, unit_of
 from granular.comparison.further import repeat_with_samples
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, parameters, window
-from granular.run.figures import MAX_LABELS, SMALL_FONT, head, world_lines
+from granular.run.figures import MAX_LABELS, SMALL_FONT, draw_world_lines, write_titles
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def plot(report: ComparisonWithAnswer, path: str | PathLike[str] | None = None) 
     figure, panels = canvas(7.0, sum(heights) + 1.4 + 2.2 * bool(detail), len(heights) + bool(detail),
                             height_ratios=heights + [1.9] * bool(detail))
     axes = panels[: len(heights), 0]
-    head(figure, report.verdict, parameters(report))
+    write_titles(figure, report.verdict, parameters(report))
     runs = repeat_both_runs(report, view.moments if detail is None else np.union1d(view.moments, detail.moments))
     draw_contacts(axes[0], view)
     _forces(figure, axes[1:-1], view, runs["soft"])
@@ -180,7 +180,7 @@ def draw_runs(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
     If the hard run ended early, a cross marks each ball at that time.
     """
     paths = {label: (run.time, np.asarray(points(run))) for label, run in runs.items()}
-    unit = world_lines(axis, view, view.report.scene, paths)
+    unit = draw_world_lines(axis, view, view.report.scene, paths)
     for t, y in (paths["hard"],) if "hard" in paths else ():
         status_name = next(
             (run.status.name for run in (view.report.hard, runs["hard"]) if run.status in EARLY_STATUSES), "")

@@ -23,7 +23,7 @@ from granular.comparison.figure import MAX_FORCE_CURVES, draw_contacts, draw_run
 from granular.comparison.further import Continuation, apexes
 from granular.comparison.view import Closeup, View, closeup, draw_closeup, number, parameters, window
 from granular.run.figures import LINE_COLOURS, MAX_LABELS
-from granular.run.films import Page, blank, check, pace, radii, save, slowed
+from granular.run.films import Page, blank_page, check, drawn_radii, film_speed, prepare_page, write_film
 from granular.run.trajectory import EARLY_STATUSES, Trajectory, points
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def animate(
 ) -> None:
     """Write the film of a comparison, see `Comparison.animate`."""
     check(path, report.scene, seconds, fps)
-    save(path, Story(window(report), seconds, fps, whole, charts).pictures(), fps)
+    write_film(path, Story(window(report), seconds, fps, whole, charts).pictures(), fps)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Story:
         """
         report = self.view.report
         titles = (report.verdict, parameters(report)) if self.charts else ("", "")
-        return blank(*titles, report.scene, LINE_COLOURS, panels if self.charts else {}, width, tall=1.25)
+        return blank_page(*titles, report.scene, LINE_COLOURS, panels if self.charts else {}, width, tall=1.25)
 
 
 def flight_page(story: Story) -> Page:
@@ -152,7 +152,7 @@ def flight_page(story: Story) -> Page:
                                       ls={"hard": "--"}.get(name, "-"), lw=1.1)
     page.panels[0].set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])), xlabel="time, s" * story.charts)
     page.axes["hard"].set_ylabel("height, radii taken out, m; dotted: dropped from here")
-    speed = pace(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
+    speed = film_speed(len(shown["flight"]) / story.fps / (time[-1] - story.view.end))
     page.tell(page.panels, time, [ACT_CAPTIONS[act].format(speed) for act, times in shown.items() for _ in times])
     return page
 
@@ -175,7 +175,7 @@ def draw_balls(page: Page, story: Story, name: str, time: Array, heights: Array)
 
     scene, axis, colour = story.view.report.scene, page.axes[name], LINE_COLOURS[name]
     balls = np.flatnonzero(~scene.is_wall)
-    size = 18.0 * min(1.0, 6.0 / len(balls)) * radii(scene)  # in points
+    size = 18.0 * min(1.0, 6.0 / len(balls)) * drawn_radii(scene)  # in points
     standing = markers.MarkerStyle("o", transform=transforms.Affine2D().translate(0.0, 0.5))
     axis.set(xlim=(-0.5, len(balls) - 0.5), xticks=[])
     for place, body in enumerate(balls.tolist()):
@@ -211,7 +211,7 @@ def contact_page(story: Story) -> Page:
     page = story.page(dict(list(PANEL_HEIGHTS.items())[: 4 if detail else 3]), 3.2)
     if story.charts:
         draw_charts(page.panels, view, detail, runs)
-    slowed(page, report.scene, {
+    prepare_page(page, report.scene, {
         name: np.asarray(points(run))[np.searchsorted(run.time, time, side="right") - 1] for name, run in runs.items()
     }, view, time, story.fps)
     return page

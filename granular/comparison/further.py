@@ -157,7 +157,7 @@ class Rises(tuple[float, float]):
 
     def __call__(self, bounce: int = 1) -> Rises:
         """Return the heights after contact number `bounce` with the floor, from 1."""
-        return rises(self.report, check.whole("bounce", bounce, at_least=1))
+        return rises(self.report, check.integer("bounce", bounce, at_least=1))
 
 
 def rises(report: Any, bounce: int = 1) -> Rises:

@@ -288,7 +288,7 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     """
     scene = run.scene
     at_walls = [c for c, end in ((0, 0), (scene.n_pairs - 1, -1)) if scene.is_wall[end]]
-    if check.whole("pair", pair) not in at_walls:
+    if check.integer("pair", pair) not in at_walls:
         raise ValueError(f"`pair` must be the pair of a wall, {' or '.join(map(str, at_walls))}, got {pair!r}."
                          if at_walls else f"`run` must be of a scene with a wall, got {scene}.")
     log, side = run.of(pair), int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
@@ -345,4 +345,4 @@ def _distance(times: Array, others: Array) -> Array:
     return np.minimum(left, np.abs(others[np.minimum(at, len(others) - 1)] - times))
 
 
-check.typed(globals(), Scene, Trajectory)
+check.check_argument_types(globals(), Scene, Trajectory)

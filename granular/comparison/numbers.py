@@ -19,7 +19,7 @@ from granular.comparison.measures import Overlap
 from granular.comparison.outcome import Components, PairOutcome, components, counted, units
 from granular.laws.kinds import resolved
 from granular.laws.rules import ConstantRestitution
-from granular.md.binary import LawRule, at_speed_or_nan
+from granular.md.binary import LawRule, restitution_or_nan
 from granular.run import until as stop
 from granular.run.trajectory import EARLY_STATUSES, Trajectory
 from granular.scene import Scene
@@ -124,7 +124,7 @@ class ComparedRuns:
 
         The approach speed is the speed of the first collision. nan if such a contact does not end.
         """
-        return tuple(resolved(self.law, self.scene).column(lambda law: at_speed_or_nan(law, self._speed)).tolist())
+        return tuple(resolved(self.law, self.scene).column(lambda law: restitution_or_nan(law, self._speed)).tolist())
 
     @cached_property
     def restitution_ratio(self) -> float:
@@ -192,7 +192,7 @@ class ComparedRuns:
 
         check.callback("observable", observable, "run")
         restitutions = np.linspace(
-            0.0, 1.0, check.whole("resolution", resolution, at_least=2, at_most=check.MAX_REQUESTED_COUNT)
+            0.0, 1.0, check.integer("resolution", resolution, at_least=2, at_most=check.MAX_REQUESTED_COUNT)
         )
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel

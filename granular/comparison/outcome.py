@@ -13,7 +13,7 @@ from zlib import crc32
 
 import numpy as np
 
-from granular._engine.check import Array, typed
+from granular._engine.check import Array, check_argument_types
 from granular.md.isolation import Durations
 from granular.run.trajectory import Trajectory
 
@@ -455,4 +455,4 @@ def order(run: Trajectory) -> int:
     return crc32(columns[np.lexsort((columns[:, 2], columns[:, 1], columns[:, 0]))][:, [0, 2, 3]].tobytes()) >> 1
 
 
-typed(globals(), Trajectory, Components)
+check_argument_types(globals(), Trajectory, Components)

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine.reports import (
-    described,
     duration,
     named_pairs,
     number,
     pairs_by_law,
     percent,
     problem,
-    shortened,
+    scene_text,
+    short_text,
     unit_of,
 )
 from granular.comparison import measures
@@ -74,7 +74,7 @@ def text(report: ComparisonWithAnswer) -> str:
             report.verdict,
             *list(_reason_lines(report))[:2],
             "",
-            f"{shortened(described(report.scene))}, {_eps_text(report.restitution_spec)}",
+            f"{short_text(scene_text(report.scene))}, {_eps_text(report.restitution_spec)}",
             "",
             *_header_lines(),
             *_rise_lines(report),
@@ -94,7 +94,7 @@ def details(report: ComparisonWithAnswer) -> str:
 
     return "\n".join([
         report.verdict, *_reason_lines(report), "",
-        described(report.scene), *_law_lines(report), "",
+        scene_text(report.scene), *_law_lines(report), "",
         *_header_lines(), *_rise_lines(report), *_deciding_lines(report),
         *_pair_lines(report, FULL_PAIR_COUNT, speeds=True),
         *_end_lines(report), *_energy_lines(report), "",

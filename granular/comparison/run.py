@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from granular import edmd, md
 from granular._engine import check
-from granular._engine.progress import shown
+from granular._engine.progress import progress_callback
 from granular._engine.reports import Report
 from granular.comparison import report
 from granular.comparison.answer import ComparisonWithAnswer
@@ -268,7 +268,7 @@ def compare(
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below,
                                           "tc": tc, "elastic_below": elastic_below}
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
-    with shown(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
+    with progress_callback(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
         hard = edmd.simulate(scene, used, **event_driven | {"max_events": max_events}, on_progress=tell)
         soft = md.simulate(scene, laws, **end, **options, on_progress=tell)
     return Comparison(scene, laws, used, until, t_end, hard, soft, event_driven, options)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine.check import Array
-from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, shortened, unit_of
+from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, UNIT_PREFIXES, short_text, unit_of
 from granular.laws.kinds import resolved
 from granular.md.isolation import Durations
 from granular.run.figures import CONTACTS_MARGIN, FAR_SPAN_LENGTHS, Span
@@ -224,7 +224,7 @@ def _scene_text(report: ComparisonWithAnswer) -> str:
             *[f"gap {_range_text(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner)),
             *[f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0),
             *[f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0),
-            *(shortened(repr(wall)) for wall in (scene.floor, scene.ceiling) if wall is not None),
+            *(short_text(repr(wall)) for wall in (scene.floor, scene.ceiling) if wall is not None),
         ]
     )
 

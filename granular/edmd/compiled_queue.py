@@ -27,7 +27,17 @@ from typing import Any
 import numpy as np
 
 from granular._engine.kernels import FORCED, compiled, kernel, specialised
-from granular._engine.records import Record, Records, copied, leaf, one, packed, raw, replay, tournament
+from granular._engine.records import (
+    Record,
+    Records,
+    as_bytes,
+    copied,
+    leaf,
+    one,
+    record_array,
+    tournament,
+    update_tournament,
+)
 from granular.edmd.clusters import bring_to_rest
 from granular.edmd.motion import next_event_time
 from granular.edmd.physics import LEFT, MASK, RANDOM, rank
@@ -79,7 +89,7 @@ def refresh(
             c = low
         else:
             c += 1
-    replay(queue, first, last)
+    update_tournament(queue, first, last)
 
 
 loop = specialised(SortedQueue.loop, head=head, refresh=refresh)
@@ -92,7 +102,7 @@ class TreeQueue(SortedQueue):
     chunk = 65_536
     room, size = np.empty(0, LOG_ROW), FIRST_LOG_ROWS
     kernel = staticmethod(partial(compiled, inline=True))
-    convert = staticmethod(packed)
+    convert = staticmethod(record_array)
     loop, predict = staticmethod(loop), staticmethod(refresh)
 
     def rows(self, n: int) -> Records:
@@ -139,7 +149,7 @@ def rows_by_time(rows: Any, sizes: list[int]) -> Any:
         if (part[1:] != part[:-1])[is_equal].any():
             return None
     del time, sorted_time, is_equal
-    return [raw(rows)[order[k : k + TreeQueue.chunk]].view(LOG_ROW) for k in range(0, len(order), TreeQueue.chunk)]
+    return [as_bytes(rows)[order[k : k + TreeQueue.chunk]].view(LOG_ROW) for k in range(0, len(order), TreeQueue.chunk)]
 
 
 class BlockQueue(TreeQueue):
@@ -193,12 +203,12 @@ class BlockQueue(TreeQueue):
                 return False
             for rows in room or ():
                 rows["pair"] += low
-                inside = raw(rows)[(rows["pair"] >= first) & (rows["pair"] < last)]
+                inside = as_bytes(rows)[(rows["pair"] >= first) & (rows["pair"] < last)]
                 self._keep(inside, sum(sizes), len(ends))
                 sizes.append(len(inside))
             top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
-            raw(pairs)[first:last] = raw(part.pairs)[first - low : last - low]
-            raw(bodies)[first:top] = raw(part.bodies)[first - low : top - low]
+            as_bytes(pairs)[first:last] = as_bytes(part.pairs)[first - low : last - low]
+            as_bytes(bodies)[first:top] = as_bytes(part.bodies)[first - low : top - low]
             done += int(pairs["contacts"][first:last].sum() - s.pairs["contacts"][first:last].sum())
             if done * len(ends) > budget * k:  # extrapolated to all blocks
                 return False
@@ -220,8 +230,8 @@ class BlockQueue(TreeQueue):
         if at + len(rows) > len(self.spare):
             # A quarter more than estimated, so that few blocks cause another copy.
             old, self.spare = self.spare[:at], np.empty(max(at + len(rows), blocks * len(rows)) * 5 // 4, LOG_ROW)
-            raw(self.spare)[:at] = raw(old)
-        raw(self.spare)[at : at + len(rows)] = rows
+            as_bytes(self.spare)[:at] = as_bytes(old)
+        as_bytes(self.spare)[at : at + len(rows)] = rows
 
     def _run(
         self, low: int, high: int, edge: float, speed: float, log: Log | None = None, page: Any = TreeQueue.room

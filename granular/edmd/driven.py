@@ -16,8 +16,8 @@ import math
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
 from granular.edmd.records import AT_CEILING, AT_FLOOR, BOTH, Walls
-from granular.scene.walls.gap import after, state
-from granular.scene.walls.hits import first_hit, lift_off, opens
+from granular.scene.walls.gap import gap_at_time, gap_state
+from granular.scene.walls.hits import first_hit, lift_off, opening_time
 from granular.scene.walls.path import moved
 
 NO_EVENT_TIME = math.inf
@@ -73,9 +73,9 @@ def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> fl
     """Return the rate (m/s, not positive) of a pair at its next hit on a driven wall."""
     side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
     t, tail = side.epoch, side.low + pair.at
-    _, w = after(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait)
+    _, w = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait)
     if w >= 0.0 and pair.wait > 0.0:  # The wall velocity jumps at the hit: take the rate just after the jump.
-        _, w = after(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
+        _, w = gap_at_time(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
     if w >= 0.0 and pair.gap == 0.0:
         w = -rate  # The next bounce is too short for the resolution of the clock.
     return min(w, 0.0)
@@ -89,7 +89,7 @@ def gap_at_wall(pair: Record, lower: Record, upper: Record, now: float, walls: W
         return gap_between_walls(pair, walls, now)
     side, rate = walls.sides[pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
-    return after(side, walls.panels, t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)
+    return gap_at_time(side, walls.panels, t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)
 
 
 @rare
@@ -144,8 +144,8 @@ def is_pressed_on_wall(pair: Record, walls: Walls) -> bool:
     The acceleration is evaluated at the time `at` of the pair.
     """
     side = walls.sides[pair.wall]
-    now = state(side, walls.panels, side.epoch, side.low + pair.at, 0.0, 0.0, pair.closing_acceleration)
-    return opens(side, walls.panels[now.panel], now, 0.0, 0.0) == 0.0
+    now = gap_state(side, walls.panels, side.epoch, side.low + pair.at, 0.0, 0.0, pair.closing_acceleration)
+    return opening_time(side, walls.panels[now.panel], now, 0.0, 0.0) == 0.0
 
 
 @kernel

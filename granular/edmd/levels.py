@@ -12,7 +12,7 @@ from typing import Any
 from granular._engine.records import plain
 from granular.edmd.motion import velocities
 from granular.edmd.zoom import next_collision
-from granular.run.levels import shown
+from granular.run.levels import observable_value
 from granular.run.until import Level, Speed
 
 
@@ -53,6 +53,6 @@ def observable_at(run: Any, level: Level, time: float) -> float:
     """
     r = run.state.run
     now, r["now"] = r["now"], run.state.tau(time)
-    value = shown(run, level, time)
+    value = observable_value(run, level, time)
     r["now"] = now
     return value

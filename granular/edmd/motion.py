@@ -23,7 +23,14 @@ from __future__ import annotations
 
 import math
 
-from granular._engine.flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact, time_to_contact
+from granular._engine.flight import (
+    gap_after,
+    hung_after,
+    hung_rate_at_contact,
+    hung_time_to_contact,
+    rate_at_contact,
+    time_to_contact,
+)
 from granular._engine.kernels import FORCED, HUNG, RING, kernel
 from granular._engine.records import Record, Records
 from granular.edmd.driven import gap_at_wall, next_wall_hit, opening, rate_at_wall, rate_of, take_wall_velocity
@@ -85,7 +92,7 @@ def next_event_time(pair: Record, lower: Record, upper: Record, walls: Walls) ->
     if HUNG:
         if pair.gap == 0.0 and pair.rate < 0.0:
             return pair.at  # type: ignore[no-any-return]
-        return pair.at + hung(pair.gap, pair.rate, pair.omega, pair.rest)  # type: ignore[no-any-return]
+        return pair.at + hung_time_to_contact(pair.gap, pair.rate, pair.omega, pair.rest)  # type: ignore[no-any-return]
     a = pair.closing_acceleration
     rate = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
     if FORCED:

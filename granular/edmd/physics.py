@@ -13,8 +13,8 @@ from granular._engine.kernels import kernel
 from granular.laws import rules
 from granular.laws.rules import Rule, constants, restitution_at
 from granular.scene import Scene
-from granular.scene.places import remembered
-from granular.scene.walls.motion import fastest
+from granular.scene.places import cached_in_scene
+from granular.scene.walls.motion import max_wall_speed
 
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)
@@ -121,7 +121,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
             raise ValueError(f"`merge_below` must be None unless collapse='merge', got {merge_below!r}.")
         below = check.number("merge_below", merge_below, above=0.0)
     check.choice("ties", options["ties"], tuple(TIE_ORDERS))
-    options["seed"] = check.whole("seed", options["seed"])
+    options["seed"] = check.integer("seed", options["seed"])
     for name in ("tc", "elastic_below"):
         options[name] = check.number(name, options[name], at_least=0.0)
     physics = Physics(scene, rules_per_pair, options | {"merge_below": below})
@@ -132,7 +132,7 @@ def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None
     return physics
 
 
-@remembered
+@cached_in_scene
 def check_scene(scene: Scene) -> None:
     """Raise `ValueError` if the scene is not valid for hard spheres."""
     fix = "Hard spheres cannot overlap. Set the gap to 0, or use granular.md."
@@ -148,7 +148,7 @@ def check_scene(scene: Scene) -> None:
             raise ValueError(check.misuse(name, number, speed_requirement, fix))
     if scene.rest_gap is not None:
         check.every("rest_gap", scene.rest_gap, scene.rest_gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
-    check.refuse({
+    check.raise_if_true({
         "`external_force` must be None for hard spheres on a ring, because it would press them together in mid-air. "
         "Use granular.md.": scene.ring and scene.external_force is not None,
         "`gap` must have a positive entry on a ring, got 0 for all pairs. Leave the balls room to move.":
@@ -210,7 +210,7 @@ def frame_velocity(scene: Scene) -> float:
     return float(scene.velocity[0] if scene.is_wall[0] else scene.velocity[-1] if scene.is_wall[-1] else 0.0)
 
 
-@remembered
+@cached_in_scene
 def scales(scene: Scene) -> tuple[float, float, float, float]:
     """Return speed scale, fall speed, mean gap and largest acceleration of a scene.
 
@@ -231,7 +231,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
         strength = float(np.abs(scene.lift - np.where(scene.is_wall, 0.0, strength)).max())
     fall = math.sqrt(2.0 * strength * length)
     if scene.driven:
-        fall = max(fall, *map(fastest, scene.motions))
+        fall = max(fall, *map(max_wall_speed, scene.motions))
     for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
     return max(speed, fall), fall, length, strength

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine.check import EDITED_STATE
-from granular._engine.kernels import fitted, worth
-from granular._engine.records import SMALL_RECORD_COUNT, column, packed
+from granular._engine.kernels import fitted, is_worthwhile
+from granular._engine.records import SMALL_RECORD_COUNT, column, record_array
 from granular.edmd import hanging, wall_state
 from granular.edmd.ending import counters, end_message
 from granular.edmd.motion import LATEST_TIME
@@ -23,11 +23,11 @@ from granular.edmd.records import APART, BUDGET, EACH, LATER, LOG_ROW, NEVER, SU
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.run.contact_log import Rows
-from granular.run.drive import End, Pause, Request, Row, portion
+from granular.run.drive import End, Pause, Request, Row, next_portion
 from granular.run.trajectory import Status
 from granular.run.until import Contact, Force, Separated
 from granular.scene import velocities
-from granular.scene.places import Closing
+from granular.scene.places import WallMeeting
 
 if TYPE_CHECKING:
     from granular.edmd import collapse
@@ -104,7 +104,7 @@ class Run:
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², acceleration of the falling frame of the run
         self.drift = float(state.clock.frame)  # m/s
         enclosed = bool(self.scene.is_wall[0] and self.scene.is_wall[-1])
-        self.closing = Closing(self.scene, self.start) if enclosed else None
+        self.closing = WallMeeting(self.scene, self.start) if enclosed else None
         self.horizon = math.inf if self.closing is None else self.closing.horizon  # s, then no room is left
         self.halvings = 0  # number of times that closing walls have halved the room
         if self.horizon < math.inf and state.clock.length > 0.0:
@@ -267,7 +267,7 @@ class Run:
         """Return whether driven walls are newly found to meet before the time `time` in s."""
         horizon_before = self.horizon
         if self.closing is not None:
-            self.horizon = self.closing.look(min(time, self.request.end))
+            self.horizon = self.closing.search_until(min(time, self.request.end))
         return self.horizon < horizon_before
 
     def _is_budget_spent(self, due: float) -> bool:
@@ -313,7 +313,7 @@ class Run:
                 state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
         if self.events > before and self.queue.chunk < SortedQueue.chunk:  # slow rules report more often
-            self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
+            self.queue.chunk = min(SortedQueue.chunk, next_portion(budget, process_time() - begun))
         if rows and self.events > before:
             self._convert_rows(rows)
         if len(self.pace) == 1 and self.events >= self.tail_start:
@@ -343,7 +343,7 @@ class Run:
         Queues write times since the epoch, and velocities in the frame of the run, which can be falling.
         """
         for chunk in filter(len, written):
-            rows = packed(chunk, LOG_ROW)
+            rows = record_array(chunk, LOG_ROW)
             if self.kernels_move_epoch:
                 self.converted_rows.extend([rows] if self.request.rows else [])
                 continue
@@ -424,4 +424,4 @@ def compilation_pays(work: float, has: tuple[str, ...]) -> bool:
         return False
     from granular.edmd.compiled_queue import loop
 
-    return worth(fitted(loop, **dict.fromkeys(has, True)), work, LOADING_WORK, COMPILING_WORK, inline=True)
+    return is_worthwhile(fitted(loop, **dict.fromkeys(has, True)), work, LOADING_WORK, COMPILING_WORK, inline=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from granular._engine import check
-from granular._engine.kernels import no_compiler
+from granular._engine.kernels import missing_compiler_reason
 from granular._engine.package import CROSS_ROOM_LOADERS
 from granular.edmd.physics import GROUP, RUN_OPTIONS, TIE_ORDERS, Physics, check_scene, checked
 from granular.edmd.run import Run
@@ -19,12 +19,12 @@ from granular.edmd.state import State
 from granular.laws import rules
 from granular.laws.rules import Rule
 from granular.run import until as stop
-from granular.run.contact_log import Event, one_by_one
-from granular.run.drive import Request, continue_run, drive, in_time, requested
+from granular.run.contact_log import Event, yield_contacts
+from granular.run.drive import Request, checked_request, continue_run, drive, solve_with_sample_times
 from granular.run.trajectory import Status, Trajectory
 from granular.run.until import check_end
 from granular.scene import Scene, checked as a_scene
-from granular.scene.places import fitted
+from granular.scene.places import with_fitted_walls
 
 if TYPE_CHECKING:
     from granular.edmd.watch import Watch
@@ -182,9 +182,9 @@ def simulate(
     physics_of = partial(checked, rule=rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
                    elastic_below=elastic_below)
     check_end(a_scene(scene), t_end, until, max_events, elastic=lambda: physics_of(scene).elastic)
-    scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
+    scene = with_fitted_walls(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     physics = physics_of(scene)
-    request = requested(
+    request = checked_request(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress, progress=progress,
     )
@@ -194,20 +194,20 @@ def simulate(
         watcher = None if watch is None else _watch(watch, scene)
         return drive(_run_until_level(Run(physics, State.of(physics, start), queue, timed_request, watcher)))
 
-    return in_time(solve, request)
+    return solve_with_sample_times(solve, request)
 
 
 def _run_until_level(run: Run) -> Any:
     """Return the run, in a wrapper if it stops when an observable reaches a level.
 
-    The modules of the wrapper `Watched` are imported only then.
+    The modules of the wrapper `LevelStop` are imported only then.
     """
     if not isinstance(run.request.until, stop.LEVEL_TYPES):
         return run
     from granular.edmd import levels
-    from granular.run.levels import Watched
+    from granular.run.levels import LevelStop
 
-    return Watched(run, levels)
+    return LevelStop(run, levels)
 
 
 @check.face
@@ -250,9 +250,9 @@ def events(
     0 0.3193 [0.0, 2.192, -3.132]
     1 0.3193 [0.0, 2.183, 5.91]
     """
-    check.known(options, check.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
+    check.known_names(options, check.parameters(simulate) - {"scene", "rule", "samples", "on_event", "log"},
                  "option of edmd.events", TypeError)
-    run: Any = simulate(scene, rule, on_event=one_by_one, max_events=max_events, **options)
+    run: Any = simulate(scene, rule, on_event=yield_contacts, max_events=max_events, **options)
     return iter(run)
 
 
@@ -313,12 +313,12 @@ def resume(
     _check_continuable(trajectory)
     saved, scene = trajectory.state, trajectory.scene
     start = float(check.saved_array(saved, "start", "f", ()))
-    scene = fitted(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
+    scene = with_fitted_walls(scene, start, math.inf if t_end is None else check.number("t_end", t_end))
     check_scene(scene)
     physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in RUN_OPTIONS})
     check_end(scene, t_end, until, max_events, elastic=lambda: physics.elastic)
     state = State.restored(physics, saved)
-    request = requested(
+    request = checked_request(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress, progress=progress,
     )
@@ -333,13 +333,13 @@ def resume(
                      check.saved_array(saved, "collapse_time", "f", ()))
         return continue_run(_run_until_level(run), trajectory)
 
-    return in_time(solve, request)
+    return solve_with_sample_times(solve, request)
 
 
 def _check_continuable(trajectory: Trajectory) -> None:
     """Raise `ValueError` if a trajectory cannot be continued."""
     status, saved = trajectory.status, trajectory.state
-    check.refuse({
+    check.raise_if_true({
         "`trajectory` must be a run of hard spheres from granular.edmd.": trajectory.rule is None or not saved,
         "`trajectory` ended in an inelastic collapse and cannot be continued. Run again with collapse='merge' or tc=.":
             status is Status.collapse and "collapse_time" not in saved,
@@ -367,7 +367,7 @@ def checked_engine(engine: str, physics: Physics) -> str:
     """
     if isinstance(engine, str) and engine == "sorted":
         return engine
-    name, reason, missing = check.choice("engine", engine, ENGINE_NAMES), "", no_compiler()
+    name, reason, missing = check.choice("engine", engine, ENGINE_NAMES), "", missing_compiler_reason()
     if physics.rule is not None:
         reason = "every rule must be a ConstantRestitution"
     elif TIE_ORDERS[physics.options["ties"]] == GROUP:

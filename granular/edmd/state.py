@@ -18,9 +18,9 @@ from granular._engine.records import (
     column,
     copied,
     one,
-    packed,
     plain_class,
-    taken,
+    record_array,
+    selected,
 )
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, window_length
@@ -39,7 +39,7 @@ from granular.edmd.records import (
     check_numbers,
 )
 from granular.scene import Scene
-from granular.scene.places import remembered
+from granular.scene.places import cached_in_scene
 
 PAIR_STATE_FIELDS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
 BODY_STATE_FIELDS = ("fall_velocity", "is_free", "noise")
@@ -196,7 +196,7 @@ class State:
         `run` are the `numbers` of this state. `options` are further entries, which are added unchanged.
         """
         of_pairs, of_bodies = self._changing()
-        pairs, bodies = packed(self.pairs), packed(self.bodies)
+        pairs, bodies = record_array(self.pairs), record_array(self.bodies)
         raw: dict[str, Any] = dict(zip(of_bodies, map(bodies.__getitem__, of_bodies), strict=True))
         raw |= zip(of_pairs, map(pairs.__getitem__, of_pairs), strict=True)
         raw |= zip(SAVED_SCALARS, map(run.__getitem__, SAVED_SCALARS), strict=True)
@@ -212,7 +212,7 @@ class State:
     def convert_records(self, convert: Callable[..., Any]) -> None:
         """Convert all records to the kind of records that the queue needs.
 
-        `convert` is `plain` for objects, which interpreted code uses, or `packed` for arrays, which compiled code
+        `convert` is `plain` for objects, which interpreted code uses, or `record_array` for arrays, which compiled code
         uses. The values are bitwise identical.
         """
         self.pairs, self.bodies = convert(self.pairs), convert(self.bodies)
@@ -238,7 +238,7 @@ class State:
         first, n = int(self.run.first), len(self.pairs)
         end = first + len(self.near)
         if self.ring:
-            return taken(self.pairs, np.arange(first, end) % n), taken(self.bodies, np.arange(first, end + 1) % n)
+            return selected(self.pairs, np.arange(first, end) % n), selected(self.bodies, np.arange(first, end + 1) % n)
         return self.pairs[first:end], self.bodies[first : end + 1]
 
     def write_slice(self, pairs: Records, bodies: Records) -> None:
@@ -337,7 +337,7 @@ class State:
 
     def sound(self) -> bool:
         """Return whether the records are consistent with each other and possible in a run."""
-        run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
+        run, clock, pairs, bodies = self.run, self.clock, record_array(self.pairs), record_array(self.bodies)
         wall, has_collided, last = np.isinf(bodies["mass"]), pairs["contacts"] > 0, pairs["last"]
         return bool(all([
             len(bodies) == len(pairs) + 1 == run.pairs + 1,
@@ -356,7 +356,7 @@ class State:
         ]))
 
 
-@remembered
+@cached_in_scene
 def initial_records(scene: Scene) -> tuple[Records, Records]:
     """Return the records of pairs and bodies of a scene at the start of a run.
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from granular._engine.check import Array, is_own, misuse, must, quoted, takes
+from granular._engine.check import Array, function_of, is_user_defined, misuse, must, quoted
 
 if TYPE_CHECKING:
     from granular.scene import Pair
@@ -259,14 +259,14 @@ def instance(name: str, law: Any, fix: str = "For hard spheres use granular.edmd
         raise TypeError(must(name, f"an instance, such as {law.__name__}({values})", f"the class {law.__name__}"))
     if not callable(getattr(law, "force", None)):
         raise TypeError(misuse(name, law, "an object with force(self, xi, xi_dot, pair)", fix))
-    if is_own(law):
+    if is_user_defined(law):
         has_memory = bool(getattr(law, "memory", False))
         extra = ("xi_max",) if has_memory else ()
         fix = "Without xi_max, leave `memory` out." if has_memory else "With xi_max, set memory = True."
-        takes(f"`force` of {quoted(name)}", law.force, "xi", "xi_dot", "pair", *extra, fix=fix)
+        function_of(f"`force` of {quoted(name)}", law.force, "xi", "xi_dot", "pair", *extra, fix=fix)
         for trait, arguments in TRAIT_ARGUMENTS.items():
             if callable(function := getattr(law, trait, None)):
-                takes(f"`{trait}` of {quoted(name)}", function, *arguments)
+                function_of(f"`{trait}` of {quoted(name)}", function, *arguments)
     return law
 
 

@@ -274,7 +274,7 @@ def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
 
 def _both_bodies(name: str, value: Each, **limits: float) -> list[float]:
     """Return a material property of both bodies, checked, from one number or two."""
-    if check.is_one(value):
+    if check.is_single(value):
         return [check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
     both = check.array(name, value, (2,), fix="Give one for both bodies, or (lower, upper).")
     return [check.number(f"{name}[{i}]", x, **limits) for i, x in enumerate(both.tolist())]  # type: ignore[arg-type]

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, is_own, per_pair
+from granular._engine.check import Array, is_user_defined, per_pair
 from granular.laws.contact_law import PairLaw, finite, instance, no_number, refused, resolve
 from granular.scene.pair import Pairs
 from granular.scene.places import speed_scale
@@ -131,7 +131,7 @@ def _law_floats(law: Any) -> tuple[type, tuple[str, ...], bytes] | None:
     It is None for a user-defined law, and for a law with a value that is not a float.
     """
     fields = getattr(law, "__dict__", {"": None})
-    if is_own(law) or not {float}.issuperset(map(type, fields.values())):
+    if is_user_defined(law) or not {float}.issuperset(map(type, fields.values())):
         return None
     return type(law), tuple(fields), pack(f"{len(fields)}d", *fields.values())
 
@@ -276,7 +276,7 @@ def checked(law: Any, scene: Scene) -> SceneLaws:
         return laws
     speed = speed_scale(scene)
     for one in laws.each[:MAX_TESTED_PAIRS]:
-        if is_own(one.law):
+        if is_user_defined(one.law):
             _check_pure(one, speed)
     _check_traits(laws)
     for one in laws.each[:MAX_TESTED_PAIRS]:

@@ -45,7 +45,7 @@ class ConstantRestitution:
 
     def __init__(self, restitution: float | Sequence[float]) -> None:
         name, fix = "restitution", "1 is elastic, 0 sticks."
-        if isinstance(restitution, float) or check.is_one(restitution):
+        if isinstance(restitution, float) or check.is_single(restitution):
             value: Any = check.number(name, restitution, at_least=0.0, at_most=1.0, fix=fix)
         else:
             values = check.array(name, restitution)
@@ -84,7 +84,7 @@ class TabulatedRestitution:
     restitution: check.Array
 
     def __init__(self, speed: Any, restitution: Any) -> None:
-        v = check.rising("speed", speed, "finite and non-negative", at_least=0.0)
+        v = check.increasing_array("speed", speed, "finite and non-negative", at_least=0.0)
         e = _unit_interval(check.array("restitution", restitution, v.shape, fix="Give one per speed."))
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
@@ -201,8 +201,8 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
             e = each_rule if isinstance(each_rule, (int, float)) else 0.7
             fix = f"Use granular.ConstantRestitution({e})."
             raise TypeError(check.misuse("rule", each_rule, "a function of (speed, pair)", fix))
-        if check.is_own(each_rule):
-            check.takes("rule", each_rule, "speed", "pair")
+        if check.is_user_defined(each_rule):
+            check.function_of("rule", each_rule, "speed", "pair")
             continue
         for name, least in (("restitution", 1), ("laws", 2)):  # one law stands for all pairs
             if isinstance(per_pair_values := getattr(each_rule, name, None), tuple) and len(per_pair_values) >= least:
@@ -216,7 +216,7 @@ def elastic(rules: Sequence[Rule]) -> bool:
     It is False for a user-defined callable, because its values are not known.
     """
     for rule in different(rules):
-        if check.is_own(rule):
+        if check.is_user_defined(rule):
             return False
         if hasattr(rule, "laws"):  # a `granular.binary.LawRestitution`, whose module is expensive to import
             from granular.laws.contact_law import dissipative_traits

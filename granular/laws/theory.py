@@ -194,7 +194,7 @@ def stack_limit(n: int, restitution: float = 1.0) -> float:
 
     The limit is (1 + ε)^N - 1, at most 2^N - 1.
     """
-    count = check.whole("n", n, at_least=1)
+    count = check.integer("n", n, at_least=1)
     return float((1.0 + check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
 
 
@@ -239,7 +239,7 @@ def best_masses(first: float, last: float, n: int) -> check.Array:
     """
     a = check.number("first", first, above=0.0)
     b = check.number("last", last, above=0.0)
-    count = check.whole("n", n, at_least=2)
+    count = check.integer("n", n, at_least=2)
     masses: check.Array = a * np.power((b / a) ** (1.0 / (count - 1)), np.arange(count, dtype=np.float64))
     masses[-1] = b
     return masses
@@ -366,7 +366,7 @@ def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
     """
     zeta = DAMPING_CONVENTIONS[check.choice("convention", convention, list(DAMPING_CONVENTIONS))](
         check.number("restitution", restitution, above=0.0, at_most=1.0))
-    return dashpot.restitution(zeta) if check.truth("clipped", clipped) else dashpot.restitution_pulling(zeta)
+    return dashpot.restitution(zeta) if check.boolean("clipped", clipped) else dashpot.restitution_pulling(zeta)
 
 
 def _logarithmic_ratio(eps: float) -> float:
@@ -404,6 +404,6 @@ DAMPING_CONVENTIONS: dict[str, Callable[[float], float]] = {
 
 def _restitutions(restitution: float | Sequence[float], n: int) -> check.Array:
     """Return `n` coefficients of restitution in [0, 1] from one number or from `n`."""
-    eps = check.array("restitution", np.full(n, restitution) if check.is_one(restitution) else restitution, (n,))
+    eps = check.array("restitution", np.full(n, restitution) if check.is_single(restitution) else restitution, (n,))
     check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a number in [0, 1]")
     return eps

@@ -155,7 +155,7 @@ def restitution_series(b: float, order: int = 5) -> float:
     error exceeds 1e-3 at b = 0.12 (ε = 0.88). For order 10 this happens at b = 0.36 (ε = 0.68), for order 20 at b =
     0.76 (ε = 0.47). The error exceeds 1e-6 at b = 0.012, 0.098 and 0.48. Near b = 1 more terms do not help.
     """
-    order = check.whole("order", order, at_most=len(SERIES_TERMS) - 1)
+    order = check.integer("order", order, at_most=len(SERIES_TERMS) - 1)
     return _horner(SERIES_TERMS[order::-1], math.sqrt(check.number("b", b, at_least=0.0)))
 
 

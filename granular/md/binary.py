@@ -149,7 +149,7 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | check.Array:
     [0.960653, 0.960653]
     """
     pair_law = _resolved(law, pair)
-    if check.is_one(speed):
+    if check.is_single(speed):
         return restitution_at_speed(pair_law, _speed(speed))
     speeds = check.array("speed", speed, ...)
     return np.array([restitution_at_speed(pair_law, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
@@ -172,7 +172,7 @@ def restitution_at_speed(pair_law: PairLaw, speed: float) -> float:
     return _integrated_contact(pair_law.law, pair_law.pair, max(speed, SLOWEST_IMPACT)).restitution
 
 
-def at_speed_or_nan(pair_law: PairLaw, speed: float) -> float:
+def restitution_or_nan(pair_law: PairLaw, speed: float) -> float:
     """Return ε at an impact speed in m/s, or nan if it cannot be computed.
 
     The result is nan for a contact that does not end, for example.

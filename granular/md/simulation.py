@@ -19,11 +19,11 @@ from granular._engine import check
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md.located import run as located
 from granular.run import until as stop
-from granular.run.contact_log import Event, one_by_one
-from granular.run.drive import Request, continue_run, drive, in_time, requested
+from granular.run.contact_log import Event, yield_contacts
+from granular.run.drive import Request, checked_request, continue_run, drive, solve_with_sample_times
 from granular.run.trajectory import Status, Trajectory
 from granular.run.until import check_end
-from granular.scene.places import Closing, checked, fitted
+from granular.scene.places import WallMeeting, checked, with_fitted_walls
 from granular.scene.state import Scene
 
 SMALLEST_DT = 1e-60
@@ -182,7 +182,7 @@ def simulate(
         scene, laws, start, t_end, engine, disturbed, until=until, samples=samples, log=log, max_events=max_events,
         max_steps=max_steps, on_event=on_event, on_progress=on_progress, progress=progress,
     )
-    scene = fitted(scene, start, request.end)
+    scene = with_fitted_walls(scene, start, request.end)
     _check_walls(scene, start, request.end)
     if method is None:
         method = "located" if dt is None else "verlet"
@@ -190,7 +190,7 @@ def simulate(
         return _simulate_fixed_step(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
     tolerance = check.number("tol", tol, at_least=SMALLEST_TOL, at_most=1e-3)
     with _range_errors_as_value_error(laws.given[0]):
-        return in_time(lambda timed: drive(_with_level_stop(
+        return solve_with_sample_times(lambda timed: drive(_with_level_stop(
             located.Run(scene, laws, timed, engine, tolerance, disturbed))), request)
 
 
@@ -202,9 +202,9 @@ def _with_level_stop(run: located.Run) -> Any:
     if not isinstance(run.request.until, stop.LEVEL_TYPES):
         return run
     from granular.md.located import levels
-    from granular.run.levels import Watched
+    from granular.run.levels import LevelStop
 
-    return Watched(run, levels)
+    return LevelStop(run, levels)
 
 
 def _requested(
@@ -212,9 +212,9 @@ def _requested(
 ) -> Request:
     """Return the checked options that `simulate` and `resume` share.
 
-    `start` is the start time of the run in s, and `options` are the options of `granular.run.drive.requested`.
+    `start` is the start time of the run in s, and `options` are the options of `granular.run.drive.checked_request`.
     """
-    request = requested(scene, start, t_end, **options)
+    request = checked_request(scene, start, t_end, **options)
     may_never_end = disturbed != "stop" and options["max_steps"] == DEFAULT_MAX_STEPS
     check_end(scene, t_end, options["until"], options["max_events"],
               dented=lambda: _loses_energy_only_in_dents(scene, laws), elastic=lambda: may_never_end and laws.elastic)
@@ -236,7 +236,7 @@ def _simulate_fixed_step(
     if check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
         raise ValueError(f"`dt` must be None for method 'located', which has no fixed step, got {dt!r}. Other methods: "
                          f"{', '.join(fixed.INTEGRATORS)}.")
-    check.refuse({
+    check.raise_if_true({
         f"`tol` must be left out for method {method!r}, which has a fixed step, got {tol!r}. Give `dt`, or use "
         "method='located'.": tol != DEFAULT_TOL,
         f"`disturbed` must be 'resolve' for method {method!r}, got {disturbed!r}. Use method='located'.":
@@ -252,7 +252,7 @@ def _simulate_fixed_step(
         runs.append(fixed.Run(scene, laws, timed, method, time_step, engine))
         return drive(runs[-1])
 
-    run = in_time(solve, request)
+    run = solve_with_sample_times(solve, request)
     if runs[-1].step_warning:
         warnings.warn(runs[-1].step_warning, RuntimeWarning, stacklevel=4)  # at the caller of `simulate`, a `face`
     if run.status is not Status.unstable and len(run.contacts):
@@ -297,9 +297,9 @@ def events(scene: Scene, law: Any, *, max_events: int = check.MAX_INTEGER, **opt
     0 0.321207 [0.0, 3.132, -3.151]
     1 0.321894 [0.0, 3.112, 9.37]
     """
-    check.known(options, check.parameters(simulate) - {"scene", "law", "samples", "on_event", "log", "method", "dt"},
-                 "option of md.events", TypeError)
-    run: Any = simulate(scene, law, on_event=one_by_one, max_events=max_events, **options)
+    others = {"scene", "law", "samples", "on_event", "log", "method", "dt"}
+    check.known_names(options, check.parameters(simulate) - others, "option of md.events", TypeError)
+    run: Any = simulate(scene, law, on_event=yield_contacts, max_events=max_events, **options)
     return iter(run)
 
 
@@ -351,7 +351,7 @@ def resume(
     [0.0, 2.346, 8.604]
     """
     state = check.of_kind("trajectory", trajectory, Trajectory, "a granular.Trajectory").state
-    check.refuse({
+    check.raise_if_true({
         "`trajectory` must be a run of granular.md.simulate by method 'located' that has begun. For hard spheres use "
         "granular.edmd.resume.": trajectory.law is None or "origin" not in state,
         "`trajectory` is broken and cannot be continued. See its message.": trajectory.status is Status.broken,
@@ -362,10 +362,10 @@ def resume(
         until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps, on_event=on_event,
         on_progress=on_progress, progress=progress,
     )
-    fitted(trajectory.scene, request.start, request.end)  # raises if the path of a wall ends before the run
+    with_fitted_walls(trajectory.scene, request.start, request.end)  # raises if the path of a wall ends before the run
     _check_walls(trajectory.scene, float(check.saved_array(state, "origin", "f", ())), request.end)
     with _range_errors_as_value_error(laws.given[0]):
-        return in_time(lambda timed: continue_run(_with_level_stop(
+        return solve_with_sample_times(lambda timed: continue_run(_with_level_stop(
             located.Run(trajectory.scene, laws, timed, engine, math.nan, disturbed, state)), trajectory), request)
 
 
@@ -397,7 +397,7 @@ def _check_walls(scene: Scene, start: float, end: float) -> None:
     `start` is the start time of the run in s. Driven walls are not checked here, but during the run.
     """
     if scene.is_wall[0] and scene.is_wall[-1] and not scene.driven:
-        Closing(scene, start, flattened=True).refuse(end, end)
+        WallMeeting(scene, start, flattened=True).refuse(end, end)
 
 
 def _loses_energy_only_in_dents(scene: Scene, laws: SceneLaws) -> bool:

@@ -26,7 +26,7 @@ DOUBTFUL_DT_LAMBDA = 0.2
 """dt·λ above which errors are visible, so that a run issues a warning."""
 
 
-def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = True) -> float:
+def highest_rate_bound(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = True) -> float:
     """Return an upper bound of λ in 1/s for all pairs of a scene.
 
     Parameters
@@ -64,7 +64,7 @@ def expected_rate(scene: Scene, laws: SceneLaws) -> float:
     """
     speed = speed_scale(scene)
     depth = laws.column(lambda law: law.overlap_at(speed))
-    return sharpest_rate(scene, laws, np.maximum(np.maximum(depth, -scene.gap), 1e-30), False)
+    return highest_rate_bound(scene, laws, np.maximum(np.maximum(depth, -scene.gap), 1e-30), False)
 
 
 def _slopes(laws: SceneLaws, overlap: Array) -> Array:

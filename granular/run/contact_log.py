@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from granular._engine.check import Array, must
-from granular._engine.records import SMALL_RECORD_COUNT, raw
+from granular._engine.records import SMALL_RECORD_COUNT, as_bytes
 from granular.scene.places import positions, velocities
 from granular.scene.state import Scene
 
@@ -84,7 +84,7 @@ def contacts(settled: list[Rows]) -> Rows:
             rows = block[k : k + COPY_ROWS]
             target, stop = log[stop : stop + len(rows)], stop + len(rows)
             if rows.dtype in (CONTACT, CONTACT_ROW):  # the same bytes
-                raw(target)[:] = raw(rows)
+                as_bytes(target)[:] = as_bytes(rows)
                 continue
             names = rows.dtype.names or ()
             if "t_end" not in names:
@@ -95,7 +95,7 @@ def contacts(settled: list[Rows]) -> Rows:
     return log
 
 
-class PublicWhenRead:
+class LazyContacts:
     """Base of classes that create attributes `contacts` and `state` on first access.
 
     `contacts` is created from the attribute `settled`, which contains the rows in the columns of the engine. `state` is
@@ -130,11 +130,11 @@ def in_order(log: Rows) -> Rows:
     if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
         order = np.argsort(onset, kind="stable")  # a stable sort is fast for nearly sorted onsets
         has_ties = (np.diff(onset[order]) == 0.0).any()
-        log = raw(log)[np.lexsort((pair, onset)) if has_ties else order].view(CONTACT)
+        log = as_bytes(log)[np.lexsort((pair, onset)) if has_ties else order].view(CONTACT)
     return log
 
 
-def given_by_walls(run: Any) -> Array:
+def wall_momentum(run: Any) -> Array:
     """Return the momentum in N s transferred by both walls to the balls, shape (T, 2).
 
     `run` is a `Trajectory`, see its method `account`. The floor and the impulses through a pair change the momentum of
@@ -201,7 +201,7 @@ class Event(NamedTuple):
     scene: Scene
 
 
-def one_by_one(run: Any) -> Iterator[Event]:
+def yield_contacts(run: Any) -> Iterator[Event]:
     """Yield the contacts of a run as they end, each with the scene at that time.
 
     If this function is passed as `on_event`, `granular.run.drive.drive` returns its generator.
@@ -293,7 +293,7 @@ class LogFile:
         return length
 
 
-def mapped(path: str) -> Rows:
+def open_log_file(path: str) -> Rows:
     """Return the rows of a log file as a memory-mapped array.
 
     Raises `ValueError` if the file is not a contact log.
@@ -307,7 +307,7 @@ def mapped(path: str) -> Rows:
     return rows
 
 
-def grouped(key: Any, n: int) -> tuple[Any, Any]:
+def group_by_key(key: Any, n: int) -> tuple[Any, Any]:
     """Return the indices that sort an array of keys, and the start of each key.
 
     `key` contains integers 0 … n-1. The second array has n + 1 entries.

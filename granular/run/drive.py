@@ -17,12 +17,12 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from granular._engine import check
-from granular._engine.progress import Told, shown
+from granular._engine.progress import ProgressCallback, progress_callback
 from granular.run import until as stop
-from granular.run.contact_log import CONTACT, CONTACT_ROW, LogFile, Rows, contacts, in_order, one_by_one
+from granular.run.contact_log import CONTACT, CONTACT_ROW, LogFile, Rows, contacts, in_order, yield_contacts
 from granular.run.trajectory import Status, Trajectory
 from granular.scene import Scene, positions, velocities
-from granular.scene.places import flaw
+from granular.scene.places import invalid_reason
 
 DEFAULT_MAX_EVENTS = 1_000_000
 """Default of `max_events`, the maximum number of contacts of a run."""
@@ -61,7 +61,7 @@ class Request(NamedTuple):
     stream: str | PathLike[str] | None
     max_events: int
     on_event: Callable[[Any], object] | None
-    progress_report: AbstractContextManager[Told | None]
+    progress_report: AbstractContextManager[ProgressCallback | None]
     max_steps: int
     singly: bool = False
 
@@ -71,7 +71,7 @@ class Request(NamedTuple):
         return self.log or self.on_event is not None
 
 
-def requested(
+def checked_request(
     scene: Scene, start: float, t_end: float | None, *, max_steps: int = check.MAX_INTEGER, progress: bool = False,
     **given: Any,
 ) -> Request:
@@ -91,14 +91,14 @@ def requested(
         end=end,
         until=stop.checked(given["until"], scene),
         samples=_sample_times(given["samples"], start, end),
-        log=stream is not None or check.truth("log", log),
+        log=stream is not None or check.boolean("log", log),
         stream=stream,
-        max_events=DEFAULT_MAX_EVENTS if given["max_events"] is None else check.whole(
+        max_events=DEFAULT_MAX_EVENTS if given["max_events"] is None else check.integer(
             "max_events", given["max_events"]),
         on_event=check.callback("on_event", given["on_event"], "row"),
-        progress_report=shown(progress, given["on_progress"], end=end, start=start),
-        max_steps=check.whole("max_steps", max_steps, at_least=1),
-        singly=isinstance(given["until"], stop.LEVEL_TYPES) or given["on_event"] is one_by_one,
+        progress_report=progress_callback(progress, given["on_progress"], end=end, start=start),
+        max_steps=check.integer("max_steps", max_steps, at_least=1),
+        singly=isinstance(given["until"], stop.LEVEL_TYPES) or given["on_event"] is yield_contacts,
     )
 
 
@@ -117,9 +117,9 @@ def _sample_times(samples: Any, start: float, end: float) -> check.Array | int |
         return None
     if isinstance(samples, str):
         return check.choice("samples", samples, ("contacts",))
-    if check.is_one(samples):
+    if check.is_single(samples):
         fix = "Give None for the first and the last state."
-        count = check.whole("samples", samples, at_least=2, at_most=check.MAX_REQUESTED_COUNT, fix=fix)
+        count = check.integer("samples", samples, at_least=2, at_most=check.MAX_REQUESTED_COUNT, fix=fix)
         return count if end == math.inf else np.linspace(start, end, count)
     times = check.array("samples", samples)
     if len(times) == 0:
@@ -136,7 +136,7 @@ CONTACT_SAMPLES = np.arange(-2, 11) / 8
 """Times of samples around a contact after its onset, in units of its duration."""
 
 
-def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
+def solve_with_sample_times(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
     """Solve a request with `solve`, twice if its sample times depend on the run.
 
     The first run has no callbacks. Runs are bitwise independent of their samples, so the second run is identical. If
@@ -297,7 +297,7 @@ class Run(Protocol):
         """
 
 
-def portion(done: int, spent: float) -> int:
+def next_portion(done: int, spent: float) -> int:
     """Return the amount of work, such as steps, until the next pause of a run.
 
     It is extrapolated from the amount `done` in `spent` seconds of processor time, so that pauses are about
@@ -309,8 +309,8 @@ def portion(done: int, spent: float) -> int:
 
 def drive(run: Run) -> Trajectory:
     """Run an engine to its end, and return the trajectory."""
-    if run.request.on_event is one_by_one:
-        return one_by_one(run)  # type: ignore[return-value]
+    if run.request.on_event is yield_contacts:
+        return yield_contacts(run)  # type: ignore[return-value]
     if run.request.stream is None:
         return _run_to_end(run, [])
 
@@ -356,8 +356,9 @@ def _run_to_end(run: Run, log: list[Rows] | LogFile) -> Trajectory:
         if velocity is None:
             velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
         position = positions(run.scene, gap, elapsed, run.start)
-        defect = flaw(run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None,
-                     run.adds_up)
+        defect = invalid_reason(
+            run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None, run.adds_up
+        )
     if defect and status is not Status.unstable:
         status, message = Status.broken, f"{Status.broken.value}: {defect}; {message}"
     return Trajectory(
@@ -398,7 +399,7 @@ def _equal_to_rounding(values: check.Array, reference: check.Array, scale: float
     return bool(np.abs(values - reference).max() <= STATE_TOLERANCE * max(float(np.abs(reference).max()), scale))
 
 
-def _advance_to(run: Run, time: float, last: bool, log: list[Rows] | LogFile, report: Told | None) -> Pause:
+def _advance_to(run: Run, time: float, last: bool, log: list[Rows] | LogFile, report: ProgressCallback | None) -> Pause:
     """Advance a run to `time` in s, and return the reason for its last pause.
 
     At each pause, contacts that have become final are logged and passed to the callback, and progress is reported.

@@ -96,8 +96,10 @@ def _check_scene(scene: Scene) -> None:
         "a wall that moves": (scene.velocity[walls] != 0.0).any(),
         "a ball of radius 0": (scene.radius[~walls] == 0.0).any(),
     }
-    check.refuse({f"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got {what}.": holds
-                   for what, holds in unsupported.items()})
+    check.raise_if_true({
+        f"`scene` must have only balls with radii, walls at rest and gravity for LAMMPS, got {what}.": holds
+        for what, holds in unsupported.items()
+    })
 
 
 def _ball_lines(scene: Scene) -> list[str]:

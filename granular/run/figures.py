@@ -18,7 +18,7 @@ from granular._engine import files
 from granular._engine.check import Array
 from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, canvas, unit_of
 from granular.scene import Scene
-from granular.scene.places import points
+from granular.scene.places import point_positions
 
 FAR_SPAN_LENGTHS = 3.0
 """Lengths of a run before its first contact, above which the clock starts there."""
@@ -95,22 +95,22 @@ def plot(run: Any, path: str | PathLike[str] | None = None) -> Any:
     """Draw the paths of a run in one or two panels, see `Trajectory.plot`."""
     spans = spans_of(run)
     figure, panels = canvas(7.0, 0.9 + 2.6 * len(spans), len(spans))
-    head(figure, *words(run))
+    write_titles(figure, *run_titles(run))
     for axis, span in zip(panels[:, 0], spans, strict=True):
         draw_paths(axis, run, span)
         axis.set_xlabel(span.named)
     return files.write_figure(path, figure, dpi=200)
 
 
-def words(run: Any) -> tuple[str, str]:
+def run_titles(run: Any) -> tuple[str, str]:
     """Return title and subtitle of a run.
 
     The title contains the number of contacts and the message, and the subtitle the scene.
     """
-    return f"{engine(run)} spheres, {len(run.contacts)} contacts: {run.message}", str(run.scene)
+    return f"{kind_of_spheres(run)} spheres, {len(run.contacts)} contacts: {run.message}", str(run.scene)
 
 
-def engine(run: Any) -> str:
+def kind_of_spheres(run: Any) -> str:
     """Return "hard" or "soft", the kind of spheres of a run."""
     return "hard" if run.law is None else "soft"
 
@@ -164,7 +164,7 @@ def paths(run: Any, times: Array) -> Array:
     The shape is (len(times), n). Accelerations are assumed to be constant between successive samples, onsets and ends
     of contacts. This is exact for hard spheres in uniform gravity.
     """
-    scene, log, rows = run.scene, run.contacts, points(run.scene, run.gap, run.position)
+    scene, log, rows = run.scene, run.contacts, point_positions(run.scene, run.gap, run.position)
     n, count = scene.n, len(run.time)
     body = np.stack([log["pair"], (log["pair"] + 1) % n], 1)
     body = np.concatenate([np.repeat(body, 2, axis=1).ravel(), np.tile(np.arange(n), count)])
@@ -197,18 +197,18 @@ def _path(knots: Array, velocity: Array, is_row: Any, rows: Array, times: Array)
 
 def draw_paths(axis: Any, run: Any, span: Span) -> None:
     """Draw the paths of the balls of one run, and a mark at the onset of each contact."""
-    touches, name = _contact_times(run), engine(run)
+    touches, name = _contact_times(run), kind_of_spheres(run)
     stride = 1 + len(touches) // MAX_MARKS
     selected = np.flatnonzero((touches[:, 1] >= span.begin) & (touches[:, 0] <= span.end))[::stride]
     times, onset = span.times(touches[selected], 1500), touches[selected, 0].clip(span.begin)
-    unit = world_lines(axis, span, run.scene, {name: (times, paths(run, times))})
+    unit = draw_world_lines(axis, span, run.scene, {name: (times, paths(run, times))})
     marks = paths(run, onset)[range(len(selected)), run.contacts["pair"][selected]]
     axis.plot(span.clock(onset), marks / unit, ".", ms=4 if len(selected) < MANY_CONTACTS else 2, color=INK_COLOUR,
               zorder=3, label="a contact begins" + f" (one of {stride} shown)" * (stride > 1) if len(selected) else "_")
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2, **SMALL_FONT)
 
 
-def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Array, Array]]) -> float:
+def draw_world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Array, Array]]) -> float:
     """Draw positions against time, and return the unit of the position axis in m.
 
     `of` contains times in s and positions in m with radii subtracted, with the key "soft" or "hard". Lines meet where
@@ -253,7 +253,7 @@ def label_balls(axis: Any, span: Span, scene: Scene, places: Array, height: floa
                       textcoords="offset points", va="center", color=colour, annotation_clip=False, **SMALL_FONT)
 
 
-def head(figure: Any, title: str, subtitle: str, size: float = 9.0) -> None:
+def write_titles(figure: Any, title: str, subtitle: str, size: float = 9.0) -> None:
     """Write a bold title and smaller subtitles below it, with line breaks.
 
     `size` is the font size of the title in points.

@@ -15,9 +15,19 @@ from typing import Any
 import numpy as np
 
 from granular._engine import files
-from granular._engine.check import Array, choice, number, optional, whole
+from granular._engine.check import Array, choice, import_optional, integer, number
 from granular._engine.reports import duration
-from granular.run.figures import INK_COLOUR, LINE_COLOURS, Span, draw_paths, engine, head, paths, spans_of, words
+from granular.run.figures import (
+    INK_COLOUR,
+    LINE_COLOURS,
+    Span,
+    draw_paths,
+    kind_of_spheres,
+    paths,
+    run_titles,
+    spans_of,
+    write_titles,
+)
 from granular.scene import Scene
 
 FILM_SUFFIXES = (".gif", ".mp4")
@@ -33,12 +43,12 @@ BALL_RADIUS, MIN_RADIUS_RATIO = 0.14, 0.16  # largest radius per length of the s
 def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> None:
     """Write a film of one run, see `granular.Trajectory.animate`."""
     check(path, run.scene, seconds, fps)
-    span, kind = spans_of(run)[-1], engine(run)
+    span, kind = spans_of(run)[-1], kind_of_spheres(run)
     time = np.linspace(span.begin, span.end, max(2, round(seconds * fps)))
-    page = blank(*words(run), run.scene, [kind], {"paths": 3.0}, beside=5.0, tall=1.0)
+    page = blank_page(*run_titles(run), run.scene, [kind], {"paths": 3.0}, beside=5.0, tall=1.0)
     draw_paths(page.axes["paths"], run, span)
-    slowed(page, run.scene, {kind: paths(run, time)}, span, time, fps)
-    save(path, [(page, k) for k in range(len(time))], fps)
+    prepare_page(page, run.scene, {kind: paths(run, time)}, span, time, fps)
+    write_film(path, [(page, k) for k in range(len(time))], fps)
 
 
 def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> None:
@@ -48,11 +58,11 @@ def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> 
     """
     suffix = check_film(path)
     number("seconds", seconds, above=0.0)
-    whole("fps", fps, at_least=1)
+    integer("fps", fps, at_least=1)
     if scene.n > MAX_BODIES:
         raise ValueError(f"`scene` must have at most {MAX_BODIES} bodies for a film, got {scene.n}. Play larger runs "
                          "with granular view.")
-    if suffix == ".mp4" and not optional("matplotlib.animation", "animate").writers.is_available("ffmpeg"):
+    if suffix == ".mp4" and not import_optional("matplotlib.animation", "animate").writers.is_available("ffmpeg"):
         raise ValueError("An .mp4 film requires ffmpeg, which is not installed. Use a name that ends in .gif.")
 
 
@@ -106,7 +116,7 @@ class Page:
         from matplotlib import artist as artists, transforms
 
         if k == 0:
-            self.canvas = optional("matplotlib.backends.backend_agg", "animate").FigureCanvasAgg(self.figure)
+            self.canvas = import_optional("matplotlib.backends.backend_agg", "animate").FigureCanvasAgg(self.figure)
             for artist, _ in self.moving:
                 artist.set_animated(True)
             self.canvas.draw()
@@ -122,7 +132,7 @@ class Page:
         return self.canvas.buffer_rgba()
 
 
-def blank(
+def blank_page(
     title: str, subtitle: str, scene: Scene, engines: Iterable[str], panels: Mapping[str, float], beside: float,
     tall: float,
 ) -> Page:
@@ -151,10 +161,10 @@ def blank(
     else:
         rows = [*stages, *([panel] for panel in panels)]
         ratios = {"height_ratios": [*[tall] * len(stages), *panels.values()]}
-    with optional("matplotlib", "animate").rc_context(FILM_STYLE):
-        figure = optional("matplotlib.figure", "animate").Figure(
+    with import_optional("matplotlib", "animate").rc_context(FILM_STYLE):
+        figure = import_optional("matplotlib.figure", "animate").Figure(
             PAGE_SIZE if panels else BARE_PAGE_SIZE, 100, layout="constrained")
-        head(figure, title, subtitle, 10.0)
+        write_titles(figure, title, subtitle, 10.0)
         axes = figure.subplot_mosaic(rows, **ratios)
     for name in names:
         axes[name].set_title(f"{name} spheres", color=LINE_COLOURS[name])
@@ -163,7 +173,7 @@ def blank(
     return Page(figure, axes, [axis for name, axis in axes.items() if name not in names])
 
 
-def slowed(page: Page, scene: Scene, of: dict[str, Array], span: Span, time: Array, fps: int) -> None:
+def prepare_page(page: Page, scene: Scene, of: dict[str, Array], span: Span, time: Array, fps: int) -> None:
     """Prepare a page to show the balls and the clock, one frame for each time in s.
 
     `of` contains the positions in m for each engine, with radii subtracted, shape (len(time), n). The times are in
@@ -180,11 +190,11 @@ def slowed(page: Page, scene: Scene, of: dict[str, Array], span: Span, time: Arr
 
 def frame_titles(span: Span, time: Array, fps: int) -> list[str]:
     """Return the title of each frame: the speed of the film and the time of the frame."""
-    speed, clock_origin = pace(len(time) / fps / (span.end - span.begin)), "t₁ + " if span.zero else ""
+    speed, clock_origin = film_speed(len(time) / fps / (span.end - span.begin)), "t₁ + " if span.zero else ""
     return [f"{speed},  t = {clock_origin}{duration(t - span.zero)}" for t in time]
 
 
-def pace(slower: float) -> str:
+def film_speed(slower: float) -> str:
     """Return the speed of a film as a phrase, such as "20 × slower".
 
     `slower` is the ratio of the duration of the film to the time that it shows.
@@ -201,7 +211,7 @@ def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
     """
     from matplotlib.patches import Circle
 
-    upright, first, radius = scene.gravity > 0.0, next(iter(of.values())), radii(scene)
+    upright, first, radius = scene.gravity > 0.0, next(iter(of.values())), drawn_radii(scene)
     # horizontal stages are longer; step -1 swaps x and y
     length, step = (1.0, 1) if upright else (3.6, -1)
     radius *= min(BALL_RADIUS, 0.28 * length / max(float(radius.sum()), 1e-9))
@@ -228,7 +238,7 @@ def draw_balls(page: Page, scene: Scene, of: dict[str, Array]) -> None:
             page.moving += [(artist, np.stack([0.0 * place, place][::step], 1)) for artist in drawn]
 
 
-def radii(scene: Scene) -> Array:
+def drawn_radii(scene: Scene) -> Array:
     """Return the radii with which bodies are drawn, relative to the largest radius.
 
     They are the square roots of the relative radii, and at least `MIN_RADIUS_RATIO`. The value of a wall is 0.
@@ -237,7 +247,7 @@ def radii(scene: Scene) -> Array:
     return np.where(scene.is_wall, 0.0, drawn)
 
 
-def save(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps: int) -> None:
+def write_film(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps: int) -> None:
     """Write a film atomically.
 
     `pictures` contains a page and a frame number for each frame.
@@ -251,7 +261,7 @@ def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
 
     Compared with one palette per frame, this takes half the time and a quarter of the size.
     """
-    image = optional("PIL.Image", "animate")
+    image = import_optional("PIL.Image", "animate")
     frames = [image.fromarray(np.asarray(page.show(k))).convert("RGB") for page, k in pictures]
     colours = frames[len(frames) // 2].quantize(64)
     first, *others = (picture.quantize(palette=colours, dither=0) for picture in frames)
@@ -262,7 +272,7 @@ def _save_mp4(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
     """Write an MP4 film with ffmpeg, one frame after the other."""
     figure, frames = pictures[0][0].figure, (page.show(k) for page, k in pictures)
     figure.savefig = lambda file, **_: file.write(next(frames))  # the writer calls it for each frame
-    writer = optional("matplotlib.animation", "animate").FFMpegWriter(fps)
+    writer = import_optional("matplotlib.animation", "animate").FFMpegWriter(fps)
     try:
         with writer.saving(figure, draft, figure.dpi):
             for _ in pictures:

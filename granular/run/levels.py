@@ -80,7 +80,7 @@ def halved(is_above: Callable[[float], bool], low: float, high: float) -> float:
     return high
 
 
-def first_met(
+def first_crossing(
     watched: Callable[[float], float], level: stop.Level, scene: Scene, begin: float, end: float
 ) -> float:
     """Return the first time in s at which a stop condition on a level is met, or inf.
@@ -103,7 +103,7 @@ def first_met(
         begin, span = until, 2.0 * span
 
 
-def shown(run: Any, level: stop.Level, time: float) -> float:
+def observable_value(run: Any, level: stop.Level, time: float) -> float:
     """Return the observable of the stop condition `level` at `time` in s.
 
     It is a force in N, a position in m or a velocity in m/s. `time` must not be after the next event of the run.
@@ -118,7 +118,7 @@ def shown(run: Any, level: stop.Level, time: float) -> float:
     return float(speeds[level.ball])
 
 
-class Watched:
+class LevelStop:
     """Wrapper of a `granular.run.drive.Run` that ends the run when a level is passed.
 
     The run advances one event at a time.
@@ -149,7 +149,7 @@ class Watched:
             next_event = now + FIRST_WINDOW
         # one float after the event, so that the run processes it
         target_time = min(math.nextafter(next_event, math.inf), time)
-        crossing = first_met(self.between.watched(run, level), level, run.scene, now, min(next_event, time))
+        crossing = first_crossing(self.between.watched(run, level), level, run.scene, now, min(next_event, time))
         if crossing == math.inf:
             pause: Pause = run.to(target_time, last or target_time < time)
             return Pause.full if pause is Pause.reached and target_time < time else pause

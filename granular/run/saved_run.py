@@ -19,7 +19,7 @@ import numpy as np
 from granular._engine import check, files
 from granular._engine.describe import from_json, to_json
 from granular.scene import Scene
-from granular.scene.places import fitted
+from granular.scene.places import with_fitted_walls
 
 PLAIN_TYPES = (bool, int, float, str)
 """Types of the values of `stats` that are saved, also within tuples."""
@@ -70,22 +70,22 @@ They are the maximum number of records in addition to eight per pair, and the ma
 
 def write(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run to one ``.npz`` file atomically."""
-    files.check_ending(path, ".npz")
-    metadata, arrays = packed(run)
+    files.check_suffix(path, ".npz")
+    metadata, arrays = file_contents(run)
 
     def fill(draft: str) -> None:
         with open(draft, "wb") as file:
-            (np.savez_compressed if compressed else np.savez)(file, words=np.array(said(metadata)), **arrays)
+            (np.savez_compressed if compressed else np.savez)(file, words=np.array(metadata_json(metadata)), **arrays)
 
     files.write(path, fill)
 
 
-def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def file_contents(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the metadata and the arrays of a run for a file, each by name."""
     if run.law is None and run.rule is None:
         raise ValueError("`run` must have laws or rules to be saved this way. Save numbers of another program as .csv "
                          "or .extxyz, or with to_xarray().")
-    scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
+    scene = with_fitted_walls(run.scene, float(run.time[0]), float(run.time[-1]))
     values = {name: getattr(run, name) for name in RUN_ARRAYS} | {
         f"scene.{name}": getattr(scene, name) for name in SCENE_ARRAYS}
     has = {"scene.ring": scene.ring, "scene.pendulum": scene.pendulum > 0.0}
@@ -120,7 +120,7 @@ def _description(physics: tuple[Any, ...] | None) -> Any:
     return to_json(physics[0]) if same else [to_json(item) for item in physics]
 
 
-def said(metadata: Mapping[str, Any]) -> str:
+def metadata_json(metadata: Mapping[str, Any]) -> str:
     """Return metadata as JSON text.
 
     Values of types that JSON does not support, such as numpy numbers, are converted to floats.
@@ -131,7 +131,7 @@ def said(metadata: Mapping[str, Any]) -> str:
 def _digest(metadata: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
     """Return a checksum of all metadata and arrays of a file."""
     rest = {name: value for name, value in metadata.items() if name != "digest"}
-    digest = blake2b(said(rest).encode(), digest_size=16)
+    digest = blake2b(metadata_json(rest).encode(), digest_size=16)
     for name in sorted(arrays):
         array = arrays[name]
         if name in HARD_LOG_COLUMNS:  # long columns: crc32 is six times as fast
@@ -170,8 +170,8 @@ def read(
             if name.lower().endswith(".nc"):
                 stored = _read_netcdf(name, log)
             else:
-                _check_heads(files.heads(file), log)
-                stored = files.arrays(file)
+                _check_heads(files.array_headers(file), log)
+                stored = files.read_arrays(file)
         metadata = _parse_metadata(str(stored.pop("words")))
         files.check_format(name, metadata.get("format", 1),
                            metadata.keys() - METADATA_TYPES.keys() - LATER_METADATA_TYPES.keys())
@@ -180,11 +180,11 @@ def read(
             stored["contacts"] = _hard_log(stored, log)
         _check_rows(stored, metadata["status"])
         return _constructor_arguments(metadata, stored, law, rule)
-    except (files.Foreign, RecursionError):
+    except (files.InvalidArchiveError, RecursionError):
         raise ValueError(
             f"`path` must be a complete file written by Trajectory.save, got {name!r}."
         ) from None
-    except files.Later:
+    except files.LaterVersionError:
         raise
     except (TypeError, ValueError) as error:
         error_type = TypeError if isinstance(error, TypeError) else ValueError
@@ -196,21 +196,21 @@ def _read_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
 
     `name` is the path of the file, and `log` the type of the records of the contact log.
     """
-    xarray = check.optional("xarray", "a file that ends in .nc")
-    check.optional("netCDF4", "a file that ends in .nc")
+    xarray = check.import_optional("xarray", "a file that ends in .nc")
+    check.import_optional("netCDF4", "a file that ends in .nc")
     try:
         data = xarray.open_dataset(name, engine="netcdf4", decode_cf=False)
     except (OSError, ValueError, RuntimeError):
-        raise files.Foreign from None
+        raise files.InvalidArchiveError from None
     with data:
-        max_bytes = files.MAX_EXPANSION * os.path.getsize(name) + files.ROOM
+        max_bytes = files.MAX_EXPANSION * os.path.getsize(name) + files.MAX_HEADER_BYTES
         if data.nbytes > max_bytes or any(data[key].dtype.kind not in "fiu" for key in data.variables if key != "side"):
-            raise files.Foreign
+            raise files.InvalidArchiveError
         arrays = {key: data[key].values for key in data.variables if key not in ("side", "mass", "radius")}
     try:
         file = BytesIO(arrays.pop("checkpoint").tobytes())
-        files.heads(file)  # check the headers before any data is read
-        stored = files.arrays(file)
+        files.array_headers(file)  # check the headers before any data is read
+        stored = files.read_arrays(file)
         columns = {key: arrays.pop("contact_pair" if key == "pair" else key) for key in log.names or ()}
         stored = arrays | stored
         if "contacts" in stored:  # hard spheres: an empty array
@@ -220,18 +220,18 @@ def _read_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
             for key, values in columns.items():
                 stored["contacts"][key] = values
     except (KeyError, ValueError):
-        raise files.Foreign from None
+        raise files.InvalidArchiveError from None
     _check_heads({key: (value.dtype, value.shape) for key, value in stored.items()}, log)
     return stored
 
 
-def _check_heads(heads: Mapping[str, files.Head], log: np.dtype[Any]) -> None:
+def _check_heads(heads: Mapping[str, files.ArrayHeader], log: np.dtype[Any]) -> None:
     """Raise an exception if an array is missing or has a wrong type or shape.
 
     `heads` contains type and shape of each array, and `log` is the type of the records of the contact log.
     """
     if not heads.keys() >= NEEDED_ENTRIES or any(len(heads[name][1]) != 1 for name in ("scene.mass", "time")):
-        raise files.Foreign
+        raise files.InvalidArchiveError
     n, t = heads["scene.mass"][1][0], heads["time"][1][0]
     sizes = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
     kinds = {"contacts": log, "scene.ring": np.dtype(bool)} | {
@@ -273,10 +273,10 @@ def _parse_metadata(text: str) -> dict[str, Any]:
     try:
         metadata = json.loads(text)
     except ValueError:
-        raise files.Foreign from None
+        raise files.InvalidArchiveError from None
     kinds: dict[str, Any] = METADATA_TYPES | LATER_METADATA_TYPES
     if not isinstance(metadata, dict) or not metadata.keys() >= METADATA_TYPES.keys():
-        raise files.Foreign
+        raise files.InvalidArchiveError
     for name in kinds.keys() & metadata.keys():
         if not isinstance(metadata[name], kinds[name]):
             raise ValueError(f"its {name} is {files.plain_text(repr(metadata[name]), 60)}. {check.EDITED_STATE}")
@@ -288,7 +288,7 @@ def _check_metadata(metadata: Mapping[str, Any], stored: Mapping[str, Any], stat
 
     Descriptions of laws, rules and walls are not checked here.
     """
-    check.refuse({
+    check.raise_if_true({
         f"its status must be one of {', '.join(statuses)}, got {files.plain_text(repr(metadata['status']), 60)}.":
             metadata["status"] not in statuses,
         f"it has both laws and rules, or neither. {check.EDITED_STATE}":
@@ -301,7 +301,7 @@ def _check_metadata(metadata: Mapping[str, Any], stored: Mapping[str, Any], stat
             raise ValueError(f"its number {files.plain_text(repr(name), 60)} is "
                              f"{files.plain_text(repr(value), 60)}. {check.EDITED_STATE}")
     walls, has_digest = len(metadata.get("walls", (None, None))), metadata.get("format", 1) > 2 or "digest" in metadata
-    check.refuse({
+    check.raise_if_true({
         f"its walls must be 2, a floor and a ceiling or None, got {walls}.": walls != 2,
         "its numbers do not match its digest. "
         f"{check.EDITED_STATE}": has_digest and metadata.get("digest") != _digest(metadata, stored),

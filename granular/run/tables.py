@@ -49,7 +49,7 @@ def description_of_run(run: Any) -> dict[str, str]:
 
 def dataset(run: Any) -> Any:
     """Convert a run to a dataset, see `granular.Trajectory.to_xarray`."""
-    xarray = check.optional("xarray", "to_xarray")
+    xarray = check.import_optional("xarray", "to_xarray")
     rows = {name: (("time", dim), getattr(run, name), {"units": unit}) for name, (dim, unit) in ROW_UNITS.items()
             if getattr(run, name) is not None}
     log = {LOG_NAMES[name]: (("contact", "side")[: run.contacts[name].ndim], run.contacts[name], {"units": unit})
@@ -62,7 +62,7 @@ def dataset(run: Any) -> Any:
 
 def frame(run: Any, what: str = "contacts") -> Any:
     """Convert a run to a data frame, see `granular.Trajectory.to_frame`."""
-    pandas = check.optional("pandas", "to_frame")
+    pandas = check.import_optional("pandas", "to_frame")
     if check.choice("what", what, ("contacts", "samples")) == "contacts":
         columns = [_columns(name, run.contacts[name], ("lower", "upper")) for name in LOG_UNITS]
     else:
@@ -127,7 +127,7 @@ def _checked_table(name: str, values: Any, shape: tuple[int, int]) -> Any:
     return rows
 
 
-def ending_of(path: str | os.PathLike[str]) -> str:
+def suffix_of(path: str | os.PathLike[str]) -> str:
     """Return the suffix of a path in lower case, such as ".npz".
 
     It is ".npz" for a pipe or device, such as standard output. An exception is raised if the suffix is not supported,
@@ -140,13 +140,13 @@ def ending_of(path: str | os.PathLike[str]) -> str:
     if not isinstance(name, str) or "\0" in name or suffix not in SUFFIX_PACKAGES:
         raise ValueError(check.misuse("path", name, f"the name of a file that ends in {', '.join(SUFFIX_PACKAGES)}"))
     for package in SUFFIX_PACKAGES[suffix]:
-        check.optional(package, f"a file that ends in {suffix}")
+        check.import_optional(package, f"a file that ends in {suffix}")
     return suffix
 
 
 def save(path: str | os.PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run atomically, in the format of the suffix of `path`."""
-    suffix = ending_of(path)
+    suffix = suffix_of(path)
     if suffix == ".npz":
         saved_run.write(path, run, compressed)
     elif suffix == ".nc":
@@ -163,17 +163,17 @@ def _write_netcdf(path: str | os.PathLike[str], run: Any, compressed: bool) -> N
 
     The variable `checkpoint` contains scene, law and state as bytes, with which `granular.load` restores the run.
     """
-    metadata, arrays = saved_run.packed(run)
+    metadata, arrays = saved_run.file_contents(run)
     stream, data = io.BytesIO(), dataset(run)
     table_arrays = saved_run.TABLE_ARRAYS - ({"contacts"} if run.rule is not None else set())  # empty: hard spheres
-    np.savez(stream, words=np.array(saved_run.said(metadata)),
+    np.savez(stream, words=np.array(saved_run.metadata_json(metadata)),
              **{name: array for name, array in arrays.items() if name not in table_arrays})
     data["checkpoint"] = "byte", np.frombuffer(stream.getvalue(), np.uint8), {"long_name": "read by granular.load"}
     encoding = {name: {"_FillValue": None} | ({"zlib": True} if compressed and data[name].size else {})
            for name in data.variables if name != "side"}
 
     def fill(draft: str) -> None:
-        files.check_room(draft, data.nbytes)
+        files.check_disk_space(draft, data.nbytes)
         data.to_netcdf(draft, engine="netcdf4", format="NETCDF4", encoding=encoding)
 
     files.write(path, fill)

@@ -12,11 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.check import Array, face, whole
+from granular._engine.check import Array, face, integer
 from granular.laws.kinds import resolved
-from granular.run.contact_log import CONTACT as CONTACT, PublicWhenRead, batches, given_by_walls, grouped, mapped
+from granular.run.contact_log import (
+    CONTACT as CONTACT,
+    LazyContacts,
+    batches,
+    group_by_key,
+    open_log_file,
+    wall_momentum,
+)
 from granular.scene import Scene
-from granular.scene.places import points as scene_points
+from granular.scene.places import point_positions as scene_points
 
 
 class Status(Enum):
@@ -36,7 +43,7 @@ class Status(Enum):
 
 @face
 @dataclass(frozen=True, eq=False)
-class Trajectory(PublicWhenRead):
+class Trajectory(LazyContacts):
     """Result of a run: samples, contact log and status.
 
     Attributes
@@ -87,7 +94,7 @@ class Trajectory(PublicWhenRead):
 
     def __post_init__(self) -> None:
         values = vars(self)
-        if isinstance(self.contacts, tuple):  # see `PublicWhenRead`
+        if isinstance(self.contacts, tuple):  # see `LazyContacts`
             values["settled"] = values.pop("contacts")
         if callable(self.state):
             values["kept"] = values.pop("state")
@@ -103,12 +110,12 @@ class Trajectory(PublicWhenRead):
         The first array contains the row numbers, in order of time within each pair. The rows of pair c are at the
         positions from entry c of the second array to before entry c + 1.
         """
-        return grouped(self.contacts["pair"], self.scene.n_pairs)
+        return group_by_key(self.contacts["pair"], self.scene.n_pairs)
 
     def rows(self, pair: int) -> Any:
         """Return the row numbers of the contact log that belong to `pair`."""
         order, starts = self.by_pair
-        c = pair if type(pair) is int else whole("pair", pair)
+        c = pair if type(pair) is int else integer("pair", pair)
         return order[starts[c] : starts[c + 1]] if 0 <= c < len(starts) - 1 else order[:0]
 
     def of(self, pair: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
@@ -141,9 +148,9 @@ class Trajectory(PublicWhenRead):
         OSError, ValueError
             If the file does not exist any more, or is not a contact log.
         """
-        count = whole("size", size, at_least=1)
+        count = integer("size", size, at_least=1)
         path = self.stats.get("log")
-        return batches(mapped(path) if path else self.contacts, count)
+        return batches(open_log_file(path) if path else self.contacts, count)
 
     @property
     def first_disturbed(self) -> tuple[float, int]:
@@ -215,7 +222,7 @@ class Trajectory(PublicWhenRead):
         without a log. It is also nan for hard balls that may have stuck to a ceiling. For pendula the momentum is the
         sum of the logged impulses of the wall, and nan at samples during a contact with it.
         """
-        energy, momentum = self.energy(), given_by_walls(self)
+        energy, momentum = self.energy(), wall_momentum(self)
         if self.ledger is None:
             speed = np.where(self.scene.is_wall, self.scene.velocity, 0.0)[[0, -1]]
             speed[[motion is not None for motion in self.scene.motions]] = math.nan
@@ -421,10 +428,10 @@ class Trajectory(PublicWhenRead):
         return cls(**read | {"status": Status[read["status"]]})
 
     def _repr_html_(self) -> str:
-        from granular._engine.reports import abridged, html
+        from granular._engine.reports import abridged_rows, html
         bodies = zip(self.position[-1].tolist(), self.velocity[-1].tolist(), strict=True)
         rows = [[str(i), f"{x:.6g}", f"{v:.6g}"] for i, (x, v) in enumerate(bodies)]
-        return html(repr(self), [["body", "position / m", "velocity / (m/s)"], *abridged(rows)])
+        return html(repr(self), [["body", "position / m", "velocity / (m/s)"], *abridged_rows(rows)])
 
     def __repr__(self) -> str:
         engine = "edmd" if self.rule is not None else "md" if self.law is not None else "from elsewhere"

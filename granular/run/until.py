@@ -13,7 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from granular._engine import check as _check
-from granular.scene.places import unending
+from granular.scene.places import endless_reason
 
 if TYPE_CHECKING:
     from granular.scene import Scene
@@ -84,9 +84,9 @@ class Position(_Checked):
 Level = Force | Speed | Position
 Until = Contact | Separated | Level
 LEVEL_TYPES = (Force, Speed, Position)
-CHECK_NUMBER, CHECK_LEVEL = _check.whole, partial(_check.number, at_least=0.0)
+CHECK_NUMBER, CHECK_LEVEL = _check.integer, partial(_check.number, at_least=0.0)
 FIELD_CHECKS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
-    "Contact": {"pair": CHECK_NUMBER, "nth": partial(_check.whole, at_least=1)},
+    "Contact": {"pair": CHECK_NUMBER, "nth": partial(_check.integer, at_least=1)},
     "Force": {"pair": CHECK_NUMBER, "above": CHECK_LEVEL}, "Speed": {"ball": CHECK_NUMBER, "above": CHECK_LEVEL},
     "Position": {"ball": CHECK_NUMBER} | dict.fromkeys(
         ("above", "below"), lambda name, place: place if place is None else _check.number(name, place)),
@@ -206,14 +206,14 @@ def checked(until: Until | None, scene: Scene) -> Until | None:
         raise TypeError(_check.misuse("until", until, "a condition from granular.until, such as until.contact(0, 2)"))
     name = f"of until.{type(until).__name__.lower()}"
     if isinstance(until, (Contact, Force)):
-        _check.whole(f"`pair` {name}", until.pair, at_most=scene.n_pairs - 1, fix="The lowest pair is 0.")
-    elif scene.is_wall[_check.whole(f"`ball` {name}", until.ball, at_most=scene.n - 1, fix="The lowest body is 0.")]:
+        _check.integer(f"`pair` {name}", until.pair, at_most=scene.n_pairs - 1, fix="The lowest pair is 0.")
+    elif scene.is_wall[_check.integer(f"`ball` {name}", until.ball, at_most=scene.n - 1, fix="The lowest body is 0.")]:
         raise ValueError(f"`ball` {name} must be a ball, {int(scene.is_wall[0])} to "
                          f"{scene.n - 1 - int(scene.is_wall[-1])} in this scene, got {until.ball}, which is a wall.")
     return until
 
 
-def without_levels(until: Until | None, function: str) -> None:
+def refuse_levels(until: Until | None, function: str) -> None:
     """Raise `ValueError` if a stop condition is a level of force, speed or position.
 
     `function` is the name of the function that supports only `contact` and `separated`.
@@ -247,7 +247,7 @@ def check_end(
     kind = "with a driven wall" if scene.driven else "with a thermal wall" if scene.heated else (
         "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
         "under gravity with laws that dissipate only at the largest overlap so far" if dented() else
-        unending(scene) if elastic() else "")
+        endless_reason(scene) if elastic() else "")
     if kind:
         raise ValueError(f"`t_end` must be given, got None. A run {kind} does not end by itself. Give t_end=, until= "
                          "or max_events=.")

@@ -29,7 +29,7 @@ def checked_bodies(
     r = check.array("radius", radius, (n,))
     check.every("radius", r, (r >= 0.0) & (r < np.inf), "finite and non-negative")
     check.every("radius", r, ~walls | (r == 0.0), "0", "A wall is flat and has radius 0.")
-    is_ring = check.truth("ring", ring)
+    is_ring = check.boolean("ring", ring)
     fix = "Give one gap per pair; the last pair joins the last ball and ball 0." if is_ring else (
         "Give one gap per pair of neighbours.")
     d = check.array("gap", gap, (n - 1 + is_ring,), fix=fix, finite="finite")
@@ -96,7 +96,7 @@ def check_exclusive(scene: Any, walls: Any) -> None:
     gap_sum, rest_gap_sum = (float(gap.sum()) if has_pendula else 0.0 for gap in (scene.gap, scene.rest_gap))
     zero_gravity = ("0 for pendula", "Gravity acts on them by Ω² = g/l.") if has_pendula else (
         "0 on a ring", "Gravity would accelerate the balls around the ring forever. Use external_force.")
-    check.refuse({
+    check.raise_if_true({
         f"`mass[{int(walls.argmax())}]` must be finite on a ring, got inf. A ring has no walls.":
             scene.ring and walls.any(),
         check.misuse("gravity", scene.gravity, *zero_gravity): (scene.ring or has_pendula) and scene.gravity != 0.0,

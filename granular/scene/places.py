@@ -18,7 +18,7 @@ from granular._engine.check import Array
 from granular._engine.flight import time_to_contact
 from granular._engine.records import SMALL_RECORD_COUNT, plain
 from granular.scene.state import Scene, cumulative_sums
-from granular.scene.walls.motion import fastest, fitted_motion
+from granular.scene.walls.motion import fitted_motion, max_wall_speed
 from granular.scene.walls.path import moved
 
 
@@ -47,7 +47,7 @@ def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> A
     return offset
 
 
-def points(scene: Scene, gap: Array, position: Array) -> Array:
+def point_positions(scene: Scene, gap: Array, position: Array) -> Array:
     """Compute positions as if all radii were 0, so that touching balls coincide.
 
     Parameters
@@ -95,7 +95,7 @@ def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) ->
         return offset
     # the second pass removes the rounding error of the first one
     for _ in range(2):
-        offset += (anchor - (offset * scene._share).sum(axis=-1))[:, None]
+        offset += (anchor - (offset * scene._mass_fraction).sum(axis=-1))[:, None]
     return offset
 
 
@@ -105,7 +105,7 @@ def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
     It is the value of the first wall, or without a wall the mean weighted by mass. Each row is summed separately,
     because the rounding error of a matrix product depends on the other rows.
     """
-    return (of_bodies * scene._share).sum(axis=-1) if scene._wall is None else of_bodies[..., scene._wall]
+    return (of_bodies * scene._mass_fraction).sum(axis=-1) if scene._wall is None else of_bodies[..., scene._wall]
 
 
 def speed_scale(scene: Scene) -> float:
@@ -123,7 +123,7 @@ def speed_scale(scene: Scene) -> float:
         speed += scene.pendulum * float(np.ptp(scene.displacement))
     if scene.heated:
         speed += sum(heat.fastest(m) for heat, m in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if heat)
-    return speed + sum(map(fastest, scene.motions)) if scene.driven else speed
+    return speed + sum(map(max_wall_speed, scene.motions)) if scene.driven else speed
 
 
 def in_order(scene: Scene) -> Scene:
@@ -139,7 +139,7 @@ def in_order(scene: Scene) -> Scene:
     return scene
 
 
-def remembered(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
+def cached_in_scene(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
     """Decorate a function of a scene, so that each scene stores its result.
 
     This saves time for scenes with at most `SMALL_RECORD_COUNT` bodies. For larger scenes nothing is stored.
@@ -165,13 +165,13 @@ def checked(scene: Any) -> Scene:
 
 
 MAX_LENGTH_ERROR = 2.0**-26
-"""Maximum accepted error of the sum of gaps, relative to its terms; see `flaw`.
+"""Maximum accepted error of the sum of gaps, relative to its terms; see `invalid_reason`.
 
 It corresponds to half of the digits of a float. Rounding errors are much smaller, errors of invalid states much larger.
 """
 
 
-def flaw(
+def invalid_reason(
     scene: Scene, start: float, elapsed: Array, gap: Array, position: Array, velocity: Array, hard: bool, adds_up: bool
 ) -> str:
     """Return the reason why a state is invalid, or "" if it is valid.
@@ -213,7 +213,7 @@ def flaw(
         f"gaps add up to {gap_sum:.12g} m instead of {expected_sum:.12g} m")
 
 
-def unending(scene: Scene) -> str:
+def endless_reason(scene: Scene) -> str:
     """Return the reason why contacts of elastic balls never end, or "" if unproved.
 
     The walls must have constant velocities. There are two cases. A ball that accelerates towards the wall next to it
@@ -233,7 +233,7 @@ def unending(scene: Scene) -> str:
     return "of elastic balls between walls" if conserves_energy and rate.any() and scene.gap.sum() >= 0.0 else ""
 
 
-def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
+def with_fitted_walls(scene: Scene, t_start: float, t_end: float) -> Scene:
     """Return `scene` with each wall `Motion` replaced by polynomials (`Panels`).
 
     The polynomials cover a run from `t_start` to `t_end` (s). Other motions are kept. `ValueError` is raised if the
@@ -252,7 +252,7 @@ def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tu
     Parameters
     ----------
     scene : Scene
-        Scene that was prepared by `fitted`.
+        Scene that was prepared by `with_fitted_walls`.
     t_start : float
         Time of the scene in s.
     still : bool
@@ -266,7 +266,7 @@ def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tu
     """
     walls, first = list[tuple[int, Any, Any]](), 0
     for body, side, motion in zip((0, scene.n - 1), (1.0, -1.0), scene.motions, strict=True):
-        if motion is not None and (still or fastest(motion) > 0.0):
+        if motion is not None and (still or max_wall_speed(motion) > 0.0):
             at_start = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body])}
             panels = motion.panels(t_start, t_start)
             walls.append((body, *panels.records(side, **at_start, t_start=t_start, first=first)))
@@ -281,7 +281,7 @@ The rounding error of the sum of gaps is similar, if hard balls bounce between t
 """
 
 
-class Closing:
+class WallMeeting:
     """Time at which two approaching walls meet, with no free length between them.
 
     For walls at constant velocity it is computed immediately. For driven walls, `look` searches step by step.
@@ -289,7 +289,7 @@ class Closing:
     Parameters
     ----------
     scene : Scene
-        Scene with the walls, prepared by `fitted` if they are driven.
+        Scene with the walls, prepared by `with_fitted_walls` if they are driven.
     start : float
         Time of the scene in s.
     flattened : bool
@@ -333,7 +333,7 @@ class Closing:
         min_distance = self.room - 2.0 * float(sum(wall["extent"][0] for wall in walls))
         self.looked = 0.0 if min_distance <= 0.0 else min_distance / self.speed if self.speed > 0.0 else math.inf
 
-    def look(self, time: float) -> float:
+    def search_until(self, time: float) -> float:
         """Search for the meeting of driven walls up to `time` in s, and return `horizon`.
 
         No step goes beyond the meeting. If `time` is inf, only the start is checked.
@@ -359,7 +359,7 @@ class Closing:
 
         `end` is the end time of the run in s, for the message.
         """
-        self.look(time)
+        self.search_until(time)
         if self.start + self.after <= time and self.after < math.inf:
             raise ValueError(f"`t_end` must be before the walls meet at t = {self.start + self.after:.12g} s, got "
                              f"{None if end == math.inf else end!r}.")

@@ -338,19 +338,20 @@ class Scene(ByNumbers):
         """
         if (wall := self._wall) is not None:
             return self._anchor_wall_position + self.velocity[wall] * elapsed + self._moved(wall, elapsed, start)[0]
-        speed = self._share @ self.velocity
+        speed = self._mass_fraction @ self.velocity
         if self.pendulum > 0.0:
-            angle, rest = self.pendulum * elapsed, self._share @ self.at_rest
-            return rest + (self._share @ self.displacement * np.cos(angle) + speed / self.pendulum * np.sin(angle))
-        return (self._share * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
+            angle, rest = self.pendulum * elapsed, self._mass_fraction @ self.at_rest
+            displacement = self._mass_fraction @ self.displacement
+            return rest + (displacement * np.cos(angle) + speed / self.pendulum * np.sin(angle))
+        return (self._mass_fraction * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
         """Return the velocity of the anchor in m/s. The parameters are those of `anchor`."""
         if self._wall is not None:
             return self.velocity[self._wall] + self._moved(self._wall, elapsed, start)[1]
-        speed = (self._share * self.velocity).sum()
+        speed = (self._mass_fraction * self.velocity).sum()
         if self.pendulum > 0.0:
-            angle, displacement = self.pendulum * elapsed, self._share @ self.displacement
+            angle, displacement = self.pendulum * elapsed, self._mass_fraction @ self.displacement
             return speed * np.cos(angle) - displacement * self.pendulum * np.sin(angle)
         return speed + self._fall * elapsed
 
@@ -395,7 +396,7 @@ class Scene(ByNumbers):
         return float(self.position[self._wall])
 
     @cached_property
-    def _share(self) -> Array:
+    def _mass_fraction(self) -> Array:
         """Fraction of the total mass of each body, shape (n,), for a scene without walls."""
         return np.asarray(self.mass / self.mass.sum())
 
@@ -416,12 +417,12 @@ class Scene(ByNumbers):
     @property
     def _table(self) -> Any:
         """Rows of text: a header, the bodies and their gaps above, abridged if long."""
-        from granular._engine.reports import abridged
+        from granular._engine.reports import abridged_rows
 
         gaps = [f"{gap:.6g}" for gap in self.gap.tolist()] + [""] * (self.n - self.n_pairs)
         bodies = zip(self.mass.tolist(), self.radius.tolist(), gaps, self.velocity.tolist(), strict=True)
         rows = [[str(i), f"{m:.6g}", f"{r:.6g}", gap, f"{v:.6g}"] for i, (m, r, gap, v) in enumerate(bodies)]
-        return [["body", "mass / kg", "radius / m", "gap above / m", "velocity / (m/s)"], *abridged(rows)]
+        return [["body", "mass / kg", "radius / m", "gap above / m", "velocity / (m/s)"], *abridged_rows(rows)]
 
     def __str__(self) -> str:
         floor, ceiling = self.is_wall[[0, -1]].tolist()

@@ -117,7 +117,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
     TypeError, ValueError
         If the scene is not of this kind, or a law is not linear.
     """
-    limit = check.whole("max_steps", max_steps, at_least=1)
+    limit = check.integer("max_steps", max_steps, at_least=1)
     laws = _light_laws(scene, law)
     t10, scene_at_touch = _first_touch(scene)
     first_run = md.simulate(scene_at_touch, laws, until=until.contact(0, 2), max_steps=limit)
@@ -152,7 +152,7 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     Stiffness and damping of the ball contact are multiplied by `MASS_FACTOR`.
     """
     walls = checked_scene(scene).is_wall.tolist()
-    check.refuse({
+    check.raise_if_true({
         f"`scene` must have a floor and two balls, as in granular.scenes.three_balls(), got {scene}.":
             walls != [True, False, False],
         f"`scene` must have a floor at constant velocity and no forces, got {scene}. For other scenes use granular.md.":

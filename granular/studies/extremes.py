@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check, files
-from granular._engine.progress import shown
-from granular._engine.reports import HARD_COLOUR, PAGE, Report, aligned, canvas, number
+from granular._engine.progress import progress_callback
+from granular._engine.reports import HARD_COLOUR, PAGE_WIDTH, Report, aligned, canvas, number
 from granular.cases.case import Case
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
@@ -168,8 +168,8 @@ class Stability(Report):
         """
         (_, *methods), *lines = self.table()
         ends = np.cumsum([0, *(len(cell.split()) for cell in lines[0][1:])])
-        figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
-        blues = check.optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
+        figure, ((axis,),) = canvas(PAGE_WIDTH, 0.95 + 0.18 * len(lines))
+        blues = check.import_optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
         colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD_COLOUR}
         for (y, x), sign in np.ndenumerate(np.array([" ".join(line[1:]).split() for line in lines])):
             axis.fill_between([x, x + 1], y, y + 1, color=colours.get(sign, "white"), lw=0)
@@ -279,8 +279,8 @@ def stability(
     )
     plan, limit = make_plan(scene, {}, (), fixed), check.number("error", error, above=0.0)
     case = replace(original := plan.case(()), run={key: original.run[key] for key in original.run if key == "t_start"})
-    with shown(progress, on_progress, "runs") as progress_callback:
-        report_progress = progress_callback or (lambda fraction, count: None)
+    with progress_callback(progress, on_progress, "runs") as callback:
+        report_progress = callback or (lambda fraction, count: None)
         durations = _reference_run(case)[1].durations
         if not durations:
             raise ValueError(f"`scene` must have a contact that ends within the run, got {case.scene}.")

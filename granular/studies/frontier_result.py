@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check, files
-from granular._engine.reports import Report, aligned, canvas, duration, number, problem, rough, shortened
+from granular._engine.reports import Report, aligned, canvas, duration, number, problem, rough_text, short_text
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.run import until as stop
 from granular.scene import Scene
@@ -207,7 +207,7 @@ def floor(reference: Reference, rounding_level: float) -> float:
 
 def laws(report: Frontier) -> str:
     """Return a short description of the force laws in one line."""
-    shown = list(dict.fromkeys(shortened(repr(law)) for law in report.law))
+    shown = list(dict.fromkeys(short_text(repr(law)) for law in report.law))
     return shown[0] if len(shown) == 1 else f"{shown[0]} … {shown[-1]}"
 
 
@@ -243,7 +243,7 @@ def _orders(report: Frontier) -> Iterator[list[str]]:
 def _goal(report: Frontier, goal: float) -> list[str]:
     located = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
     fastest_other = report.fastest(goal, without=("located",))
-    ratio = f" ({rough(fastest_other.seconds / located.seconds)} × as long)" if located and fastest_other else ""
+    ratio = f" ({rough_text(fastest_other.seconds / located.seconds)} × as long)" if located and fastest_other else ""
     method = f"{fastest_other.method}: {duration(fastest_other.seconds)}{ratio}" if fastest_other else "none"
     return [f"{goal:.0e}", duration(located.seconds) if located else "none", method]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from granular import md
 from granular._engine import check
-from granular._engine.progress import Told, shown
+from granular._engine.progress import ProgressCallback, progress_callback
 from granular._engine.reports import machine
 from granular.laws.kinds import checked
 from granular.run import until as stop
@@ -108,14 +108,14 @@ def frontier(
     'located'
     """
     laws = checked(law, a_scene(scene)).given
-    stop.without_levels(stop.checked(until, scene), "frontier")
+    stop.refuse_levels(stop.checked(until, scene), "frontier")
     chosen = FRONTIER_METHODS if methods is None else check.choices("methods", methods, FRONTIER_METHODS, 1)
     check.of_kind("reference", reference, Reference | None, "a Reference, as granular.studies.reference.solve returns")
-    count = check.whole("repeats", repeats, at_least=1)
-    with shown(progress, on_progress, "settings") as tell:
+    count = check.integer("repeats", repeats, at_least=1)
+    with progress_callback(progress, on_progress, "settings") as tell:
         run = md.simulate(scene, laws, until=until, t_end=t_end)
         if reference is None:
-            check.refuse({
+            check.raise_if_true({
                 _no_contact_message(scene): np.isnan(run.contacts["t_end"]).all(),
                 "`t_end` or `until` must be given if the balls come to rest, got None. The reference solution would "
                 "not end.": run.status is Status.resting and t_end is None,
@@ -158,7 +158,7 @@ def _no_contact_message(scene: Scene) -> str:
 
 
 def _measured_rows(
-    task: Task, methods: Sequence[Method], repeats: int, level: float, report_progress: Told | None
+    task: Task, methods: Sequence[Method], repeats: int, level: float, report_progress: ProgressCallback | None
 ) -> tuple[Row, ...]:
     """Run all methods at all their settings, and return errors and run times."""
     rows, count = list[Row](), sum(len(method.settings) for method in methods)

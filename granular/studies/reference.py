@@ -20,7 +20,7 @@ from granular._engine.check import Array
 from granular.laws.kinds import SceneLaws, checked
 from granular.run import until as stop
 from granular.scene import Scene, checked as a_scene, speed_scale, velocities
-from granular.scene.places import Closing, fitted
+from granular.scene.places import WallMeeting, with_fitted_walls
 from granular.studies.reference_events import (
     ACTIVE,
     DORMANT,
@@ -100,11 +100,11 @@ def solve(
 def checked_problem(scene: Scene, law: Any, until: stop.Until | None, t_end: float | None, t_start: float) -> Problem:
     """Return the checked inputs, with polynomials fitted to the motions of walls."""
     start = check.number("t_start", t_start)
-    stop.without_levels(stop.checked(until, a_scene(scene)), "the reference")
+    stop.refuse_levels(stop.checked(until, a_scene(scene)), "the reference")
     end = None if t_end is None else check.number("t_end", t_end, at_least=start)
-    scene = fitted(scene, start, math.inf if end is None else end)
+    scene = with_fitted_walls(scene, start, math.inf if end is None else end)
     if end is not None:
-        Closing(scene, start, flattened=True).refuse(end, end)
+        WallMeeting(scene, start, flattened=True).refuse(end, end)
     return Problem(scene, checked(law, scene), until, end, start)
 
 

@@ -12,7 +12,7 @@ from textwrap import fill
 from typing import Any
 
 from granular._engine import check, files
-from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, rounded
+from granular._engine.reports import GREY_COLOUR, HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, rounded_bound
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.comparison.outcome import ERROR_LIMIT
@@ -298,7 +298,7 @@ def _span(report: Threshold, low: float, high: float) -> str:
     if (low, high) == (first, last):
         return f"everywhere from {report.over} = {first:g} to {last:g}{unit}"
     digits = max(3, 2 + math.ceil(-math.log10(report.within)))  # as many as are known, and one more
-    below, above = rounded(low, digits, up=True), rounded(high, digits, up=False)
+    below, above = rounded_bound(low, digits, up=True), rounded_bound(high, digits, up=False)
     if high == last:
         return f"from {report.over} = {below}{unit} upwards"
     return f"up to {report.over} = {above}{unit}" if low == first else f"from {report.over} = {below} to {above}{unit}"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
-from granular._engine.progress import Told, shown
+from granular._engine.progress import ProgressCallback, progress_callback
 from granular.cases.build import error_sentence
 from granular.studies.sweeps.plan import Plan, make_plan
 from granular.studies.sweeps.results import CELL_ERRORS
@@ -106,14 +106,14 @@ def threshold(
     low, high = _checked_interval(
         DEFAULT_GAPS if between is None else between, check.choice("spacing", spacing, list(GRID_SPACINGS))
     )
-    count = check.whole("points", points, at_least=2, at_most=MAX_SCAN_VALUES)
+    count = check.integer("points", points, at_least=2, at_most=MAX_SCAN_VALUES)
     width = check.number("within", within, at_least=1e-12, at_most=0.5)
     limit = check.number("error", error, above=0.0)
     grid = GRID_SPACINGS[spacing](low, high, count)
     grid[[0, -1]] = low, high
     if plan.subject.is_whole(over):
         grid = _nearest_integers(over, grid)
-    with shown(progress, on_progress, "values", math.inf) as tell:
+    with progress_callback(progress, on_progress, "values", math.inf) as tell:
         values = _evaluated_values(plan, chosen_criterion, limit, grid.tolist(), width, tell)
     units, judged_by = plan.subject.attributes(over)["units"], limit if criterion == "error" else math.nan
     return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, count, spacing,
@@ -125,7 +125,7 @@ def _checked_interval(between: Any, spacing: str) -> tuple[float, float]:
     if isinstance(between, str) or not hasattr(between, "__len__") or len(between) != 2:
         raise ValueError(f"`between` must be two numbers, such as (1e-6, 1e-2), got {between!r}.")
     low, high = (check.number(f"between[{i}]", end) for i, end in enumerate(between))
-    check.refuse({
+    check.raise_if_true({
         f"`between` must be in ascending order, got ({low!r}, {high!r}).": not low < high,
         f"`between` must be positive for spacing='log', got ({low!r}, {high!r}). Use spacing='linear'.":
             spacing == "log" and not low > 0.0,
@@ -143,7 +143,7 @@ def _nearest_integers(over: str, grid: check.Array) -> check.Array:
 
 def _evaluated_values(
     plan: Plan, criterion: Criterion, limit: float, grid: list[float], within: float,
-    report_progress: Told | None,
+    report_progress: ProgressCallback | None,
 ) -> tuple[Value, ...]:
     """Return all values that were tried, in ascending order, with their verdicts."""
     refusal_messages: list[str] = []

@@ -160,7 +160,7 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
     values_by_key = {}
     for line, run, quantity, value in _read(path):
         row = f"Line {line} of {str(path)!r} is {run!r}, {quantity!r}"
-        _check.refuse({f"{row}, which is not an answer of case {name}.": (run, quantity) not in answers_by_key,
+        _check.raise_if_true({f"{row}, which is not an answer of case {name}.": (run, quantity) not in answers_by_key,
                        f"{row}, which occurred before.": (run, quantity) in values_by_key})
         values_by_key[run, quantity] = value
     return [_verdict(answer, values_by_key.get(key), max_difference) for key, answer in answers_by_key.items()]

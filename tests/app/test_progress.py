@@ -26,7 +26,7 @@ def printed(monkeypatch, reached, clock, **options):
     stream, times = io.StringIO(), iter(clock)
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setattr(line.time, "monotonic", lambda: next(times))
-    with line.shown(True, None, **options) as report:
+    with line.progress_callback(True, None, **options) as report:
         for count, one in enumerate(reached):
             report(one, count)
     return stream.getvalue().splitlines()
@@ -73,13 +73,13 @@ def test_where_tqdm_is_installed_and_the_user_watches_there_is_a_bar(notebook, m
     if notebook:
         monkeypatch.setitem(sys.modules, "ipykernel", sys)
     monkeypatch.setattr(sys, "stderr", io.StringIO() if notebook else Terminal())
-    with line.shown(True, None, end=10.0) as report:
+    with line.progress_callback(True, None, end=10.0) as report:
         report(1.0, 1)
         report(12.0, 2)
     assert capsys.readouterr().out == "bar 0.1 t = 1 s, 1 contacts\nbar 1.0 t = 12 s, 2 contacts\nclosed\n"
     monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with line.shown(True, None) as report:
+    with line.progress_callback(True, None) as report:
         report(0.1, 1)
     assert capsys.readouterr().out == sys.stderr.getvalue() == ""
 
@@ -92,10 +92,10 @@ def test_who_watches_is_told_once_that_machine_code_is_made(monkeypatch):
     said = io.StringIO()
     said.isatty = lambda: True
     monkeypatch.setattr(sys, "stderr", said)
-    monkeypatch.setattr(kernels, "on_making", [cli._report_compiling])
+    monkeypatch.setattr(kernels, "before_compiling", [cli._report_compiling])
     kernels.compiled.cache_clear()
     for known in (True, False, False):
-        monkeypatch.setattr(kernels, "on_disk", lambda function, inline, known=known: known)
+        monkeypatch.setattr(kernels, "is_on_disk", lambda function, inline, known=known: known)
         kernels.compiled(first_up_crossing)
         assert bool(said.getvalue()) is not known
         kernels.compiled.cache_clear()

@@ -13,7 +13,7 @@ from granular._engine.describe import from_json, scene_to_json
 from granular.cases import ready
 from granular.laws import LinearDashpot
 from granular.run.trajectory import CONTACT, Status, Trajectory
-from granular.scene.places import fitted
+from granular.scene.places import with_fitted_walls
 from granular.scene.walls import Motion, Panels, Piecewise, Sine
 from granular.studies.sweeps.plan import make_plan
 from tests.helpers import scenes_at_random
@@ -86,7 +86,7 @@ def test_a_scene_comes_back_from_every_file(seed, tmp_path):
     ledger = np.arange(10.0).reshape(2, 5)
     trajectory(one, ledger=ledger).save(tmp_path / "run.npz")
     loaded = Trajectory.load(tmp_path / "run.npz")
-    assert loaded.scene == fitted(one, 0.0, 1.0)
+    assert loaded.scene == with_fitted_walls(one, 0.0, 1.0)
     assert loaded.ledger.tolist() == ledger.tolist()
     assert loaded.account()["work"].tolist() == ledger[:, :2].tolist()
 
@@ -94,7 +94,7 @@ def test_a_scene_comes_back_from_every_file(seed, tmp_path):
 def test_a_function_by_its_name_is_the_same_motion():
     one = scene(floor=Motion(shake))
     read = cases.loads(cases.dumps(gr.Case(one, LAW))).scene
-    assert fitted(read, 0.0, 1.0) == fitted(one, 0.0, 1.0)
+    assert with_fitted_walls(read, 0.0, 1.0) == with_fitted_walls(one, 0.0, 1.0)
     assert cases.loads(cases.dumps(gr.Case(read, LAW))).scene == read == pickle.loads(pickle.dumps(read))
 
 
@@ -261,11 +261,11 @@ MISUSE = [
     (lambda: scene(external_force=[1.0]),
         r"`external_force` must be an array of shape \(3,\), got an array of shape \(1,\)\. Give one force per "
         r"body, 0 for walls\."),
-    (lambda: fitted(scene(floor=Piecewise([0.0, 1.0], [[0.0]])), 0.0, 2.0),
+    (lambda: with_fitted_walls(scene(floor=Piecewise([0.0, 1.0], [[0.0]])), 0.0, 2.0),
         r"`t_end` must be a number in \[0, 1\], got 2\.0\. The path of the wall covers only this interval\."),
-    (lambda: fitted(scene(floor=Motion(shake)), 0.0, INF),
+    (lambda: with_fitted_walls(scene(floor=Motion(shake)), 0.0, INF),
         r"`t_end` must be a finite number of at least 0, got inf\. A wall moved by a function requires t_end=\."),
-    (lambda: fitted(scene(floor=Motion(lambda t: math.nan)), 0.0, 1.0),
+    (lambda: with_fitted_walls(scene(floor=Motion(lambda t: math.nan)), 0.0, 1.0),
         r"`function\(6\.690864879364128e-05\)` must be a finite number, got nan\. The wall needs a position at "
         r"every time of the run\."),
     (lambda: Panels([0.0, 2.0], [[1.0]], frequency=3.0),

@@ -71,7 +71,7 @@ def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
     def nowhere():
         raise RuntimeError("no locator available")
 
-    monkeypatch.setattr("granular._engine.kernels.no_compiler", str)
+    monkeypatch.setattr("granular._engine.kernels.missing_compiler_reason", str)
     monkeypatch.setattr("granular._engine.kernels.load_numba", nowhere)
     assert "set NUMBA_CACHE_DIR" in installation.numba()
 

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import granular as gr
 from granular._engine.kernels import have_numba
-from granular.scene.places import flaw
+from granular.scene.places import invalid_reason
 from granular.scene.walls import Motion, Piecewise, Sine, Thermal
 from tests.helpers import scenes_at_random as random
 
@@ -338,10 +338,10 @@ def test_what_is_judged_is_the_room_between_walls_that_move():
                      for how in ({}, {"method": "verlet", "dt": 1e-4}))):
         given = scene, 0.0, result.time[-1:], result.gap[-1], result.position[-1], result.velocity[-1]
         assert result.status is gr.Status.time
-        assert flaw(*given, hard=result.law is None, adds_up=True) == ""
+        assert invalid_reason(*given, hard=result.law is None, adds_up=True) == ""
         off = given[3] * 1.0
         off[-1] += 1e-6
-        assert flaw(*given[:3], off, *given[4:], hard=True, adds_up=True).startswith("gaps add up to ")
+        assert invalid_reason(*given[:3], off, *given[4:], hard=True, adds_up=True).startswith("gaps add up to ")
 
 
 @pytest.mark.parametrize("seed", range(8))

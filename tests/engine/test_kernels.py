@@ -100,9 +100,9 @@ def test_machine_code_must_pay(work, memory, disk, pays, monkeypatch):
     from granular._engine import kernels
 
     monkeypatch.setattr(kernels, "have_numba", lambda: True)
-    monkeypatch.setattr(kernels, "in_memory", lambda function, inline: memory)
-    monkeypatch.setattr(kernels, "on_disk", lambda function, inline: disk)
-    assert kernels.worth(kernels.kernel, work, 50, 500) is pays
+    monkeypatch.setattr(kernels, "is_in_memory", lambda function, inline: memory)
+    monkeypatch.setattr(kernels, "is_on_disk", lambda function, inline: disk)
+    assert kernels.is_worthwhile(kernels.kernel, work, 50, 500) is pays
 
 
 @pytest.mark.parametrize("disk", [False, True])
@@ -116,12 +116,12 @@ def test_who_goes_over_when_it_is_due_takes_at_most_twice_as_long_as_the_better_
     clock, made = [0.0], [False]
     monkeypatch.setattr(kernels, "process_time", lambda: clock[0])
     monkeypatch.setattr(kernels, "have_numba", lambda: True)
-    monkeypatch.setattr(kernels, "in_memory", lambda function, inline=False: made[0])
-    monkeypatch.setattr(kernels, "on_disk", lambda function, inline: disk)
-    monkeypatch.setattr(kernels.Toll, "spent", {})
+    monkeypatch.setattr(kernels, "is_in_memory", lambda function, inline=False: made[0])
+    monkeypatch.setattr(kernels, "is_on_disk", lambda function, inline: disk)
+    monkeypatch.setattr(kernels.CompilationCost, "spent", {})
     price = 1.0 if disk else 33.0
     for _ in range(runs):
-        toll, left = kernels.Toll(kernels.kernel, 1.0, 33.0), length / runs
+        toll, left = kernels.CompilationCost(kernels.kernel, 1.0, 33.0), length / runs
         while left > 0.0 and not made[0]:
             clock[0] += min(left, 0.1)
             left -= min(left, 0.1)
@@ -179,7 +179,7 @@ def test_machine_code_is_made_where_nothing_can_be_kept(monkeypatch):
     monkeypatch.setattr("numba.core.dispatcher.Dispatcher.enable_caching", nowhere)
     one = kernel(types.FunctionType(inner.__code__, globals()))
     assert compiled(one).stats.cache_path is None
-    assert not kernels.on_disk(one)
+    assert not kernels.is_on_disk(one)
 
 
 def test_who_asks_while_another_thread_loads_numba_waits_for_it(tmp_path):
@@ -221,7 +221,7 @@ def test_code_stays_as_it_was_loaded_where_its_source_is_no_longer_that(source, 
 
 def test_a_tournament_knows_who_is_due_first_and_of_ties_the_lowest_key():
     """Against the least of all, after every change: times that tie, that never come, keys in any order."""
-    rng, ways_to_replay = random.Random(4), ways(_records.replay)
+    rng, ways_to_replay = random.Random(4), ways(_records.update_tournament)
     for n in (1, 2, 3, 5, 8, 13, 33):
         trees = [_records.plain(_records.tournament(n)), _records.tournament(n)][: len(ways_to_replay)]
         size, owners = len(trees[0]) // 2, [(math.inf, key) for key in range(n)]

@@ -84,9 +84,9 @@ def test_the_fast_pipeline_compiles_a_toy_kernel_without_a_warning(pipeline):
 
 
 @pytest.mark.parametrize("place", [
-    "Part.finalize", "Part.set_env", "Part.codegen", "Whole.add_linking_library", "remembering",
+    "Part.finalize", "Part.set_env", "Part.codegen", "Whole.add_linking_library", "caching_context",
     "PartCompiler.define_pipelines", "WholeCompiler.define_pipelines", "DefaultPassBuilder", "Reference.__init__",
-    "ReferenceAttribute.generic_resolve", "place_of", "cgutils", "ByReference.write_addresses",
+    "ReferenceAttribute.generic_resolve", "field_pointer", "cgutils", "ByReference.write_addresses",
 ])
 @pytest.mark.parametrize("error", [AttributeError, TypeError])
 def test_a_broken_override_switches_to_the_default_pipeline_with_one_warning(place, error, pipeline, monkeypatch):

@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 
 from granular._engine.kernels import compiled
-from granular._engine.records import EMPTY_KEY, NODE, column, copied, leaf, one, packed, plain, play, replay, tournament
+from granular._engine.records import (
+    EMPTY_KEY,
+    NODE,
+    column,
+    copied,
+    leaf,
+    one,
+    plain,
+    record_array,
+    set_event_time,
+    tournament,
+    update_tournament,
+)
 
 FIELDS = np.dtype([("x", float), ("hits", int), ("series", float, (3,))], align=True)
 
@@ -26,7 +38,7 @@ def test_the_first_is_the_least_time_and_of_equal_times_the_least_key(n, engine)
         if turn % 3:
             c = int(random.integers(n))
             due[c] = float(random.choice([0.0, 1.0, 2.0, math.inf]))
-            how(play)(tree, c, due[c])
+            how(set_event_time)(tree, c, due[c])
         else:
             first, last = sorted(int(c) for c in random.integers(0, n, 2))
             for c in range(first, last + 1):
@@ -36,7 +48,7 @@ def test_the_first_is_the_least_time_and_of_equal_times_the_least_key(n, engine)
                     node.due, node.key = due[c], key[c]
                 else:
                     tree[len(tree) // 2 + c] = due[c], key[c]
-            how(replay)(tree, first, last)
+            how(update_tournament)(tree, first, last)
         if n > 1 or turn > 2:
             got = (tree[1].due, tree[1].key) if engine == "plain" else tree[1].tolist()
             assert tuple(got) == min(zip(due, key, strict=True))
@@ -55,7 +67,7 @@ def test_records_become_plain_objects_and_come_back() -> None:
     records["series"] = np.arange(12).reshape(4, 3)
     objects = plain(records)
     assert [type(value) for value in (objects[1].x, objects[1].hits, objects[1].series)] == [float, int, list]
-    assert packed(objects, FIELDS).tobytes() == records.tobytes() == copied(records).tobytes()
+    assert record_array(objects, FIELDS).tobytes() == records.tobytes() == copied(records).tobytes()
     assert column(objects, "hits").tolist() == column(records, "hits").tolist()
     copies = copied(objects)
     copies[0].x = 7.0

@@ -83,11 +83,11 @@ def test_warm_refuses_where_there_is_no_compiler_or_nowhere_to_keep_code(granula
     def nowhere():
         raise RuntimeError("no locator available")
 
-    monkeypatch.setattr(kernels, "no_compiler", str)
+    monkeypatch.setattr(kernels, "missing_compiler_reason", str)
     monkeypatch.setattr(kernels, "load_numba", nowhere)
     code, out, err = granular("warm")
     assert (code, out) == (2, "")
     assert err == ("granular: not cached, every process compiles again, because numba cannot write anywhere; set "
                    "NUMBA_CACHE_DIR to a writable folder\n")
-    monkeypatch.setattr(kernels, "no_compiler", lambda: "numba is not installed: pip install it")
+    monkeypatch.setattr(kernels, "missing_compiler_reason", lambda: "numba is not installed: pip install it")
     assert granular("warm") == (2, "", "granular: numba is not installed: pip install it\n")

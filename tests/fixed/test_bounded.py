@@ -227,7 +227,7 @@ def test_samples_change_no_bit_and_read_off_flights():
         if make is pendula:
             center = other.position @ scene.mass / scene.mass.sum() if not scene.is_wall[0] else None
             rest = scene.at_rest @ scene.mass / scene.mass.sum()
-            y, v = scene._share @ scene.displacement, scene._share @ scene.velocity
+            y, v = scene._mass_fraction @ scene.displacement, scene._mass_fraction @ scene.velocity
             swing = y * np.cos(3.0 * other.time) + v / 3.0 * np.sin(3.0 * other.time)
             np.testing.assert_allclose(center - rest, swing, rtol=0.0, atol=1e-14)
 

@@ -15,7 +15,7 @@ import numpy as np
 import granular as gr
 from bench.reference import taylor
 from granular.laws.contact_law import resolve
-from granular.scene.places import fitted, speed_scale
+from granular.scene.places import speed_scale, with_fitted_walls
 from granular.studies.sweeps.plan import make_plan
 from tests.helpers.own_laws import OwnDashpot
 from tests.helpers.scenes_to_judge import KINDS, end_of, laws_of, scene_of
@@ -92,7 +92,7 @@ def soft_speeds(case):
     """Velocities of soft spheres at the end, and the order of their contacts."""
     laws = case.law if isinstance(case.law, (list, tuple)) else [case.law] * case.scene.n_pairs
     forms = [form_of(law, c, case.scene) for c, law in enumerate(laws)]
-    found = taylor.solve(fitted(case.scene, 0.0, case.t_end), forms, None, case.t_end, DIGITS)
+    found = taylor.solve(with_fitted_walls(case.scene, 0.0, case.t_end), forms, None, case.t_end, DIGITS)
     events = sorted((t, row.pair) for row in found.contacts for t in (row.t_begin, row.t_end) if t is not None)
     return list(found.velocity), [pair for _, pair in events]
 

@@ -119,7 +119,7 @@ def test_forces_on_free_balls_move_their_mass_centre_and_press_them_together():
 def test_both_solvers_agree_under_forces_and_beside_driven_walls(seed):
     scene, law = scenes(seed)
     solved = reference.solve(scene, law, t_end=0.3, digits=20)
-    fitted = gr.scene.places.fitted(scene, 0.0, 0.3)
+    fitted = gr.scene.places.with_fitted_walls(scene, 0.0, 0.3)
     other, _ = solve_with(fitted, resolved(law, fitted), None, 0.3, "DOP853", 1e-10)
     assert len(solved.contacts) > 2
     assert [row.pair for row in other.contacts] == [row.pair for row in solved.contacts]

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from granular._engine.records import packed, plain
+from granular._engine.records import plain, record_array
 from granular.edmd.compiled_queue import BlockQueue
 from granular.edmd.motion import next_event_time
 from granular.edmd.physics import rank
@@ -53,7 +53,7 @@ def check_blocks(queue):
 
 def check_watch(watch):
     """What is known of the last contacts can be."""
-    last = packed(watch.last, LAST_CONTACT_FIELDS).copy()
+    last = record_array(watch.last, LAST_CONTACT_FIELDS).copy()
     begun = np.isfinite(last["began"])
     last["lasting"][watch.instants] += 1.0 * begun[watch.instants]
     assert (last["lasting"][begun] > 0.0).all()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular._engine.kernels import _read_below, fitted, kernel
+from granular._engine.kernels import _all_globals_read, fitted, kernel
 from granular.md.located import run as located_run
 from granular.md.located.records import BY_PIECES
 
@@ -229,7 +229,7 @@ def beside_a_plate(seed):
 
 def by_pieces(kernel, **flags):
     """The kernel, fitted, in which no contact is solved at once."""
-    more = {"solve_as_one_event": never} if "solve_as_one_event" in _read_below(kernel) else {}
+    more = {"solve_as_one_event": never} if "solve_as_one_event" in _all_globals_read(kernel) else {}
     return fitted(kernel, **flags, **more)
 
 

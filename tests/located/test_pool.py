@@ -12,7 +12,7 @@ from granular._engine.kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.kinds import checked
 from granular.md.located import Run, pace, run, system
-from granular.run.drive import Pause, requested
+from granular.run.drive import Pause, checked_request
 from granular.scene import Scene
 from tests.helpers.soft_blocks import check_blocks
 
@@ -30,7 +30,7 @@ def crowd(rng: Any) -> Scene:
 
 
 def started(scene: Scene, law: Any, engine: str) -> Run:
-    request = requested(scene, 0.0, 5.0, max_steps=1_000_000, log=True, max_events=100_000, **NOTHING_ASKED)
+    request = checked_request(scene, 0.0, 5.0, max_steps=1_000_000, log=True, max_events=100_000, **NOTHING_ASKED)
     return Run(scene, checked(law, scene), request, engine, 1e-16)
 
 

@@ -10,7 +10,7 @@ from granular.laws.kinds import checked
 from granular.md import isolation
 from granular.md.located import Run, pace, system
 from granular.md.located.islands import correct_sum_of_gaps
-from granular.run.drive import Pause, requested
+from granular.run.drive import Pause, checked_request
 from tests.helpers.soft_blocks import check_blocks
 from tests.helpers.soft_twin import distance, twin
 
@@ -127,7 +127,7 @@ def test_records_agree_and_runs_go_on(seed, monkeypatch):
     monkeypatch.setattr(system, "EXTRA_PLACES", int(rng.choice([1, 64])))
     monkeypatch.setattr(pace, "MAX_PIECES_INTERPRETED", int(rng.integers(1, 12)))
     scene, law = crowd(rng, 10), LAWS[seed % 5]
-    request = requested(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
+    request = checked_request(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
                         on_event=None, on_progress=None)
     one = Run(scene, checked(law, scene), request, "plain", 1e-16)
     for time in (0.0, 1e-3, 3e-3, 0.02, 0.05):
@@ -143,7 +143,7 @@ def test_records_agree_and_runs_go_on(seed, monkeypatch):
 
 def test_the_free_length_is_given_back_what_rounding_takes():
     scene = gr.Scene([1.0, 2.0, 1.5], [0.1] * 3, [0.1, 0.4, -1e-4], [1.0, 0.0, -0.3], ring=True)
-    request = requested(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
+    request = checked_request(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
                         on_event=None, on_progress=None)
     one = Run(scene, checked(LAWS[0], scene), request, "plain", 1e-16)
     one.to(0.005, False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.run.drive import End, Pause, Row, drive, requested
+from granular.run.drive import End, Pause, Row, checked_request, drive
 
 pytestmark = pytest.mark.core
 HARD = np.dtype([("pair", int), ("t_begin", float), ("lower_in", float), ("upper_out", float), ("impulse", float)])
@@ -47,7 +47,7 @@ class Lines:
 
 
 def run(table=None, stop=math.inf, pause=Pause.until, in_order=False, start=0.0, t_end=None, samples=None, **given):
-    request = requested(SCENE, start, t_end, samples=samples, **CALM | given)
+    request = checked_request(SCENE, start, t_end, samples=samples, **CALM | given)
     return drive(Lines(request, np.zeros(0, SOFT) if table is None else table, stop, pause, in_order))
 
 
@@ -70,7 +70,7 @@ def test_rows_are_the_samples_and_the_end(given, times, status):
 
 
 def test_only_the_end_is_asked_for_last():
-    engine = Lines(requested(SCENE, 0.0, 2.0, samples=[0.5, 1.0], **CALM), np.zeros(0, SOFT))
+    engine = Lines(checked_request(SCENE, 0.0, 2.0, samples=[0.5, 1.0], **CALM), np.zeros(0, SOFT))
     assert drive(engine).stats == {"looks": len(engine.asked)}
     assert engine.asked == [(0.5, False), (1.0, False), (2.0, True)]
 

@@ -211,7 +211,7 @@ def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
         with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             for member, bytes_ in (whole | {f"{name}.npy": data}).items():
                 archive.writestr(member, bytes_)
-        monkeypatch.setattr(_files, "arrays", lambda file: pytest.fail("read"))
+        monkeypatch.setattr(_files, "read_arrays", lambda file: pytest.fail("read"))
         sentence = (r"' is not a valid run: words does not fit a run of 3 bodies and 2 samples, got an array of shape "
                     r"\(2,\) and kind 'f'\." if name == "words" else
                     r"`path` must be a complete file written by Trajectory\.save, got '.*bomb\.npz'\.")

@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from bench import reference
-from granular.scene.places import CLOSING_MARGIN, Closing, fitted
+from granular.scene.places import CLOSING_MARGIN, WallMeeting, with_fitted_walls
 
 LAW = gr.LinearDashpot(1e4, 1.0)
 POINTS, BALLS = [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]
@@ -69,7 +69,7 @@ def test_the_look_is_certified(seed):
         up, down = (0.0 if m is None else m.displacement(t) - m.displacement(start) for m in (floor, ceiling))
         return 0.1 - scene.velocity[0] * (t - start) - up + down
 
-    look = Closing(fitted(scene, start, 8.0), start, flattened=True)
+    look = WallMeeting(with_fitted_walls(scene, start, 8.0), start, flattened=True)
     for until in np.linspace(start, 8.0, 5):  # as far as it is asked for
         look.look(until)
     met = look.start + look.after

@@ -10,7 +10,7 @@ import granular as gr
 from granular._engine import kernels
 from granular._engine.records import one, plain
 from granular.scene.walls import Motion, Piecewise, Sine
-from granular.scene.walls.gap import GAP_NOISE, after
+from granular.scene.walls.gap import GAP_NOISE, gap_at_time
 from granular.scene.walls.hits import first_hit, lift_off, pressing_bounds
 from granular.scene.walls.path import expansion, phase, wall_at
 from tests.helpers.exact_walls import Exact, ExactPieces, assert_first
@@ -55,7 +55,7 @@ def test_a_gap_later_on_is_right_to_rounding():
     for rng, wall, side, t, tail, pull in scenes(60, 12):
         gap, rate = any_gap(rng, wall)
         for s in (10.0 ** rng.uniform(-9, 1.5, 3) / wall.frequency).tolist():
-            got = after(*records(wall, side), t, tail, gap, rate, pull, s)
+            got = gap_at_time(*records(wall, side), t, tail, gap, rate, pull, s)
             exact = Exact(wall, side, t, tail, gap, rate, pull)
             of_rate = abs(rate) + min(wall.omega * s, 2.0) * wall.amplitude * wall.omega + abs(pull) * s
             of_gap = gap + s * of_rate if wall.omega * s < 0.1 else exact.noise(s) / GAP_NOISE
@@ -72,7 +72,7 @@ def test_small_bounces_keep_their_digits_anywhere_on_the_path():
         exact = Exact(wall, 1.0, 1.0, tail, 0.0, rate, G).first(1.0) if rate > 1e-7 else 0
         pressed = G - wall.amplitude * wall.omega**2 * math.sin(wall.omega * (1.0 + tail) + wall.phase)
         assert s == pytest.approx(float(exact) or 2 * rate / pressed, rel=1e-14 if exact else 1e-3 * u**0.25)
-        gap, closing = after(*plate, 1.0, tail, 0.0, rate, G, s)
+        gap, closing = gap_at_time(*plate, 1.0, tail, 0.0, rate, G, s)
         assert abs(gap) <= 4e-15 * rate * s
         assert closing < 0.0
 
@@ -107,7 +107,7 @@ def nearly_riding(seed):
 def test_nothing_crawls(monkeypatch):
     asked, worst = [], 0
     monkeypatch.setattr(gr.walls.hits, "flight", counted(gr.walls.hits.flight, asked))
-    monkeypatch.setattr(gr.walls.hits, "pressed", counted(gr.walls.hits.pressed, asked))
+    monkeypatch.setattr(gr.walls.hits, "closing_acceleration_at", counted(gr.walls.hits.closing_acceleration_at, asked))
     for rng, plate, t, pull in nearly_riding(9):
         s, rate = lift_off(*plate, t, 0.0, pull, INF)
         gaps = [(0.0, 0.0), (10.0 ** rng.uniform(-20, -2), rng.normal() * 10.0 ** rng.uniform(-10, 0)), (1e-3, -1e-15)]
@@ -209,7 +209,8 @@ def test_first_hits_on_paths_with_corners(side):
 @pytest.mark.skipif(not kernels.have_numba(), reason="numba is not installed")
 def test_plain_and_compiled_give_the_same_bits():
     t, cubic = spline()
-    fast = {f: kernels.compiled(f) for f in (wall_at, after, first_hit, lift_off, pressing_bounds, expansion, phase)}
+    functions = wall_at, gap_at_time, first_hit, lift_off, pressing_bounds, expansion, phase
+    fast = {f: kernels.compiled(f) for f in functions}
     for rng, sine, side, now, tail, pull in scenes(40, 8):
         for wall, time in ((sine, now), (Piecewise(cubic), float(rng.uniform(t[0], t[-1])))):
             w, p = wall.panels(time, time).records(side)
@@ -219,7 +220,8 @@ def test_plain_and_compiled_give_the_same_bits():
             s = first_hit(*slow, time, later, gap, rate, pull, 1e3)
             assert fast[first_hit](*quick, time, later, gap, rate, pull, 1e3) == s
             s = min(s, 0.7)
-            assert fast[after](*quick, time, later, gap, rate, pull, s) == after(*slow, time, later, gap, rate, pull, s)
+            known = gap_at_time(*slow, time, later, gap, rate, pull, s)
+            assert fast[gap_at_time](*quick, time, later, gap, rate, pull, s) == known
             assert fast[wall_at](*quick, time, later) == wall_at(*slow, time, later)
             assert fast[lift_off](*quick, time, later, pull, 1e3) == lift_off(*slow, time, later, pull, 1e3)
             assert fast[pressing_bounds](*quick, time, later, pull, s) == pressing_bounds(*slow, time, later, pull, s)

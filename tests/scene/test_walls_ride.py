@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from granular.scene.walls import Piecewise, Sine, path
-from granular.scene.walls.gap import GAP_NOISE, after
+from granular.scene.walls.gap import GAP_NOISE, gap_at_time
 from granular.scene.walls.hits import first_hit, lift_off, pressing_bounds
 from granular.scene.walls.path import wall_at
 from tests.helpers.exact_walls import Exact
@@ -34,7 +34,7 @@ def test_lift_off_where_the_wall_falls_as_the_ball_does(gamma, side):
     allowed = 4 * GAP_NOISE * gamma / max(math.sqrt(gamma**2 - 1), 1e-7) / wall.omega
     assert rate == 0.0
     assert abs(s - when) <= allowed + 1e-16 * s
-    x = after(*floor, 20.0, -1e-3, 0.0, 0.0, G, s)
+    x = gap_at_time(*floor, 20.0, -1e-3, 0.0, 0.0, G, s)
     assert x[0] < 0.0  # would have been pressed on until then
     left = first_hit(*floor, 20.0, s - 1e-3, 0.0, 0.0, G, INF)
     exact = Exact(wall, side, 20.0, s - 1e-3, mp.mpf(0), mp.mpf(0), G)
@@ -116,7 +116,7 @@ def bounce(plate, eps, t, tail, v):
     """Next impact from one at t + tail after which the ball has velocity v: its time and velocity after it."""
     _, w, _ = wall_at(*plate, t, tail)
     s = first_hit(*plate, t, tail, 0.0, v - w, 1.0, INF)
-    _, closing = after(*plate, t, tail, 0.0, v - w, 1.0, s)
+    _, closing = gap_at_time(*plate, t, tail, 0.0, v - w, 1.0, s)
     _, w, _ = wall_at(*plate, t, tail + s)
     return s, w - eps * closing
 

@@ -19,7 +19,7 @@ import numpy as np
 
 import granular
 from granular._engine.files import plain_text
-from granular._engine.kernels import on_making
+from granular._engine.kernels import before_compiling
 from granular._engine.package import VERSION
 from granular.app.cli import ends
 from granular.run.trajectory import Status
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with ends.as_interrupts(), warnings.catch_warnings():
             warnings.simplefilter("default")
             warnings.showwarning = _show_warning
-            on_making[:] = [_report_compiling]
+            before_compiling[:] = [_report_compiling]
             code = _run_command(arguments)
         if sys.stdout is not None:  # closed by the shell's >&-
             sys.stdout.flush()

@@ -123,7 +123,7 @@ def compiled_kernels_folder() -> str:
     OSError
         If numba cannot write to any folder.
     """
-    if reason := kernels.no_compiler():
+    if reason := kernels.missing_compiler_reason():
         raise ImportError(reason)
     try:
         return str(kernels.load_numba().njit(cache=True)(flight.gap_after).stats.cache_path)
@@ -163,7 +163,7 @@ class Warm(Command):
 
     @staticmethod
     def run(parsed: argparse.Namespace) -> None:
-        check.known(parsed.scenes, WARM_SCENES, "scene")
+        check.known_names(parsed.scenes, WARM_SCENES, "scene")
         print(f"machine code is kept in {compiled_kernels_folder()}")
         for name in parsed.scenes or WARM_SCENES:
             for kind, make in warm_up_calls(cases.make(name)).items():

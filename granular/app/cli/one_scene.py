@@ -17,7 +17,7 @@ import numpy as np
 
 import granular as gr
 from granular import cases
-from granular._engine.reports import aligned, described
+from granular._engine.reports import aligned, scene_text
 from granular.app.cli import output
 from granular.app.cli.parser import Command, add_until_option, case_of, options_from
 from granular.cases.case import ENGINE_NAMES, Option, engine_named
@@ -213,7 +213,7 @@ def summary(case: cases.Case, run: Trajectory) -> str:
     from granular.md import isolation
 
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
-    lines = [*[case.about] * bool(case.about), f"{described(run.scene)}; {engine}"]
+    lines = [*[case.about] * bool(case.about), f"{scene_text(run.scene)}; {engine}"]
     if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"ended ({run.status.name}): {run.message}",

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from granular._engine import files as _files
-from granular._engine.check import optional
+from granular._engine.check import import_optional
 from granular.cases.ready import is_file
 from granular.run import tables
 
@@ -57,12 +57,12 @@ def check(parsed: argparse.Namespace) -> None:
         _files.check_writable(name)
     check_apart([*written.values()], [parsed.target] if parsed.target and is_file(parsed.target) else [])
     if "save" in written:
-        tables.ending_of(parsed.save) if parsed.save_as == ".npz" else _files.check_ending(parsed.save, parsed.save_as)
+        tables.suffix_of(parsed.save) if parsed.save_as == ".npz" else _files.check_suffix(parsed.save, parsed.save_as)
     if "plot" in written:
-        optional("matplotlib.backend_bases", "--plot")
-        _files.check_picture(parsed.plot)
+        import_optional("matplotlib.backend_bases", "--plot")
+        _files.check_figure_suffix(parsed.plot)
     if "film" in written:
-        optional("matplotlib.animation", "--film")
+        import_optional("matplotlib.animation", "--film")
         from granular.run.films import check_film
 
         check_film(parsed.film)

@@ -129,7 +129,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         for name in COMMAND_CLASSES:
             commands.add_parser(name, help=_description(_load_command(name)).rstrip("."))
         top.parse_args([command])
-    check.known([command], COMMAND_CLASSES, "command")
+    check.known_names([command], COMMAND_CLASSES, "command")
     command_class = _load_command(command)
     of_scene = command_class.USAGE.startswith("SCENE")
     target, rest = _split_target(rest) if of_scene else (None, rest)
@@ -141,7 +141,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     _add_options(parser, command_class.TITLE, run_options)
     parsed, unknown = top.parse_known_args([command, *rest])
     flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if unknown else []
-    check.known([word.partition("=")[0] for word in unknown if word[:1] == "-"], flags, "option")
+    check.known_names([word.partition("=")[0] for word in unknown if word[:1] == "-"], flags, "option")
     if unknown:
         raise ValueError(f"unexpected argument {unknown[0].strip()!r}; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:

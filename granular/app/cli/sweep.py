@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular._engine import check
-from granular._engine.reports import blocks, cores, number, with_unit
+from granular._engine.reports import cores, number, split_table, with_unit
 from granular.app.cli import ends, output
 from granular.app.cli.parser import Command, options_from
 from granular.cases.case import Option
@@ -61,7 +61,7 @@ class Sweep(Command):
             raise ValueError("--over must give one axis per parameter, got two of the same parameter.")
         default = cores() if math.prod(map(len, over.values())) >= MIN_CELLS_FOR_POOL else 1
         workers = default if parsed.workers is None else parsed.workers
-        check.whole("--workers", workers, at_least=1, at_most=MAX_WORKERS)
+        check.integer("--workers", workers, at_least=1, at_most=MAX_WORKERS)
         with processes(workers) as executor:
             data = sweep(parsed.target, over, parsed.result or DEFAULT_RESULTS, save=parsed.save, executor=executor,
                          workers=parsed.workers, progress=True, **parsed.scene_options, **parsed.run_options)
@@ -92,7 +92,7 @@ class Sensitivity(Command):
         words = [word.strip().partition("=") for word in parsed.uncertainty]
         is_single = len(words) == 1 and not words[0][1]
         uncertainty = words[0][0] if is_single else {name: value for name, _, value in words}
-        check.whole("--workers", parsed.workers, at_least=1, at_most=MAX_WORKERS)
+        check.integer("--workers", parsed.workers, at_least=1, at_most=MAX_WORKERS)
         with processes(parsed.workers) as executor:
             report = sensitivity(parsed.target, parsed.result or ("v_rel",), parsed.over, uncertainty or None,
                                  executor=executor, progress=True, **parsed.scene_options, **parsed.run_options)
@@ -208,7 +208,7 @@ def _cell_table(data: Any, names: Sequence[str]) -> str:
         columns |= {with_unit(f"{name}[{i}]" if inner else name, unit): values[:, i] for i in range(values.shape[1])}
     codes = data["status"].values.ravel().tolist()
     rows = zip(*columns.values(), (STATUS_NAMES[code] for code in codes), strict=True)
-    return blocks([[*columns, "status"], *([value if isinstance(value, str) else number(value) for value in row]
+    return split_table([[*columns, "status"], *([value if isinstance(value, str) else number(value) for value in row]
                                            for row in rows)], ">", len(axes))
 
 

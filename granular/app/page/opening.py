@@ -57,7 +57,7 @@ class Setting:
             If the value is not a number within the limits. The message contains `name`.
         """
         if self.whole:
-            return {self.slider: check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
+            return {self.slider: check.integer(name, value, at_least=int(self.least), at_most=int(self.most))}
         if self.zero and type(value) in (int, float) and value == 0:
             return {self.slider: 0}
         fix = "A gap of 0 means touching." if self.zero else ""
@@ -97,7 +97,7 @@ class BooleanSetting(Setting):
 
     def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
         """Return the link parameter of a boolean setting as 0 or 1."""
-        return {self.slider: +check.truth(name, value)}
+        return {self.slider: +check.boolean(name, value)}
 
 
 RESTITUTION_SETTING = Setting("eps", "ε of all contacts", 0.1, 1.0)
@@ -200,7 +200,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
     """
     known = settings(scene)
     parameters: dict[str, Any] = {} if scene == "story" else {"scene": scene}
-    check.known(values, known, f"setting of the page {scene}", TypeError)
+    check.known_names(values, known, f"setting of the page {scene}", TypeError)
     if scene == "story" and "at" in values:
         parameters = {"screen": 0}
     names = [name for name in known if name in values]
@@ -209,7 +209,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
         parameters |= known[name].link_parameters(name, values[name])
     if "moving" in values:
         fix = "At least one ball has to be at rest."
-        check.whole(
+        check.integer(
             "moving", values["moving"], at_least=1, at_most=parameters.get("n", DEFAULT_CRADLE_BALLS) - 1, fix=fix)
     return urlencode(parameters)
 

@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from granular._engine.check import Array
-from granular._engine.reports import named_pairs, pairs_by_law, shortened
+from granular._engine.reports import named_pairs, pairs_by_law, short_text
 from granular.comparison.measures import BALANCE_LABELS, balance, impact_speed
 from granular.laws.kinds import resolved
-from granular.md.binary import at_speed_or_nan
+from granular.md.binary import restitution_or_nan
 from granular.run.trajectory import Trajectory, points
 from granular.scene import Scene
 
@@ -279,7 +279,7 @@ def scene_in_words(of: Scene) -> str:
 
     Without gravity the floor and the ceiling are called walls.
     """
-    text = shortened(str(of)[len("Scene(") : -1])
+    text = short_text(str(of)[len("Scene(") : -1])
     if of.gravity == 0.0:
         for named, words in WALL_NAMES.items():
             text = text.replace(named, words)
@@ -306,7 +306,7 @@ def _laws_text(run: Trajectory) -> str:
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
     n = run.scene.n_pairs
     shown = [f"{named_pairs(pairs, n, run.scene.pairs.name)}: " * (len(pairs) < n)
-             + shortened(law) + _eps_text(eps[pairs])
+             + short_text(law) + _eps_text(eps[pairs])
              for law, pairs in list(of_law.items())[:MAX_LISTED_VALUES]]
     left_out = len(of_law) - len(shown)
     return "; ".join(shown) + f"; {left_out} more" * (left_out > 0)
@@ -325,4 +325,4 @@ def _restitutions(run: Trajectory) -> Array:
     laws, speed = resolved(run.law or (), run.scene), impact_speed(run)
     if len(laws.in_pairs[1]) > MAX_LISTED_VALUES or not speed > 0.0:
         return np.full(run.scene.n_pairs, math.nan)
-    return np.asarray(laws.column(lambda law: at_speed_or_nan(law, speed)))
+    return np.asarray(laws.column(lambda law: restitution_or_nan(law, speed)))

@@ -230,7 +230,7 @@ def radius_of(mass: Array, density: float) -> Array:
 
 def count_of(n: int, at_least: int = 1) -> int:
     """Return the number of balls `n` as an int, at least `at_least`."""
-    return check.whole("n", n, at_least=at_least, at_most=check.MAX_REQUESTED_COUNT)
+    return check.integer("n", n, at_least=at_least, at_most=check.MAX_REQUESTED_COUNT)
 
 
 @np.errstate(over="ignore")
@@ -245,7 +245,7 @@ def gaps_of(gap: float | Sequence[float], n_pairs: int, name: str = "gap") -> Ar
 
     `name` is the name of the argument in error messages.
     """
-    if check.is_one(gap):
+    if check.is_single(gap):
         return np.full(n_pairs, check.number(name, gap))
     return check.array(name, gap, (n_pairs,), fix="Give one gap for all pairs, or one per pair from the bottom up.")
 

@@ -44,7 +44,7 @@ def gas(
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
-    alike = np.ones(count_of(n, 1 if check.truth("walls", walls) else 2))
+    alike = np.ones(count_of(n, 1 if check.boolean("walls", walls) else 2))
     random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=1)
     thermal = math.sqrt(check.number("temperature", temperature, at_least=0.0))
     v = thermal / np.sqrt(m) * _unit_speeds(random, speeds, len(m))
@@ -158,7 +158,7 @@ def _places(
     filled = check.number("packing", packing, at_least=0.0)
     if filled >= 1.0:
         raise ValueError(f"`packing` must be a fraction of the length below 1, got {packing!r}.")
-    random = np.random.default_rng(check.whole("seed", seed))
+    random = np.random.default_rng(check.integer("seed", seed))
     spread = math.log(check.number("mass_spread", mass_spread, at_least=1.0))
     m = check.number("mass", mass, above=0.0) * np.exp(spread * random.uniform(-0.5, 0.5, count)) * pattern
     r = np.cbrt(m)

@@ -40,7 +40,8 @@ def newtons_cradle(
         Density in kg/m³ (steel), which determines the radius.
     """
     count = count_of(n, 2)
-    arriving = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="At least one ball has to be at rest.")
+    fix = "At least one ball has to be at rest."
+    arriving = check.integer("moving", moving, at_least=1, at_most=count - 1, fix=fix)
     return _in_a_row(np.full(count, check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
 
 
@@ -76,7 +77,7 @@ def pendulum_cradle(
         g in m/s², perpendicular to the row. It only provides the restoring force of the pendula.
     """
     count = count_of(n, 2)
-    aside = check.whole("moving", moving, at_least=1, at_most=count - 1, fix="At least one ball has to be at rest.")
+    aside = check.integer("moving", moving, at_least=1, at_most=count - 1, fix="At least one ball has to be at rest.")
     rest = gaps_of(rest_gap, count - 1, "rest_gap")
     pulled, gap = check.number("amplitude", amplitude, at_least=0.0, fix="It is measured to the left."), rest.copy()
     gap[aside - 1] += pulled
@@ -192,7 +193,7 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     touch: their gap is 0.
     """
     if callable(law) and not hasattr(law, "force"):
-        check.takes("law", law, "pair")
+        check.function_of("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
     from granular.laws.springs import static_overlap
 

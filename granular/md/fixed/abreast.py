@@ -20,7 +20,7 @@ MIN_PAIRS_PER_PART = 20_000
 
 Stepping that number of pairs takes about ten times as long as synchronizing the threads."""
 
-Crew = namedtuple("Crew", "whole parts pool code ended log pair nth")
+Workspaces = namedtuple("Workspaces", "whole parts pool code ended log pair nth")
 """Work space of a chain that is stepped in parallel.
 
 `whole` is the `window.Work` of the chain, and `parts` are those of the threads. `pool` runs all parts except the first,
@@ -32,17 +32,17 @@ def parts(pairs: int) -> int:
     return max(1, min(cores(), pairs // MIN_PAIRS_PER_PART))
 
 
-def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Crew:
+def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Workspaces:
     """Return the work space for parallel steps with the given work spaces.
 
     `whole` is the work space of the chain, and `works` contains one work space per thread. `code` contains
     the compiled kernels.
     """
-    return Crew(
+    return Workspaces(
         whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
 
 
-def take_steps(physics: Any, here: Any, there: Any, work: Crew, *arguments: Any) -> tuple[int, int]:
+def take_steps(physics: Any, here: Any, there: Any, work: Workspaces, *arguments: Any) -> tuple[int, int]:
     """Take steps like `march.take_steps`, with each part in its own thread.
 
     `arguments` are the last four arguments of `march.take_steps`.
@@ -61,7 +61,7 @@ def take_steps(physics: Any, here: Any, there: Any, work: Crew, *arguments: Any)
     return min(taken for taken, _ in results), flags
 
 
-def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: Any, work: Crew) -> None:
+def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: Any, work: Workspaces) -> None:
     """Record onsets and ends of contacts of the whole chain, see `notes.log_contacts`."""
     work.code.log_contacts(first, stop, lo, k, physics, was, now, work.whole)
 

@@ -6,7 +6,7 @@ in N before it is clipped at 0, and 0 if the overlap is not positive.
 
 Laws of the form k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) are part of the main loop (`march`), and so is Tsuji's law. All other
 laws are called as Python objects in interpreted runs (`object_force`), and as one C function in compiled runs
-(`called`). This function is the method `force` of the law, compiled with a record of its fields instead of
+(`compiled_force`). This function is the method `force` of the law, compiled with a record of its fields instead of
 `self`. The source is the same, so results are bitwise identical. The function has the same type for all laws. The main
 loop is therefore compiled once and cached, and for a new law only its own method is compiled.
 """
@@ -31,7 +31,7 @@ MAX_LAW_FIELDS = 12
 LAW_RECORD = np.dtype([("kind", np.int64), ("field", np.float64, (MAX_LAW_FIELDS,)), ("failed", np.float64, (3,))])
 PAIR_RECORD = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
 
-Called = namedtuple("Called", "function law pair")
+CompiledForce = namedtuple("CompiledForce", "function law pair")
 """Compiled force function of all laws, with the records that it reads.
 
 If a law raises an exception, the field `failed` of its record contains the first ξ, ξ̇ and ξ_max for which it did."""
@@ -72,8 +72,8 @@ def object_force(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any
 
 
 @kernel
-def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Return the force in N from the compiled function of all laws, see `Called`."""
+def compiled_force(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
+    """Return the force in N from the compiled function of all laws, see `CompiledForce`."""
     if not xi > 0.0 or (HEATED and a.k[j + 1] == 0.0):
         return 0.0
     laws, c = physics.laws, (lo + j) % physics.ring if RING else lo + j
@@ -96,10 +96,10 @@ class NotCompilableError(TypeError):
     """Exception for a force law that cannot be compiled. The message is the reason."""
 
 
-def records(laws: SceneLaws, pairs: Pairs) -> Called:
+def records(laws: SceneLaws, pairs: Pairs) -> CompiledForce:
     """Return the compiled force function and the records of all laws and pairs.
 
-    The kernel `called` reads the result.
+    The kernel `compiled_force` reads the result.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def records(laws: SceneLaws, pairs: Pairs) -> Called:
         record["kind"] = kinds.index((type(pair_law.law), pair_law.memory))
         record["field"][: len(values)] = values
     pair["m_eff"], pair["r_eff"], pair["index"] = pairs.m_eff, pairs.r_eff, np.arange(len(pairs))
-    return Called(_compiled_force(kinds), law[laws.kind], pair)
+    return CompiledForce(_compiled_force(kinds), law[laws.kind], pair)
 
 
 @cache
@@ -158,7 +158,7 @@ def _inf_on_exception(force: Any) -> Any:
     return call
 
 
-def reevaluate_laws(laws: SceneLaws, compiled: Called) -> None:
+def reevaluate_laws(laws: SceneLaws, compiled: CompiledForce) -> None:
     """Call the laws again as Python objects where their compiled force failed.
 
     The laws then raise their own exceptions.

@@ -16,7 +16,18 @@ from typing import Any, NamedTuple
 
 from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.fixed.contact_force import object_force as force
-from granular.md.fixed.window import END, HALF, HAS_DAMPING, KEEPS_LOG, LAST, MIDDLE, START, WHOLE, close, steer
+from granular.md.fixed.window import (
+    END,
+    HALF,
+    HAS_DAMPING,
+    KEEPS_LOG,
+    LAST,
+    MIDDLE,
+    START,
+    WHOLE,
+    connect_ring_ends,
+    set_wall_speeds,
+)
 
 CHANGED, CLOSED = 1, 2
 
@@ -49,7 +60,7 @@ def update_peaks(j: int, was_xi: float, xi: float, was: float, raw: float, a: An
 
 
 @kernel
-def beside(m: int, a: Any) -> None:
+def update_common_overlap(m: int, a: Any) -> None:
     """Update the largest common overlap in m of each pair and the next pair.
 
     It is called at the start of a window, and after steps in which an overlap or a force appears or vanishes.
@@ -95,7 +106,7 @@ def prepare_nothing(dt: float, m: int, a: Any) -> None:
 
 
 @kernel
-def half_way(dt: float, m: int, a: Any) -> None:
+def prepare_verlet(dt: float, m: int, a: Any) -> None:
     """Prepare the first of several Verlet steps of length `dt` in s.
 
     The velocities at half a step are stored in `a.half`, and the predicted velocities in `a.guess`.
@@ -128,11 +139,11 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
     ends, or if walls do work.
     """
     if DRIVEN:
-        steer(physics, lo, m, a.half, WHOLE, a.guess, END)
+        set_wall_speeds(physics, lo, m, a.half, WHOLE, a.guess, END)
     flags, dt, half = 0, physics.dt, 0.5 * physics.dt
     for j in range(m):
         flags |= move_pair(physics, lo, j, a)
-    close(physics, m, a)
+    connect_ring_ends(physics, m, a)
     if WORKED or (KEEPS_LOG and flags & CHANGED):
         for i in range(m + 1):
             a.was_v[i + 1] = a.v[i + 1]
@@ -141,7 +152,7 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
         add_impulse(j, half, a)
     finish_verlet_step(m, dt, a)
     if DRIVEN:
-        steer(physics, lo, m, a.was_v, START, a.v, END)
+        set_wall_speeds(physics, lo, m, a.was_v, START, a.v, END)
     return flags
 
 
@@ -159,14 +170,14 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
             a.was_v[i + 1] = a.v[i + 1]
         a.v[i + 1] = a.half[i + 1] = a.guess[i + 1] = v
     if DRIVEN:
-        steer(physics, lo, m, a.was_v, START, a.v, END)
-        steer(physics, lo, m, a.half, WHOLE, a.guess, END)
+        set_wall_speeds(physics, lo, m, a.was_v, START, a.v, END)
+        set_wall_speeds(physics, lo, m, a.half, WHOLE, a.guess, END)
     for j in range(m):
         flags |= move_pair(physics, lo, j, a)
     if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += dt * a.half[i + 1]
-    close(physics, m, a)
+    connect_ring_ends(physics, m, a)
     for j in range(m):
         add_impulse(j, 0.5 * dt, a)
     return flags
@@ -195,12 +206,12 @@ def _add_stage(
             a.sway[i + 1] += weight * a.half[i + 1]
             a.off[i + 1] = a.start[i + 1] + elapsed * a.half[i + 1]
     if DRIVEN:
-        steer(physics, lo, m, a.half, drift_kind, a.guess, speed_kind)
+        set_wall_speeds(physics, lo, m, a.half, drift_kind, a.guess, speed_kind)
     for j in range(m):
         rate = a.half[j + 1] - a.half[j + 2]
         a.rate[j + 1] += weight * rate
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1] + elapsed * rate, a.guess[j + 1] - a.guess[j + 2], a)
-    close(physics, m, a)
+    connect_ring_ends(physics, m, a)
 
 
 @kernel
@@ -222,14 +233,14 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
         if HUNG:
             a.off[i + 1] = a.start[i + 1] + sixth * (a.sway[i + 1] + a.half[i + 1])
     if DRIVEN:
-        steer(physics, lo, m, a.half, LAST, a.guess, END)
-        steer(physics, lo, m, a.was_v, START, a.v, END)
+        set_wall_speeds(physics, lo, m, a.half, LAST, a.guess, END)
+        set_wall_speeds(physics, lo, m, a.was_v, START, a.v, END)
     for j in range(m):
         xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
         flags |= update_peaks(j, a.xi[j + 1], xi, a.was_raw[j + 1], raw, a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
-    close(physics, m, a)
+    connect_ring_ends(physics, m, a)
     for j in range(m):
         add_impulse(j, half, a)
     return flags
@@ -247,7 +258,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     # Taylor coefficients of the predictor
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
     if DRIVEN:
-        steer(physics, lo, m, a.was_v, START, a.v, WHOLE)
+        set_wall_speeds(physics, lo, m, a.was_v, START, a.v, WHOLE)
     for j in range(m):
         rate, pull = a.v[j + 1] - a.v[j + 2], a.acc[j + 1] - a.acc[j + 2]
         third_order = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
@@ -260,11 +271,11 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.was_v[i + 1], a.v[i + 1] = v, v + (dt * acc + d2 * jerk + d3 * snap)
         a.acc[i + 1], a.jerk[i + 1] = acc + dt * jerk + d2 * snap, jerk + dt * snap
     if DRIVEN:
-        steer(physics, lo, m, a.was_v, START, a.v, END)
+        set_wall_speeds(physics, lo, m, a.was_v, START, a.v, END)
     for j in range(m):
         a.was_raw[j + 1] = a.raw[j + 1]
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
-    close(physics, m, a)
+    connect_ring_ends(physics, m, a)
     for i in range(m + 1):
         acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         correction = acc - a.acc[i + 1]
@@ -280,7 +291,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
         flags |= update_peaks(j, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
-    close(physics, m, a)
+    connect_ring_ends(physics, m, a)
     for j in range(m):
         add_impulse(j, half, a)
     return flags
@@ -323,7 +334,7 @@ class Integrator(NamedTuple):
 INTEGRATORS = {
     integrator.name: integrator
     for integrator in (
-        Integrator("verlet", verlet, half_way, 2.0, 1, 2.0, "velocity Verlet"),
+        Integrator("verlet", verlet, prepare_verlet, 2.0, 1, 2.0, "velocity Verlet"),
         Integrator("symplectic-euler", symplectic_euler, prepare_nothing, 1.0, 1, 2.0, "symplectic Euler"),
         Integrator("rk4", rk4, prepare_nothing, 4.0, 4, 2.0, "Runge–Kutta 4"),
         Integrator("gear5", gear5, prepare_nothing, 4.0, 1, 1.05, "Gear, 5 values", derivatives=True),

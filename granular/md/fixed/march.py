@@ -17,9 +17,15 @@ from typing import Any
 from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
 
 # placeholders: `Stepper` replaces `begin`, `step` and EVALUATIONS_PER_STEP by those of its integrator
-from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
-from granular.md.fixed.notes import log_contacts, may_log_alone
-from granular.md.fixed.walls import CROWD, HALT, HIT, MAX_HITS_PER_STEP, book, compute_wall_motion, heat
+from granular.md.fixed.integrators import (
+    CHANGED,
+    CLOSED,
+    prepare_verlet as begin,
+    update_common_overlap,
+    verlet as step,
+)
+from granular.md.fixed.notes import can_log_alone, log_contacts
+from granular.md.fixed.walls import CROWD, HALT, HIT, MAX_HITS_PER_STEP, add_energies, compute_wall_motion, process_hits
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
@@ -70,7 +76,7 @@ def take_steps(
         Number of steps taken, and flags of the steps. The number is 0 if the steps concern more than one window. They
         must then be repeated one by one.
     """
-    # + 2: forces act on both balls of a pair, and `beside` reads the next pair
+    # + 2: forces act on both balls of a pair, and `update_common_overlap` reads the next pair
     pairs, margin, taken, flags, a = len(here[XI]) - 2, max_steps * EVALUATIONS_PER_STEP + 2, max_steps, 0, work.window
     for first in range(work.low, min(work.high, pairs), physics.block):
         stop = min(first + physics.block, pairs)
@@ -85,7 +91,7 @@ def take_steps(
             if DRIVEN and (lo == 0 or high == pairs):
                 compute_wall_motion(physics, k + done)
             if HEATED and (lo == 0 or high == pairs):
-                wall_flags = heat(physics, lo, m, first, stop, k + done, work)
+                wall_flags = process_hits(physics, lo, m, first, stop, k + done, work)
                 if wall_flags & HIT:
                     begin(physics.dt, m, a)
                 if counts_contacts and wall_flags & (HALT | CROWD):
@@ -93,14 +99,14 @@ def take_steps(
                 flags |= wall_flags
             step_flags = step(physics, lo, right, a)
             if done == 0 or step_flags & CHANGED or wall_flags & HIT:
-                beside(right, a)
+                update_common_overlap(right, a)
             if physics.memory:
                 update_memory(right, a)
             if WORKED:
-                book(physics, lo, right, a)
+                add_energies(physics, lo, right, a)
             flags |= step_flags
             if counts_contacts and step_flags & CHANGED:
-                if physics.logged and not may_log_alone(first, stop, lo, physics.ring, work.was, work.rows, work):
+                if physics.logged and not can_log_alone(first, stop, lo, physics.ring, work.was, work.rows, work):
                     return 0, 0
                 log_contacts(first, stop, lo, k + done, physics, work.was, work.rows, work)
             done += 1

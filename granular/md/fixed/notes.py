@@ -142,7 +142,7 @@ def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any,
 
 
 @kernel
-def may_log_alone(first: int, stop: int, lo: int, ring: int, was: Any, now: Any, work: Any) -> bool:
+def can_log_alone(first: int, stop: int, lo: int, ring: int, was: Any, now: Any, work: Any) -> bool:
     """Return whether a window can log this step independently of other windows.
 
     The result is False if a contact begins or ends next to balls that touch at rest, or if the contact to stop at

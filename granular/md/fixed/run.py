@@ -13,25 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.kernels import Toll, have_numba
-from granular._engine.records import packed
+from granular._engine.kernels import CompilationCost, have_numba
+from granular._engine.records import record_array
 from granular.laws.kinds import SceneLaws
-from granular.md.fixed.contact_force import Called, NotCompilableError, reevaluate_laws
+from granular.md.fixed.contact_force import CompiledForce, NotCompilableError, reevaluate_laws
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
 from granular.md.fixed.stepper import Stepper
 from granular.md.fixed.walls import MAX_HITS_PER_STEP
-from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROW_NAMES, SHARED, XI, V, copied
-from granular.md.time_step import DOUBTFUL_DT_LAMBDA, expected_rate, sharpest_rate
+from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROW_NAMES, SHARED, XI, V, copy_state
+from granular.md.time_step import DOUBTFUL_DT_LAMBDA, expected_rate, highest_rate_bound
 from granular.run import until as stop
 from granular.run.contact_log import CONTACT_ROW, SOFT_FIELDS, Rows
-from granular.run.drive import End, Pause, Request, Row, portion
-from granular.run.levels import first_met, shown
+from granular.run.drive import End, Pause, Request, Row, next_portion
+from granular.run.levels import first_crossing, observable_value
 from granular.run.trajectory import Status
 from granular.run.until import raised
 from granular.scene import Scene, positions
-from granular.scene.places import Closing
+from granular.scene.places import WallMeeting
 
 FIRST_CHUNK_PAIR_STEPS = 1 << 15
 """Work before the first pause of a run: number of pairs times number of steps.
@@ -88,9 +88,10 @@ class Run:
         self.chunk_steps = max(1, FIRST_CHUNK_PAIR_STEPS // scene.n_pairs)
         if engine == "auto":
             # index 0 is the kernel `march`, index 1 is `take_steps`
-            self.compile_timer = Toll(self.stepper.fit[self.stepper.parts > 1], LOADING_SECONDS, COMPILING_SECONDS)
+            step = self.stepper.fit[self.stepper.parts > 1]
+            self.compile_timer = CompilationCost(step, LOADING_SECONDS, COMPILING_SECONDS)
         if scene.driven:
-            self.closing = Closing(scene, self.start, flattened=True)
+            self.closing = WallMeeting(scene, self.start, flattened=True)
 
     def time(self) -> float:
         """Return the time in s reached by the run, at its current step."""
@@ -110,7 +111,7 @@ class Run:
         k, flight_state = flight or (self.k, None)
         span = max(0.0, time - (self.start + k * self.dt))  # rounding can put k dt after `time`
         state = (self.stepper.after(k, span) if flight_state is None else
-                 self.stepper.glide(copied(flight_state), k, span))
+                 self.stepper.glide(copy_state(flight_state), k, span))
         return self._row_from_state(time, state, state if flight_state is None else self.stepper.here)
 
     def _row_from_state(self, time: float, state: Any, account_state: Any) -> Row:
@@ -196,7 +197,7 @@ class Run:
         step_limit = 1 if self.request.singly else self.chunk_steps
         start_time, steps = process_time(), int(min(step_limit, limit - self.k, self.request.max_steps - self.steps))
         reason, k = stepper.march(self.k, steps, contact_budget)
-        self.chunk_steps = portion(steps, process_time() - start_time)
+        self.chunk_steps = next_portion(steps, process_time() - start_time)
         self.flight_start, self.steps, self.k = None, self.steps + k - self.k, k
         self.level_time = self._level_crossing_time()
         self.has_too_many_hits = reason == CROWDED
@@ -216,8 +217,8 @@ class Run:
         level, first = self.request.until, self.k if self.flight_start is None else self.flight_start[0]
         if not isinstance(level, stop.LEVEL_TYPES):
             return math.inf
-        return first_met(
-            partial(shown, self, level), level, self.scene, self.start + first * self.dt, self.time())
+        return first_crossing(
+            partial(observable_value, self, level), level, self.scene, self.start + first * self.dt, self.time())
 
     def _process_last_partial_step(self, end: float) -> Pause:
         """Count and log the hits of thermal walls between the last step and `end` in s.
@@ -281,7 +282,7 @@ class Run:
         if step_count == math.inf:
             raise self._uncountable_step_error(step_count)
         if step_count > 0.0:
-            self.flight_start = self.k, copied(stepper.here)
+            self.flight_start = self.k, copy_state(stepper.here)
             stepper.glide(stepper.here, self.k, step_count * self.dt)
             self.k += int(step_count)
             self.flights += 1
@@ -308,7 +309,7 @@ class Run:
         ended, work.ended[0] = work.ended[0], 0
         if ended == 0 or not self.request.rows:
             return []
-        log = packed(work.log[:ended], STEP_ROW)
+        log = record_array(work.log[:ended], STEP_ROW)
         return [self._with_times(log[np.lexsort((log["pair"], log["step_out"]))])]
 
     def _with_times(self, raw: Rows) -> Rows:
@@ -347,7 +348,7 @@ class Run:
             self.compile_timer.lap()
         end_time = self.request.end if pause is Pause.reached else min(self.level_time, self.time())
         row = self._row_at_onset() if self.is_stopped_at_onset else self.row(end_time)
-        if isinstance(self.stepper.physics.laws, Called):
+        if isinstance(self.stepper.physics.laws, CompiledForce):
             reevaluate_laws(self.stepper.laws, self.stepper.physics.laws)
         status, message, dt_lambda = self._status_and_message(pause.value, row.time)
         stats = {
@@ -387,7 +388,7 @@ class Run:
         times the available energy. For a smaller dt·λ above `DOUBTFUL_DT_LAMBDA`, `step_warning` is set.
         """
         scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
-        dt_lambda = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE)) if pairs(DEEPEST).any() else 0.0
+        dt_lambda = dt * highest_rate_bound(scene, laws, pairs(DEEPEST), pairs(BESIDE)) if pairs(DEEPEST).any() else 0.0
         # contacts shorter than a step leave no overlap
         if dt_lambda == 0.0 and self.steps and self._is_any_ball_deflected():
             dt_lambda = dt * expected_rate(scene, laws)

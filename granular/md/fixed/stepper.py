@@ -15,7 +15,7 @@ import numpy as np
 
 from granular._engine.check import Array
 from granular._engine.kernels import compiled, fitted
-from granular._engine.records import one, packed, plain_class
+from granular._engine.records import one, plain_class, record_array
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import abreast, contact_force, march, window
 from granular.md.fixed.integrators import Integrator
@@ -25,11 +25,11 @@ from granular.md.fixed.walls import (
     HEATER_RECORD,
     MAX_HITS_PER_STEP,
     clock,
-    flown,
-    heaters,
+    driven_wall_data,
     next_touch,
     packed_walls,
-    walls_of,
+    thermal_walls,
+    walls_after,
 )
 from granular.md.fixed.window import ROW_NAMES, WINDOW_RECORD, XI, Physics, V, Work
 from granular.scene import Scene
@@ -104,14 +104,14 @@ class Stepper:
         at_once: bool, start: float = 0.0,
     ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
-        self.crew: abreast.Crew | None = None
+        self.crew: abreast.Workspaces | None = None
         self.flags = {name: holds for name, holds in scene._flags.items() if name != "FORCED"}  # no kernel reads it
         p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         law_form = contact_force.coefficients(laws)
         self.force = contact_force.object_force if law_form is None else law_form[3]
-        self.heaters = heaters(scene)
-        self.walls = walls_of(scene, start) if "WORKED" in self.flags else None
+        self.heaters = thermal_walls(scene)
+        self.walls = driven_wall_data(scene, start) if "WORKED" in self.flags else None
         self.parts = abreast.parts(p) if self.walls is None else 1  # wall motion is stored once for all windows
         convert: Any = np.array if at_once else np.ndarray.tolist
         state, constants = self._state(start, logged, memory), self._constants(law_form)
@@ -150,7 +150,7 @@ class Stepper:
         if hung:
             state[window.OFF, 1:] = scene.displacement
         if self.walls is not None:
-            for body, _, v in flown(self.walls, start, 0.0, state, scene.pull, 0.0):
+            for body, _, v in walls_after(self.walls, start, 0.0, state, scene.pull, 0.0):
                 state[V, body + 1] = v
         return state
 
@@ -206,7 +206,7 @@ class Stepper:
 
         Laws without coefficients are called as C functions instead of Python objects.
         """
-        return self._kernels(contact_force.called) if self.force is contact_force.object_force else self.code
+        return self._kernels(contact_force.compiled_force) if self.force is contact_force.object_force else self.code
 
     def compile(self) -> None:
         """Convert the state to arrays, and continue with compiled kernels.
@@ -221,13 +221,13 @@ class Stepper:
         laws = 0 if self.force is not contact_force.object_force else contact_force.records(self.laws, self.scene.pairs)
         self.code = Code(*map(compiled, self.fit))  # can fail, so it precedes all changes of the state
         walls = 0 if self.walls is None else packed_walls(self.walls)
-        heat = packed(self.heaters, HEATER_RECORD) if self.heaters else 0
+        heat = record_array(self.heaters, HEATER_RECORD) if self.heaters else 0
         self.physics = self.physics._replace(laws=laws, given=np.array(self.physics.given), block=self._block(),
                                              walls=walls, heat=heat)
         self.rest = None if self.rest is None else np.array(self.rest)
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
         log, ended = np.zeros(len(self.work.log), STEP_ROW), self.work.ended[0]
-        log[:ended] = packed(self.work.log[:ended], STEP_ROW)
+        log[:ended] = record_array(self.work.log[:ended], STEP_ROW)
         self.work = self._compiled_workspace(self.work, log)
         self.compiled = True
         if self.parts > 1:
@@ -318,7 +318,7 @@ class Stepper:
         if self.rest is not None:
             self.code.swing(x, self.scene.pendulum, self.rest, dt)
             return x
-        wall_states = [] if self.walls is None else flown(self.walls, *self.clock(k), x, self.pull, dt)
+        wall_states = [] if self.walls is None else walls_after(self.walls, *self.clock(k), x, self.pull, dt)
         self.code.glide(x, self.pull, self.physics.given[window.FALL], dt)
         for body, gap, v in wall_states:
             x[XI][body + (body == 0)], x[V][body + 1] = -gap if gap > 0.0 else 0.0, v

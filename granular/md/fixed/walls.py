@@ -25,15 +25,15 @@ import numpy as np
 
 from granular._engine.flight import rate_at_contact, time_to_contact
 from granular._engine.kernels import kernel
-from granular._engine.records import packed, plain
+from granular._engine.records import plain, record_array
 from granular.md.fixed.contact_force import object_force as force
 from granular.md.fixed.integrators import ball_acceleration
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, START, WHOLE
 from granular.scene import Scene
 from granular.scene.places import driven_walls
-from granular.scene.walls.gap import after
+from granular.scene.walls.gap import gap_at_time
 from granular.scene.walls.hits import first_hit
-from granular.scene.walls.path import PANEL_DTYPE, WALL_DTYPE, moved, product, total
+from granular.scene.walls.path import PANEL_DTYPE, WALL_DTYPE, exact_product, exact_sum, moved
 from granular.scene.walls.thermal import drawn
 
 Walls = namedtuple("Walls", "paths panels bodies last time tail drive")
@@ -59,7 +59,7 @@ It contains the number of its pair, its side (0: floor, 1: ceiling), k_B T in J,
 mass in kg of the ball next to it."""
 
 
-def walls_of(scene: Scene, start: float) -> Walls:
+def driven_wall_data(scene: Scene, start: float) -> Walls:
     """Return the driven walls of a scene for interpreted kernels.
 
     `start` is the time in s of the initial state.
@@ -73,15 +73,15 @@ def walls_of(scene: Scene, start: float) -> Walls:
 
 def packed_walls(walls: Walls) -> Walls:
     """Return the driven walls converted to arrays, for compiled kernels."""
-    return walls._replace(paths=packed(walls.paths, WALL_DTYPE), panels=packed(walls.panels, PANEL_DTYPE),
+    return walls._replace(paths=record_array(walls.paths, WALL_DTYPE), panels=record_array(walls.panels, PANEL_DTYPE),
                           bodies=np.array(walls.bodies, np.int64), drive=np.array(walls.drive))
 
 
 @kernel
 def clock(walls: Any, k: float, dt: float) -> tuple[float, float]:
     """Return the time in s after `k` steps of `dt` in s, as a sum of two floats."""
-    p, low = product(k, dt)
-    t, rest = total(walls.time, p)
+    p, low = exact_product(k, dt)
+    t, rest = exact_sum(walls.time, p)
     return t, rest + (low + walls.tail)
 
 
@@ -114,7 +114,7 @@ def wall_motion(walls: Any, i: int, k: float, dt: float) -> tuple[float, float, 
 
 
 @kernel
-def book(physics: Any, lo: int, m: int, a: Any) -> None:
+def add_energies(physics: Any, lo: int, m: int, a: Any) -> None:
     """Add the energies of the last step to the account of a window with `m` pairs.
 
     The energy in J dissipated by each pair, ∫ (F − F_el) ξ̇ dt, is added to `lost`. The work in J of each wall,
@@ -127,7 +127,7 @@ def book(physics: Any, lo: int, m: int, a: Any) -> None:
         f0 -= has_elastic_part * force(physics, lo, j, a.was_xi[j + 1], 0.0, a)
         f_mid -= has_elastic_part * force(physics, lo, j, x, 0.0, a)
         f1 -= has_elastic_part * force(physics, lo, j, a.xi[j + 1], 0.0, a)
-        a.lost[j + 1], low = total(a.lost[j + 1], (f0 * u0 + 4.0 * f_mid * u_mid + f1 * u1) * (dt / 6.0))
+        a.lost[j + 1], low = exact_sum(a.lost[j + 1], (f0 * u0 + 4.0 * f_mid * u_mid + f1 * u1) * (dt / 6.0))
         a.lost_low[j + 1] += low
     for side in range(2):
         j_wall, row = (0, 0) if side == 0 else (m - 1, m)
@@ -135,7 +135,7 @@ def book(physics: Any, lo: int, m: int, a: Any) -> None:
             f0, f_mid, f1, _, _, _, _ = forces_in_step(physics, lo, j_wall, a)
             wall, sixth = physics.walls.drive[side], (1.0 - 2.0 * side) * dt / 6.0
             done = (f0 * wall[START] + 4.0 * f_mid * wall[MIDDLE] + f1 * wall[END]) * sixth
-            a.work[row + 1], low = total(a.work[row + 1], done)
+            a.work[row + 1], low = exact_sum(a.work[row + 1], done)
             a.work_low[row + 1] += low
 
 
@@ -192,7 +192,7 @@ def state_at_wall(x: Any, body: int) -> tuple[float, float, int]:
     return max(0.0, -float(xi[c + 1])), float(v[c + 2] - v[c + 1]), c
 
 
-def flown(walls: Walls, t: float, tail: float, x: Any, pull: Any, dt: float) -> list[tuple[int, float, float]]:
+def walls_after(walls: Walls, t: float, tail: float, x: Any, pull: Any, dt: float) -> list[tuple[int, float, float]]:
     """Return body number, gap in m and velocity in m/s of each driven wall.
 
     They are evaluated after a free flight of `dt` s from the time t + tail and the state table `x`. `pull` is the
@@ -201,13 +201,13 @@ def flown(walls: Walls, t: float, tail: float, x: Any, pull: Any, dt: float) -> 
     states = []
     for wall, body in zip(walls.paths, walls.bodies, strict=True):
         gap, rate, c = state_at_wall(x, body)
-        new_gap = after(wall, walls.panels, t, tail, gap, rate, float(pull[c]), dt)[0]
-        end, rest = total(t, dt)
+        new_gap = gap_at_time(wall, walls.panels, t, tail, gap, rate, float(pull[c]), dt)[0]
+        end, rest = exact_sum(t, dt)
         states.append((body, new_gap, wall.velocity + wall.side * moved(wall, walls.panels, end, rest + tail)[1]))
     return states
 
 
-def heaters(scene: Scene) -> list[Any]:
+def thermal_walls(scene: Scene) -> list[Any]:
     """Return the thermal walls of a scene as objects with fields of `HEATER_RECORD`."""
     rows = [(side * (scene.n_pairs - 1), side, thermal.temperature, thermal.seed, scene.mass[-2 if side else 1])
             for side, thermal in enumerate(scene.heat) if thermal is not None]
@@ -215,7 +215,7 @@ def heaters(scene: Scene) -> list[Any]:
 
 
 @kernel
-def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any) -> int:
+def process_hits(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any) -> int:
     """Process the hits of thermal walls in step `k` of a window, and return flags.
 
     The window has `m` pairs from pair `lo` onwards. Hits are counted and logged only if their pair is one of `first` to
@@ -287,9 +287,9 @@ def _throw_back(wall: Any, j: int, m: int, time: float, speed_in: float, speed_o
     ball, body, neighbour = (j + 2, j + 1, j + 2) if wall.side == 0 else (j + 1, j + 2, j)
     sign, impulse, gap = (
         1.0 - 2.0 * wall.side, wall.mass * (speed_out + speed_in), -time * (speed_out + 0.5 * pull * time))
-    a.work[body], low = total(a.work[body], sign * impulse * a.v[body])
+    a.work[body], low = exact_sum(a.work[body], sign * impulse * a.v[body])
     a.work_low[body] += low
-    a.heat[body], low = total(a.heat[body], 0.5 * impulse * (speed_out - speed_in))
+    a.heat[body], low = exact_sum(a.heat[body], 0.5 * impulse * (speed_out - speed_in))
     a.heat_low[body] += low
     a.count[j + 1] += 1.0
     if 1 <= neighbour <= m:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.flight import gap_after, hung, hung_after, time_to_contact
+from granular._engine.flight import gap_after, hung_after, hung_time_to_contact, time_to_contact
 from granular._engine.kernels import RING, kernel
 
 WINDOW_LENGTH = 2008
@@ -147,7 +147,7 @@ def copy_ring(count: int, source: Any, lo: int, ring: int, target: Any) -> None:
 
 
 @kernel
-def close(physics: Any, m: int, a: Any) -> None:
+def connect_ring_ends(physics: Any, m: int, a: Any) -> None:
     """Connect both ends of a window that contains a whole ring."""
     if RING and m == physics.ring:
         a.raw[0], a.raw[m + 1], a.xi[m + 1] = a.raw[m], a.raw[1], a.xi[1]
@@ -163,7 +163,7 @@ def store(lo: int, first: int, stop: int, work: Any, x: Any) -> None:
 
 
 @kernel
-def steer(physics: Any, lo: int, m: int, row_1: Any, kind_1: int, row_2: Any, kind_2: int) -> None:
+def set_wall_speeds(physics: Any, lo: int, m: int, row_1: Any, kind_1: int, row_2: Any, kind_2: int) -> None:
     """Write two velocities of each driven wall in a step to two rows of a window.
 
     Parameters
@@ -180,7 +180,7 @@ def steer(physics: Any, lo: int, m: int, row_1: Any, kind_1: int, row_2: Any, ki
             row_1[index + 1], row_2[index + 1] = velocities[kind_1], velocities[kind_2]
 
 
-def copied(x: Any) -> Any:
+def copy_state(x: Any) -> Any:
     """Return a copy of the state table `x`, an array or a list of lists."""
     return x.copy() if isinstance(x, np.ndarray) else [row.copy() for row in x]
 
@@ -229,7 +229,7 @@ def time_to_touch_hung(x: Any, omega: float, rest: Any) -> float:
     """
     first, xi, v = math.inf, x[XI], x[V]
     for c in range(len(rest)):
-        t = hung(-xi[c + 1], v[c + 2] - v[c + 1], omega, rest[c])
+        t = hung_time_to_contact(-xi[c + 1], v[c + 2] - v[c + 1], omega, rest[c])
         if t < first:
             first = t
     return first

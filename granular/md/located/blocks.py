@@ -16,7 +16,7 @@ import math
 from typing import Any
 
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
-from granular._engine.records import play
+from granular._engine.records import set_event_time
 from granular.md.located.contacts import TOUCH_ONLY, activate, apply_contact_event, count_isolated, mark_struck
 from granular.md.located.islands import (
     add_pair_to_pool,
@@ -219,7 +219,7 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     if not (HUNG or RING) and laws is None and may_rest(run, pairs, pool, bodies, lo, limit):
         return WANTS_REST_TEST
     pairs[lo].due = DUE_TO_PLAN
-    play(s.queue, lo, pairs[lo].due)
+    set_event_time(s.queue, lo, pairs[lo].due)
     return GOES_ON
 
 
@@ -282,7 +282,7 @@ def continue_contacts_by_pieces(s: Any, t: float, laws: Any) -> bool:
             follow_contact(s, laws)
             join_current_event(s, c)
             if pool[pairs[c].slot].mode == ACTIVE:
-                play(s.queue, c, DUE_TO_PLAN)
+                set_event_time(s.queue, c, DUE_TO_PLAN)
                 plan_all_due(s, laws)
     return True
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.records import column, copied, packed, raw
+from granular._engine.records import as_bytes, column, copied, record_array
 from granular.md.located.records import (
     CONTACT_TABLE_RECORD,
     ENERGY_ACCOUNT_RECORD,
@@ -71,7 +71,7 @@ class Checkpoint(Mapping[str, Any]):
         if (s := self._s) is not None:  # another thread can create the same arrays
             used = {"tables": int(column(s.run, "tables")[0]), "log": int(column(s.run, "rows")[0])}
             records_by_name = {name: getattr(s, name) for name in CHECKPOINT_RECORDS}
-            arrays = {name: packed(records[: used.get(name, len(records))], CHECKPOINT_RECORDS[name])
+            arrays = {name: record_array(records[: used.get(name, len(records))], CHECKPOINT_RECORDS[name])
                     for name, records in records_by_name.items() if records is not None}
             self._arrays, self._s = self._arrays | arrays, None
         return self._arrays
@@ -109,7 +109,7 @@ class RecordsBeforeEnd:
                 for i, value in zip(numbers, values, strict=True):
                     records[i] = value
             else:
-                raw(records)[index] = values
+                as_bytes(records)[index] = values
         return self.before
 
 
@@ -138,5 +138,5 @@ def _affected_by_end(s: System, t: float) -> tuple[Any, Any]:
 def _copied_at(records: Any, index: Any) -> Any:
     """Return a copy of the records at `index`, a slice or an array of numbers."""
     if isinstance(records, np.ndarray):
-        return raw(records)[index].copy()
+        return as_bytes(records)[index].copy()
     return copied(records[index] if isinstance(index, slice) else [records[i] for i in index.tolist()])

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from granular._engine.kernels import DRIVEN, HEATED, RING, WORKED, kernel
-from granular._engine.records import play
+from granular._engine.records import set_event_time
 from granular.md.located.contacts import MODE_CHANGED, NO_CHANGE, STOP_AWAITED, make_dormant, needs_series
 from granular.md.located.jumps import throw_struck_balls_back
 from granular.md.located.ledger import DISSIPATED, add_to_account, residual_loss
@@ -87,7 +87,7 @@ def form_event_blocks(s: Any, laws: Any) -> int:
                 release_pair(run, pairs, pool, s.kinds, a, s.field)
             else:
                 pairs[a].due = DUE_TO_PLAN
-            play(s.queue, a, pairs[a].due)
+            set_event_time(s.queue, a, pairs[a].due)
             a = c
     return MORE
 
@@ -198,7 +198,7 @@ def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) ->
         pairs[c].first, pairs[c].lasts, pairs[c].ahead = lo, 0.0, 0
         if c != lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
-            play(queue, c, math.inf)
+            set_event_time(queue, c, math.inf)
 
 
 @kernel
@@ -231,5 +231,5 @@ def correct_sum_of_gaps(s: Any) -> None:
         pair = pairs[widest]
         pair.xi += (total - run.length) + low
         predict_flight(pair, s.kinds[pair.kind_of], s.field)
-        play(s.queue, widest, pair.due)
+        set_event_time(s.queue, widest, pair.due)
 

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from granular._engine.records import column
-from granular.run.levels import shown
+from granular.run.levels import observable_value
 from granular.run.until import Level
 
 
@@ -32,4 +32,4 @@ def watched(run: Any, level: Level) -> Callable[[float], float]:
 
     The function is valid up to the next event, and does not advance the run.
     """
-    return partial(shown, run, level)
+    return partial(observable_value, run, level)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._engine.flight import swung
+from granular._engine.flight import swing_after
 from granular._engine.kernels import HUNG, RING, kernel
 from granular.md.located.pieces import elapsed_time, integral, time_since, two_sum, update_peaks
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, PEAKS
@@ -73,7 +73,7 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
 def velocity_now(body: Any, run: Any) -> float:
     """Return the velocity of a body in m/s at the time of the current event."""
     if HUNG:
-        return swung(body, run.omega, time_since(body, run.t, run.tail))[0]
+        return swing_after(body, run.omega, time_since(body, run.t, run.tail))[0]
     return float(body.v - body.fall * time_since(body, run.t, run.tail))
 
 

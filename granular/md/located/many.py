@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from granular._engine.check import Array
 from granular._engine.compiler_state import REFERENCE_WORDS, by_reference
 from granular._engine.kernels import compiled, interpreted, kernel
-from granular._engine.records import play
+from granular._engine.records import set_event_time
 from granular.md.located.blocks import advance, advance_islands_to_end, continue_contacts_by_pieces, start_blocks
 from granular.md.located.log import drop_settled_rows
 from granular.md.located.one_contact.inside import write_states
@@ -238,7 +238,7 @@ def solve_rows(many: Any, room: Any, t_end: Any, chunk: int, result: Any, last: 
                 for octave in range(SPEED_OCTAVES):
                     many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
             for c in range(len(s.pairs)):
-                play(many.queue, c, math.inf)
+                set_event_time(many.queue, c, math.inf)
         solve(s, t_end[i], chunk, result[i], last[i], seen)
         if result[i].why in (WANTS_TABLE, WANTS_REST_TEST):
             return i

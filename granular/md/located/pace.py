@@ -12,7 +12,7 @@ import math
 from time import process_time
 from typing import Any
 
-from granular._engine.kernels import Toll, compiled
+from granular._engine.kernels import CompilationCost, compiled
 from granular._engine.records import column
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
@@ -31,7 +31,7 @@ from granular.md.located.records import (
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
 from granular.md.located.rest.overdamped import examine_island, select_island_to_test
 from granular.md.located.system import record_views
-from granular.run.drive import Pause, portion
+from granular.run.drive import Pause, next_portion
 
 MAX_PIECES_GENERAL, MAX_PIECES_INTERPRETED, MAX_PIECES_COMPILED = 8, 100, 20_000
 """Maximum number of pieces per portion: general laws, interpreted, compiled."""
@@ -100,7 +100,7 @@ class Pace:
         if code in (MORE, WANTS_REST_TEST):
             previous, self.begun = self.begun, process_time()
             if previous > 0.0:
-                self.chunk = portion(self.chunk, self.begun - previous)
+                self.chunk = next_portion(self.chunk, self.begun - previous)
             return MORE
         if code == REACHED and not last:
             c, due, time_left = run.counters, run.s.queue[1]["due"], run.request.end - run.start
@@ -173,7 +173,7 @@ def rarely_called_kernel(kernel: Any, kernels: Any) -> Any:
 
     It is interpreted until this process has spent as much time on it as compilation takes. Then `kernels` compiles it.
     """
-    toll = Toll(kernel, TEST_LOAD_SECONDS, TEST_COMPILE_SECONDS)
+    toll = CompilationCost(kernel, TEST_LOAD_SECONDS, TEST_COMPILE_SECONDS)
     if toll.due():
         return kernels(kernel)
 

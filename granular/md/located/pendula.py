@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._engine.flight import swung
+from granular._engine.flight import swing_after
 from granular._engine.kernels import kernel
 from granular.md.located.ledger import ENERGY_NODE_COUNT, ENERGY_NODES, ENERGY_WEIGHTS, clock_rate
 from granular.md.located.pieces import advance_clock, elapsed_time, time_since, value
@@ -29,7 +29,7 @@ def displace_pendulum(run: Any, body: Any, pair: Any, displacement: float) -> No
 
     The body is also displaced upwards by `displacement` in m. The caller sets its velocity and its clock.
     """
-    fall = swung(body, run.omega, time_since(body, pair.t, pair.tail))[1]
+    fall = swing_after(body, run.omega, time_since(body, pair.t, pair.tail))[1]
     body.fall = fall + run.omega * run.omega * displacement
 
 
@@ -59,7 +59,7 @@ def advance_pendula(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: 
         if c < hi and pool[pairs[c].slot].mode == ACTIVE:
             above, fall_above = force_integrals(pool[pairs[c].slot], block, run.omega, tau, dt)
         if below != 0.0 or above != 0.0:
-            v, fall = swung(body, run.omega, time_since(body, block.t, block.tail) + dt)
+            v, fall = swing_after(body, run.omega, time_since(body, block.t, block.tail) + dt)
             body.v = v + body.inverse_mass * (below - above)
             body.fall = fall + body.inverse_mass * (fall_below - fall_above)
             body.t, body.tail = block.t, block.tail

@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from granular._engine.kernels import DRIVEN, HUNG, RING, WORKED, kernel
-from granular._engine.records import play
+from granular._engine.records import set_event_time
 from granular.md.located.contacts import activate_pressed, correct_modes
 from granular.md.located.ledger import account_for_piece
 from granular.md.located.log import add_to_contacts
@@ -57,7 +57,7 @@ def plan_all_due(s: Any, laws: Any) -> bool:
     while s.queue[1].due == DUE_TO_PLAN:
         lo = s.queue[1].key
         continues = plan_piece(s, lo, laws) and continues
-        play(s.queue, lo, s.pairs[lo].due)
+        set_event_time(s.queue, lo, s.pairs[lo].due)
     return continues
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._engine.kernels import Toll, compiled, fitted
-from granular._engine.records import column, copied, packed, plain, play, replay
+from granular._engine.kernels import CompilationCost, compiled, fitted
+from granular._engine.records import column, copied, plain, record_array, set_event_time, update_tournament
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
 from granular.md.located.checkpoint import MAX_FULL_COPY_PAIRS, Checkpoint, RecordsBeforeEnd
@@ -49,7 +49,7 @@ from granular.run.contact_log import CONTACT_ROW, Rows
 from granular.run.drive import End, Pause, Request, Row
 from granular.run.trajectory import CONTACT
 from granular.scene import Scene
-from granular.scene.places import Closing
+from granular.scene.places import WallMeeting
 
 LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS, LAUNCH_SECONDS_PER_PAIR = 0.6, 13.0, 2e-5
 """Times in s to load the machine code, to compile it, and to start one pair.
@@ -100,7 +100,7 @@ class Run:
                              "touch early back to gap 0 would change their energy.")
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.start = request.start if state is None else float(state["origin"])  # s, origin of its own clock
-        self.closing = Closing(scene, self.start, flattened=True) if scene.driven else None
+        self.closing = WallMeeting(scene, self.start, flattened=True) if scene.driven else None
         self.bound, self.seen, self.now = False, 0.0, 0.0  # s, times of the last sample and of the run
         limits = {"max_events": request.max_events, "max_steps": request.max_steps,
                   "until_pair": UNTIL_ANY_EVENT if request.singly else -1}
@@ -121,7 +121,7 @@ class Run:
         self.adds_up = IGNORE not in codes
         self.pace = Pace(self)
         if engine == "auto":
-            self.toll = Toll(self.fit(blocks.advance), LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS)
+            self.toll = CompilationCost(self.fit(blocks.advance), LOCATED_LOAD_SECONDS, LOCATED_COMPILE_SECONDS)
         if engine == "compiled" or self.compilation_pays(LAUNCH_SECONDS_PER_PAIR * scene.n_pairs):
             self.compile()
         else:
@@ -139,7 +139,7 @@ class Run:
 
     def continue_from_checkpoint(self, state: Mapping[str, Any]) -> None:
         """Continue from the records of the checkpoint `state`."""
-        self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
+        self.kernels(update_tournament)(self.s.queue, 0, self.scene.n_pairs - 1)
         # an earlier version saved the start of the creep, and had other pieces for piles on driven walls
         if any(state.get(name, False) for name in ("creeping", "riding")):
             self.replan_driven_blocks(self.request.start)
@@ -243,7 +243,7 @@ class Run:
         if row_count == 0:
             return []
         log = self.s.log[:row_count]
-        rows = packed(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
+        rows = record_array(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
         is_finished = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
         if is_finished.all():
             counters["rows"] = 0
@@ -345,7 +345,7 @@ class Run:
         """
         for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
             if self.s.pairs[c]["slot"] >= 0:
-                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), DUE_TO_PLAN)
+                self.kernels(set_event_time)(self.s.queue, int(self.s.pairs[c]["first"]), DUE_TO_PLAN)
         self.kernels(plan_all_due)(self.s, self.collocation)
         while self.to(time, False) is Pause.full:
             pass

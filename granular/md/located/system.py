@@ -16,7 +16,7 @@ import numpy as np
 
 from granular._engine.compiler_state import ByReference
 from granular._engine.kernels import RING, kernel
-from granular._engine.records import NODE, packed, plain, tournament
+from granular._engine.records import NODE, plain, record_array, tournament
 from granular._engine.roots import MAX_SUBDIVISIONS, workspace
 from granular.laws.kinds import SceneLaws, number_distinct_rows
 from granular.md.located.power_form import law_kinds
@@ -81,7 +81,7 @@ def to_compiled(s: System) -> System:
     if isinstance(s.run, np.ndarray):
         return s
     records = map(
-        packed,
+        record_array,
         s[:9],
         (
             SOFT_RUN_RECORD,
@@ -95,7 +95,7 @@ def to_compiled(s: System) -> System:
             CONTACT_TABLE_RECORD,
         ),
     )
-    ledger = None if s.ledger is None else packed(s.ledger, ENERGY_ACCOUNT_RECORD)
+    ledger = None if s.ledger is None else record_array(s.ledger, ENERGY_ACCOUNT_RECORD)
     return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.field), ledger])
 
 

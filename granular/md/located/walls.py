@@ -19,15 +19,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine.check import Array
-from granular._engine.flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
+from granular._engine.flight import gap_after, hung_after, hung_rate_at_contact, hung_time_to_contact, rate_at_contact
 from granular._engine.kernels import DRIVEN, HUNG, kernel
-from granular._engine.records import packed, plain
+from granular._engine.records import plain, record_array
 from granular.md.located.records import SERIES_ORDER
 from granular.scene.places import driven_walls
 from granular.scene.walls import path
-from granular.scene.walls.gap import after
+from granular.scene.walls.gap import gap_at_time
 from granular.scene.walls.hits import first_hit, pressing_bounds
-from granular.scene.walls.path import MAX_TERMS, PANEL_DTYPE, WALL_DTYPE, edge_jump, expansion, to_edge, total, wall_at
+from granular.scene.walls.path import (
+    MAX_TERMS,
+    PANEL_DTYPE,
+    WALL_DTYPE,
+    edge_jump,
+    exact_sum,
+    expansion,
+    time_to_edge,
+    wall_at,
+)
 
 if TYPE_CHECKING:
     from granular.scene import Scene
@@ -100,7 +109,7 @@ def compiled_walls(walls: Any) -> Any:
     if not isinstance(walls, Walls):
         return walls
     scratch = np.array(walls.path), np.array(walls.push)
-    return Walls(walls.start, packed(walls.wall, WALL_DTYPE), packed(walls.panels, PANEL_DTYPE), *scratch)
+    return Walls(walls.start, record_array(walls.wall, WALL_DTYPE), record_array(walls.panels, PANEL_DTYPE), *scratch)
 
 
 @kernel
@@ -109,7 +118,7 @@ def caller_time(walls: Any, t: float, tail: float) -> tuple[float, float]:
 
     It is `walls.start` + t + tail, as the sum of two floats.
     """
-    high, low = total(walls.start, t)
+    high, low = exact_sum(walls.start, t)
     return high, low + tail
 
 
@@ -150,7 +159,7 @@ def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float,
     positive rate opens the gap. Of the results, a positive overlap rate closes it.
     """
     t, tail = caller_time(walls, pair.t, pair.tail + ahead)
-    gap, rate = after(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, rate, pair.pull, dt)
+    gap, rate = gap_at_time(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, rate, pair.pull, dt)
     return -gap, -rate
 
 
@@ -175,7 +184,7 @@ def next_touch(field: Any, pair: Any) -> float:
     The pair is at a driven wall or consists of pendula.
     """
     if HUNG:
-        return hung(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
+        return hung_time_to_contact(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
     t, tail = caller_time(field, pair.t, pair.tail)
     gap = max(0.0, -pair.xi)
     return first_hit(field.wall[pair.wall - 1], field.panels, t, tail, gap, -pair.eta, pair.pull, math.inf)
@@ -356,7 +365,7 @@ def time_to_wall_edge(walls: Any, pair: Any, block: Any) -> float:
     if pair.wall <= 0:
         return 0.0
     t, tail = caller_time(walls, block.t, block.tail)
-    return float(to_edge(walls.wall[pair.wall - 1], walls.panels, t, tail))
+    return float(time_to_edge(walls.wall[pair.wall - 1], walls.panels, t, tail))
 
 
 @kernel

@@ -59,7 +59,7 @@ class Pulse:
         ValueError
             If fewer than two different arrival times remain.
         """
-        selected = slice(*(value if value is None else check.whole(name, value, at_least=-len(self.time))
+        selected = slice(*(value if value is None else check.integer(name, value, at_least=-len(self.time))
                        for name, value in (("first", first), ("last", last))))
         is_passed = np.isfinite(self.time[selected])
         if len(np.unique(self.time[selected][is_passed])) < 2:

@@ -147,7 +147,7 @@ def solitary(
     In m/s the wave moves at 2R c √(A δ_max^(p-1) / m), c = `SolitaryWave.speed`. Its largest overlap is δ_max = (v
     √(m/A) / `SolitaryWave.peak_velocity`)^(2/(p+1)).
     """
-    count = check.whole("n", n, at_least=math.ceil(2.0 * MIN_WAVE_REACH) + 1, fix="A wave is five balls long.")
+    count = check.integer("n", n, at_least=math.ceil(2.0 * MIN_WAVE_REACH) + 1, fix="A wave is five balls long.")
     r, rho = check.number("radius", radius, above=0.0, at_most=1e100), check.number("density", density, above=0.0)
     v, m = check.number("speed", speed, above=0.0), 4.0 / 3.0 * math.pi * r**3 * rho
     place = check.number(

@@ -167,7 +167,7 @@ class Piecewise(_PanelMotion, ByNumbers):
                 raise TypeError(check.misuse("coefficients", None, "an array (K+1, n), the highest power first",
                                              "Or give a scipy.interpolate.PPoly alone."))
             breaks, coefficients = breaks.x, breaks.c
-        t = check.rising("breaks", breaks, "a finite time")
+        t = check.increasing_array("breaks", breaks, "a finite time")
         rows = len(np.atleast_1d(check.array("coefficients", coefficients, ..., fix="Give one column per piece.")))
         if not 0 < rows <= MAX_TERMS:
             raise ValueError(f"`coefficients` must have 1 to {MAX_TERMS} rows, one per power, got {rows}.")

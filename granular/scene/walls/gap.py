@@ -14,7 +14,7 @@ from collections import namedtuple
 
 from granular._engine.kernels import kernel, rare
 from granular._engine.records import Record, Records
-from granular.scene.walls.path import motion_on_panel, panel_at, product, reduced_time
+from granular.scene.walls.path import exact_product, motion_on_panel, panel_at, reduced_time
 
 GAP_NOISE = 4.0 * 2.0**-53
 """Bound of the rounding error of a gap, relative to the size of its terms."""
@@ -22,7 +22,7 @@ State = namedtuple("State", "time low panel x gap rate pull height drift closing
 """State of a gap at one time, from which `flight` computes the gap at later times.
 
 `time` + `low` is the reduced time (s or turns). `panel` is the index of its panel, and `x` its coordinate there.
-`gap` (m), its `rate` (m/s) and `pull` (m/s²) are the arguments of `state`. `height` (m) and `drift` (m/s) are height
+`gap` (m), its `rate` (m/s) and `pull` (m/s²) are arguments of `gap_state`. `height` (m) and `drift` (m/s) are height
 and velocity of the ball above the position of the wall at m = 0. `closing` is pull + m'' (m/s²). `time_error` is a
 bound of the rounding error of the time in s.
 """
@@ -30,7 +30,7 @@ bound of the rounding error of the time in s.
 
 @rare
 @kernel
-def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float) -> State:
+def gap_state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float) -> State:
     """Return the state of a gap at the time t + tail (s).
 
     `gap` is in m. Its `rate` in m/s includes the motion of the wall. `pull` is its closing acceleration without this
@@ -118,7 +118,7 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
     p, p_low = s, 0.0
     if wall.periodic:
         # two floats, because whole turns are subtracted from f·s
-        p, p_low = product(wall.frequency, s)
+        p, p_low = exact_product(wall.frequency, s)
     return (((p - turns) + ((now.time - panel.left) - panel.half)) + (now.low + p_low)) / panel.half  # type: ignore[no-any-return]
 
 
@@ -188,7 +188,7 @@ def is_panel_end_near(wall: Record, panels: Records, now: State, s: float) -> bo
 
 @rare
 @kernel
-def after(
+def gap_at_time(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, s: float
 ) -> tuple[float, float]:
     """Return a gap (m) and its rate (m/s) at the time s (s) after t + tail.
@@ -196,7 +196,7 @@ def after(
     The other parameters are those of `first_hit`, whose formulas are used. Rounding can make a closing gap negative,
     so callers clamp it at 0.
     """
-    now = state(wall, panels, t, tail, gap, rate, pull)
+    now = gap_state(wall, panels, t, tail, gap, rate, pull)
     end = max(0.0, time_to_panel_end(wall, panels, now, now.panel, 0.0))
     # a longer s would lose digits
     if s > end and is_panel_end_near(wall, panels, now, end) and panels[now.panel].per * s <= 4.0:

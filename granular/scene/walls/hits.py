@@ -23,16 +23,16 @@ from granular.scene.walls.gap import (
     State,
     coordinate,
     flight,
+    gap_state,
     height_above_wall,
     is_panel_end_near,
     later_panel,
     next_panel,
     next_panel_state,
     rate_error,
-    state,
     time_to_panel_end,
 )
-from granular.scene.walls.path import pressed
+from granular.scene.walls.path import closing_acceleration_at
 
 NO_HIT = math.inf
 MAX_PERIODS = 2.0**50
@@ -41,7 +41,7 @@ MAX_PERIODS = 2.0**50
 If the search reaches this time without a hit, this time is returned as the hit.
 """
 SHORT_STEP_SHARE = 2.0**-6
-"""Fraction of the rest of a panel; after a shorter step, `opens` is tried as well."""
+"""Fraction of the rest of a panel; after a shorter step, `opening_time` is tried as well."""
 
 
 @rare
@@ -75,10 +75,10 @@ def first_hit(
     No hit is missed. A gap of at most twice its rounding error is a hit if it decreases. A minimum of the gap that does
     not stay above the rounding error, 4·2⁻⁵³ times its terms, is a hit as well.
     """
-    now, elapsed = state(wall, panels, t, tail, gap, rate, pull), 0.0
+    now, elapsed = gap_state(wall, panels, t, tail, gap, rate, pull), 0.0
     k, turns, s = now.panel, 0.0, 0.0
     # a ball at rest is not hit; `lift_off` returns when it leaves
-    if gap == 0.0 and rate == 0.0 and opens(wall, panels[k], now, 0.0, 0.0) == 0.0:
+    if gap == 0.0 and rate == 0.0 and opening_time(wall, panels[k], now, 0.0, 0.0) == 0.0:
         return NO_HIT
     while elapsed + s <= within:
         end = time_to_panel_end(wall, panels, now, k, turns)
@@ -159,7 +159,7 @@ def hit_on_panel(
         certain_gap, left = f - noise if f > noise else 0.0, end - s
         step = safe_step(panel, certain_gap, df, a - slack, pull + panel.most - slack, left)
         if df >= 0.0 and (a <= slack or s == df == 0.0) and step < SHORT_STEP_SHARE * left:
-            step = max(step, opens(wall, panel, now, turns, s))
+            step = max(step, opening_time(wall, panel, now, turns, s))
         if step >= left:
             if wall.periodic and certain_gap > noise:  # no velocity jumps: the bound holds on all panels
                 return max(end, s + time_to_contact(certain_gap, df, pull + wall.stiff)), False
@@ -194,14 +194,14 @@ def safe_step(panel: Record, f: float, df: float, a: float, most: float, left: f
 
 @rare
 @kernel
-def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
+def opening_time(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
     """Return a time (s) during which the acceleration keeps a gap open on this panel.
 
     It is counted from the time s after `now`, at which the rate of the gap must not be negative. It is 0 if the
     acceleration closes the gap. It follows from the acceleration, its rate and the bound of its second derivative. The
     function is used for a ball that has just left the wall.
     """
-    a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
+    a, j = closing_acceleration_at(panel, now.pull, coordinate(wall, panel, now, turns, s))
     if a > GAP_NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.time_error:
         return 0.0
     a = min(a, 0.0)
@@ -256,7 +256,7 @@ def lift_off(
     -----
     A ball stays on the wall while pull + m'' is negative only by rounding, at most 4·2⁻⁵³ (|pull| + max |m''|).
     """
-    now = state(wall, panels, t, tail, 0.0, 0.0, pull)
+    now = gap_state(wall, panels, t, tail, 0.0, 0.0, pull)
     k, turns, s = now.panel, 0.0, 0.0
     # a full turn and the rest of the first panel
     for _ in range(wall.panels + 1):
@@ -286,7 +286,7 @@ def lift_off_on_panel(
     """
     panel, noise = panels[k], GAP_NOISE * (abs(now.pull) + wall.stiff)
     while s < end:
-        a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
+        a, j = closing_acceleration_at(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
             return s
         # certain to fall: even if its second rate is `bend`, the minimum a - j²/(2 bend) is below -noise. The event
@@ -312,7 +312,7 @@ def pressing_bounds(
     at most -lower. The last panel of a path is used for all later times. For a short interval, the bounds are as narrow
     as the change of the acceleration.
     """
-    now = state(wall, panels, t, tail, 0.0, 0.0, pull)
+    now = gap_state(wall, panels, t, tail, 0.0, 0.0, pull)
     least, most = NO_HIT, -NO_HIT
     k, turns, s = now.panel, 0.0, 0.0
     # a full turn and the rest of the first panel
@@ -340,8 +340,8 @@ def pressing_bounds_on_panel(
     """
     pull, length = now.pull, max(0.0, until - s)
     noise = GAP_NOISE * (abs(pull) + wall.stiff)
-    a, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s))
-    b, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s + length))
+    a, _ = closing_acceleration_at(panel, pull, coordinate(wall, panel, now, turns, s))
+    b, _ = closing_acceleration_at(panel, pull, coordinate(wall, panel, now, turns, s + length))
     low = lower_bound(a, b, panel.rise, -panel.fall, length)
     high = -lower_bound(-a, -b, -panel.fall, panel.rise, length)
     return max(low, pull + panel.least) - noise, min(high, pull + panel.most) + noise

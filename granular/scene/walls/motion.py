@@ -73,7 +73,7 @@ class Motion:
         if not callable(self.function):
             raise TypeError(check.misuse("function", self.function, "a function m(t) in m of a time in s",
                                          "For a harmonic motion use granular.walls.Sine."))
-        check.takes("function", self.function, "t")
+        check.function_of("function", self.function, "t")
         self.__dict__["accuracy"] = check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
 
     def __repr__(self) -> str:
@@ -243,7 +243,7 @@ def ends(*motions: Any) -> float:
     return float(min(last, default=math.inf))
 
 
-def fastest(motion: Any) -> float:
+def max_wall_speed(motion: Any) -> float:
     """Return an upper bound of the speed |m'| of a wall motion in m/s.
 
     It is 0 without a motion, and for a `Motion` that has not been replaced by panels.

@@ -74,7 +74,7 @@ class Panels(_PanelMotion, ByNumbers):
     turn: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        edges = check.rising("edges", self.edges, "a finite time")
+        edges = check.increasing_array("edges", self.edges, "a finite time")
         columns = (*check.array("series", self.series, ..., fix="Give one row per panel.").shape, MAX_TERMS, MAX_TERMS)[
             1
         ]

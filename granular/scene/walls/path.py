@@ -64,7 +64,7 @@ WALL_DTYPE = np.dtype(
 
 @rare
 @kernel
-def product(a: float, b: float) -> tuple[float, float]:
+def exact_product(a: float, b: float) -> tuple[float, float]:
     """Return a·b exactly, as the sum of two floats (Dekker)."""
     p, c, d = a * b, SPLIT_FACTOR * a, SPLIT_FACTOR * b
     ah, bh = c - (c - a), d - (d - b)
@@ -74,7 +74,7 @@ def product(a: float, b: float) -> tuple[float, float]:
 
 @rare
 @kernel
-def total(a: float, b: float) -> tuple[float, float]:
+def exact_sum(a: float, b: float) -> tuple[float, float]:
     """Return a + b exactly, as the sum of two floats (Knuth)."""
     s = a + b
     c = s - a
@@ -89,12 +89,12 @@ def reduced_time(wall: Record, t: float, tail: float) -> tuple[float, float]:
     For a periodic wall it is the fractional part of f·(t + tail) + phase in turns, else the time itself in s.
     """
     if wall.periodic == 0:
-        return total(t, tail)
-    a, a_low = product(wall.frequency, t)
-    b, b_low = product(wall.frequency, tail)
+        return exact_sum(t, tail)
+    a, a_low = exact_product(wall.frequency, t)
+    b, b_low = exact_product(wall.frequency, tail)
     # whole turns are removed before the sum, so that no digits are lost
-    y, low = total(a - math.floor(a), b - math.floor(b))
-    y, rest = total(y - math.floor(y), wall.turn)
+    y, low = exact_sum(a - math.floor(a), b - math.floor(b))
+    y, rest = exact_sum(y - math.floor(y), wall.turn)
     return y - math.floor(y), low + rest + (a_low + b_low) + wall.turn_low
 
 
@@ -136,7 +136,7 @@ def motion_on_panel(panel: Record, x: float) -> tuple[float, float, float]:
 
 @rare
 @kernel
-def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
+def closing_acceleration_at(panel: Record, pull: float, x: float) -> tuple[float, float]:
     """Return the closing acceleration pull + m'' (m/s²) of a gap, and its rate (m/s³).
 
     `pull` is the closing acceleration without the motion m of the wall towards the balls, such as g at a floor. `x` is
@@ -213,7 +213,7 @@ def edge_tolerance(wall: Record, t: float, tail: float, edge: float) -> float:
 
 
 @kernel
-def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
+def time_to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
     """Return the signed time (s) from t + tail to an edge within rounding error.
 
     The result is 0 if the nearest edge is farther away than the rounding error of a float, or if the path is periodic.

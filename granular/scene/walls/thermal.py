@@ -58,7 +58,7 @@ class Thermal:
     def __post_init__(self) -> None:
         fix = "It is k_B T in J. A wall that only reflects balls is not thermal."
         self.__dict__.update(temperature=check.number("temperature", self.temperature, above=0.0, fix=fix),
-                             seed=check.whole("seed", self.seed))
+                             seed=check.integer("seed", self.seed))
 
     def drawn(self, side: int, hit: int, mass: float) -> float:
         """Return the speed in m/s with which a ball leaves the wall after a hit.

@@ -17,7 +17,7 @@ import numpy as np
 
 from granular._engine import check, files
 from granular._engine.check import Array
-from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, number, rough, with_unit
+from granular._engine.reports import HARD_COLOUR, SOFT_COLOUR, Report, aligned, canvas, number, rough_text, with_unit
 from granular.cases import Case
 from granular.comparison.answer import ANSWER_ORDER, Answer as Judgement
 from granular.run.trajectory import EARLY_STATUSES, Trajectory
@@ -149,7 +149,8 @@ class Ensemble(Report):
         }.get(q.answer, f"{statement}; " + (
             f"{q.lacking} {'draw lacks' if q.lacking == 1 else 'draws lack'} a value of one engine" if q.lacking else
             f"to tell that from {q.margin:.2g} takes " + (
-                f"about {rough(self.n * (q.reach / distance) ** 2)} draws" if distance > 0.0 else "more draws"))) + "."
+                f"about {rough_text(self.n * (q.reach / distance) ** 2)} draws" if distance > 0.0 else "more draws"
+            ))) + "."
 
     def __str__(self) -> str:
         engines = [["", "hard", "± s.e.", "sd", "soft", "± s.e.", "sd"]]
@@ -249,19 +250,19 @@ def ensemble(
     >>> found.answer.name
     'yes'
     """
-    count, need = check.whole("n", n, at_least=2), "a mapping of parameters to their distributions"
+    count, need = check.integer("n", n, at_least=2), "a mapping of parameters to their distributions"
     distributions = {vary: None} if isinstance(vary, str) else check.of_kind("vary", vary, Mapping, need)
     if not distributions:
         raise ValueError("`vary` must have at least one parameter with its distribution, got an empty mapping.")
     plan = make_plan(scene, dict.fromkeys(distributions, np.zeros(0)), (), fixed)
     for name, distribution in distributions.items():
         _check_distribution(plan, name, distribution)
-    draws = Draws(plan, tuple(distributions.values()), check.whole("seed", seed))
+    draws = Draws(plan, tuple(distributions.values()), check.integer("seed", seed))
     requested, whole = _requested(results)
     margins = margin if isinstance(margin, Mapping) else {"": margin}
     margin_by_name = {name: check.number(f"the margin of {name}" if name else "margin", x, at_least=0.0)
            for name, x in margins.items()}
-    default_margin, separate = margin_by_name.pop("", DEFAULT_MARGIN), check.truth("independent", independent)
+    default_margin, separate = margin_by_name.pop("", DEFAULT_MARGIN), check.boolean("independent", independent)
     data = [sweep(draws, {"draw": np.arange(first, first + count)},
                   [EngineResult(entry, engine) if callable(entry) else RESULT_PREFIXES[engine] + name
                    for name, entry in whole.items()],
@@ -269,7 +270,7 @@ def ensemble(
             for engine, first in (("md", 0), ("edmd", count * separate))]
     soft, hard = ({name: values for result in whole for name, values in _quantity_values(of_engine, result, prefix)}
                   for of_engine, prefix in zip(data, RESULT_PREFIXES.values(), strict=True))
-    check.known([*requested, *margin_by_name], {*soft, *whole}, "result")
+    check.known_names([*requested, *margin_by_name], {*soft, *whole}, "result")
     compared = {name: (hard[name], values) for name, values in soft.items()
                 if not requested.keys().isdisjoint(_both_names(name))}
     quantities = tuple(
@@ -287,7 +288,7 @@ def _check_distribution(plan: Plan, name: str, distribution: Any) -> None:
     if distribution is None and not (plan.subject.is_whole(name) or str(plan.subject.way(name)[-1]) == "seed"):
         raise ValueError(f"`vary[{name!r}]` must not be None, because {name} is not an integer seed. {fix}")
     if callable(distribution):
-        check.takes(f"vary[{name!r}]", distribution, "generator")
+        check.function_of(f"vary[{name!r}]", distribution, "generator")
     elif distribution is not None:
         _, spread = check.array(f"vary[{name!r}]", distribution, (2,), fix=fix, finite="a finite number").tolist()
         check.number(f"the standard deviation of {name}", spread, at_least=0.0)
@@ -305,7 +306,7 @@ def _requested(results: Any) -> tuple[dict[str, Any], dict[str, Any]]:
                          f"{', '.join(requested) or 'none'}.")
     results_by_name = {name.partition("[")[0]: entry for name, entry in requested.items()}
     for name, entry in results_by_name.items():
-        check.takes(f"the result {name}", entry, "run") if callable(entry) else (
+        check.function_of(f"the result {name}", entry, "run") if callable(entry) else (
             check.choice("result", name, COMMON_RESULTS))
     return requested, results_by_name
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._engine import check, files
-from granular._engine.describe import by_words, scene_to_json, to_json
+from granular._engine.describe import scene_to_json, to_json, with_current_words
 from granular._engine.kernels import have_numba
 from granular.cases import ready
 from granular.cases.case import Case, checked_run
@@ -155,7 +155,10 @@ def make_plan(
     Raises errors that concern all cells, such as an unknown parameter or result.
     """
     for result in asked:
-        check.takes("result", result, "case") if callable(result) else check.choice("result", result, list(RESULTS))
+        if callable(result):
+            check.function_of("result", result, "case")
+        else:
+            check.choice("result", result, list(RESULTS))
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, checked_run({} if run is None else run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # raises for names that are not parameters
@@ -185,7 +188,7 @@ def check_names(plan: Plan, save: Any) -> None:
             raise TypeError(f"`result` must be a function with a name, got {result!r}. Define a function with def that "
                             "calls it.")
         name, others = named(result), [named(other) for other in plan.asked if other is not result]
-        check.refuse({
+        check.raise_if_true({
             f"`result` must be a function whose name is new in the data set, got {name!r}. Rename it.":
                 name in used_names or name in others,
             f"`result` must be a function with a name to be saved, got {name!r}. Define it with def.":
@@ -209,7 +212,7 @@ def _result(function: RequestedResult) -> Result:
 
 def xarray_() -> Any:
     """Return the module xarray. Raise an error with a hint if it is not installed."""
-    return check.optional("xarray", "sweep")
+    return check.import_optional("xarray", "sweep")
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
@@ -280,13 +283,13 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
 
 def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a data set to a netCDF file, completely or not at all."""
-    check.optional("netCDF4", "a netCDF file")
+    check.import_optional("netCDF4", "a netCDF file")
 
     def fill(draft: str) -> None:
         try:
             data.to_netcdf(draft, engine="netcdf4")
         except (OSError, RuntimeError):  # of a full disk netCDF says that permission is denied, or "HDF error"
-            files.check_room(draft, data.nbytes)
+            files.check_disk_space(draft, data.nbytes)
             raise
 
     files.write(path, fill)
@@ -302,12 +305,13 @@ def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) ->
         key.
     """
     name = files.checked_path("save", path)
-    files.check_ending(name, ".nc")
+    files.check_suffix(name, ".nc")
     files.check_writable(name)
     if not os.path.isfile(name):
         return {}, {}
     with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as saved:
-        saved_text, notes = CLASS_PLACE_PATTERN.sub(r'"\1"', by_words(str(saved.attrs.get("question")))), saved.attrs
+        notes = saved.attrs
+        saved_text = CLASS_PLACE_PATTERN.sub(r'"\1"', with_current_words(str(notes.get("question"))))
         files.check_format(name, _format(notes))
         text, user_code = question(plan)
         if user_code and plan.version is None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular._engine import check
-from granular._engine.progress import Told, shown
+from granular._engine.progress import ProgressCallback, progress_callback
 from granular._engine.reports import cores
 from granular.cases import Case
 from granular.studies.sweeps import schedule
@@ -121,7 +121,7 @@ def sweep(
     [4, 4, 3]
     """
     schedule.checked_executor(executor)
-    threads = cores() if workers is None else check.whole("workers", workers, at_least=1)
+    threads = cores() if workers is None else check.integer("workers", workers, at_least=1)
     xarray_()
     varied = checked_axes(over)
     requested = check.several("results", results, "a name or a function, or several")
@@ -138,7 +138,7 @@ def sweep(
     where = executor, threads
     if executor is not None and progress:
         executor.submit(int)  # its processes start before there is a second thread
-    with shown(progress, on_progress, "cells") as tell:
+    with progress_callback(progress, on_progress, "cells") as tell:
         job.solve(where, tell)
         return job.dataset() if refine is None else job.refined(refine, precision, where)
 
@@ -155,7 +155,7 @@ class _Job:
         saved_columns, self.notes = resume(save, plan, over) if save is not None else ({}, {})
         self.answers.put(slice(None), saved_columns)
 
-    def solve(self, where: Where, report_progress: Told | None) -> None:
+    def solve(self, where: Where, report_progress: ProgressCallback | None) -> None:
         """Solve the missing cells.
 
         If a file is given, solved cells are written to it even if an exception is raised.

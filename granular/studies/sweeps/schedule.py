@@ -21,7 +21,7 @@ import numpy as np
 
 from granular import md
 from granular._engine.check import Array, per_pair
-from granular._engine.kernels import in_memory, worth
+from granular._engine.kernels import is_in_memory, is_worthwhile
 from granular.cases import Case
 from granular.cases.build import error_sentence
 from granular.cases.ready import first_impact_speed
@@ -156,9 +156,9 @@ def solve_in_batches(
         Number of threads of compiled calls without an executor.
     """
     # cells run one by one, with the same bits, until compiling or loading the machine code pays
-    current_plan = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
+    current_plan = replace(plan, at_once=plan.at_once and is_in_memory(many.solve_rows))
     rest, seconds = yield from _pilot(current_plan, columns, cells)
-    if current_plan.at_once is not plan.at_once and worth(
+    if current_plan.at_once is not plan.at_once and is_worthwhile(
             many.solve_rows, seconds * len(rest), LOADING_SECONDS, COMPILING_SECONDS):
         current_plan = plan
         rest, seconds = yield from _pilot(current_plan, columns, rest)

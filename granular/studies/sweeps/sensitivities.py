@@ -17,7 +17,7 @@ import numpy as np
 
 from granular._engine import check
 from granular._engine.check import Array
-from granular._engine.progress import shown
+from granular._engine.progress import progress_callback
 from granular.cases import Case
 from granular.comparison.outcome import ERROR_LIMIT, approach, components
 from granular.run.trajectory import EARLY_STATUSES
@@ -137,7 +137,7 @@ def sensitivity(
     scales, outcome_vector = _sizes(plan, answer, outcomes), np.concatenate(outcomes)
     starts = tuple(Start(name, p, _unit(name, parameters), uncertainties.get(name, 0.0), outcome_vector, scales,
                          int(order[0])) for name, p in parameters.items())
-    with shown(progress, on_progress, "parameters") as tell:
+    with progress_callback(progress, on_progress, "parameters") as tell:
         slopes: dict[int, Slope] = {}
         for k, result in run_tasks(executor, slope, ((plan, start) for start in starts)):
             slopes[k] = result

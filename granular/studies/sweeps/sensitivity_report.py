@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._engine.check import Array, face
-from granular._engine.reports import Report, abridged, blocks, number, with_unit
+from granular._engine.reports import Report, abridged_rows, number, split_table, with_unit
 
 MAX_COLUMNS, MAX_ROWS = 6, 60
 """Maximum numbers of outcomes and of parameters of a table."""
@@ -145,8 +145,8 @@ class Sensitivity(Report):
         derivative_rows = [[f"∂/∂ ln {p}" if at > 0.0 else f"∂/∂ {p}", f"at {at:.6g} {self._units.get(p, '')}".rstrip(),
                    *(number(self._by(p)[outcome]) for outcome in names)] for p, at in self.parameters.items()]
         rows = [["", "", *(with_unit(outcome, self._units.get(outcome.partition("[")[0], "")) for outcome in names)],
-                *table, *abridged(derivative_rows, MAX_ROWS)]
-        return "\n".join([self._headline, "", blocks(rows, "<<>", 2), *self._remarks(names)])
+                *table, *abridged_rows(derivative_rows, MAX_ROWS)]
+        return "\n".join([self._headline, "", split_table(rows, "<<>", 2), *self._remarks(names)])
 
     def _remarks(self, names: list[str]) -> Iterator[str]:
         """Yield remarks that are not in the table, for the outcomes `names`."""

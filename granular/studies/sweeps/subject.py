@@ -65,8 +65,8 @@ def axis(text: str) -> tuple[str, Values]:
         raise ValueError(f"An axis must be name=first:last:count[:log], such as {name}=0.5:1:101, got {text!r}.")
     first, last, count, *scale = values.split(":")
     a, b = (check.number(f"the {what} {name}", _value(word)) for what, word in (("first", first), ("last", last)))
-    n = check.whole(f"the count of {name}", _value(count), at_least=1, at_most=MAX_CELLS)
-    check.refuse({
+    n = check.integer(f"the count of {name}", _value(count), at_least=1, at_most=MAX_CELLS)
+    check.raise_if_true({
         f"An axis must end after first:last:count or with ':log', got {text!r}.": scale not in ([], ["log"]),
         f"A logarithmic axis must have positive ends, got {text!r}.": scale and not (a > 0.0 and b > 0.0),
     })
@@ -82,14 +82,14 @@ def checked_axes(over: Any) -> dict[str, Values]:
     axes: dict[str, Values] = {}
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):
         array = _array(name, values)
-        check.refuse({
+        check.raise_if_true({
             f"`over` must have one axis per parameter, got two of {name}.": name in axes,
             f"The values of {name} must all be different.":
                 len(np.unique(array)) < len(array),
         })
         axes[name] = array
     cells = math.prod(map(len, axes.values()))
-    check.refuse({
+    check.raise_if_true({
         "`over` must have at least one parameter with its values, got none.": not axes,
         f"`over` must have at most {MAX_CELLS:.0e} cells, got {cells:.3g}. Use fewer values.": cells > MAX_CELLS,
     })
@@ -101,7 +101,7 @@ def _array(name: str, values: Any) -> Values:
     with suppress(ValueError):  # lists of different lengths
         array = np.asarray(values)
     if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or (
-            array.dtype.kind != "b" and check.among_numbers(values)):
+            array.dtype.kind != "b" and check.contains_booleans(values)):
         raise TypeError(f"The values of {name} must be a list of numbers or words, got {values!r}.")
     return array
 
@@ -165,10 +165,11 @@ class Subject:
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
             names = [about for about in self.about if "." not in about]
-            check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
+            check.known_names([str(way[0])], names, f"parameter of {self.title}", TypeError)
         function_parameters = parameters_of(self.source) if self.source is not None else ()
         if function_parameters and not any(p.kind is p.VAR_KEYWORD for p in function_parameters):
-            check.known([str(way[0])], [p.name for p in function_parameters], f"parameter of {self.title}", TypeError)
+            known = [p.name for p in function_parameters]
+            check.known_names([str(way[0])], known, f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
         of_case = isinstance(self.root, Case) and way == RESTITUTION_PATH
         if of_function or of_case or way[0] in {*CASE_PARTS, *_numbers(self.root)}:
@@ -233,7 +234,7 @@ def with_parameter(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     A name in the path applies to every entry of a list. `name` is the part of the path that leads to `holder`.
     """
     if not way:
-        if isinstance(holder, np.ndarray) and check.is_one(value):
+        if isinstance(holder, np.ndarray) and check.is_single(value):
             raise ValueError(f"The parameter {name} has {len(holder)} entries. Name one of them, such as {name}[0].")
         return value
     step, rest = way[0], way[1:]
@@ -247,7 +248,7 @@ def with_parameter(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         return [with_parameter(entry, rest, value, name) if i == step else entry for i, entry in enumerate(holder)]
     if entries:
         return [with_parameter(entry, way, value) for entry in holder]
-    if (name, way) == ("scene", ("gap",)) and check.is_one(value):
+    if (name, way) == ("scene", ("gap",)) and check.is_single(value):
         value = _of_balls(holder, value)
     if isinstance(holder, Mapping):
         return {**holder, step: with_parameter(holder.get(step, {}), rest, value, step)}
@@ -255,7 +256,7 @@ def with_parameter(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         raise TypeError(f"{name}.{step} is not a parameter, because the case has no {name}.")
     if isinstance(holder, Case) and way == RESTITUTION_PATH:
         return _with_restitution(holder, value)
-    check.known([step], _numbers(holder), f"parameter of {type(holder).__name__}", TypeError)
+    check.known_names([step], _numbers(holder), f"parameter of {type(holder).__name__}", TypeError)
     return replace(holder, **{step: with_parameter(_entry(holder, step), rest, value, step)})
 
 

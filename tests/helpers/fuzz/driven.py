@@ -123,7 +123,7 @@ def _ended(rng: Any, one: Driven) -> Driven | None:
     if not times:  # hits of balls at a thermal wall, at once
         return None
     end = one.start + _between(rng, times, max(last - one.start, times[-1]))
-    fitted = gr.scene.places.fitted(one.scene, one.start, end)  # both read the panels of a function
+    fitted = gr.scene.places.with_fitted_walls(one.scene, one.start, end)  # both read the panels of a function
     return Driven(one.case, fitted, one.laws, one.start, end)
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._engine.flight import swung, time_to_contact
+from granular._engine.flight import swing_after, time_to_contact
 from granular._engine.kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.located.contacts import needs_series
 from granular.md.located.ledger import (
@@ -246,7 +246,7 @@ def correct_balls_and_flanks(s: Any, c: int, xi: float, eta: float) -> None:
         body, f = bodies[wrapped_number(s.pairs, c + side)], wrapped_number(s.pairs, c - 1 + 2 * side)
         share = high if side else low
         if HUNG:
-            body.v, body.fall = swung(body, run.omega, time_since(body, run.t, run.tail))
+            body.v, body.fall = swing_after(body, run.omega, time_since(body, run.t, run.tail))
             body.v += (share if side else -share) * eta
             body.fall += s.field.square * (share if side else -share) * xi
         else:

@@ -27,9 +27,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._engine.flight import hung_after, swung
+from granular._engine.flight import hung_after, swing_after
 from granular._engine.kernels import DRIVEN, HEATED, HUNG, RING, WORKED, kernel
-from granular._engine.records import leaf, replay
+from granular._engine.records import leaf, update_tournament
 from granular.md.located.contacts import NOT_ISOLATED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
 from granular.md.located.ledger import account_for_isolated_contact, store_contact_energy
@@ -227,11 +227,11 @@ def update_queue(s: Any, lower: int, c: int, upper: int) -> None:
     """Update the event queue for pair `c` and its flanks `lower` and `upper`."""
     if RING and upper - lower != 2:
         # on a ring the three pairs need not be neighbours in the queue
-        replay(s.queue, c, c)
-        replay(s.queue, upper, upper)
-        replay(s.queue, max(0, lower), max(0, lower))
+        update_tournament(s.queue, c, c)
+        update_tournament(s.queue, upper, upper)
+        update_tournament(s.queue, max(0, lower), max(0, lower))
     else:
-        replay(s.queue, max(0, c - 1), min(c + 1, pair_count(s.pairs) - 1))
+        update_tournament(s.queue, max(0, c - 1), min(c + 1, pair_count(s.pairs) - 1))
 
 
 @kernel
@@ -345,8 +345,8 @@ def write_log_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
     if HUNG:
         momentum = (flight_after_touch(s.field, pair, v, t1)[1] + v1) / inverse
         lower_time, upper_time = time_since(lower, run.t, run.tail) + t1, time_since(upper, run.t, run.tail) + t1
-        row.lower_out = swung(lower, run.omega, lower_time)[0] - lower.inverse_mass * momentum
-        row.upper_out = swung(upper, run.omega, upper_time)[0] + upper.inverse_mass * momentum
+        row.lower_out = swing_after(lower, run.omega, lower_time)[0] - lower.inverse_mass * momentum
+        row.upper_out = swing_after(upper, run.omega, upper_time)[0] + upper.inverse_mass * momentum
     if HEATED and source == THERMAL_WALL:
         row.force_max = math.nan
         if pair.wall == -1:
@@ -393,7 +393,7 @@ def velocity_without_contacts(s: Any, b: int, pair: Any, dt: float) -> float:
     if DRIVEN and body.wall > 0.0:
         return velocity_of_wall(s.field, int(body.wall) - 1, pair.t, pair.tail + dt)[0]
     if HUNG:
-        return swung(body, s.run[0].omega, time_since(body, pair.t, pair.tail) + dt)[0]
+        return swing_after(body, s.run[0].omega, time_since(body, pair.t, pair.tail) + dt)[0]
     v: float = body.v - body.fall * (time_since(body, pair.t, pair.tail) + dt)
     return v
 

@@ -21,7 +21,7 @@ import math
 from typing import Any
 
 from granular._engine.kernels import kernel
-from granular._engine.records import play
+from granular._engine.records import set_event_time
 from granular.md.located.pieces import locate_event, piece_time, power, write_flight
 from granular.md.located.records import (
     ACTIVE,
@@ -310,7 +310,7 @@ def examine_island(s: Any, limit: float) -> int:
     pairs[lo].due = DUE_TO_PLAN
     if block.manner != CREEP_TESTED:
         write_piece(s, lo)
-    play(s.queue, lo, pairs[lo].due)
+    set_event_time(s.queue, lo, pairs[lo].due)
     return NOT_YET
 
 
