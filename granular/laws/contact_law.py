@@ -273,7 +273,7 @@ def instance(name: str, law: Any, fix: str = "For hard spheres use granular.edmd
 class ForceLaw(Protocol):
     """Protocol of a user-defined force law, for editors and mypy.
 
-    See `docs/your-own-law.md`.
+    See `docs/guide/your-own-law.md`.
     """
 
     def force(self, xi: float, xi_dot: float, pair: Any, /) -> float:
