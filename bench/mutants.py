@@ -60,8 +60,8 @@ MUTANTS = [
     ("edmd", "return count + 3", "return count", COLLAPSE_TESTS),
     (
         "edmd",
-        "back = [e * p for e, p in zip(eps, compression, strict=True)]",
-        "back = [p for e, p in zip(eps, compression, strict=True)]",
+        "expansion = [e * p for e, p in zip(eps, compression, strict=True)]",
+        "expansion = [p for e, p in zip(eps, compression, strict=True)]",
         TIE_TESTS,
     ),
     ("edmd", "return c - run.pairs if RING and c >= run.pairs else c", "return c", "edmd/test_rings"),
@@ -76,15 +76,15 @@ MUTANTS = [
     ),
     (
         "md/located",
-        "return shifted(pair.f, pair.k * asleep, span, scratch, -1.0), END",
-        "return shifted(pair.x, pair.k * asleep, span, scratch, -1.0), END",
+        "return shifted_crossing(pair.f, pair.k * wake_gap, span, scratch, -1.0), END",
+        "return shifted_crossing(pair.x, pair.k * wake_gap, span, scratch, -1.0), END",
         SOFT_TESTS,
     ),
     ("md/located", "if tau <= block.tau:", "if tau < block.tau and c == lo:", SOFT_TESTS),
     (
         "md/located",
-        "scratch, 1.0)\n    return (again, BEGIN) if again < math.inf else (parts, PART)",
-        "scratch, 1.0)\n    return parts, PART",
+        "scratch, 1.0)\n    return (begins_at, BEGIN) if begins_at < math.inf else (separates_at, PART)",
+        "scratch, 1.0)\n    return separates_at, PART",
         SOFT_TESTS + " located/test_corners",
     ),
     (
@@ -94,14 +94,14 @@ MUTANTS = [
         "laws/test_laws md/test_binary",
     ),
     ("md/located", "return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2", "return t2 * v, v", ISOLATED_TESTS),
-    ("md/located", "count(run, pair, isolated,", "count(run, pair, True,", ISOLATED_TESTS + " located/test_disturbed"),
+    ("md/located", "count_contact(run, pair, isolated,", "count_contact(run, pair, True,", ISOLATED_TESTS + " located/test_disturbed"),
     (
         "md/located",
-        "if found == NOT_YET or closes(run, pairs, pool, bodies, c):",
-        "if found == NOT_YET:",
+        "if island_proof == NOT_YET or can_close(run, pairs, pool, bodies, c):",
+        "if island_proof == NOT_YET:",
         REST_TESTS + " located/test_pressed",
     ),
-    ("md/located", "if below >= 0 and (pushes", "if below > 0 and (pushes", SOFT_TESTS + " located/test_ring"),
+    ("md/located", "if below >= 0 and (needs_series", "if below > 0 and (needs_series", SOFT_TESTS + " located/test_ring"),
     # walls
     (
         "scene/walls",
@@ -138,8 +138,8 @@ MUTANTS = [
     ("edmd", "return min(w, 0.0)", "return w", DRIVEN_TESTS),
     (
         "edmd",
-        "0.5 * (s + w) * given",
-        "0.5 * (s - w) * given",
+        "0.5 * (s + w) * transferred",
+        "0.5 * (s - w) * transferred",
         "edmd/test_driven edmd/test_ride edmd/test_thermal both_engines/test_heat_flow",
     ),
     (

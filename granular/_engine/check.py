@@ -273,7 +273,9 @@ def check_argument_types(module: dict[str, Any], *kinds: type) -> None:
 
 
 def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Function:
-    """Return a function that checks the types of annotated arguments, see `check_argument_types`.
+    """Return a function that checks the types of annotated arguments.
+
+    See `check_argument_types`.
 
     `needed` maps names of annotations to classes and to their description in messages. Without arguments to check, the
     function is only decorated by `face`.
@@ -297,7 +299,10 @@ def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Functi
 
 
 def callback(name: str, value: Any, *given: str) -> Any:
-    """Return `value` if it is None, or a function with these arguments (see `function_of`)."""
+    """Return `value` if it is None or a function with these arguments.
+
+    See `function_of`.
+    """
     if value is not None and not callable(value):
         raise TypeError(misuse(name, value, "a function or None"))
     return value if value is None else function_of(name, value, *given)

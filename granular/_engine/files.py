@@ -233,7 +233,9 @@ def check_suffix(path: str | os.PathLike[str], needed: str) -> None:
 
 
 def check_format(path: str | os.PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
-    """Raise `LaterVersionError` for a file of a later format, or with unknown contents.
+    """Raise an exception for a file of a later format, or with unknown contents.
+
+    The exception is a `LaterVersionError`.
 
     `number` is the format of the file, `unknown` the names of contents that this version cannot read.
     """
@@ -308,7 +310,10 @@ def read_arrays(file: IO[bytes]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(file: IO[bytes]) -> Iterator[Any]:
-    """Yield an open archive, and raise errors of zipfile and numpy as `InvalidArchiveError`."""
+    """Yield an open archive.
+
+    Errors of zipfile and numpy are raised as `InvalidArchiveError`.
+    """
     from zipfile import ZipFile
 
     try:

@@ -50,7 +50,10 @@ def progress_callback(
 
 @contextmanager
 def _reported(callback: ProgressCallback | None, things: str, end: float, start: float) -> Iterator[ProgressCallback]:
-    """Yield a function that shows the progress and calls `callback`; see `progress_callback`."""
+    """Yield a function that shows the progress and calls `callback`.
+
+    See `progress_callback`.
+    """
     is_interactive = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
     tqdm = import_module("tqdm.auto").tqdm if is_interactive and find_spec("tqdm") else None
     bar = tqdm and tqdm(total=1.0, bar_format=BAR_FORMAT, leave=False, delay=BAR_DELAY)

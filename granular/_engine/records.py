@@ -135,7 +135,10 @@ def tournament(n: int) -> np.ndarray[Any, Any]:
 
 @kernel
 def leaf(tree: Records, owner: int) -> Record:
-    """Return the leaf of an owner. A change must be followed by a call of `update_tournament`."""
+    """Return the leaf of an owner.
+
+    A change must be followed by a call of `update_tournament`.
+    """
     return tree[len(tree) // 2 + owner]
 
 

@@ -291,7 +291,9 @@ def case_without_contacts(name: str, of_scene: Mapping[str, Any], t_end: float |
 
 
 def with_contacts(name: str, case: Case, **of_contact: Any) -> Case:
-    """Return `case`, made by `case_without_contacts`, with its force laws and collision rule.
+    """Return `case` with its force laws and its collision rule.
+
+    `case` is a result of `case_without_contacts`.
 
     `of_contact` has options of the contacts, such as `restitution`.
     """

@@ -12,6 +12,19 @@ of u. A collision propagates the noise like the velocities, and adds the noise o
 speed of two balls is below their noise, the sign of their relative velocity is uncertain, and they do not collide.
 Initial velocities are exact.
 
+The docstrings of this package use these terms:
+
+* *rate*: the rate of change of the gap of a pair in m/s. It is negative while the two bodies approach.
+* *closing acceleration*: minus the second time derivative of a gap in m/s². It is positive if it closes the gap.
+* *epoch*, *tau*: the records of a run store times in s since the epoch. Such a time is called tau. The epoch is moved
+  forward from window to window, so late times keep their digits.
+* *window*: the length of time in s after which the epoch is moved. It is a power of two.
+* *fall velocity*: the velocity in m/s that a body in free flight has at the epoch.
+* *noise*: an upper bound of the squared rounding error of a fall velocity, in m²/s².
+* *stuck*: the bodies of a stuck pair touch and move with the same velocity.
+* *relative coordinates*: the gaps and rates of neighbouring pairs (the *slice*) replace the velocities of their bodies
+  while `zoom` examines a possible inelastic collapse.
+
 The branches `if FORCED`, `if HUNG` and `if RING` are for driven walls and forces (`driven`), pendula (`hanging`) and
 rings, see `granular._engine.kernels`. They can be skipped on a first reading. A ring of n balls is stored as a line of
 n pairs and n + 1 bodies, where the last body is a copy of the first. After every change of the first or the last body

@@ -165,7 +165,9 @@ def checked(scene: Any) -> Scene:
 
 
 MAX_LENGTH_ERROR = 2.0**-26
-"""Maximum accepted error of the sum of gaps, relative to its terms; see `invalid_reason`.
+"""Maximum accepted error of the sum of gaps, relative to its terms.
+
+See `invalid_reason`.
 
 It corresponds to half of the digits of a float. Rounding errors are much smaller, errors of invalid states much larger.
 """

@@ -71,7 +71,7 @@ def test_the_look_is_certified(seed):
 
     look = WallMeeting(with_fitted_walls(scene, start, 8.0), start, flattened=True)
     for until in np.linspace(start, 8.0, 5):  # as far as it is asked for
-        look.look(until)
+        look.search_until(until)
     met = look.start + look.after
     assert all(apart(t) >= 0.0 for t in np.linspace(start, 8.0, 2001) if t < met)
     if met < math.inf:

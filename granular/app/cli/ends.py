@@ -26,7 +26,9 @@ class EndSignal(KeyboardInterrupt):
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Raise `EndSignal`, a `KeyboardInterrupt`, when the process receives an end signal.
+    """Raise `EndSignal` when the process receives an end signal.
+
+    `EndSignal` is a `KeyboardInterrupt`.
 
     A second signal does not interrupt the handling of the first one. Signals that are already handled or ignored, for
     example under `nohup`, are left alone. The context restores all handlers when it ends.

@@ -73,7 +73,10 @@ def object_force(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any
 
 @kernel
 def compiled_force(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
-    """Return the force in N from the compiled function of all laws, see `CompiledForce`."""
+    """Return the force in N from the compiled function of all laws.
+
+    See `CompiledForce`.
+    """
     if not xi > 0.0 or (HEATED and a.k[j + 1] == 0.0):
         return 0.0
     laws, c = physics.laws, (lo + j) % physics.ring if RING else lo + j

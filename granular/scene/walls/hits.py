@@ -41,7 +41,9 @@ MAX_PERIODS = 2.0**50
 If the search reaches this time without a hit, this time is returned as the hit.
 """
 SHORT_STEP_SHARE = 2.0**-6
-"""Fraction of the rest of a panel; after a shorter step, `opening_time` is tried as well."""
+"""Fraction of the rest of a panel.
+
+After a shorter step, `opening_time` is tried as well."""
 
 
 @rare
