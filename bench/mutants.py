@@ -94,14 +94,24 @@ MUTANTS = [
         "laws/test_laws md/test_binary",
     ),
     ("md/located", "return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2", "return t2 * v, v", ISOLATED_TESTS),
-    ("md/located", "count_contact(run, pair, isolated,", "count_contact(run, pair, True,", ISOLATED_TESTS + " located/test_disturbed"),
+    (
+        "md/located",
+        "count_contact(run, pair, isolated,",
+        "count_contact(run, pair, True,",
+        ISOLATED_TESTS + " located/test_disturbed",
+    ),
     (
         "md/located",
         "if island_proof == NOT_YET or can_close(run, pairs, pool, bodies, c):",
         "if island_proof == NOT_YET:",
         REST_TESTS + " located/test_pressed",
     ),
-    ("md/located", "if below >= 0 and (needs_series", "if below > 0 and (needs_series", SOFT_TESTS + " located/test_ring"),
+    (
+        "md/located",
+        "if below >= 0 and (needs_series",
+        "if below > 0 and (needs_series",
+        SOFT_TESTS + " located/test_ring",
+    ),
     # walls
     (
         "scene/walls",

@@ -42,7 +42,8 @@ SECTIONS = (
     ("Soft spheres: the first event of a pair, and its mode afterwards", "granular.md.located.pieces", ("next_event",),
      "The modes of a contact and their order are shown in [Life of a contact](contact-life.md)."),
     ("", "granular.md.located.modes", ("change_mode",), ""),
-    ("Soft spheres in fixed steps: one Verlet step", "granular.md.fixed.integrators", ("verlet", "move_pair", "finish_verlet_step"),
+    ("Soft spheres in fixed steps: one Verlet step", "granular.md.fixed.integrators",
+     ("verlet", "move_pair", "finish_verlet_step"),
      "The alternative to located events. A window of the chain is stored in arrays with one value per pair or body."),
 )
 """Heading, module, functions and introduction of each section."""
