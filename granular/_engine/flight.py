@@ -1,7 +1,7 @@
 """Free flight of one gap without contact: time to contact, gap and rate.
 
-The acceleration of the gap is -a, where a (m/s²) is the closing acceleration `Scene.pull`: g above a floor, 0 between
-two balls, -g below a ceiling. Between two pendula it is Ω² (d - gap), where d is the gap at rest. The functions
+The acceleration of the gap is -a, where a (m/s²) is `Scene.closing_acceleration`: g above a floor, 0 between two
+balls, -g below a ceiling. Between two pendula it is Ω² (d - gap), where d is the gap at rest. The functions
 for pendula have names with hung. `rate` is the rate of change of the gap in m/s, negative while it closes. All formulas
 avoid the cancellation of digits.
 """

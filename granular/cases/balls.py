@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 from granular._engine import check
-from granular.laws.dashpot import damping_ratio, duration as scaled_duration
+from granular.laws.dashpot import damping_ratio, reduced_duration
 
 __all__ = ["BALLS", "PRESETS", "RULES", "Ball", "Contact", "contact", "named"]
 __dir__ = __all__.copy
@@ -60,7 +60,7 @@ class Ball:
     @property
     def stiffness(self) -> float:
         """Stiffness k = m (2f(ζ)/t_c)² in N/m of a dashpot with this duration t_c and ε."""
-        frequency = scaled_duration(damping_ratio(self.restitution)) / self.duration
+        frequency = reduced_duration(damping_ratio(self.restitution)) / self.duration
         return self.mass * frequency * frequency
 
 

@@ -95,11 +95,11 @@ class Checked(ComparedRuns):
             "shared_impulse": measures.shared_impulse(self.soft),
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
-            "distance": math.nan if self._early else self._distance(differences(*self.levelled)),
+            "distance": math.nan if self._early else self._distance(differences(*self.continued)),
             "predictability": math.nan if self._twin.status in EARLY_STATUSES else self._distance(
                 differences(*self._shifted)),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
-            "isolated_share": isolation.isolated_share(self.levelled[1]),
+            "isolated_share": isolation.isolated_share(self.continued[1]),
             "lag": self._lag,
         }
 
@@ -199,7 +199,7 @@ class Checked(ComparedRuns):
 
     def _tie_error(self, tied_run: Trajectory) -> _check.Array:
         """Error of the hard run against a run under another tie rule, (count,)."""
-        hard, weight = self._shifted[1], self.components.weight(self.levelled[1])
+        hard, weight = self._shifted[1], self.components.weight(self.continued[1])
         stuck_difference = outcome.stuck_differences(tied_run, hard, weight)
         return self.components.largest(stuck_difference, differences(tied_run, hard)) / self.units
 
@@ -345,9 +345,9 @@ def _sinking(report: Checked, pairs: tuple[int, ...]) -> tuple[Answer, str] | No
     It is "yes" if they overlap by less and the hard spheres of the component rest on each other from the start.
     Otherwise None is returned.
     """
-    lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.levelled[1]
+    lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.continued[1]
     log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
-    if not len(log) or not (report.scene.pull.any() or report.scene.driven):
+    if not len(log) or not (report.scene.closing_acceleration.any() or report.scene.driven):
         return None
     settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]
     depth = np.where(settled, log["xi_max"], -report.soft.gap[-1][log["pair"]])
@@ -372,7 +372,7 @@ def _endless_collisions_text(report: Checked, pairs: Sequence[int]) -> str:
         return ""
     first, last = hard.stats["pairs"]
     group = [c for c in pairs if (first <= c <= last if first <= last else c >= first or c <= last)]
-    soft = report.levelled[1]
+    soft = report.continued[1]
     if not any(soft.count(c) and not math.isnan(float(soft.of(c)["t_end"][-1])) for c in group):
         return ""
     n = sum(map(report.soft.count, group))

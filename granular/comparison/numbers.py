@@ -67,7 +67,7 @@ class ComparedRuns:
         return counted(outcome.combine_simultaneous(self.settled), self.soft)
 
     @cached_property
-    def levelled(self) -> tuple[Trajectory, Trajectory]:
+    def continued(self) -> tuple[Trajectory, Trajectory]:
         """Both runs, continued to equal contact counts of each pair if possible.
 
         Every contact is followed to its end. See `granular.comparison.align.equalize_counts`.
@@ -76,18 +76,18 @@ class ComparedRuns:
 
     @property
     def followed(self) -> Trajectory:
-        """The soft run of `levelled`."""
-        return self.levelled[1]
+        """The soft run of `continued`."""
+        return self.continued[1]
 
     @cached_property
     def pairs(self) -> tuple[PairOutcome, ...]:
         """Numbers of contacts and separation speeds of each pair."""
-        return outcome.pair_outcomes(*self.levelled, self.counted[1])
+        return outcome.pair_outcomes(*self.continued, self.counted[1])
 
     @cached_property
     def components(self) -> Components:
         """Components: groups of balls that touch each other in either run."""
-        return components(*self.levelled)
+        return components(*self.continued)
 
     @cached_property
     def units(self) -> check.Array:
@@ -95,7 +95,7 @@ class ComparedRuns:
 
         See `granular.comparison.outcome.units`.
         """
-        return units(*self.levelled, self.components)
+        return units(*self.continued, self.components)
 
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
@@ -256,7 +256,7 @@ class ComparedRuns:
 
         The second array has the errors in the unit U, (count,). The third array has the numbers of the departures.
         """
-        departures = Departures(*self.levelled, self.components.weight(self.levelled[1]),
+        departures = Departures(*self.continued, self.components.weight(self.continued[1]),
                            lambda pair, speed: align.allowed_delay(*self.counted)(pair, speed))
         part, largest = self.components.of_ball[departures.ball], np.zeros(self.components.count + 1)
         index = np.zeros(self.components.count + 1, np.int64)
@@ -271,7 +271,7 @@ class ComparedRuns:
 
         The array has shape (count + 1,). The last entry is False. It is used for balls that belong to no component.
         """
-        hard, is_lying = self.levelled[0], np.append(np.ones(self.components.count, np.bool_), False)
+        hard, is_lying = self.continued[0], np.append(np.ones(self.components.count, np.bool_), False)
         is_lying[self.components.of_pair[(outcome.counts(hard) > 0) | (hard.gap[-1] != 0.0)]] = False
         return is_lying
 
@@ -281,7 +281,7 @@ class ComparedRuns:
 
         See `granular.comparison.episodes.rest_differences`.
         """
-        hard, soft = self.levelled
+        hard, soft = self.continued
         any_rest = np.any(is_at_rest(hard, soft))
         return dict(rest_differences(hard, soft, self.components.weight(soft))) if any_rest else {}
 
@@ -291,14 +291,14 @@ class ComparedRuns:
 
         False for pairs in `resting`.
         """
-        differ = np.not_equal(*map(outcome.counts, self.levelled))
+        differ = np.not_equal(*map(outcome.counts, self.continued))
         differ[list(self.resting)] = False
         return differ
 
     @cached_property
     def unknown(self) -> Any:
         """Whether each pair's last soft contact could not be followed to its end, (n-1,)."""
-        return align.has_unfollowed_contact(self.levelled[1])
+        return align.has_unfollowed_contact(self.continued[1])
 
     @property
     def _early(self) -> bool:

@@ -271,7 +271,7 @@ class Components:
         0 if all balls fall together. v_g is at most the speed gained in the whole run. The largest value in a
         component is returned for all of its pairs. It is 0 for pairs that never touch.
         """
-        closing = np.append(self.largest(np.abs(soft.scene.pull)), 0.0)[self.of_pair]
+        closing = np.append(self.largest(np.abs(soft.scene.closing_acceleration)), 0.0)[self.of_pair]
         limit = closing * float(soft.time[-1] - soft.time[0])
         return np.asarray(np.append(self.largest(np.fmin(_sagging(soft, closing), limit)), 0.0)[self.of_pair])
 

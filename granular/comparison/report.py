@@ -339,7 +339,7 @@ def _pair_lines(report: ComparisonWithAnswer, limit: int, speeds: bool = False) 
 
 def _neighbour_mark(report: ComparisonWithAnswer, p: PairOutcome) -> str:
     """Text if a neighbouring soft contact lasts when the pair's last one ends."""
-    soft, (below, above) = report.levelled[1], report.scene.neighbours
+    soft, (below, above) = report.continued[1], report.scene.neighbours
     for c in {*below[above == p.pair].tolist(), *above[below == p.pair].tolist()}:
         log = soft.of(c)
         if ((log["t_begin"] < p.soft_t_f) & ~(log["t_end"] <= p.soft_t_f)).any():

@@ -47,7 +47,7 @@ class Comparison(ComparisonWithAnswer, Report):
     twin : Trajectory
         Second event-driven run, from gaps shifted by a relative 1e-12. It shows whether the scene can be predicted.
         It is computed when first used, and stops at ten times the number of collisions.
-    levelled : (2,) tuple of Trajectory
+    continued : (2,) tuple of Trajectory
         Both runs, continued until every pair has the same number of contacts if possible, and every contact has
         ended. Contacts at rounding level are left out.
     deciding : Departure or None

@@ -61,7 +61,7 @@ def window(report: ComparisonWithAnswer) -> View:
     otherwise fill less than a third of the interval.
     """
     start = float(report.soft.time[0])
-    runs = report.levelled
+    runs = report.continued
     if not any(len(run.contacts) for run in report.counted):
         return View(start, max(float(report.soft.time[-1]), start + 1.0), 0.0, report)
     impulse_part = np.concatenate(

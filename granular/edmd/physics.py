@@ -155,7 +155,7 @@ def check_scene(scene: Scene) -> None:
             scene.ring and not scene.gap.any(),
         f"`scene` must have at most {MASK + 1} bodies, got {scene.n}.": scene.n_pairs > MASK,
     })
-    for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True) if scene.heated else ():
+    for heat, ball in zip(scene.thermal_walls, (1, scene.n - 2), strict=True) if scene.heated else ():
         if heat is not None and not MIN_SPEED <= math.sqrt(heat.temperature / scene.mass[ball]) <= MAX_NUMBER:
             raise ValueError(
                 f"The thermal speed √(T/m) must be in [{MIN_SPEED:g}, {MAX_NUMBER:g}] m/s, got temperature "
@@ -232,7 +232,7 @@ def scales(scene: Scene) -> tuple[float, float, float, float]:
     fall = math.sqrt(2.0 * strength * length)
     if scene.driven:
         fall = max(fall, *map(max_wall_speed, scene.motions))
-    for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
+    for heat, mass in zip(scene.thermal_walls, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
     return max(speed, fall), fall, length, strength
 

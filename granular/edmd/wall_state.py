@@ -44,7 +44,7 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
     for body, record, _ in driven:
         for name in record.dtype.names or ():
             sides[name][0 if body == 0 else 1] = record[name][0]
-    for side, heat in zip(sides, scene.heat, strict=True):
+    for side, heat in zip(sides, scene.thermal_walls, strict=True):
         if heat is not None:
             side["temperature"], side["seed"] = heat.temperature, heat.seed
     sides["begin"] = t_start

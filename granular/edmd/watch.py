@@ -69,7 +69,8 @@ class Watch:
         self.name = scene.pairs.name
         self.last: Records = np.zeros(scene.n_pairs, LAST_CONTACT_FIELDS)
         self.last["began"] = -math.inf
-        self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
+        ends = zip((0, scene.n_pairs - 1), scene.thermal_walls, strict=True)
+        self.instants = [c for c, wall in ends if wall is not None]
         self.epoch, self.seen, self.disturbed, self.first = (0.0, 0.0), 0, 0, (math.nan, -1)
         if saved is not None and "watch_began" in saved:
             for name in LAST_CONTACT_FIELDS.names or ():

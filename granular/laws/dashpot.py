@@ -120,7 +120,7 @@ def restitution_pulling(zeta: float) -> float:
 
 
 @check.face
-def duration(zeta: float) -> float:
+def reduced_duration(zeta: float) -> float:
     """Return the dimensionless contact duration ω₀ t_c of the clipped dashpot.
 
     It is 2 f(ζ), where f is defined in the module docstring. `zeta` is the damping ratio ζ ≥ 0.

@@ -393,7 +393,7 @@ def _linear_contact(k: float, gamma: float, pair: Pair, v: float) -> Collision:
     the force is largest at the onset, otherwise at ωt = 3α - π with α = acos ζ and ω = ω₀ √(1 - ζ²).
     """
     omega, zeta = math.sqrt(k / pair.m_eff), 0.5 * gamma / math.sqrt(k * pair.m_eff)
-    eps, t_c = dashpot.restitution(zeta), dashpot.duration(zeta)
+    eps, t_c = dashpot.restitution(zeta), dashpot.reduced_duration(zeta)
     peak = 2.0 * zeta if zeta >= 0.5 else math.exp(
         -zeta * (3.0 * math.acos(zeta) - math.pi) / math.sqrt((1.0 - zeta) * (1.0 + zeta)))
     deepest = v / omega * math.exp(-0.5 * zeta * t_c)

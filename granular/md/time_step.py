@@ -42,7 +42,7 @@ def highest_rate_bound(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any 
         λ, or 0 if no overlap is positive.
     """
     overlap = np.array(overlap, np.float64)
-    for c, wall in zip((0, -1), scene.heat, strict=True):
+    for c, wall in zip((0, -1), scene.thermal_walls, strict=True):
         overlap[c] *= wall is None  # a thermal wall has no force
     slope = _slopes(laws, overlap)
     inverse_mass, (below, above) = scene.inverse_mass, scene.neighbours

@@ -113,7 +113,7 @@ def check_exclusive(scene: Any, walls: Any) -> None:
         check.misuse("pendulum", scene.pendulum, "a frequency whose square is finite"):
             has_pendula and not np.isfinite(scene.pendulum * scene.pendulum),
     })
-    for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
+    for c, heat in zip((0, scene.n_pairs - 1), scene.thermal_walls, strict=True):
         if heat is not None and scene.gap[c] < 0.0:
             raise ValueError(f"`gap[{c}]` must be at least 0 at a thermal wall, got {float(scene.gap[c])!r}. A thermal "
                              "wall acts at the onset of contact, so balls cannot overlap it.")

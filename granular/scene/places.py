@@ -117,12 +117,15 @@ def speed_scale(scene: Scene) -> float:
     v = scene.velocity if isinstance(scene, Scene) else checked(scene).velocity
     # overlaps add no height of fall
     reach = float(scene.gap.clip(min=0.0).sum())
-    fall = scene.gravity if scene.external_force is None else max(scene.gravity, float(np.abs(scene.pull).max()))
+    fall = scene.gravity
+    if scene.external_force is not None:
+        fall = max(fall, float(np.abs(scene.closing_acceleration).max()))
     speed = float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach)
     if scene.pendulum > 0.0:
         speed += scene.pendulum * float(np.ptp(scene.displacement))
     if scene.heated:
-        speed += sum(heat.fastest(m) for heat, m in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if heat)
+        ends = zip(scene.thermal_walls, scene.mass[[1, -2]].tolist(), strict=True)
+        speed += sum(wall.fastest(mass) for wall, mass in ends if wall)
     return speed + sum(map(max_wall_speed, scene.motions)) if scene.driven else speed
 
 
@@ -222,7 +225,7 @@ def endless_reason(scene: Scene) -> str:
     returns to the wall after every contact. Between two walls of the same velocity and without forces, the kinetic
     energy relative to the walls is conserved. The reason is a phrase such as "of elastic balls between walls".
     """
-    walls, pull, rate = scene.is_wall[[0, -1]], scene.pull, scene.across(scene.velocity)
+    walls, pull, rate = scene.is_wall[[0, -1]], scene.closing_acceleration, scene.across(scene.velocity)
     has_two_walls = bool(walls.all())
     if has_two_walls and scene.velocity[0] > scene.velocity[-1]:
         return ""  # walls that meet end the run
@@ -244,7 +247,7 @@ def with_fitted_walls(scene: Scene, t_start: float, t_end: float) -> Scene:
     if not scene.driven:
         return scene
     motions = [fitted_motion(motion, t_start, t_end) for motion in scene.motions]
-    floor, ceiling = (heat if path is None else path for path, heat in zip(motions, scene.heat, strict=True))
+    floor, ceiling = (heat if path is None else path for path, heat in zip(motions, scene.thermal_walls, strict=True))
     return scene.replace(floor=floor, ceiling=ceiling)
 
 

@@ -212,7 +212,7 @@ class Scene(ByNumbers):
         return self._ends(thermal=False)
 
     @property
-    def heat(self) -> tuple[Any, Any]:
+    def thermal_walls(self) -> tuple[Any, Any]:
         """`Thermal` objects of floor and ceiling.
 
         An entry is None if that body is not a thermal wall.
@@ -232,7 +232,7 @@ class Scene(ByNumbers):
     @cached_property
     def heated(self) -> bool:
         """Whether a wall is thermal."""
-        return self.heat != (None, None)
+        return self.thermal_walls != (None, None)
 
     @cached_property
     def _flags(self) -> dict[str, bool]:
@@ -292,7 +292,7 @@ class Scene(ByNumbers):
         return np.asarray(lift[differs][np.cumsum(differs) - 1])
 
     @property
-    def pull(self) -> Array:
+    def closing_acceleration(self) -> Array:
         """Closing acceleration of each gap in free flight in m/s², shape of the gaps.
 
         A positive value closes the gap. It is g at a floor, -g at a ceiling and 0 between two balls, where uniform

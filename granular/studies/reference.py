@@ -164,7 +164,7 @@ class Newton:
         self.own: list[float] = [w[lower] + w[upper] for lower, upper in map(scene.bodies, range(self.pairs))]
         self.shared: list[tuple[int, int, float]] = [
             (below, above, w[scene.bodies(below)[1]]) for below, above in np.transpose(scene.neighbours).tolist()]
-        self.fall: list[float] = scene.pull.tolist()
+        self.fall: list[float] = scene.closing_acceleration.tolist()
         self.square = scene.pendulum * scene.pendulum
         self.rest: list[float] = [0.0] * self.pairs if scene.rest_gap is None else scene.rest_gap.tolist()
         self.deepest = np.maximum(-scene.gap, 0.0).tolist()

@@ -184,5 +184,5 @@ class Heat:
 
 def heats(scene: Scene) -> dict[int, Heat]:
     """Return the thermal walls of a scene, by the number of their pair."""
-    ends = zip((0, 1), (0, scene.n_pairs - 1), scene.heat, strict=True)
+    ends = zip((0, 1), (0, scene.n_pairs - 1), scene.thermal_walls, strict=True)
     return {pair: Heat(scene, side, how) for side, pair, how in ends if how is not None}

@@ -67,7 +67,7 @@ def dropped(lower, upper, rule="lens", gap=0.0):
 def heights(lower, upper, rule="lens", gap=0.0):
     """Heights of the upper ball in drop heights, hard and soft, of balls dropped from 1 m."""
     report = dropped(lower, upper, rule, gap)
-    speeds = [outcome.leaving_velocities(run)[2] for run in (report.hard, report.levelled[1])]
+    speeds = [outcome.leaving_velocities(run)[2] for run in (report.hard, report.continued[1])]
     return [v * v / (2.0 * report.scene.gravity) for v in speeds]
 
 

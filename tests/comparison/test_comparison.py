@@ -124,7 +124,7 @@ def test_pairs_that_are_shown_in_details_differ_most(seed):
     for group in (other, set(range(12)) - other):
         far = {p.pair: abs(p.soft_v_rel - p.hard_v_rel) for p in report.pairs if p.pair in group}
         assert all(far[c] >= far[d] for c in group & shown for d in group - shown if far[d] == far[d])
-    soft = report.levelled[1]
+    soft = report.continued[1]
     for p in (report.pairs[c] for c in shown):
         (line,) = (line for line in text.splitlines() if line.startswith(f"v_rel′ pair {p.pair}–{p.pair + 1},"))
         beside = [row for c in (p.pair - 1, p.pair + 1) for row in soft.of(c)]

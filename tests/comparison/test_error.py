@@ -175,7 +175,7 @@ def test_contact_still_running_is_followed_to_its_end_for_the_balls_too():
     cut = gr.compare(scene, law, t_end=0.1 + 1e-3)
     assert cut.pairs[0].ongoing
     assert cut.error == pytest.approx(whole.error, abs=1e-12)
-    assert outcome.leaving_velocities(cut.levelled[1]) == pytest.approx(whole.soft.velocity[-1], abs=1e-13)
+    assert outcome.leaving_velocities(cut.continued[1]) == pytest.approx(whole.soft.velocity[-1], abs=1e-13)
     assert cut.pairs[0].soft_t_f == pytest.approx(whole.pairs[0].soft_t_f, rel=1e-12)
 
 

@@ -30,7 +30,7 @@ def decided(report, mirror=False):
         m = report.scene.n - 1
         return [*row[:m][::-1], *row[m:]] if mirror else row
 
-    hard, soft = report.levelled
+    hard, soft = report.continued
     rests = np.zeros(report.scene.n_pairs, np.bool_)
     rests[list(report.resting)] = True
     numbers = [np.where(rests, -1, counts(run)) for run in (hard, soft)]

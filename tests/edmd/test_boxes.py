@@ -137,7 +137,7 @@ def momentum_is_handed_on(scene, result):
         assert abs(change) < 1e-12 * size
         return
     for c, wall in ((0, 0), (last, 1)):
-        if result.rule[c] == gr.ConstantRestitution(1.0) and scene.heat[wall] is None:
+        if result.rule[c] == gr.ConstantRestitution(1.0) and scene.thermal_walls[wall] is None:
             rows = result.of(c)
             before, after = (rows[name][:, 1 - wall] - scene.velocity[-wall] for name in ("v_in", "v_out"))
             assert np.abs(before + after).max(initial=0.0) < 1e-12 * (size / scene.mass[~scene.is_wall].sum())
@@ -351,7 +351,7 @@ def test_balls_fall_under_forces_as_their_weights_as_under_gravity(seed):
     columns = (10.0 ** rng.uniform(-3, 3, n), rng.uniform(0, 0.1, n), rng.uniform(0, 1e-3, n - 1), rng.normal(size=n))
     g = float(rng.uniform(0.1, 20.0))
     forced, heavy = gr.Scene(*columns, external_force=-g * columns[0]), gr.Scene(*columns, gravity=g)
-    assert not forced.pull.any()
+    assert not forced.closing_acceleration.any()
     for run in (lambda scene: gr.edmd.simulate(scene, gr.ConstantRestitution(0.3), collapse="merge", merge_below=0.05),
                 lambda scene: gr.md.simulate(scene, gr.LinearDashpot(1e4, 1.0), t_end=0.5)):
         one, other = map(run, (forced, heavy))

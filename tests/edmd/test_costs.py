@@ -65,7 +65,7 @@ def test_a_run_of_two_collisions_calls_little_of_this_package(engine, most) -> N
 def test_what_a_scene_has_not_is_not_asked_for(monkeypatch) -> None:
     """No walls that move, no pendula; kernels are fitted once for all runs of a kind; few rows are made for few."""
     found, rows, made = calls("sorted"), SortedQueue.rows, []
-    idle = (kernels.fitted, kernels.missing_compiler_reason, gr.Scene.heat.fget, hanging.swing_off,
+    idle = (kernels.fitted, kernels.missing_compiler_reason, gr.Scene.thermal_walls.fget, hanging.swing_off,
             wall_state.energy_account, wall_state.walls)
     assert {place(function.__code__) for function in idle}.isdisjoint(found)
     monkeypatch.setattr(SortedQueue, "rows", lambda self, n: made.append(rows(self, n)) or made[-1])

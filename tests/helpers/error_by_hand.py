@@ -60,11 +60,11 @@ class ByHand:
 
     def __init__(self, report):
         self.report, self.scene = report, report.scene
-        self.hard, self.soft = map(contacts_of, report.levelled)
+        self.hard, self.soft = map(contacts_of, report.continued)
         self.counted = tuple(map(contacts_of, report.counted))
-        stats = report.levelled[0].stats
+        stats = report.continued[0].stats
         self.below = stats.get("merge_below", 0.0 if stats.get("merged") or stats.get("settled") else -1.0)
-        self.weight = report.components.weight(report.levelled[1]).tolist()
+        self.weight = report.components.weight(report.continued[1]).tolist()
         self.rests = {c: rest for c in range(self.scene.n_pairs) if (rest := self.rest(c)) is not None}
         self.settling = {(r.pair, r.number) for r in [*self.hard, *self.soft] if self.settles(r)}
         self.entries = list(self.departures())
@@ -90,7 +90,7 @@ class ByHand:
         k = len(mine) - 1
         left = abs(parting(other[-1])) if other else 0.0
         left = 0.0 if math.isnan(left) else left
-        both = left <= self.below if other else self.report.levelled[0].gap[-1][pair] == 0.0
+        both = left <= self.below if other else self.report.continued[0].gap[-1][pair] == 0.0
         sizes = {i: max(abs(parting(r)), closing(r)) for i, r in enumerate(mine[:k]) if i >= len(other)}
         sizes[k] = abs(closing(mine[k]) - closing(other[k])) if len(other) > k else closing(mine[k])
         sizes |= {i: closing(r) - closing(mine[k]) for i, r in enumerate(other) if i > k}

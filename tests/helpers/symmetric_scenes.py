@@ -159,7 +159,7 @@ def question(seed):
     """The question of a number; all kinds in turn."""
     rng, maker = np.random.default_rng([8000, seed]), KINDS[seed % len(KINDS)]
     scene, t_end = maker(rng)
-    kinds = DAMPED if scene.pull.any() and rng.random() < 0.9 else LAWS
+    kinds = DAMPED if scene.closing_acceleration.any() and rng.random() < 0.9 else LAWS
     one = kind_of_law(rng, kinds)
     mixed = rng.random() < 0.2
     law = [law_of(rng, kind_of_law(rng, kinds) if mixed else one, pair) for pair in scene.pairs]
@@ -170,7 +170,7 @@ def grazes(one):
     """Whether an elastic contact begins at rest: its force returns to 0 at speed 0, where rounding is a root of it."""
     s = one.scene
     below, above = s.sides(s.velocity)
-    touching = (s.gap == 0.0) & (below == above) & (s.pull > 0.0)
+    touching = (s.gap == 0.0) & (below == above) & (s.closing_acceleration > 0.0)
     return any(touching[c] and elastic(one.law[c]) for c in range(s.n_pairs))
 
 

@@ -107,7 +107,7 @@ def end(scene: gr.Scene, law: Any, row: Any) -> float:
     """When the overlap that is left at the end of a force has run off."""
     c = int(row["pair"])
     gap = twin(scene, law, t_end=row["t_end"], engine="plain").gap[-1, c]
-    xi, rate, pull = max(0.0, -gap), float(row["v_out"][1] - row["v_out"][0]), scene.pull[c]
+    xi, rate, pull = max(0.0, -gap), float(row["v_out"][1] - row["v_out"][0]), scene.closing_acceleration[c]
     return float(row["t_end"] + 2.0 * xi / (rate + math.sqrt(max(0.0, rate * rate - 2.0 * pull * xi))))
 
 

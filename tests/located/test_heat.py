@@ -32,7 +32,7 @@ def test_hits_draw_in_order_and_the_account_closes(law):
     assert books["work"].tolist() == np.zeros((50, 2)).tolist()
     for side, pair in enumerate((0, scene.n_pairs - 1)):
         rows = run.of(pair)
-        ball = scene.heat[side]
+        ball = scene.thermal_walls[side]
         away = rows["v_out"][:, 1 - side] * (1 - 2 * side)
         assert away.tolist() == [ball.drawn(side, hit, 1.0) for hit in range(len(rows))]
         given = 0.5 * (rows["v_out"] ** 2 - rows["v_in"] ** 2).sum()

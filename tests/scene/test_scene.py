@@ -36,8 +36,8 @@ def test_effective_mass_of_extreme_ratios_neither_overflows_nor_cancels():
 
 def test_gravity_pulls_gaps_at_walls_only():
     scene = Scene([INF, 1.0, 1.0, INF], [0.0] * 4, [1.0] * 3, [0.0] * 4, gravity=9.81)
-    assert scene.pull.tolist() == [9.81, 0.0, -9.81]
-    assert Scene([1.0, 1.0], [0.0] * 2, [1.0], [0.0] * 2, gravity=9.81).pull.tolist() == [0.0]
+    assert scene.closing_acceleration.tolist() == [9.81, 0.0, -9.81]
+    assert Scene([1.0, 1.0], [0.0] * 2, [1.0], [0.0] * 2, gravity=9.81).closing_acceleration.tolist() == [0.0]
 
 
 def test_positions_are_centres_of_balls_and_surfaces_of_walls():

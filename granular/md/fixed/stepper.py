@@ -115,7 +115,7 @@ class Stepper:
         self.parts = abreast.parts(p) if self.walls is None else 1  # wall motion is stored once for all windows
         convert: Any = np.array if at_once else np.ndarray.tolist
         state, constants = self._state(start, logged, memory), self._constants(law_form)
-        self.here, self.there, self.pull = convert(state), convert(state), convert(scene.pull)
+        self.here, self.there, self.pull = convert(state), convert(state), convert(scene.closing_acceleration)
         laws_of_kernels = laws if at_once or law_form is not None else list(laws)
         self.physics = Physics(laws_of_kernels, convert(constants), law_form is not None and law_form[2], dt, logged,
                                memory, p, self.walls or 0, p * scene.ring, self.heaters or 0)
@@ -150,7 +150,7 @@ class Stepper:
         if hung:
             state[window.OFF, 1:] = scene.displacement
         if self.walls is not None:
-            for body, _, v in walls_after(self.walls, start, 0.0, state, scene.pull, 0.0):
+            for body, _, v in walls_after(self.walls, start, 0.0, state, scene.closing_acceleration, 0.0):
                 state[V, body + 1] = v
         return state
 

@@ -210,7 +210,7 @@ def walls_after(walls: Walls, t: float, tail: float, x: Any, pull: Any, dt: floa
 def thermal_walls(scene: Scene) -> list[Any]:
     """Return the thermal walls of a scene as objects with fields of `HEATER_RECORD`."""
     rows = [(side * (scene.n_pairs - 1), side, thermal.temperature, thermal.seed, scene.mass[-2 if side else 1])
-            for side, thermal in enumerate(scene.heat) if thermal is not None]
+            for side, thermal in enumerate(scene.thermal_walls) if thermal is not None]
     return plain(np.array(rows, HEATER_RECORD))
 
 

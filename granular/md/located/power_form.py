@@ -89,7 +89,7 @@ def law_kinds(laws: SceneLaws, scene: Scene) -> Any:
         return copied(laws.notes["kinds"])
     speed, pull = speed_scale(scene), scene.gravity
     if scene.external_force is not None:
-        pull = float(np.abs(scene.pull).max())
+        pull = float(np.abs(scene.closing_acceleration).max())
     kinds = np.zeros(len(laws.each), LAW_KIND_RECORD)
     rows = zip(*(law_coefficients(law, speed, pull) for law in laws.each), strict=True)
     for name, values in zip(LAW_KIND_RECORD.names or (), rows, strict=False):

@@ -273,7 +273,7 @@ def _new_records(
 
 def _set_thermal_walls(s: System, scene: Scene) -> None:
     """Write the thermal walls of a scene into its records."""
-    for side, thermal in enumerate(scene.heat):
+    for side, thermal in enumerate(scene.thermal_walls):
         if thermal is not None:
             s.pairs["wall"][-side], s.pairs["map"][-side] = -1 - side, -1
             s.ledger["temperature"][0, side], s.ledger["seed"][0, side] = thermal.temperature, thermal.seed
@@ -299,9 +299,12 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
     Nothing is assigned if more than `MAX_TABLED_PAIRS` of these pairs differ.
     """
     maps = s.kinds["map"][laws.kind]
-    lacking = np.flatnonzero(((maps == NO_MAP) | ((scene.pull != 0.0) & (maps != DASHPOT))) & (s.pairs["wall"] == 0))
+    without_map = (maps == NO_MAP) | ((scene.closing_acceleration != 0.0) & (maps != DASHPOT))
+    lacking = np.flatnonzero(without_map & (s.pairs["wall"] == 0))
     if len(lacking):
-        number, first = number_distinct_rows(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
+        number, first = number_distinct_rows(
+            laws.kind[lacking], scene.pairs.m_eff[lacking], scene.closing_acceleration[lacking]
+        )
         if len(first) <= MAX_TABLED_PAIRS:
             s.pairs["map"][lacking] = number
 

@@ -152,7 +152,7 @@ def told_if_stuck_alike(name, v, ties):
 
 def part_at_rounding(report):
     """Whether hard spheres carried on after a collapse end at less than the speed at which they stick, but not at 0."""
-    slow = np.abs(outcomes.separation_speeds(report.levelled[0])) / gr.measures.fastest_approach(report.hard)
+    slow = np.abs(outcomes.separation_speeds(report.continued[0])) / gr.measures.fastest_approach(report.hard)
     return report.settled is not report.hard and bool(((slow > 0.0) & (slow < 1e-8)).any())
 
 
@@ -185,7 +185,7 @@ KINDS = (
 
 def outcome(report, engine, rises):
     """Return what the page is held against, of one engine: contacts that count, final velocities, rises, time span."""
-    run, cut = report.levelled[engine == "soft"], getattr(report, engine)
+    run, cut = report.continued[engine == "soft"], getattr(report, engine)
     if cut.status.name in ("collapse", "bounded", "max_events", "unstable"):
         return NOT_FIRM | {"status": "early"}
     rise, = none_for_nan(np.array([report.rises[engine == "soft"] if rises else math.nan]))
