@@ -10,7 +10,7 @@ two balls. With a_c = (k_c ξ_c + γ_c ξ̇_c) / m_(c+1) for an active contact c
 that the terms with m2/m1 are below rounding error. `granular.md.simulate` solves them with m2, k12 and γ12 multiplied
 by 2⁻⁶⁰.
 
-Müller & Pöschel, Phys. Rev. E 83, 041304 (2011), appendix A. ``docs/adiabatic.md`` has further details.
+Müller & Pöschel, Phys. Rev. E 83, 041304 (2011), appendix A. ``docs/theory/adiabatic.md`` has further details.
 """
 
 from __future__ import annotations
