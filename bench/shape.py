@@ -154,7 +154,7 @@ def reading_page(text: str, tree: Path) -> str:
     path = reading_path(tree)
     lines = sum(len((tree / name).read_text(encoding="utf-8").splitlines()) for name in path)
     body = "\n".join(tree_lines(tree / "granular"))
-    made = (f"<!-- tree -->\nThe main line has {len(path)} files (→, with their lines), together {lines} lines.\n\n"
+    made = (f"<!-- tree -->\nStart with {len(path)} files (→, with their lines), together {lines} lines.\n\n"
             f"```text\n{body}\n```\n<!-- end -->")
     return re.sub(r"<!-- tree -->.*?<!-- end -->", lambda _: made, text, flags=re.S)
 
