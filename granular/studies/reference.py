@@ -2,7 +2,7 @@
 
 SciPy's DOP853 is restarted at every event. It shares no code with the methods of `granular.md`: a driven wall is
 evaluated from the sine or the polynomials that define it. Each scene is solved with two tolerances, and the difference
-is the reported error. In the six scenes of `docs/frontier.md` it is 4e-12 to 7e-10 of the impact speed, 3 to 40 times
+is the reported error. In the six scenes of `guide/frontier.md` it is 4e-12 to 7e-10 of the impact speed, 3 to 40 times
 the true error (4e-13 to 6e-11).
 """
 
