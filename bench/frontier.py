@@ -64,20 +64,20 @@ SCENE_REPORTS: dict[str, tuple[str, Callable[[], Frontier]]] = {
 }
 
 
-ALT_TEXT = "Error of velocities and of contact times against run time, one line per method"
+ALT_TEXT = "Errors against run time"
 SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def section(name: str, title: str, report: Frontier) -> str:
     """Section of the page about one scene: figure, caption, table and orders."""
     truth = report.reference
-    caption = (f"{title}: errors against run time for {len(truth.contacts)} contacts. Reference: {truth.solver}, "
-               f"estimated error {scientific_notation(truth.velocity_error)} of the impact speed. Effect of rounding "
-               f"the inputs: {scientific_notation(report.rounding_level)}.")
+    caption = (f"Errors against run time for {len(truth.contacts)} contacts. Error of the reference: "
+               f"{scientific_notation(truth.velocity_error)}. Rounding level: "
+               f"{scientific_notation(report.rounding_level)}.")
     lines = [
         f"## {title}", "",
-        ":::{figure-md}", f"![{ALT_TEXT}: {title}](figures/frontier-{name}.png)", "", caption, ":::", "",
-        "| error below | located | fastest other | ratio |", "|---|---|---|---|",
+        ":::{figure-md}", f"![{ALT_TEXT}: {title}](../figures/frontier-{name}.png)", "", caption, ":::", "",
+        "| error | located | fastest other | ratio |", "|---|---|---|---|",
     ]
     alone = tuple(method for method in report.methods if method != "located")
     for goal in ERROR_GOALS:
@@ -86,10 +86,9 @@ def section(name: str, title: str, report: Frontier) -> str:
         shown = [duration(mine.seconds) if mine else "–"]
         shown += [f"{method_label(other.method)}, {duration(other.seconds)}" if other else "no other method", ratio]
         lines.append(f"| {scientific_notation(goal)} | {' | '.join(shown)} |")
-    orders = "; ".join(_order(report, method) for method in report.orders if math.isfinite(report.order(method)))
+    orders = ", ".join(_order(report, method) for method in report.orders if math.isfinite(report.order(method)))
     least = min(row.velocity_error for row in report.of("located") if row.good)
-    lines += ["", f"Measured order in dt, and min(p, 1+s) in parentheses: {orders}. "
-              f"Smallest error of the located method: {scientific_notation(least)}."]
+    lines += ["", f"Measured order (expected): {orders}. Smallest located error: {scientific_notation(least)}."]
     return "\n".join([*lines, ""])
 
 
@@ -99,8 +98,8 @@ def _order(report: Frontier, method: str) -> str:
 
 
 def method_label(method: str) -> str:
-    """Name of a method as in the figure."""
-    return str(METHOD_STYLES[method]["label"])
+    """Name of a method as in the figure, without a comma."""
+    return str(METHOD_STYLES[method]["label"]).replace(", ", " with ")
 
 
 def scientific_notation(x: float) -> str:
