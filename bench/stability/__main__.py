@@ -22,7 +22,7 @@ from granular._engine import check
 from granular._engine.progress import progress_callback
 
 PAGE_PATH = Path(__file__).parents[2] / "docs" / "guide" / "stability.md"
-FIGURE_PATH = PAGE_PATH.parent / "figures" / "stability-three-balls.png"
+FIGURE_PATH = PAGE_PATH.parents[1] / "figures" / "stability-three-balls.png"
 CELL_SECONDS = {DEFAULT_METHODS: 20.0, FIXED_METHODS: 1.0}
 """Limit of processor time per cell in s, by methods."""
 SUPERSCRIPT_DIGITS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -59,7 +59,7 @@ def page_text(report: StabilityReport) -> str:
 def failure_line(cell: Result) -> str:
     """Description of a cell that is not right."""
     error = "" if math.isnan(cell.error) else f", error {cell.error:.2g}, tolerance {cell.tolerance:.2g}"
-    return f"{cell.verdict.name}, {cell.method}, {cell.axis}: {cell.case} [{cell.truth}]{error}; {cell.said}"
+    return f"{cell.verdict.name}, {cell.method}, {cell.axis}: {cell.case} [{cell.truth}]{error}, {cell.said}"
 
 
 def readable_number(cell: str) -> str:

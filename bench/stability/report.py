@@ -72,15 +72,15 @@ class StabilityReport(Report):
                 for method, counts in each.items()
             ],
             "silently wrong / all cells": [["axis", *self.methods]] + [
-                [axis, *(f"{counts[Verdict.wrong]} / {counts.total()}" if counts else "" for counts in row)]
+                [axis, *(" / ".join(str(n) for n in (counts[Verdict.wrong], counts.total()) if n) for counts in row)]
                 for axis, row in wrong.items()
             ],
             "stability limit, dt √(k/m)": [["method", "balls", "measured", "theory", "reported from"]] + [
                 [row.method, str(row.balls), *(number(x, ".3f") for x in (row.measured, row.theory, row.reported))]
                 for row in self.limits
             ],
-            "largest drift": [["method", "law", "contacts", "energy", "reversal"]] + [
-                [*of, f"up to {max(row.contacts for row in rows)}", f"{max(row.energy for row in rows):.1e}",
+            "largest drift": [["method", "law", "contacts, up to", "energy", "reversal"]] + [
+                [*of, f"{max(row.contacts for row in rows)}", f"{max(row.energy for row in rows):.1e}",
                  f"{max(row.reversal for row in rows):.1e}"]
                 for of, rows in self._drifts_by_law().items()
             ],
