@@ -43,8 +43,8 @@ def test_a_fall_has_three_times_each_with_its_own_rate(two):
     assert 1.0 / (fps * np.diff(shown["slow"])) == pytest.approx(6.0 / 900e-6, rel=0.02)
     pictures = story.pictures()
     contacts = pictures[len(shown["fall"]) + len(shown["stop"])][0]
-    assert contacts.words[0].startswith("6 700 × slower")
-    assert pictures[-15][0].words[-25:-24] == ["flying, as fast as life"]
+    assert contacts.titles[0].startswith("6 700 × slower")
+    assert pictures[-15][0].titles[-25:-24] == ["flying, as fast as life"]
     top = gr.edmd.simulate(two.report.scene, two.report.rule, t_end=1.2, samples=np.linspace(0.4, 1.2, 801))
     assert times[-1] == pytest.approx(top.time[top.position[:, 2].argmax()], abs=1e-3)
 
@@ -82,11 +82,11 @@ def test_clock_and_words_are_within_the_frame_in_every_picture(name, charts, req
                 left, right = artist.axes.get_xlim()
                 assert left <= path[k][0] <= right
         title = page.moving[-1][0]
-        assert title.get_text() == page.words[k] != ""
+        assert title.get_text() == page.titles[k] != ""
         box = title.get_window_extent(page.canvas.get_renderer())
         assert 0.0 <= box.x0 < box.x1 <= pixels.shape[1]
         assert 0.0 <= box.y0 < box.y1 <= pixels.shape[0]
-    assert pictures[-1][1] == len(pictures[-1][0].words) - 1
+    assert pictures[-1][1] == len(pictures[-1][0].titles) - 1
 
 
 def test_balls_stand_in_a_row_without_gravity_and_upright_with_it(two, cradle):
@@ -176,8 +176,8 @@ def test_a_flight_that_takes_long_is_told_to_be_faster_than_life():
     assert report.rises[0] > 200.0
     assert page.axes["hard"].get_ylim()[1] > report.rises[0]
     assert len(story.acts["flight"]) == 5 * MAX_SHOWN_SECONDS
-    assert page.words[-8:-6] == ["flying, 1.2 × faster"] * 2
-    assert page.words[-1] == "the highest point of each ball"
+    assert page.titles[-8:-6] == ["flying, 1.2 × faster"] * 2
+    assert page.titles[-1] == "the highest point of each ball"
 
 
 def test_what_is_followed_no_farther_leaves_the_picture(two, monkeypatch):

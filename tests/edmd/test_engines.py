@@ -92,7 +92,7 @@ def test_auto_asks_for_the_machine_code_of_its_kind_of_scene(monkeypatch) -> Non
     """That of rings, pendula, moving and thermal walls is another one than that of plain scenes."""
     asked = []
     monkeypatch.setattr(runs, "LOADING_WORK", 500)
-    monkeypatch.setattr(runs, "worth", lambda function, *_, **__: asked.append(function) or False)
+    monkeypatch.setattr(runs, "is_worthwhile", lambda function, *_, **__: asked.append(function) or False)
     shaken = dataclasses.replace(gas(1, 20), floor=gr.walls.Sine(1e-3, 50.0))
     hung = gr.scenes.pendulum_cradle(20)
     for of in (gr.scenes.ring_gas(20, 20.0), gr.scenes.heated_gas(20, 20.0), hung, shaken, gas(1, 20)):

@@ -38,7 +38,7 @@ def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
     """Also right after a chunk in which contacts ended."""
     from granular.md.fixed import run as fixed
 
-    monkeypatch.setattr(fixed.Toll, "due", lambda self: True)
+    monkeypatch.setattr(fixed.CompilationCost, "due", lambda self: True)
     monkeypatch.setattr(fixed, "FIRST_CHUNK_PAIR_STEPS", chunk)
     scene, law = three_balls()
     options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
@@ -75,7 +75,7 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
         def force(self, xi, xi_dot, pair):
             return self.k * max(0.0, xi)
 
-    monkeypatch.setattr(fixed.Toll, "due", lambda self: True)
+    monkeypatch.setattr(fixed.CompilationCost, "due", lambda self: True)
     monkeypatch.setattr(fixed, "FIRST_CHUNK_PAIR_STEPS", 50)
     run = verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2)
     assert run.stats["engine"] == "plain"

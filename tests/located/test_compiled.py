@@ -47,7 +47,7 @@ def test_auto_changes_to_compiled_under_way(monkeypatch: pytest.MonkeyPatch) -> 
     """`auto` starts interpreted and goes on compiled; nobody sees it in the numbers."""
     driver = sys.modules["granular.md.located.run"]
     looks = iter(range(100_000))
-    monkeypatch.setattr(driver.Toll, "due", lambda self, ahead=0.0: next(looks) > 4)
+    monkeypatch.setattr(driver.CompilationCost, "due", lambda self, ahead=0.0: next(looks) > 4)
     walls = Scene([math.inf, 1.0, 1.0, math.inf], [0.0] * 4, [0.01] * 3, [0.0, 1.0, -0.5, 0.0])
     changed, plain = (run(walls, (LinearDashpot(1e5),) * 3, t_end=8.0, engine=engine) for engine in ("auto", "plain"))
     assert changed.stats["engine"] == "compiled"

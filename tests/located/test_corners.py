@@ -297,6 +297,6 @@ def test_a_run_whose_numbers_ran_out_of_range_does_not_stand_forever(monkeypatch
         return MORE
 
     scene = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.0, 0.0], [1.0, 0.0, -1.0])
-    monkeypatch.setattr(Pace, "advanced", stands)
+    monkeypatch.setattr(Pace, "advance_portion", stands)
     with pytest.raises(ValueError, match="within the range of floating-point numbers"):
         gr.md.simulate(scene, gr.Hertz(1e9), t_end=1.0, engine="plain")

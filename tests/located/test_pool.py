@@ -39,8 +39,8 @@ def test_records_agree_under_random_actions(seed: int, monkeypatch: pytest.Monke
     """Chunks of any length, a pool that grows, rows read, contacts taken, a change to machine code under way."""
     rng = np.random.default_rng([12, seed])
     monkeypatch.setattr(system, "EXTRA_PLACES", int(rng.choice([1, 4, 64])))
-    monkeypatch.setattr(pace.Toll, "due", lambda *_: False)
-    monkeypatch.setattr(run.Toll, "due", lambda self, ahead=0.0: False)
+    monkeypatch.setattr(pace.CompilationCost, "due", lambda *_: False)
+    monkeypatch.setattr(run.CompilationCost, "due", lambda self, ahead=0.0: False)
     scene, law = crowd(rng), LAWS[seed % len(LAWS)]
     one, whole = started(scene, law, "auto"), started(scene, law, "plain")
     time, taken = 0.0, 0

@@ -29,7 +29,7 @@ FAST = [name for name, result in RESULTS.items() if result.many]
 ])
 @pytest.mark.usefixtures("interpreted")
 def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
-    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
+    monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: True)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
     slow = gr.sweep(scene, over, sorted(FAST), run=ONE_BY_ONE, **fixed)
     for name in fast:
@@ -43,7 +43,7 @@ def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkey
     solved, known = [], located.solve_many
     monkeypatch.setattr(schedule, "LOADING_SECONDS", making)
     monkeypatch.setattr(schedule, "COMPILING_SECONDS", making)
-    monkeypatch.setattr(schedule, "in_memory", lambda kernel: False)
+    monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: False)
     monkeypatch.setattr(located, "solve_many", lambda many, **end: solved.append(len(many.gap)) or known(many, **end))
     data = gr.sweep("three-balls", ["gap=1e-7:1e-2:40:log"], "contacts")
     assert sum(solved) == (24 if making < 1.0 else 0)
@@ -70,7 +70,7 @@ def test_any_number_of_threads_gives_the_same_bits(workers, threads, monkeypatch
     over = ["restitution=0.5:1:10", "gap=1e-7:1e-2:10:log"]
     here = gr.sweep("three-balls", over, sorted(FAST), workers=1)
     monkeypatch.setattr(located, "solve_many", solve_many)
-    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
+    monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: True)
     monkeypatch.setattr(schedule, "MIN_THREADED_SECONDS", 0.0)
     assert here.identical(gr.sweep("three-balls", over, sorted(FAST), workers=workers))
     assert len(names - {"MainThread"}) <= threads
@@ -84,7 +84,7 @@ def test_any_number_of_threads_gives_the_same_bits(workers, threads, monkeypatch
 def test_an_interrupted_sweep_in_threads_leaves_none_and_keeps_what_is_done(monkeypatch, tmp_path):
     monkeypatch.setattr(schedule, "MIN_THREADED_SECONDS", 0.0)
     monkeypatch.setattr(schedule, "MIN_BATCH_SECONDS", 0.0)  # several batches, whatever the machine's speed
-    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
+    monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: True)
 
     def interrupt(reached, count):
         if count > 16:
@@ -105,7 +105,7 @@ def pile_that_creeps(gamma):
 @pytest.mark.usefixtures("interpreted")
 def test_a_pile_that_creeps_ends_as_it_does_alone(monkeypatch):
     """In steps as long as the creep, where those of the fast decay would be millions; with one law for all pairs."""
-    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
+    monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: True)
     data = gr.sweep(pile_that_creeps, {"gamma": [1e3, 1e4]}, ("v_final", "contacts"))
     for i, gamma in enumerate([1e3, 1e4]):
         case = pile_that_creeps(gamma)
