@@ -1,7 +1,7 @@
 """The error of a comparison by plain loops over contacts: episodes by comparing every two contacts, no numpy.
 
-Written from docs/guide/concepts.md, "Episodes", "The error" and "Rest". Given are the runs at the end of "The end", the
-units and the lag; everything else is done here a second time.
+Written from docs/guide/error-definition.md, "Episodes", "Error" and "Rest". Given are the runs of "End of the runs" and
+the units; everything else is done here a second time.
 """
 
 import math

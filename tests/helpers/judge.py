@@ -1,4 +1,4 @@
-"""A reference judge: the answer of docs/guide/concepts.md, written from that page alone, in plain loops.
+"""A reference judge: docs/guide/error-definition.md and answer-definition.md in plain loops, from these pages alone.
 
 The scene is run again with later ends to obtain the contacts after a cut. Only engines, laws and trajectories of the
 package are used: none of its components, units, episodes, errors or answers.

@@ -89,11 +89,17 @@ class Checks(Runs):
         """Whether two balls touch at the start."""
         return self.scene.gap[pair] == 0.0 and not any(self.walls[b] for b in self.bodies(pair))
 
+    def room(self, pair):
+        """The smaller of the nearest open gaps below and above a pair, at most the sum of its radii."""
+        gap, size = self.scene.gap.tolist(), sum(self.scene.radius[b] for b in self.bodies(pair))
+        sides = [[g for g in some if g > 0.0] for some in (gap[pair::-1], gap[pair:])]
+        return min([side[0] for side in sides if side] + ([float(size)] if size > 0.0 else []), default=1.0)
+
     def logs_from_shifted_gaps(self):
         """Logs of the hard run from shifted gaps and of the hard run itself; None if the first stopped early."""
         scene = self.scene
-        mean = float(scene.gap.mean()) or 1.0
-        gap = [1e-12 * mean if self.balls_touch(c) else g * (1.0 + 1e-12 * (-1) ** c) for c, g in enumerate(scene.gap)]
+        gap = [g + 1e-12 * self.room(c) if self.balls_touch(c) else g * (1.0 + 1e-12 * (-1) ** c)
+               for c, g in enumerate(scene.gap)]
         limit = min(self.max_events, 10 * (self.hard.stats["events"] + self.n))
         run = self.collide(scene.replace(gap=gap), self.t_end, max_events=limit)
         run = self.continued_by_sticking(run, self.t_end)

@@ -29,7 +29,7 @@ test("a contact that is given up stays so, though the search for rises comes to 
   assert.deepEqual(check(one), []);
 });
 
-// Settings of docs/guide/concepts.md, "The answer", with the error, the ball that decides and its velocities, soft and hard.
+// Settings of docs/guide/answer.md and error-definition.md, with the error, the ball that decides and its velocities, soft and hard.
 const BASE = ["three-balls", { gap: 1e-4, eps: 0.7, ratio: 10, k: 5e7, height: 0.6 }];
 const TENNIS = ["real-balls", { gap: 0.0236, height: 1, rule: 0, bounces: 1, m1: 0.624, r1: 0.119, t1: 0.012, e1: 0.82, air1: 1,
   m2: 0.0577, r2: 0.033, t2: 0.005, e2: 0.78, air2: 1 }];
