@@ -57,13 +57,13 @@ def test_no_block_of_python_is_left_out():
     assert sum(len(BLOCK.findall(TEXTS[page])) for page in PAGES) >= 122
 
 
-def test_the_index_of_questions_has_thirty_and_its_commands_run(monkeypatch, tmp_path, capsys):
+def test_there_are_thirty_recipes_and_their_commands_run(monkeypatch, tmp_path, capsys):
     from granular.app.cli import main
 
     text = TEXTS[DOCS / "guide" / "how-do-i.md"]
-    asked, lines = text.count("**… "), re.findall(r"^granular (.*)$", text, re.MULTILINE)
-    assert asked == 30
-    assert len(re.findall(r"^```(?:python|sh)$", text, re.MULTILINE)) == asked + 1, "an import, and an answer to each"
+    recipes, lines = len(re.findall(r"^\*\*", text, re.MULTILINE)), re.findall(r"^granular (.*)$", text, re.MULTILINE)
+    assert recipes == 30
+    assert len(re.findall(r"^```(?:python|sh)$", text, re.MULTILINE)) == recipes + 1, "an import, and a block for each"
     assert len(lines) == 4
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
