@@ -216,9 +216,9 @@ class ComparedRuns:
         error = max over components, episodes E and balls i of |u(i, E, soft) - u(i, E, hard)| / U
 
         An episode E is a group of soft contacts linked by common balls and overlaps in time. u is the velocity with
-        which a ball leaves its last contact in E, and U the unit of the component, see docs/guide. If a pair
-        that comes to rest differs by more, its difference is the error. The error is 0 if nothing collides, and nan if
-        a run did not reach its end.
+        which a ball leaves its last contact in E, and U the unit of the component, see
+        docs/guide/error-definition.md. If a pair that comes to rest differs by more, its difference is the error. The
+        error is 0 if nothing collides, and nan if a run did not reach its end.
         """
         return math.nan if self._early else float(self.errors.max(initial=0.0))
 

@@ -1,8 +1,8 @@
 """Number of isolated contacts in a run, and duration of an isolated contact.
 
 A contact is isolated if no neighbouring pair overlaps between the touch and the separation of its balls
-(docs/guide). It differs from a hard-sphere collision only by a delay and a displacement. The delay depends on the
-contact duration t_c, which is computed from the force law:
+(docs/guide/concepts.md). It differs from a hard-sphere collision only by a delay and a displacement. The delay depends
+on the contact duration t_c, which is computed from the force law:
 
 | law                                                   | duration                                        |
 |-------------------------------------------------------|-------------------------------------------------|
