@@ -47,7 +47,7 @@ def alone(law, pair, speed):
 
 def brute(scene, log, laws):
     """Numbers of disturbed rows, and the first later one with its lower pair, by looking at every two rows."""
-    slowest = isolation.SLOWEST_SPEED_SHARE * (
+    slowest = isolation.SLOWEST_SPEED_RATIO * (
         np.ptp(scene.velocity) + math.sqrt(2.0 * scene.gravity * scene.gap.sum())
     )
     speed = np.maximum(log["v_in"][:, 0] - log["v_in"][:, 1], slowest)
