@@ -19,7 +19,8 @@ with suppress(ImportError):  # files marked `core` do without
 
     settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
     settings.load_profile("same")
-MAKERS = "edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located/test_compiled", "fixed/test_engines"
+MAKERS = ("edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located/test_compiled", "located/test_rest",
+          "fixed/test_engines")
 """Files that have machine code made for nearly all that others need."""
 TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "studies/test_sweeps",
           "studies/test_sweeps_cases", "studies/test_sweeps_saved", "studies/test_sweeps_ways")
@@ -104,6 +105,13 @@ def interpreted(monkeypatch):
     """Engine "auto" stays interpreted: piles that rest are looked at interpreted, which is slow on records of machine
     code."""
     monkeypatch.setattr("granular._engine.kernels.CompilationCost.due", lambda self, ahead=0.0: False)
+
+
+@pytest.fixture
+def compiled_rest_tests(monkeypatch):
+    """Compiled runs test for rest by machine code. Interpreted on their records, the same test is 50 times slower."""
+    for name in ("TEST_LOAD_SECONDS", "TEST_COMPILE_SECONDS"):
+        monkeypatch.setattr(f"granular.md.located.pace.{name}", 0.0)
 
 
 @pytest.fixture(scope="module")

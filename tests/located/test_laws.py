@@ -92,6 +92,7 @@ def test_a_ball_comes_to_rest_on_the_floor(law: Any, rests: bool) -> None:
 @pytest.mark.thirds
 @pytest.mark.parametrize("zeta", [5.0, 50.0, 1e3, 1e5])
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
+@pytest.mark.usefixtures("compiled_rest_tests")
 def test_a_strongly_damped_pile_creeps_to_rest(zeta: float, engine: str) -> None:
     """Proved from bounds of its overdamped motion after 1 000 to 2 600 steps; following it would take millions."""
     if engine == "compiled":

@@ -19,8 +19,10 @@ CASES = {
 }
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 @pytest.mark.parametrize(("scene", "law"), CASES.values(), ids=CASES)
+@pytest.mark.usefixtures("compiled_rest_tests")
 def test_overlaps_are_static_and_resumed_runs_are_bitwise_identical(scene, law, engine):
     if engine == "compiled":
         pytest.importorskip("numba")

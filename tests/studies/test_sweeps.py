@@ -76,7 +76,7 @@ def test_units_and_provenance():
     assert data["status"].attrs["flag_meanings"].split()[2] == "until"
 
 
-@pytest.mark.usefixtures("interpreted")
+@pytest.mark.usefixtures("compiled_rest_tests")
 def test_failing_cells_carry_their_status():
     data = gr.sweep("three-balls", {"height": [0.05, 0.6]}, ("contacts", "hard_status"))
     assert data["status"].values.tolist() == [STATUS_CODES["misuse"], STATUS_CODES["until"]]

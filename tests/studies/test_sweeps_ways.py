@@ -27,7 +27,7 @@ FAST = [name for name, result in RESULTS.items() if result.many]
     ("gas", ["seed=1,2"], {"n": 8, "walls": False, "length": 8.0}),
     ("bouncing-ball", ["t_end=0.1,2,20"], {}),
 ])
-@pytest.mark.usefixtures("interpreted")
+@pytest.mark.usefixtures("compiled_rest_tests")
 def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
     monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: True)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
@@ -102,7 +102,7 @@ def pile_that_creeps(gamma):
     return Case(scene, gr.LinearDashpot(1e5, gamma), t_end=0.5)
 
 
-@pytest.mark.usefixtures("interpreted")
+@pytest.mark.usefixtures("compiled_rest_tests")
 def test_a_pile_that_creeps_ends_as_it_does_alone(monkeypatch):
     """In steps as long as the creep, where those of the fast decay would be millions; with one law for all pairs."""
     monkeypatch.setattr(schedule, "is_in_memory", lambda kernel: True)
