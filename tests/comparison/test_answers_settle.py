@@ -8,6 +8,7 @@ import pytest
 
 import granular as gr
 
+pytestmark = pytest.mark.usefixtures("interpreted")
 INF = math.inf
 ON_FLOOR = {"mass": [INF, 1.0], "radius": [0.0, 0.05], "gap": [0.0], "velocity": [0.0, 0.0]}
 

@@ -13,6 +13,7 @@ from tests.helpers.scenes_of_outcomes import (
     ring_whose_episode_hides_a_wrong_flight,
 )
 
+pytestmark = pytest.mark.usefixtures("interpreted")
 FAST_KINDS = tuple(kind for kind in OUTCOME_KINDS if kind not in ("threshold", "pile_hit", "stack"))
 
 

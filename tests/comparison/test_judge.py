@@ -60,6 +60,7 @@ def same_outcome(question):
 
 @pytest.mark.thirds
 @pytest.mark.parametrize("kind", [kind for kind in OUTCOME_KINDS if kind not in ("threshold", "pile_hit")])
+@pytest.mark.usefixtures("interpreted")
 def test_the_judge_of_the_page_gives_the_same_outcomes(kind):
     for seed in range(4 if kind == "stack" else 12):
         same_outcome(outcome_question(kind, seed))

@@ -11,6 +11,7 @@ from tests.helpers.scenes_of_outcomes import (
     outcome_question,
 )
 
+pytestmark = pytest.mark.usefixtures("interpreted")
 PRINTED_KINDS = ("damped_box", "cradle", "stack", "gas", "ring", "boost", "no_end", "equal")
 NOT_ABOUT_THE_ERROR = ("forever", "sink")
 

@@ -150,6 +150,7 @@ def test_ignored_contacts_are_soft_event_driven():
             assert not ((near["t_begin"] > row["t_begin"]) & (near["t_begin"] < row["t_end"])).any()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_run_of_an_earlier_version_that_crept_by_modes_goes_on():
     """Its records are those of the start of the creep, earlier than the end of its first part."""
     scene, law, end = gr.scenes.column(4, gravity=9.81), gr.LinearDashpot(1e5, 3e4), 3.0
