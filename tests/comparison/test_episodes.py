@@ -3,6 +3,7 @@
 import math
 import time
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ def drawn(kind, seed):
     return gr.compare(scene, law, t_end=end, max_events=20_000)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("kind", KINDS)
 def test_error_and_episodes_are_those_of_plain_loops(kind):
     known = linked = 0
@@ -131,23 +133,29 @@ def scaled(report, length, duration, mass):
     return gr.compare(scene, law, t_end=duration * report.t_end, max_events=20_000)
 
 
-@pytest.mark.parametrize(("units", "close"), [((2.0**10, 2.0**10, 2.0**6), 1e-12), ((1e3, 1e3, 1e9), 1e-6)])
-def test_units_change_nothing(units, close):
-    rng, seen = np.random.default_rng(9), 0
-    for _ in range(12):
+@cache
+def dropped_stacks(count):
+    """Comparisons of random stacks of two to four balls; those that depend on rounding are left out."""
+    rng, reports = np.random.default_rng(9), []
+    for _ in range(count):
         n = int(rng.integers(2, 5))
         scene = gr.Scene([INF, *rng.uniform(0.3, 3.0, n)], [0.0, *[0.05] * n], 10.0 ** rng.uniform(-4, -1, n),
                          [0.0] * (n + 1), gravity=9.81)
         law = [gr.LinearDashpot.from_restitution(float(rng.uniform(0.5, 1.0)), 10.0 ** rng.uniform(5, 8), p)
                for p in scene.pairs]
-        report = gr.compare(scene, law, t_end=0.5, max_events=20_000)
-        if math.isnan(report.error) or max(report.shifts, default=0.0) > 1e-10:
-            continue
+        reports.append(gr.compare(scene, law, t_end=0.5, max_events=20_000))
+    return [one for one in reports if not math.isnan(one.error) and max(one.shifts, default=0.0) <= 1e-10]
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(12, marks=pytest.mark.soak)])
+@pytest.mark.parametrize(("units", "close"), [((2.0**10, 2.0**10, 2.0**6), 1e-12), ((1e3, 1e3, 1e9), 1e-6)])
+def test_units_change_nothing(units, close, count):
+    reports = dropped_stacks(count)
+    assert len(reports) > count // 2
+    for report in reports:
         other = scaled(report, *units)
         assert other.error == pytest.approx(report.error, rel=close, abs=1e-12)
         assert (other.deciding is None) == (report.deciding is None)
-        seen += 1
-    assert seen > 6
 
 
 @pytest.mark.parametrize("make", [
