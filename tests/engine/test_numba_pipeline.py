@@ -83,12 +83,18 @@ def test_the_fast_pipeline_compiles_a_toy_kernel_without_a_warning(pipeline):
     assert Mode.fast
 
 
-@pytest.mark.parametrize("place", [
+PLACES = (
     "Part.finalize", "Part.set_env", "Part.codegen", "Whole.add_linking_library", "caching_context",
     "PartCompiler.define_pipelines", "WholeCompiler.define_pipelines", "DefaultPassBuilder", "Reference.__init__",
     "ReferenceAttribute.generic_resolve", "field_pointer", "cgutils", "ByReference.write_addresses",
+)
+ERRORS = AttributeError, TypeError
+
+
+@pytest.mark.parametrize(("place", "error"), [
+    pytest.param(place, error, marks=[pytest.mark.soak] * ((i + j) % 2))  # by turns, the other error in the soak
+    for i, place in enumerate(PLACES) for j, error in enumerate(ERRORS)
 ])
-@pytest.mark.parametrize("error", [AttributeError, TypeError])
 def test_a_broken_override_switches_to_the_default_pipeline_with_one_warning(place, error, pipeline, monkeypatch):
     def broken(*values, **named):
         raise error("broken")
