@@ -86,10 +86,10 @@ def of(kind, name):
     return (gr.edmd, *HARD[name]) if kind == "hard" else (gr.md, *SOFT[name])
 
 
-def cut(kind, name):
+def cut(kind, name, **more):
     """The first part of the run."""
     engine, scene, physics, end, _, options = of(kind, name)
-    return engine.simulate(scene, physics, t_end=end, **options)
+    return engine.simulate(scene, physics, t_end=end, **options, **more)
 
 
 def whole(kind, name, **more):

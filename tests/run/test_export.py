@@ -24,7 +24,9 @@ def resumed(run, physics, end):
     return (gr.md if run.rule is None else gr.edmd).resume(run, t_end=end)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("kind", "name"), [("hard", n) for n in HARD] + [("soft", n) for n in SOFT])
+@pytest.mark.usefixtures("interpreted")
 def test_npz_and_netcdf_bring_back_the_same_bits_and_go_on_alike(kind, name, tmp_path):
     rng = np.random.default_rng(len(name))
     many = (HARD if kind == "hard" else SOFT)[name][2] is not None

@@ -37,7 +37,7 @@ def files(tmp_path_factory):
     """The same, written now."""
     folder = tmp_path_factory.mktemp("files")
     for kind, name in ALL:
-        saved_scenes.cut(kind, name).save(folder / f"{kind}_{name}.npz")
+        saved_scenes.cut(kind, name, **ENGINE[kind]).save(folder / f"{kind}_{name}.npz")
     return folder
 
 
