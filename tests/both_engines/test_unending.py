@@ -93,6 +93,7 @@ def near_misses(rng):
         yield boxed, ELASTIC, remedy | LIMITED
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(4))
 def test_scenes_beside_the_classes_are_not_refused(seed):
     for scene, rule, options in near_misses(np.random.default_rng([12, seed])):
@@ -117,11 +118,12 @@ def checks_only(scene, rule, **options):
         gr.edmd.simulate(scene, rule, on_event=stop, **options)
 
 
-def test_what_ends_is_not_refused():
+@pytest.mark.parametrize("count", [50, pytest.param(150, marks=pytest.mark.soak)])
+def test_what_ends_is_not_refused(count):
     """A random elastic scene that ends with a status of its own is in no class."""
     rng = np.random.default_rng(13)
     ended = 0
-    for _ in range(150):
+    for _ in range(count):
         walls = rng.random(2) < 0.5
         scene = at_random(rng, *walls.tolist(), float(rng.choice([0.0, 9.81])), bool(rng.random() < 0.3))
         scene = scene.replace(velocity=scene.velocity + (rng.random(scene.n) < 0.3) * rng.normal(size=scene.n))
@@ -129,7 +131,7 @@ def test_what_ends_is_not_refused():
         if run.status is not gr.Status.max_events:
             ended += 1
             assert not refused(gr.edmd.simulate, scene, ELASTIC)
-    assert ended > 40
+    assert ended > count // 4
 
 
 def test_rings_and_pendula_that_never_end_are_refused():

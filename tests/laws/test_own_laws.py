@@ -121,7 +121,7 @@ def test_a_pile_at_rest_wakes_when_it_is_hit():
 
 def test_balls_that_settle_where_the_force_is_zero_stay_there():
     scene = gr.Scene([0.07, 1.0], [0.5, 0.5], [0.01], [0.9, 0.0])
-    run = gr.md.simulate(scene, Cohesive(), t_end=1.0, until=gr.until.contact(0, 2))
+    run = gr.md.simulate(scene, Cohesive(), t_end=0.1, until=gr.until.contact(0, 2))
     assert run.status is gr.Status.time
     assert len(run.contacts) == 1
 

@@ -102,6 +102,7 @@ def test_pressed_between_walls_and_in_flight(law):
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.usefixtures("interpreted")
 def test_a_ball_that_leaves_does_not_matter(law, way):
     """The lower ball of two comes to rest as if alone, while the upper one flies away, is far, or hangs where it is."""
     alone = gr.Scene([INF, 1.0], [0] * 2, [0.001], [0] * 2, external_force=[0, -G])
