@@ -65,7 +65,7 @@ def here(path, monkeypatch, capsys):
 
     plt.switch_backend("Agg")
     for module in ("granular._engine.kernels", "granular.edmd.simulation"):
-        monkeypatch.setattr(f"{module}.no_compiler", lambda: "it would take longer than the example")
+        monkeypatch.setattr(f"{module}.missing_compiler_reason", lambda: "it would take longer than the example")
     runpy.run_path(str(path), run_name="__main__")
     plt.close("all")
     return capsys.readouterr().out
