@@ -1,11 +1,13 @@
-"""Docstrings and constants keep to standard technical English, room by room.
+"""Docstrings, constants and pages keep to standard technical English, room by room.
 
-Each habit of speech has a limit per 1,000 words of docstrings. A room can have two places of each habit in any case.
+Each habit of speech has a limit per 1,000 words. A room or a folder of pages can have two places of each habit in any
+case.
 """
 
 from __future__ import annotations
 
 import ast
+import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -23,6 +25,9 @@ ROOMS = [room for folder in FOLDERS for room in (
     + ["granular/*.py"] if folder == "granular" else [folder])]
 FREE_PLACES, LONGEST_SENTENCE, LONG_SHARE, LONGEST_FIRST_LINE = 2, 25, 0.06, 80
 SINGLE_WORD_SHARE, REPEATED_NAMES = 0.4, 20
+MAX_PAGE_WORDS = 1500
+BUILT = {"_build", "_examples", "_made", "gallery", "jupyter_execute"}
+"""Folders that a build of the documentation leaves behind."""
 WORD = r"[A-Za-zÀ-ÿ']+"
 
 
@@ -113,18 +118,18 @@ def all_docstrings(files: dict[str, str]) -> list[tuple[str, str]]:
     return [(f"{name}:{line}", text) for name, source in files.items() for line, text in docstrings(source)]
 
 
-def excess(files: dict[str, str], habit: Habit) -> list[str]:
-    """Places of a habit if they are more than its limit, otherwise nothing."""
-    texts = [(place, prose(text)) for place, text in all_docstrings(files)]
+def excess(texts: list[tuple[str, str]], habit: Habit) -> list[str]:
+    """Places of a habit in texts by place if they are more than its limit, otherwise nothing."""
+    texts = [(place, prose(text)) for place, text in texts]
     words = sum(len(re.findall(WORD, text)) for _, text in texts)
     found = [f"{place} …{text[max(0, hit.start() - 30):hit.end() + 30]!r}"
              for place, text in texts for hit in re.finditer(habit.pattern, text)]
     return found if len(found) > max(FREE_PLACES, habit.limit * words / 1000.0) else []
 
 
-def long_sentences(files: dict[str, str]) -> list[str]:
-    """Long sentences if their share is above its limit, otherwise nothing."""
-    every = [sentence for _, text in all_docstrings(files) for sentence in sentences(prose(text))]
+def long_sentences(texts: list[tuple[str, str]]) -> list[str]:
+    """Long sentences of texts by place if their share is above its limit, otherwise nothing."""
+    every = [sentence for _, text in texts for sentence in sentences(prose(text))]
     long = [sentence for sentence in every if len(sentence.split()) > LONGEST_SENTENCE]
     return long if len(long) > LONG_SHARE * len(every) else []
 
@@ -170,15 +175,60 @@ def repeated(found: dict[str, list[str]]) -> dict[str, list[str]]:
     return several if len(several) > REPEATED_NAMES else {}
 
 
+@cache
+def pages() -> dict[str, list[tuple[str, str]]]:
+    """Text of the pages by folder, and the Markdown of the notebooks, without code, tables, formulas and links."""
+    found = defaultdict(list)
+    for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*"))]:
+        place = path.relative_to(ROOT)
+        if BUILT & set(place.parts) or path.suffix not in (".md", ".ipynb"):
+            continue
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".ipynb":
+            cells = json.loads(text)["cells"]
+            text = "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+        text = re.sub(r"^(`{3,})[\s\S]*?^\1|\$\$[\s\S]*?\$\$", "", text, flags=re.MULTILINE)
+        text = re.sub(r"^\|.*$|^<.*$|^\s*\(\S+\)=$", "", text, flags=re.MULTILINE)
+        text = re.sub(r"\$[^$]+\$", "X", re.sub(r"\]\([^)]*\)", "]", text))
+        found[place.parts[1] if len(place.parts) > 2 else "."].append((place.as_posix(), text))
+    return found
+
+
+PAGE_FOLDERS = (".", "api", "development", "guide", "notebooks", "teaching", "theory")
+
+
+def test_the_folders_of_pages_are_all_of_them():
+    assert sorted(pages()) == sorted(PAGE_FOLDERS)
+    assert sum(len(texts) for texts in pages().values()) > 60
+
+
+@pytest.mark.parametrize("habit", HABITS)
+@pytest.mark.parametrize("folder", PAGE_FOLDERS)
+def test_pages_of_a_folder_have_few_places_of_a_habit(folder, habit):
+    assert excess(pages()[folder], HABITS[habit]) == []
+
+
+@pytest.mark.parametrize("folder", PAGE_FOLDERS)
+def test_few_sentences_of_a_folder_of_pages_are_long(folder):
+    assert long_sentences(pages()[folder]) == []
+
+
+def test_pages_are_short():
+    """The files of the package and the core of the engines are generated listings."""
+    long = {path.name: len(path.read_text(encoding="utf-8").split()) for path in (ROOT / "docs").rglob("*.md")
+            if not BUILT & set(path.parts) and path.name not in ("reading.md", "plain-engines.md", "stability.md")}
+    assert {name: words for name, words in long.items() if words > MAX_PAGE_WORDS} == {}
+
+
 @pytest.mark.parametrize("habit", HABITS)
 @pytest.mark.parametrize("room", ROOMS)
 def test_docstrings_of_a_room_have_few_places_of_a_habit(room, habit):
-    assert excess(sources(room), HABITS[habit]) == []
+    assert excess(all_docstrings(sources(room)), HABITS[habit]) == []
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_few_sentences_of_a_room_are_long(room):
-    assert long_sentences(sources(room)) == []
+    assert long_sentences(all_docstrings(sources(room))) == []
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -249,32 +299,37 @@ def made_up(*texts: str) -> dict[str, str]:
     return {"made_up.py": SOURCE.format(*[*texts, *[""] * 5][:5])}
 
 
+def shown(*texts):
+    """The docstrings of made-up files, by place."""
+    return all_docstrings(made_up(*texts))
+
+
 @pytest.mark.parametrize("habit", HABITS.values(), ids=HABITS.keys())
 def test_a_habit_is_found_in_each_kind_of_docstring(habit):
     assert len(re.findall(habit.pattern, habit.example)) == 1
     for place in range(3):
         texts = [""] * place + [habit.example] * 3
-        assert len(excess(made_up(*texts), habit)) == 3
-    assert excess(made_up(habit.example, habit.example), habit) == []
-    assert excess(made_up(*[habit.allowed] * 5), habit) == []
+        assert len(excess(shown(*texts), habit)) == 3
+    assert excess(shown(habit.example, habit.example), habit) == []
+    assert excess(shown(*[habit.allowed] * 5), habit) == []
 
 
 @pytest.mark.parametrize("habit", HABITS.values(), ids=HABITS.keys())
 def test_the_limit_of_a_habit_grows_with_the_words(habit):
     most = int(habit.limit * 20)
     filler = "ball " * (20_000 - most * len(re.findall(WORD, habit.example)))
-    assert excess(made_up(filler + most * f" {habit.example}"), habit) == []
-    assert excess(made_up(filler + (most + FREE_PLACES + 1) * f" {habit.example}"), habit)
+    assert excess(shown(filler + most * f" {habit.example}"), habit) == []
+    assert excess(shown(filler + (most + FREE_PLACES + 1) * f" {habit.example}"), habit)
 
 
 def test_a_long_sentence_is_found():
     long, short = "A " + "very " * 23 + "long text.", "This is a short text. "
     assert len(long.split()) == 26
-    assert long_sentences(made_up(long)) == [long]
-    assert long_sentences(made_up(long.replace("very ", "", 1))) == []
-    assert long_sentences(made_up(long.replace(" very", ": very", 1))) == []
-    assert long_sentences(made_up(long, 20 * short)) == []
-    assert long_sentences(made_up(f"Table.\n\nmass : {25 * 'float '}\n    This is the mass.")) == []
+    assert long_sentences(shown(long)) == [long]
+    assert long_sentences(shown(long.replace("very ", "", 1))) == []
+    assert long_sentences(shown(long.replace(" very", ": very", 1))) == []
+    assert long_sentences(shown(long, 20 * short)) == []
+    assert long_sentences(shown(f"Table.\n\nmass : {25 * 'float '}\n    This is the mass.")) == []
 
 
 def test_a_long_first_line_is_found():
