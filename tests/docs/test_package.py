@@ -106,3 +106,11 @@ def test_the_changelog_has_the_sections_of_a_release_and_one_line_per_change():
                 assert line.endswith(".")
                 assert line.count("(") == line.count(")")
                 assert line.count("`") % 2 == 0
+
+
+def test_the_readme_of_the_tests_lists_their_folders():
+    listed = re.findall(r"`(\w+)`", "".join(re.findall(r"^\| (`[^|]*)\|", (ROOT / "tests" / "README.md").read_text(
+        encoding="utf-8"), re.MULTILINE)))
+    folders = {path.name for path in (ROOT / "tests").iterdir() if path.is_dir() and path.name != "__pycache__"}
+    assert set(listed) == folders
+    assert len(listed) == len(folders)
