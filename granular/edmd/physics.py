@@ -137,7 +137,7 @@ def check_scene(scene: Scene) -> None:
     """Raise `ValueError` if the scene is not valid for hard spheres."""
     fix = "Hard spheres cannot overlap. Set the gap to 0, or use granular.md."
     check.every("gap", scene.gap, scene.gap >= 0.0, "non-negative", fix)
-    speed, fix = np.abs(scene.velocity), "Use other units."
+    speed, fix = np.abs(scene.velocity), "Check that it is in SI units."
     speed_requirement = f"0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}"
     check.every("mass", scene.mass, (scene.mass <= MAX_NUMBER) | scene.is_wall, SIZE_REQUIREMENT, fix)
     check.every("gap", scene.gap, scene.gap <= MAX_NUMBER, SIZE_REQUIREMENT, fix)
@@ -158,8 +158,9 @@ def check_scene(scene: Scene) -> None:
     for heat, ball in zip(scene.thermal_walls, (1, scene.n - 2), strict=True) if scene.heated else ():
         if heat is not None and not MIN_SPEED <= math.sqrt(heat.temperature / scene.mass[ball]) <= MAX_NUMBER:
             raise ValueError(
-                f"The thermal speed √(T/m) must be in [{MIN_SPEED:g}, {MAX_NUMBER:g}] m/s, got temperature "
-                f"{heat.temperature!r} and mass[{ball}] = {float(scene.mass[ball])!r}. Use other units."
+                f"The thermal speed √(T/m) must be in [{MIN_SPEED:g}, {MAX_NUMBER:g}] m/s, got temperature T = "
+                f"{heat.temperature!r} J and mass[{ball}] = {float(scene.mass[ball])!r} kg. Give T in J (Boltzmann's "
+                "constant times kelvin), and m in kg."
             )
 
 

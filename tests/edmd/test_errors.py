@@ -84,15 +84,20 @@ def test_hard_spheres_cannot_overlap() -> None:
     ("change", "sentence"),
     [
         ({"velocity": [0.0, 1e308, -1e308]},
-            r"`velocity\[1\]` must be 0 or a number of magnitude 1e-75 to 1e\+75, got 1e\+308\. Use other units\."),
+            r"`velocity\[1\]` must be 0 or a number of magnitude 1e-75 to 1e\+75, got 1e\+308\. "
+            r"Check that it is in SI units\."),
         ({"velocity": [0.0, 0.0, -5e-324]},
-            r"`velocity\[2\]` must be 0 or a number of magnitude 1e-75 to 1e\+75, got -5e-324\. Use other units\."),
+            r"`velocity\[2\]` must be 0 or a number of magnitude 1e-75 to 1e\+75, got -5e-324\. "
+            r"Check that it is in SI units\."),
         ({"gap": [1e300, 1.0]},
-            r"`gap\[0\]` must be a number of at most 1e\+75, got 1e\+300\. Use other units\."),
+            r"`gap\[0\]` must be a number of at most 1e\+75, got 1e\+300\. "
+            r"Check that it is in SI units\."),
         ({"mass": [math.inf, 1e-300, 1e300]},
-            r"`mass\[2\]` must be a number of at most 1e\+75, got 1e\+300\. Use other units\."),
+            r"`mass\[2\]` must be a number of at most 1e\+75, got 1e\+300\. "
+            r"Check that it is in SI units\."),
         ({"gravity": 1e-320},
-            r"`gravity` must be 0 or a number of magnitude 1e-75 to 1e\+75, got 1e-320\. Use other units\."),
+            r"`gravity` must be 0 or a number of magnitude 1e-75 to 1e\+75, got 1e-320\. "
+            r"Check that it is in SI units\."),
     ],
 )
 def test_numbers_whose_squares_are_none(change, sentence) -> None:

@@ -118,7 +118,8 @@ def test_a_hit_of_a_thermal_wall_is_watched_as_an_instant():
 def test_what_a_thermal_wall_cannot_be_for_hard_spheres_is_a_sentence():
     scene = gr.Scene([INF, 1.0], [0.0, 0.1], [0.5], [0.0, 1.0], floor=Thermal(1e200))
     with pytest.raises(ValueError, match=r"The thermal speed √\(T/m\) must be in \[1e-75, 1e\+75\] m/s, got "
-                                         r"temperature 1e\+200 and mass\[1\] = 1\.0\. Use other units\."):
+                                         r"temperature T = 1e\+200 J and mass\[1\] = 1\.0 kg\. Give T in J \(Boltzmann"
+                                         r"'s constant times kelvin\), and m in kg\."):
         run(scene, t_end=1.0)
     with pytest.raises(ValueError, match=r"`t_end` must be given, got None\. A run with a thermal wall does not "
                                          r"end by itself\. Give t_end=, until= or max_events=\."):

@@ -110,7 +110,7 @@ def _extreme_option_named(options: Mapping[str, Any]) -> Iterator[None]:
             raise
         name, value = extreme[0]
         raise ValueError(f"`{name}` must be 0 or a number of magnitude {MIN_SPEED:g} to {MAX_NUMBER:g}, got {value!r}. "
-                         f"Use other units. The error was: {str(error).rstrip('.')}.") from error
+                         f"Check that it is in SI units. The error was: {str(error).rstrip('.')}.") from error
 
 
 def _nonzero_numbers(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
@@ -140,7 +140,8 @@ def _error_sentence(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return "The memory of this machine is too small for this run. Use fewer samples, balls or cells."
     if isinstance(error, (ArithmeticError, RecursionError)):
-        return f"The numbers of this run exceed the range of floating-point numbers ({error}). Use other units."
+        return f"The numbers of this run exceed the range of floating-point numbers ({error}). "\
+               "Check that they are in SI units."
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())
