@@ -172,7 +172,9 @@ def _checked_samples(run: Any, quantity: str, advice: str) -> Array:
     `quantity` is "force" or "velocity". An exception is raised if the run has no forces or fewer than 5 samples.
     `advice` is added to its message.
     """
-    if not isinstance(run, Trajectory) or (quantity == "force" and run.force is None):
+    if not isinstance(run, Trajectory):
+        raise TypeError(f"`run` must be a Trajectory, got {run!r}.")
+    if quantity == "force" and run.force is None:
         raise TypeError(f"`run` must be a run of granular.md, got {run!r}. {advice}")
     if len(run.time) < 5:
         raise ValueError(f"`run` must have at least 5 samples, got {len(run.time)}. Pass samples= to simulate.")
