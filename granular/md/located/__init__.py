@@ -9,7 +9,7 @@ Start with: `pieces`, `series`, `plan`, `blocks`, `one_contact/`, `run`. Support
 Parameters with the same meaning in all modules: `s` is the `System` of all records, with `run` (counters and the
 current event), `pairs`, `bodies` and `pool` (records of pairs in islands). `c` is the number of a pair. `lo` … `hi`-1
 are the pairs of an island or block, `block` is the pool record of pair `lo`, and `pair` or `member` the record of one
-pair. `t` + `tail` is a time in s on the clock of the run, as the sum of two floats. `laws` is the `Collocation` of
+pair. `t` + `tail` is a time in s since the start of the run, as the sum of two floats. `laws` is the `Collocation` of
 general laws, or None if every law is a power form.
 """
 

@@ -112,7 +112,8 @@ def start_blocks(s: Any, laws: Any) -> bool:
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Advance the run up to the time `limit` by at most `chunk` events and pieces.
 
-    `limit` is in s on the clock of the run. Returns why the function returned: one of the codes REACHED … WANTS_LOOK.
+    `limit` is in s since the start of the run. Returns why the function returned: one of the codes REACHED …
+    WANTS_LOOK.
     """
     run = s.run[0]
     for _ in range(chunk):

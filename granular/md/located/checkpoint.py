@@ -78,15 +78,16 @@ class Checkpoint(Mapping[str, Any]):
 
 
 class RecordsBeforeEnd:
-    """Copy of the records of a run before its end is evaluated.
+    """Copy of the records of a run before all pairs are advanced to its end time.
 
-    For a large run, only the records that the evaluation changes are copied. `put_back` restores them.
+    A checkpoint contains these records. For a large run, only the records that the advance changes are copied.
+    `put_back` restores them.
     """
 
     def __init__(self, s: System, t: float) -> None:
-        """Copy the records that the evaluation of a run's end changes.
+        """Copy the records that the advance to the end of a run changes.
 
-        `t` is the end in s on the clock of the run. For a small run, or on a ring, all records are copied.
+        `t` is the end in s since the start of the run. For a small run, or on a ring, all records are copied.
         """
         slot, self.kept = column(s.pairs, "slot"), list[tuple[Any, Any, Any]]()
         rows = int(s.run[0]["rows"])

@@ -100,8 +100,9 @@ def next_event_of_law(
 def end_of_force(pair: Any, is_repulsive: ForceSign, doubt: float, span: float, separates: bool, scratch: Any) -> float:
     """Return the first τ up to `span` at which the force of a pair vanishes, or inf.
 
-    If the pair separates at `span` (`separates`), its force just before is smaller than any uncertainty. There the law
-    is evaluated at ever smaller distances.
+    The interpolant `pair.g` of the force shows where to look; `doubt` in N is its uncertainty. If the overlap reaches 0
+    at `span` (`separates`), the force just before is smaller than `doubt`. The law itself is then evaluated at points
+    that approach `span`.
     """
     positive_at, crossing = 0.0, shifted_crossing(pair.g, doubt, span, scratch, -1.0)
     if not separates and (crossing == math.inf or is_repulsive(crossing)):

@@ -97,7 +97,9 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
     if run.collocation is not None or not r.barrier:
         return f"{sentence}: all forces balance to rounding error"
     touching = [p for p in island_members(run) if p.mode == ACTIVE or p.mode == DORMANT]
+    # consecutive pair numbers form a group
     groups = [[p for _, p in group] for _, group in groupby(enumerate(touching), lambda at: at[1].number - at[0])]
+    # the inverse masses `lower` and `upper` are 0 for a wall: a group between two walls is closed
     decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
     energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
     reason = f"the energy about the equilibrium, {energies} the first contact needs to open"
@@ -142,7 +144,7 @@ def island_members(run: Any) -> list[Any]:
 def unlogged_contacts(run: Any, end: float) -> Rows | None:
     """Return the contacts at the end of a run that are not yet in the log, or None.
 
-    `end` is the end in s on the clock of the run. Contacts that have not ended have nan as their end time.
+    `end` is the end in s since the start of the run. Contacts that have not ended have nan as their end time.
     """
     blocks = [*run.rows(), *(run.with_scene_times(rows) for rows in _unfinished_contacts(run))]
     if not blocks:

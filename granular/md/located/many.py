@@ -199,8 +199,10 @@ def _kind_records(law: Array, m_eff: Array) -> Any:
     with np.errstate(all="ignore"):  # invalid laws are rejected later
         set_contact_maps(kinds, np.broadcast_to(m_eff, kinds.shape))
     kinds["elastic"] = elastic = kinds["gamma"] == 0.0
+    # without damping d is arbitrary, chosen as in `damping_exponent`
     kinds["d"] = np.where(elastic, np.where(kinds["p"] == 1.5, 0.5, 0.0), kinds["d"])
-    kinds["s"] = kinds["p"] - kinds["d"]
+    kinds["s"] = kinds["p"] - kinds["d"]  # exponent of F = ξ^d (k ξ^s + γ ξ̇)
+    # the kind depends on p, d and on whether γ is 0, so one value of each is enough
     for p, d, gamma in itertools.product(np.unique(kinds["p"]), np.unique(kinds["d"]), (0.0, 1.0)):
         selected = (kinds["p"] == p) & (kinds["d"] == d) & (elastic == (gamma == 0.0))
         kinds["kind"][selected], kinds["q"][selected] = kind_and_q(1.0, p, gamma, d)

@@ -120,11 +120,14 @@ class Collocation:
     def fill(
         self, records: list[Any], pool: list[Any], lo: int, tol: float, field: Any = None, holds: float = math.inf
     ) -> float:
-        """Compute the piece of the island that starts with pair `lo`, and its h and clock.
+        """Compute the next piece of the island that starts with pair `lo`.
 
-        The piece covers τ in [0, 1]. The result is its truncation error, relative to the speed of the island. `records`
-        are the pair records. The piece lasts at most `holds` in s, the time for which the series of the wall paths in
-        `field` are valid. Raises `ValueError` if a force is not finite, or if nothing stops an overlap.
+        Its series covers τ in [0, 1], where t = (hτ)^q is the time in s from its start. The scale h, in s^(1/q), and
+        the exponent q (1 or 2) are stored in the record of the first pair, as `h` and `clock`. The step is halved until
+        its error is at most `tol`, or the step is the shortest allowed. Returns the truncation error, relative to the
+        speed of the island. `records` are the pair records. The piece lasts at most `holds` in s, the time for which
+        the series of the wall paths in `field` are valid. Raises `ValueError` if a force is not finite, or if nothing
+        stops an overlap.
         """
         self.square = getattr(field, "square", 0.0)
         island = enumerate(records[lo : records[lo].hi])

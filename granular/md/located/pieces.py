@@ -3,7 +3,7 @@
 The overlap and its rate of a pair in an island are polynomials in τ, valid until the next event: a piece. All other
 pairs are in free flight, in closed form. An event is the first root of a polynomial, found by certified root isolation.
 The clock of a block is its absolute time in s as the sum of two floats, t + tail. A piece maps τ to the time (hτ)^q in
-s after that clock.
+s after that clock. The field `clock` of a record in the pool is not a time but this exponent q.
 
 The mode of a pair determines which events can end it. Here φ = kξ^s + γξ̇ is the bracket of the force F = ξ^d φ:
 
@@ -281,7 +281,7 @@ def largest_local_maximum(row: Any, rate: Any, tau: float, scratch: Any) -> floa
 def write_flight(pair: Any, h: float, push: float, force: float) -> None:
     """Write the piece of a pair with constant force and constant acceleration.
 
-    `h` is the scale of the piece in s on the clock t = hτ (q = 1). `push` is the acceleration of the overlap in m/s²,
+    `h` is the scale of the piece in s, where t = hτ (q = 1). `push` is the acceleration of the overlap in m/s²,
     and `force` the force in N.
     """
     for j in range(SERIES_ORDER + 1):

@@ -100,7 +100,7 @@ def plan_piece(s: Any, lo: int, laws: Any) -> bool:
         log_growth = coefficient_growth(pairs, pool, lo, hi, run.tol)
         span = trusted_tau(log_growth, run.tol)
         if block.clock == 1:
-            # `last_step` is a step on the plain clock
+            # `last_step` is a step with q = 1
             block.last_step = block.h * span
     edge_tau = math.inf
     if DRIVEN and reach < math.inf:
@@ -123,11 +123,11 @@ def plan_piece(s: Any, lo: int, laws: Any) -> bool:
 
 @kernel
 def choose_scale(s: Any, lo: int, reach: float) -> float:
-    """Choose the clock exponent q and the scale h of the next piece of an island.
+    """Choose the exponent q and the scale h of the next piece of an island.
 
-    `reach` is the time in s for which the series of the driven walls are valid, or inf. Returns the longest permitted
-    duration of the piece in s. It is `reach`, or at a driven wall a time that covers the residual phases if nothing
-    else limits the piece.
+    In this piece t = (hτ)^q. q is stored in the field `clock` of the first pair. `reach` is the time in s for which the
+    series of the driven walls are valid, or inf. Returns the longest permitted duration of the piece in s. It is
+    `reach`, or at a driven wall a time that covers the residual phases if nothing else limits the piece.
     """
     run, pairs, pool, field = s.run[0], s.pairs, s.pool, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]

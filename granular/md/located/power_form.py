@@ -104,9 +104,11 @@ def law_kinds(laws: SceneLaws, scene: Scene) -> Any:
 
 
 def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
-    """Set the contact maps of all kinds of laws in a scene.
+    """Set the closed-form contact map of every kind of law in a scene.
 
-    A damped self-similar map requires the same damping ratio, hence the same effective mass, in all pairs of a kind.
+    For contact maps see the module docstring. A damped self-similar map holds for one damping ratio only. Damped
+    kinds whose pairs have different effective masses therefore get `NO_MAP`, unless they are linear or viscoelastic.
+    General laws also get `NO_MAP`.
     """
     set_contact_maps(kinds, np.array([law.pair.m_eff for law in laws.each]))
     kinds["map"][kinds["kind"] == GENERAL] = NO_MAP
@@ -141,10 +143,11 @@ def power_form(law: PairLaw) -> Form | None:
 
 
 def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, float, int]:
-    """Return k and p of a power law comparable to `law`, and q of its starting clock.
+    """Return k and p of a power law comparable to `law`, and q of its start series.
 
-    q is 1 if the force starts smoothly in time, else 2. The result only sets scales, such as the first step. The two
-    laws agree at the overlap of an impact at `speed` (m/s), or of a weight at rest under `gravity` (m/s²).
+    q is the exponent of t = (hτ)^q: 1 if the force starts smoothly in time, else 2. The result only sets scales, such
+    as the first step. The two laws agree at the overlap of an impact at `speed` (m/s), or of a weight at rest under
+    `gravity` (m/s²).
     """
     pair = law.pair
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
@@ -192,9 +195,9 @@ def _bounded_force(law: PairLaw, xi: float) -> float:
 
 
 def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
-    """Return the kind of F = k ξ^p + γ ξ^d ξ̇, and the q of its starting clock.
+    """Return the kind of F = k ξ^p + γ ξ^d ξ̇, and the exponent q of its start series.
 
-    The force is a power series in ξ^(1/q), and its series starts on the clock t = (hτ)^q.
+    The force is a power series in ξ^(1/q). At the onset it is expanded in τ, where t = (hτ)^q.
     """
     if p == 1.0 and (gamma == 0.0 or d == 0.0):
         return LINEAR, 1
@@ -241,7 +244,10 @@ class Shape(NamedTuple):
 
 
 def elastic_shape(p: float) -> Shape:
-    """Return the shape of elastic contacts with exponent `p`."""
+    """Return the `Shape` of isolated elastic contacts with exponent `p`.
+
+    Its fields are arrays (1,).
+    """
     part = 1.0 / (p + 1.0)
     deepest = math.pow(0.5 * (p + 1.0), part)
     arc = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + part) / math.gamma(0.5 + part) * deepest
@@ -249,9 +255,11 @@ def elastic_shape(p: float) -> Shape:
 
 
 def damped_shape(p: float, zeta: Array) -> Shape:
-    """Return the shapes of contacts with exponent `p` and damping ratios `zeta` > 0.
+    """Return the `Shape` of isolated contacts of damped power laws.
 
-    Values are nan for ζ ≥ 1, where s has no half period, and for p > `MAX_DAMPED_EXPONENT`.
+    `p` is the exponent of the laws, and `zeta` > 0 are their damping ratios, of shape (n,). The fields of the
+    result are arrays (n,) in the units of `Shape`. Values are nan for ζ ≥ 1, where s has no half period, and for p >
+    `MAX_DAMPED_EXPONENT`.
     """
     zeta = np.where((zeta < 1.0) & (p <= MAX_DAMPED_EXPONENT), zeta, np.nan)[:, None]
     beta, root, omega = (p - 1.0) / (p + 1.0), np.sqrt((1.0 - zeta) * (1.0 + zeta)), math.sqrt(0.5 * (p + 1.0))

@@ -34,8 +34,9 @@ The kinds are: none, dashpot, self-similar contacts of a power law, viscoelastic
 MOVES, LIES, CREEPS, NEEDS_CREEP_TEST, CREEP_TESTED = range(5)
 """How a block is integrated.
 
-MOVES: by its equation of motion. LIES: it is at rest. CREEPS: by its slow motion (see `rest.overdamped`). ASKS: not
-yet, because it has to be tested for creep first. LOOKED: by its equation of motion, after that test."""
+MOVES: by its equation of motion. LIES: it is at rest. CREEPS: by its slow motion (see `rest.overdamped`).
+NEEDS_CREEP_TEST: not yet, because it has to be tested for creep first. CREEP_TESTED: by its equation of motion, after
+that test."""
 REST_PIECE_SCALE = 2.0**300
 """Duration in s of the piece of a pile at rest: longer than any run."""
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
@@ -56,11 +57,11 @@ EXTEND, DONE, BY_PIECES, GOES_ON = 11, 12, 13, 14
 EXTEND: form the blocks again, and include one more block if necessary. DONE: the event has been applied. BY_PIECES:
 integrate the contact by pieces. GOES_ON: plan the next piece of the island."""
 MAX_CLOCK_EXPONENT = 4
-"""Largest q of the clock t = (hτ)^q."""
+"""Largest exponent q of t = (hτ)^q, the time since the start of a piece."""
 MAX_START_EXPONENT = 16.0
 """Largest q·p of a power law that a start series of order 20 can represent.
 
-Here q belongs to the clock t = (hτ)^q and p to the law k ξ^p."""
+Here q is the exponent of t = (hτ)^q, and p is the exponent of the law k ξ^p."""
 SPARE_PLACES = 1
 """Number of places in the pool that stay free, to integrate a contact alone."""
 EXTRA_PLACES = 32
@@ -81,7 +82,7 @@ SOFT_PAIR_RECORD = np.dtype(
     [
         ("xi", float), ("eta", float),  # overlap (negative: gap) in m and its rate in m/s at the time t + tail
         ("pull", float),  # closing acceleration by gravity and external forces, m/s²
-        ("t", float), ("tail", float),  # clock, s
+        ("t", float), ("tail", float),  # clock: absolute time t + tail of the state, s
         ("wait", float), ("due", float),  # s, from the clock to the next event of a flight; s, time of the next event
         ("noise", float),  # bound of the rounding errors accumulated in the rate, m/s
         ("wake", float),  # overlap in m at which the pair became active after it was dormant
@@ -111,7 +112,8 @@ _LAW = [
 ]
 """Inverse masses in 1/kg and their sum, pull, wall and law of a pair.
 
-The pull includes the acceleration of a driven wall at the current time."""
+`lower` and `upper` are the inverse masses of the lower and the upper body, `inverse` is their sum. The pull includes
+the acceleration of a driven wall at the current time."""
 _STATE = [
     ("xi", float), ("eta", float), ("mode", int), ("noise", float),
     ("exact", int),  # 1: an event has located φ = 0, which is then exactly 0 in the next series
@@ -125,9 +127,10 @@ _STATE = [
     ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # group: pairs, energies (`equilibrium`)
 ]
 _BLOCK = [  # of the island that starts with this pair
-    ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; 1 if all laws are linear; clock
-    ("h", float), ("tau", float),  # scale of the piece, 0 without a piece; τ of its end, 0 if the piece is used up
-    ("manner", int),  # MOVES, LIES, CREEPS, ASKS or LOOKED
+    ("clock", int), ("linear", int),  # exponent q of dt = (hτ)^q (not a time); 1 if all laws are linear
+    ("t", float), ("tail", float),  # clock: absolute time t + tail at the start of the piece, s
+    ("h", float), ("tau", float),  # scale of the piece in s^(1/q), 0 without a piece; τ of its end, 0 if used up
+    ("manner", int),  # MOVES, LIES, CREEPS, NEEDS_CREEP_TEST or CREEP_TESTED
     ("doubts", int),  # steps since it was formed at which a test of its linear pairs for creep was considered
     ("fired", int), ("event", int),  # pair and event that end the piece; -1 for no pair
     ("holds", float),  # time to the next edge of the path of a driven wall, s

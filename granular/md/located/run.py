@@ -62,8 +62,8 @@ DISTURBED_OPTIONS = ("resolve", "stop", "ignore")
 class Run:
     """Simulation of one scene by the located integrator.
 
-    It implements the protocol `granular.run.drive.Run`. Its own clock starts at 0, so that a late start costs no
-    digits.
+    It implements the protocol `granular.run.drive.Run`. Its times are counted from `start`, so that a late start
+    costs no digits. A resumed run takes `start` from its checkpoint.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Run:
             raise ValueError("`disturbed` must be 'resolve' or 'stop' for pendula, got 'ignore'. Setting pendula that "
                              "touch early back to gap 0 would change their energy.")
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
-        self.start = request.start if state is None else float(state["origin"])  # s, origin of its own clock
+        self.start = request.start if state is None else float(state["origin"])  # s, origin of its own times
         self.closing = WallMeeting(scene, self.start, flattened=True) if scene.driven else None
         self.bound, self.seen, self.now = False, 0.0, 0.0  # s, times of the last sample and of the run
         limits = {"max_events": request.max_events, "max_steps": request.max_steps,
@@ -259,7 +259,7 @@ class Run:
         return [self.with_scene_times(rows)]
 
     def with_scene_times(self, rows: Rows) -> Rows:
-        """Convert the times of log rows from the clock of the run to the scene's time.
+        """Convert the times of log rows from times since the start to times of the scene.
 
         `rows` is modified.
         """
@@ -273,7 +273,7 @@ class Run:
         return self.row_after(time - self.start, time)
 
     def row_after(self, elapsed: float, time: float) -> Row:
-        """Return the state of the scene at `elapsed` in s on the clock of the run.
+        """Return the state of the scene a time `elapsed` in s after the start of the run.
 
         The state is labelled with `time` in s. Raises `OverflowError` if it is not finite.
         """
@@ -282,14 +282,14 @@ class Run:
         rows = state.tolist() if self.is_plain else state
         sums: Any = None if self.s.ledger is None else [0.0] * 5 if self.is_plain else np.zeros(5)
         c = self.kernels(write_and_request_states)(self.s, elapsed, *rows, sums, self.collocation)
-        while c < n:
+        while c < n:  # pair c is inside a contact solved as one event: integrate this contact up to `elapsed`
             self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(write_integrated_state)(self.s, c, *rows, sums)
             c = self.kernels(request_state)(self.s, c + 1, elapsed)
         state = np.asarray(rows)
         if not np.isfinite(state[:2]).all():  # interpreted code raises earlier
             raise OverflowError("an overlap or its rate")
-        np.negative(state[:2], out=state[:2])  # of overlaps
+        np.negative(state[:2], out=state[:2])  # gaps and their rates are minus the overlaps and their rates
         self.seen = elapsed
         ledger = None if sums is None else np.array(sums)
         return Row(time, elapsed, state[0], rate=state[1], force=state[2], ledger=ledger)
@@ -322,7 +322,7 @@ class Run:
         return End(row, pause.value, message, stats, state, running)
 
     def gather(self, end: float) -> RecordsBeforeEnd:
-        """Advance every pair to the time `end` in s on the clock of the run.
+        """Advance every pair to the time `end` in s since the start of the run.
 
         Returns the records as they were before.
         """

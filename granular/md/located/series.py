@@ -6,9 +6,9 @@ Here w are inverse masses in 1/kg, and G is the acceleration in m/s² by gravity
 wall, G is itself a series, and pendula add -Ω² ξ. With σ = q h^q, coefficient n+q of ξ is σ η_n/(n+q). Coefficient n+q
 of η is σ η̇_n/(n+q).
 
-q = 1 is the plain clock. q > 1 makes the onset of a contact regular if F starts like a fractional power of t. A pair
-that just touches has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is again a power series. The coefficients of such a ξ
-are those of y, shifted by `offset` = q.
+For q = 1 the time t is proportional to τ. q > 1 makes the onset of a contact regular if F starts like a fractional
+power of t. A pair that just touches has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is again a power series. The
+coefficients of such a ξ are those of y, shifted by `offset` = q.
 
 Products are summed in groups of eight terms. One factor is stored backwards in a `mirror` followed by zeros, and
 unknown terms are zero. Processors predict these few loop lengths well, unlike a loop over n terms.
@@ -40,7 +40,7 @@ from granular.md.located.walls import drive
 def expand_series(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any) -> None:
     """Compute the series of overlap, rate and force of the pairs lo … hi-1.
 
-    They are `x`, `e` and `f` of each pair record, on the clock t = (hτ)^q. Pairs that are not open also get `g`, the
+    They are `x`, `e` and `f` of each pair record, where t = (hτ)^q. Pairs that are not open also get `g`, the
     bracket φ of the force F = ξ^d φ. The series start from the overlap and rate of the pairs now. `field` is the record
     of driven walls or pendula, or None.
     """
@@ -162,7 +162,7 @@ def has_force(pair: Any) -> float:
 
 @kernel
 def expand_two_linear(a: Any, b: Any, h: float) -> None:
-    """Compute the series of two linear pairs on the plain clock.
+    """Compute the series of two linear pairs in t = hτ (q = 1).
 
     This is the most frequent island. The sums are the same as in `expand_series`, but in one loop for both pairs. This
     halves the time of the series in an interpreted run.

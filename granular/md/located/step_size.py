@@ -1,4 +1,4 @@
-"""Length of a piece, and its clock.
+"""Length of a piece, and the exponent q of t = (hτ)^q.
 
 *Linear islands*: the series of a piece converges like the series of exp(λh), λ = ½ (b + √(b² + 4a)). Here a and b are
 the largest absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, with Ω² of pendula in a. λh =
@@ -170,10 +170,10 @@ def stopping_overlap(pair: Any, square: float) -> float:
 
 @kernel
 def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
-    """Return q of the clock t = (hτ)^q: 1, or the q of pairs that just touched.
+    """Return the exponent q of t = (hτ)^q: 1, or the q of pairs that just touched.
 
-    Pairs that just touched, but whose series this clock cannot represent, become dormant. So do pairs whose overlap is
-    within the truncation error. `tol` is the relative tolerance.
+    Pairs that just touched, but whose series this exponent cannot represent, become dormant. So do pairs whose overlap
+    is within the truncation error. `tol` is the relative tolerance.
     """
     q, dormant_overlap = 1, max(DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL * tol)
     for c in range(lo, hi):
@@ -210,7 +210,7 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
 def is_curved(pair: Any) -> bool:
     """Return whether a force acts between the balls under a nonlinear power law.
 
-    If such a pair has just touched, its law determines the clock of the island.
+    If such a pair has just touched, its law determines the exponent q of the island, where t = (hτ)^q.
     """
     return bool(pair.mode == ACTIVE and LINEAR < pair.kind < GENERAL)
 
@@ -219,7 +219,7 @@ def is_curved(pair: Any) -> bool:
 def series_scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
     """Return the scale h with which the series of a nonlinear island is computed.
 
-    It is in s^(1/q) for the clock t = (hτ)^q. It is reduced where powers of h relative to the time of a contact would
+    It is in s^(1/q), where t = (hτ)^q. It is reduced where powers of h relative to the time of a contact would
     overflow.
     """
     block = pool[pairs[lo].slot]

@@ -140,7 +140,7 @@ def end_contact_piece(s: Any, laws: Any) -> bool:
     dt = piece_time(member)
     if run.passed + dt > run.left:
         dt = max(0.0, run.left - run.passed)
-        # rounding must not move τ beyond the end of the piece
+        # inverse of dt = (hτ)^q; rounding must not move τ beyond the end of the piece
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
         add_pair_energy(s, laws, c, member, tau, s.ledger[0].solo)
@@ -154,11 +154,12 @@ def end_contact_piece(s: Any, laws: Any) -> bool:
         return False
     if DRIVEN and member.event == EDGE and member.wall > 0:
         advance_clock(member, time_to_wall_edge(s.field, member, member))
+        # slip: the same jump between the stored panels, with their rounding errors
         jump, slip = rate_jump(s.field, member, member.t, member.tail)
         member.eta += slip
         if jump != 0.0:
             update_mode_after_jump(run, member, laws)
-    if member.fired == c:
+    if member.fired == c:  # the piece ends with an event of this pair
         if member.event == BEGIN:
             return False
         if member.mode == ACTIVE and (member.event == END or member.event == PART):

@@ -203,8 +203,10 @@ def advance_to_onset(s: Any, c: int, v: float, t1: float, v1: float, source: int
 def set_pair_asymptote(s: Any, c: int, v: float, t2: float, v2: float, moment: float, source: int) -> None:
     """Replace the state of pair `c` at its onset by the asymptote after its contact.
 
-    The contact is also entered in the energy balance. Pendula are displaced by `moment` times their inverse masses,
-    because their acceleration depends on position. For the other parameters see `contact_map`.
+    `v` is the approach speed in m/s. ξ returns to 0 a time `t2` in s after the onset, with the separation speed `v2` in
+    m/s. `moment` is mass times displacement by the contact, in kg m. Pendula are displaced by `moment`/m, because their
+    acceleration depends on position. `source` is explained in `contact_map`. The contact is also entered in the energy
+    balance.
     """
     pair, bodies = s.pairs[c], s.bodies
     advance_clock(pair, t2)
@@ -269,9 +271,10 @@ def separation_velocities(s: Any, c: int, pair: Any, over: float, rate_change: f
 def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     """Return (t1, t2, v1, v2) of a contact of pair `c`, and the source of this map.
 
-    `v` is the approach speed. The map is defined in `maps`, and t1 is nan if it is unknown. The source is the index of
-    a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `TABLE_WANTED` if a table has to be computed, and
-    NOT_INTEGRATED if this contact has to be integrated first.
+    `v` is the approach speed in m/s. The times t1 and t2 in s, from the onset, are those at which the force and the
+    overlap vanish. v1 and v2 in m/s are the separation speeds then (see `maps`). t1 is nan if the map is unknown. The
+    source is the index of a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `TABLE_WANTED` if a table has to
+    be computed, and NOT_INTEGRATED if this contact has to be integrated first.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     if HEATED and pair.wall < 0:

@@ -120,7 +120,10 @@ def restore_run_state(s: Any) -> None:
 
 @kernel
 def fit_table(s: Any) -> None:
-    """Compute the table of an octave from its contacts, or mark the octave as refused."""
+    """Fit the table of an octave of approach speeds to the contacts integrated for it.
+
+    An octave is a factor of 2. If the table fails its tests, the octave is marked as refused.
+    """
     run, known = s.run[0], s.maps[s.pairs[s.run[0].wanted].map]
     i = math.frexp(run.speed)[1] - MIN_SPEED_EXPONENT
     if passes_tests(s.tables[run.tables]):

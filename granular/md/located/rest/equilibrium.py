@@ -97,13 +97,12 @@ def has_stored_equilibrium(pairs: Any, pool: Any, a: int, b: int) -> bool:
 def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None:
     """Compute the static forces of the group a … b-1, and a bound of its barrier.
 
-    The forces in N are stored as `load` of each pair. The upper bound in J is stored as `opening` of the first pair. If
-    the group has more energy, a pair may separate. `opening` is 0 if a pair bears no load or has a general law, or if
-    there is no equilibrium.
+    The forces in N are stored as `load` of each pair. `opening` of the first pair is an energy in J that is never below
+    the barrier of the group (`energy_barrier`). A group with more energy cannot be proved to stay closed.
 
-    The bound is the smallest energy at which a pair separates, ξ = 0. For a pair whose force can only vanish beyond its
-    static overlap, it is the energy at `smallest_vanishing_overlap`. The `energy_barrier` is never larger. For an
-    unchanged group nothing is computed.
+    `opening` is the smallest energy at which ξ of a pair falls to 0, or to `smallest_vanishing_overlap` if the force
+    can only vanish beyond the static overlap. It is 0 if a pair bears no load or has a general law, or if there is no
+    equilibrium. For an unchanged group nothing is computed.
     """
     head, least = pool[pairs[a].slot], math.inf
     if has_stored_equilibrium(pairs, pool, a, b):

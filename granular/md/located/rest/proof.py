@@ -83,25 +83,27 @@ def exceeds_barrier(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
 
     Relative to its equilibrium the energy of a group is its kinetic energy plus Σ D(ξ_c, r_c). Here D(ξ, r) = U(ξ) -
     U(r) - U'(r) (ξ - r), and r_c are its overlaps at rest. Smaller r_c give more energy, and r_c is at most the overlap
-    under the whole weight of the group.
+    under the whole weight of the group. The sum with the largest possible r_c is a lower bound of the energy. It is
+    compared with an upper bound of the barrier.
     """
     energy = kinetic_energy(pairs, pool, bodies, a, b)
     if has_stored_equilibrium(pairs, pool, a, b):
         return not energy < pool[pairs[a].slot].opening
+    # between two walls the weights do not bound the loads
     if bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0:
         return not energy < math.inf
     # 1.001 here and 0.999 in `energy_bound` are margins, so that the bounds hold despite rounding errors
-    load, least, falls = abs(weight(bodies[a])), math.inf, False
+    load, barrier, is_pressed = abs(weight(bodies[a])), math.inf, False
     for c in range(a, b):
         load += abs(weight(bodies[c + 1]))
-        falls = falls or pairs[c].pull > 0.0
-    for c in range(a, b if falls else a):
+        is_pressed = is_pressed or pairs[c].pull > 0.0
+    for c in range(a, b if is_pressed else a):
         pair = pool[pairs[c].slot]
-        least = min(least, barrier_bound(pair, 1.001 * load))
-        if not energy < least:
+        barrier = min(barrier, barrier_bound(pair, 1.001 * load))
+        if not energy < barrier:
             return True  # most frequent: later terms only increase the energy and lower the bound
         energy += energy_bound(pair, 1.001 * load)
-    return not energy < (least if falls else 0.0)
+    return not energy < (barrier if is_pressed else 0.0)
 
 
 @kernel
