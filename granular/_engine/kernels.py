@@ -218,7 +218,7 @@ def version() -> int:
 
 
 @cache
-def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False) -> Any:
+def dispatcher(function: Callable[..., Any], inline: bool, is_callee: bool = False) -> Any:
     """Return the numba dispatcher of a kernel, which compiles it when called.
 
     Parameters
@@ -227,11 +227,12 @@ def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False)
         Kernel to compile.
     inline : bool
         Whether the kernels that it calls are inlined, except for those marked `rare`.
-    within : bool
-        Whether only kernels call it. The fast pipeline then compiles it as a `Part`. Defaults to False.
+    is_callee : bool
+        Whether only other kernels call it. The fast pipeline then compiles it as a `Part`. Defaults to False.
     """
     numba, code = load_numba(), without_dead_branches(function)
     fast = bool(Mode.fast)
+    # the fast pipeline overloads `by_reference` itself
     called = {name: dispatcher(callee, inline, True)
               for name, callee in _callees(function).items()
               if name in _globals_read(code) and not (fast and callee is by_reference)}
@@ -242,13 +243,14 @@ def dispatcher(function: Callable[..., Any], inline: bool, within: bool = False)
     if fast:
         from granular._engine.numba_pipeline import PartCompiler, WholeCompiler
 
-        options |= FAST_OPTIONS | {"pipeline_class": PartCompiler if within else WholeCompiler}
-        options |= {"no_cpython_wrapper": True} if within else {}
-        options |= {"forceinline": inline and within and not getattr(function, "__granular_rare__", False)}
-    copy.__qualname__ = f"{function.__qualname__}_{cache_key(function, fast):08x}{'i' * inline}{'p' * within}"
+        options |= FAST_OPTIONS | {"pipeline_class": PartCompiler if is_callee else WholeCompiler}
+        options |= {"no_cpython_wrapper": True} if is_callee else {}
+        options |= {"forceinline": inline and is_callee and not getattr(function, "__granular_rare__", False)}
+    # the name identifies the cached machine code, see `cache_key`
+    copy.__qualname__ = f"{function.__qualname__}_{cache_key(function, fast):08x}{'i' * inline}{'p' * is_callee}"
     result = numba.njit(**options)(copy)
     result.compile = _without_collection(result.compile)
-    if within:
+    if is_callee:
         return result
     cache_on_disk(result)
     if fast:

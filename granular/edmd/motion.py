@@ -162,13 +162,14 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
     """Return whether the bodies of a pair touch at time `now`.
 
     The gap is compared with 0 without a tolerance. A stuck pair always touches. A pair with a thermal wall never
-    counts as touching.
+    counts as touching. Pendula also touch if their next collision is due.
     """
     if FORCED:
-        if pair.heat >= 0:
+        if pair.heat >= 0:  # thermal wall
             return False
         if pair.stuck > FREE:
             return True
+    # a pendulum collision that is due counts as a touch, even if rounding leaves a positive gap
     if HUNG and next_event_time(pair, lower, upper, walls) <= now:
         return True
     return gap_and_rate(pair, lower, upper, now, walls)[0] <= 0.0
@@ -426,9 +427,10 @@ def remove_drift(bodies: Records) -> None:
 
 @kernel
 def copy_ball(body: Record, other: Record) -> None:
-    """Copy fall velocity and noise from body `other` to `body`.
+    """Copy the fields `fall_velocity` and `noise` from body `other` to `body`.
 
-    Both records represent the same ball of a ring, the first and the last body of the line.
+    The fields are defined in the module docstring. Both records represent the same ball of a ring, the first and the
+    last body of the line.
     """
     body.fall_velocity = other.fall_velocity
     body.noise = other.noise

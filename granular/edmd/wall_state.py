@@ -156,10 +156,12 @@ def _interpreted_walls(state: Any) -> Walls:
 def advance_epoch(
     run: Record, pairs: Records, bodies: Records, rows: Records | None, done: int, now: float, walls: Walls
 ) -> bool:
-    """Move the epoch forward if the next event, at time `now`, is beyond the window.
+    """Move the epoch forward by whole windows, to the window that contains time `now`.
 
-    The epoch is not moved if the event is later than `clock.goal`, the end of the current call. The first `done` log
-    rows get their final times before. Returns whether the epoch was moved.
+    `now` is the time of the next event in s since the epoch. The function is called only if this event is beyond the
+    current window. The epoch is not moved if the event is later than `clock.goal`, the end of the current call. Before
+    the move, the times of the first `done` log rows are converted to s. Returns whether the epoch was moved. For epoch
+    and window see `granular.edmd.motion`.
     """
     clock = walls.clock
     if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:

@@ -114,6 +114,7 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
         return laws
     is_ready = isinstance(laws, tuple) and len(laws) == len(scene.gap)
     given, pairs = tuple(laws) if is_ready else per_pair("laws", laws, scene.n_pairs), scene.pairs
+    # None without a look at the laws: scenes with more pairs are not cached
     distinct_laws = {id(law): law for law in given} if len(given) <= CACHED_PAIRS else {0: None}
     floats = {number: _law_floats(law) for number, law in distinct_laws.items()}
     if None in floats.values():

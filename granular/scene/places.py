@@ -323,10 +323,11 @@ class WallMeeting:
         self.horizon = start + (1.0 - CLOSING_MARGIN) * self.after
 
     def _read(self, driven: list[tuple[int, Any, Any]]) -> None:
-        """Store the paths of driven walls, and the bounds that the search uses.
+        """Store the data of driven walls that `search_until` needs.
 
-        The bounds are the largest closing acceleration (m/s²) and the times of velocity jumps (s from the start). The
-        search begins when the walls could meet. `driven` is the result of `driven_walls`.
+        These are the paths of the walls, the bound of their closing acceleration (m/s²) and the times of their velocity
+        jumps (s from the start). `looked` is set to the earliest time at which the walls could meet. `driven` is the
+        result of `driven_walls`.
         """
         _, walls, panels = zip(*driven, strict=True)
         self.walls, self.panels = plain(np.concatenate(walls)), plain(np.concatenate(panels))

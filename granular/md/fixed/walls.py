@@ -67,6 +67,7 @@ def driven_wall_data(scene: Scene, start: float) -> Walls:
     driven = driven_walls(scene, start)
     bodies = [body for body, _, _ in driven]
     paths, panels = ([record for wall in driven for record in plain(wall[i])] for i in (1, 2))
+    # per end of the chain one velocity for each of HALF … END of `window`; 0 if it is a ball
     drive = [[float(scene.velocity[body])] * 6 if scene.is_wall[body] else [0.0] * 6 for body in (0, scene.n - 1)]
     return Walls(paths, panels, bodies, scene.n - 1, start, 0.0, drive)
 
@@ -259,8 +260,9 @@ def _flight_towards_wall(side: int, j: int, s: float, a: Any) -> tuple[float, fl
     They are in m, m/s and m/s², at a time `s` in s after the start of the step. `side` is 0 for a floor, 1 for a
     ceiling.
     """
-    i = j + 1 if side == 0 else j
-    acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
+    # rows of a window (see `window`): pair j at index j + 1, body i at i + 1
+    ball = j + 1 if side == 0 else j
+    acc = ball_acceleration(ball, a.raw[ball], a.raw[ball + 1], a)
     gap, rate, pull = -a.xi[j + 1], a.v[j + 2] - a.v[j + 1], -acc if side == 0 else acc
     gap += s * (rate - 0.5 * pull * s)
     return gap if gap > 0.0 else 0.0, rate - pull * s, pull

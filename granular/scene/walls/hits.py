@@ -75,7 +75,8 @@ def first_hit(
     is returned. For a ball at rest on the wall the result is inf. `lift_off` returns when this ball leaves the wall.
 
     No hit is missed. A gap of at most twice its rounding error is a hit if it decreases. A minimum of the gap that does
-    not stay above the rounding error, 4·2⁻⁵³ times its terms, is a hit as well.
+    not stay above the rounding error, 4·2⁻⁵³ times its terms, is a hit as well. After `MAX_PERIODS` periods a float no
+    longer resolves the phase of the wall. This time counts as the hit.
     """
     now, elapsed = gap_state(wall, panels, t, tail, gap, rate, pull), 0.0
     k, turns, s = now.panel, 0.0, 0.0
@@ -98,6 +99,7 @@ def first_hit(
         s += time_out_of_reach(wall, now, s)
         if s == NO_HIT:
             return NO_HIT
+        # a float no longer resolves the phase: this time counts as the hit
         if wall.periodic and wall.frequency * s > MAX_PERIODS:
             return elapsed + s if elapsed + s <= within else NO_HIT
         k, turns = panel_from_time(wall, panels, now, k, turns, s)
@@ -109,10 +111,11 @@ def first_hit(
 @rare
 @kernel
 def panel_from_time(wall: Record, panels: Records, now: State, k: int, turns: float, s: float) -> tuple[int, float]:
-    """Return index and period of the panel at the time s (s) after `now`.
+    """Return the panel at the time s (s) after `now`: its index and its period number.
 
-    At an edge it is the later panel. The period is counted from the period of `now`. `k` and `turns` are index and
-    period of the panel of the previous step. The index is -1 if the path ends at that time.
+    The period number is the number of whole periods of the wall between the period of `now` and this panel. `k` and
+    `turns` are the same two numbers for the previous step. At an edge the later panel is returned. The index is -1 if
+    the path ends at that time.
     """
     end = time_to_panel_end(wall, panels, now, k, turns)
     if s > end:
@@ -251,12 +254,14 @@ def lift_off(
     -------
     s, rate : float
         Time in s from now, and rate of the gap in m/s just after it. They are inf and 0 if the ball stays on the wall.
-        If the rate is 0, pull + m'' falls to 0 (s is 0 if it is already negative). If the rate is positive, the
-        velocity of the wall jumps away from the ball. If it is negative, the velocity jumps towards the ball: a hit.
+        If the rate is 0, the ball lifts off because pull + m'' falls below 0 (s is 0 if it is already negative). If the
+        rate is positive, the velocity of the wall jumps away from the ball. If it is negative, the velocity jumps
+        towards the ball: a hit.
 
     Notes
     -----
-    A ball stays on the wall while pull + m'' is negative only by rounding, at most 4·2⁻⁵³ (|pull| + max |m''|).
+    pull + m'' is the closing acceleration, where m(t) is the displacement of the wall towards the ball. A ball stays on
+    the wall while pull + m'' is negative only by rounding, at most 4·2⁻⁵³ (|pull| + max |m''|).
     """
     now = gap_state(wall, panels, t, tail, 0.0, 0.0, pull)
     k, turns, s = now.panel, 0.0, 0.0

@@ -120,6 +120,7 @@ class Panels(_PanelMotion, ByNumbers):
         jump is 0 if the motion is not periodic.
         """
         c = (_derivative(self.series, order).T * (2.0 / np.diff(self.edges)) ** order).T
+        # Chebyshev series on [-1, 1]: value at the start of each panel, minus value at the end of the previous panel
         jumps: Array = c @ (-1.0) ** np.arange(c.shape[1]) - np.roll(c.sum(axis=1), 1)
         jumps[0] = jumps[0] if self.frequency else 0.0
         return jumps
