@@ -448,10 +448,12 @@ def order(run: Trajectory) -> int:
     events = np.column_stack([np.concatenate(column) for column in (time, pair, kind)])
     events = events[(events[:, 0] >= run.time[0]) & (events[:, 0] <= run.time[-1])]
     events = events[np.argsort(events[:, 0], kind="stable")]
+    # replace times by ranks; simultaneous events share a rank
     events[:, 0] = np.cumsum(np.diff(events[:, 0], prepend=0.0) > SIMULTANEITY_TOLERANCE * (events[:, 0] - run.time[0]))
     shifts = range(2 if run.law is None else 3)
     groups = np.concatenate([(events[:, 1] - shift) % scene.n_pairs for shift in shifts])
     columns = np.column_stack([groups, np.tile(events, (len(shifts), 1))])
+    # columns: group, rank, pair, kind; the rank itself is not part of the checksum
     return crc32(columns[np.lexsort((columns[:, 2], columns[:, 1], columns[:, 0]))][:, [0, 2, 3]].tobytes()) >> 1
 
 

@@ -380,13 +380,15 @@ class Run:
     def apply_event(self, c: int, what: str) -> bool:
         """Apply the event `what` to pair c. Return whether it meets the stop condition.
 
-        The stop condition is met at an onset, before the contact begins.
+        `what` is "touch" or "begin" (onset), "turn" (the law changes its branch), "release" (the force ends, the
+        overlap remains) or "part" (the overlap ends). The stop condition is met at an onset, before the contact begins.
         """
         motion = self.motion
         if c in motion.heat and what != "part":
             return self.hit_thermal_wall(c)
         motion.record_event(c, what)
         if what in ("touch", "begin"):
+            # a pair touching at rest: its contact began when the force reached it
             if self.log.begin(c, *(self.since.pop(c, None) or (motion.t, motion.bodies(c)))):
                 return True
             motion.mode[c] = ACTIVE

@@ -126,7 +126,7 @@ class Crossing:
 
     @property
     def value(self) -> float:
-        """Midpoint of the two values."""
+        """Midpoint of the parameter values of `low` and `high`."""
         return 0.5 * self.low.value + 0.5 * self.high.value
 
 

@@ -49,12 +49,15 @@ class Setting:
     words: tuple[str, ...] = ()
 
     def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the link parameters for `value`, by name.
+        """Return the parameters of a link to the page with this setting at `value`.
+
+        The result is a dict of the parameters after # in the URL, by their short names. `name` is used in error
+        messages only.
 
         Raises
         ------
         ValueError, TypeError
-            If the value is not a number within the limits. The message contains `name`.
+            If the value is not a number within the limits.
         """
         if self.whole:
             return {self.slider: check.integer(name, value, at_least=int(self.least), at_most=int(self.most))}
@@ -68,7 +71,7 @@ class Choice(Setting):
     """Setting whose value is one of several words. A link contains its index."""
 
     def link_parameters(self, name: str, value: Any) -> dict[str, Any]:
-        """Return the link parameter with the index of the word."""
+        """Return the parameter of a link to the page: the index of the word `value`."""
         return {self.slider: self.words.index(check.choice(name, value, self.words))}
 
 

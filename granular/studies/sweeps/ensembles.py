@@ -272,10 +272,10 @@ def ensemble(
                   for of_engine, prefix in zip(data, RESULT_PREFIXES.values(), strict=True))
     check.known_names([*requested, *margin_by_name], {*soft, *whole}, "result")
     compared = {name: (hard[name], values) for name, values in soft.items()
-                if not requested.keys().isdisjoint(_both_names(name))}
+                if not requested.keys().isdisjoint(_quantity_and_result(name))}
     quantities = tuple(
-        compared_quantity(name, data[0][_both_names(name)[1]].attrs["units"], values, default_margin,
-               next((margin_by_name[x] for x in _both_names(name) if x in margin_by_name), None),
+        compared_quantity(name, data[0][_quantity_and_result(name)[1]].attrs["units"], values, default_margin,
+               next((margin_by_name[x] for x in _quantity_and_result(name) if x in margin_by_name), None),
                (not separate, len(compared)))
         for name, values in compared.items())
     return Ensemble(plan.subject.title, count, draws.seed, separate, quantities,
@@ -346,8 +346,8 @@ class EngineResult:
         return float(self.function(case.simulate(self.engine)))
 
 
-def _both_names(name: str) -> tuple[str, str]:
-    """Return the name of a quantity such as "rise[1]", and of its result "rise"."""
+def _quantity_and_result(name: str) -> tuple[str, str]:
+    """Return `name`, such as "rise[1]", and the name of the whole result, "rise"."""
     return name, name.partition("[")[0]
 
 

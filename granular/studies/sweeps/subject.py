@@ -172,9 +172,9 @@ class Subject:
             check.known_names([str(way[0])], known, f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
         of_case = isinstance(self.root, Case) and way == RESTITUTION_PATH
-        if of_function or of_case or way[0] in {*CASE_PARTS, *_numbers(self.root)}:
+        if of_function or of_case or way[0] in {*CASE_PARTS, *_fields_by_name(self.root)}:
             return way
-        parts = (part for part in CASE_PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
+        parts = (part for part in CASE_PARTS if way[0] in _fields_by_name(_fields_by_name(self.root).get(part)))
         return next(parts, "run" if way[0] == "t_end" else "scene"), *way
 
     def is_whole(self, name: str) -> bool:
@@ -231,7 +231,8 @@ def _of_file(path: Path) -> Subject:
 def with_parameter(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     """Return a copy of `holder` in which the number at the end of `way` is `value`.
 
-    A name in the path applies to every entry of a list. `name` is the part of the path that leads to `holder`.
+    `way` is a path of names and indices. If a step of the path is a name and the holder is a list, the name is looked
+    up in every entry of the list. `name` is the part of the path that leads to `holder`.
     """
     if not way:
         if isinstance(holder, np.ndarray) and check.is_single(value):
@@ -256,7 +257,7 @@ def with_parameter(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         raise TypeError(f"{name}.{step} is not a parameter, because the case has no {name}.")
     if isinstance(holder, Case) and way == RESTITUTION_PATH:
         return _with_restitution(holder, value)
-    check.known_names([step], _numbers(holder), f"parameter of {type(holder).__name__}", TypeError)
+    check.known_names([step], _fields_by_name(holder), f"parameter of {type(holder).__name__}", TypeError)
     return replace(holder, **{step: with_parameter(_entry(holder, step), rest, value, step)})
 
 
@@ -265,7 +266,7 @@ def _of_balls(holder: Any, gap: Any) -> Any:
 
     For a ready-made case, `gap` is returned unchanged.
     """
-    fields_of_scene = _numbers(holder)
+    fields_of_scene = _fields_by_name(holder)
     if not {"mass", "gap"} <= fields_of_scene.keys():
         return gap
     between_balls = _between_balls(fields_of_scene["mass"], fields_of_scene["gap"])
@@ -314,7 +315,7 @@ def _with_restitution(case: Case, eps: float) -> Case:
 def _like(changes: dict[str, float], law: Any, pair: Any) -> Any:
     """Return a law of the same stiffness, with the restitution in `changes`."""
     accepted = {parameter.name for parameter in parameters_of(law.from_restitution)}
-    values = {name: value for name, value in (_numbers(law) | changes).items() if name in accepted}
+    values = {name: value for name, value in (_fields_by_name(law) | changes).items() if name in accepted}
     return build.call([law.from_restitution], values, pair=pair)
 
 
@@ -327,10 +328,14 @@ def _entry(holder: Any, name: str) -> Any:
     return np.zeros(holder.n) if name == "external_force" and value is None else value
 
 
-def _numbers(holder: Any) -> dict[str, Any]:
-    """Return the fields of a table, a dataclass, or a list of these, by name."""
+def _fields_by_name(holder: Any) -> dict[str, Any]:
+    """Return the fields of a table or a dataclass, by name.
+
+    For a list, return the fields of all entries; of equal names the last entry counts. For any other object the result
+    is empty.
+    """
     if isinstance(holder, (list, tuple)):
-        return {name: value for entry in holder for name, value in _numbers(entry).items()}
+        return {name: value for entry in holder for name, value in _fields_by_name(entry).items()}
     if is_dataclass(holder):
         return {f.name: getattr(holder, f.name) for f in fields(holder)}
     return dict(holder) if isinstance(holder, Mapping) else {}
@@ -338,9 +343,9 @@ def _numbers(holder: Any) -> dict[str, Any]:
 
 def numbers_in(subject: Subject, root: Any) -> dict[str, float]:
     """Return the finite numbers of a root that are not integer parameters, by name."""
-    parts = {**subject.defaults, **_numbers(root)}
+    parts = {**subject.defaults, **_fields_by_name(root)}
     if not isinstance(subject.text, str):
-        parts = {**_numbers(parts.get("scene")), **{part: parts.get(part) for part in ("law", "rule", "t_end")}}
+        parts = {**_fields_by_name(parts.get("scene")), **{part: parts.get(part) for part in ("law", "rule", "t_end")}}
     found = {name: value for part, content in parts.items() for name, value in _leaves(part, content)}
     return {name: value for name, value in found.items() if math.isfinite(value) and not subject.is_whole(name)}
 
@@ -353,7 +358,7 @@ def _leaves(name: str, holder: Any) -> Iterator[tuple[str, float]]:
         for i, entry in enumerate(holder.tolist() if isinstance(holder, np.ndarray) else holder):
             yield from _leaves(f"{name}[{i}]", entry)
     else:
-        for field_name, entry in _numbers(holder).items():
+        for field_name, entry in _fields_by_name(holder).items():
             yield from _leaves(f"{name}.{field_name}", entry)
 
 
