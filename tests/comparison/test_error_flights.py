@@ -52,6 +52,7 @@ def check(kind, seeds):
     return found
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("kind", FAST_KINDS)
 def test_flights_after_a_yes_agree(kind):
     assert check(kind, range(12)) >= 4
