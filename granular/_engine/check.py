@@ -273,12 +273,10 @@ def check_argument_types(module: dict[str, Any], *kinds: type) -> None:
 
 
 def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Function:
-    """Return a function that checks the types of annotated arguments.
+    """Return `function` with type checks of its annotated arguments.
 
-    See `check_argument_types`.
-
-    `needed` maps names of annotations to classes and to their description in messages. Without arguments to check, the
-    function is only decorated by `face`.
+    `check_argument_types` applies it to a module. `needed` maps names of annotations to classes and to their
+    description in messages. Without arguments to check, the function is only decorated by `face`.
     """
     names = function.__code__.co_varnames
     checked_arguments = [(names.index(name), name, *needed[annotation.partition("[")[0]])
@@ -290,8 +288,7 @@ def _typed(function: Function, needed: Mapping[str, tuple[type, str]]) -> Functi
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         for i, name, kind, need in checked_arguments:
-            if not isinstance(args[i] if i < len(args) else kwargs.get(name), kind) and (
-                    i < len(args) or name in kwargs):
+            if i < len(args) or name in kwargs:
                 of_kind(name, args[i] if i < len(args) else kwargs[name], kind, need)
         return inner(*args, **kwargs)
 

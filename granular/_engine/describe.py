@@ -65,9 +65,9 @@ OLD_CLASS_PLACES = {f"granular.{place}": word for place, word in {
 
 
 def to_json(physics: Any) -> dict[str, Any]:
-    """Return the description of a law, rule or wall: its word, text and numbers.
+    """Return the description of a law, rule or wall: word of its class, text, numbers.
 
-    For a user-defined class, and for a function, there are no numbers, and the class replaces the word.
+    A user-defined class or a function has no such word: its module and name replace it, and there are no numbers.
     """
     kind = type(physics)
     place = f"{kind.__module__}:{kind.__qualname__}"

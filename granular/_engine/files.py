@@ -330,6 +330,7 @@ def _name(info: Any) -> str:
 
 
 def _head(archive: Any, info: Any) -> ArrayHeader:
+    """Return dtype and shape of the array `info` of an archive."""
     formats = np.lib.format
     readers = {(1, 0): formats.read_array_header_1_0, (2, 0): formats.read_array_header_2_0}
     with archive.open(info) as stream:

@@ -295,6 +295,7 @@ def _without_collection(compile_for: Any) -> Any:
 
     @wraps(compile_for)
     def compile_without_collection(signature: Any) -> Any:
+        """Compile for a signature without garbage collection, which is faster."""
         enabled = gc.isenabled()
         gc.disable()
         try:

@@ -86,6 +86,11 @@ def caching_context(context: Any) -> Any:
 
     class CachingContext(type(context)):  # type: ignore[misc]
         def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
+            """Return the signature of a call.
+
+            A kernel has the signature of its version compiled for the exact argument types. For other functions the
+            answer of numba is cached, unless there are keyword arguments.
+            """
             if isinstance(function, types.Dispatcher):
                 argument_types = tuple(map(types.unliteral, args))  # type: ignore[attr-defined]
                 _, names, folded, _ = function.dispatcher.get_call_template(argument_types, kws)
@@ -125,9 +130,9 @@ class WholeCompiler(PartCompiler):
 
 
 class Reference(types.Type):
-    """Type in numba of a pointer to the table of a `ByReference` tuple.
+    """Numba type of a pointer to the array addresses of a `ByReference` tuple.
 
-    It is defined by the names and types of the fields of the tuple.
+    Two such types are equal if the names and types of the fields of their tuples are equal.
     """
 
     def __init__(self, names: tuple[str, ...], fields: tuple[Any, ...]) -> None:

@@ -42,6 +42,7 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     module_of = {name: module for module, names in homes.items() for name in names.split()}
 
     def load(name: str) -> Any:
+        """Import and keep the attribute `name` of the package at its first use."""
         if name not in module_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module = import_module(module_of[name])

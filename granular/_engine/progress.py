@@ -60,6 +60,7 @@ def _reported(callback: ProgressCallback | None, things: str, end: float, start:
     begin = last = time.monotonic()
 
     def report(reached: float, count: int) -> None:
+        """Show progress on the bar or on stderr, and call the callback."""
         nonlocal last
         fraction, now = (reached - start) / (end - start) if end > start else 0.0, time.monotonic()
         text = f"t = {reached:.6g} s, " * (things == "contacts") + f"{count} {things}"

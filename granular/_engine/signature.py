@@ -25,6 +25,7 @@ def face(target: Function) -> Function:
 
     @wraps(target)
     def call(*args: Any, **kwargs: Any) -> Any:
+        """Call `target`, with a clear message if its arguments do not fit."""
         try:
             return target(*args, **kwargs)
         except TypeError as error:

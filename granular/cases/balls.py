@@ -59,7 +59,10 @@ class Ball:
 
     @property
     def stiffness(self) -> float:
-        """Stiffness k = m (2f(ζ)/t_c)² in N/m of a dashpot with this duration t_c and ε."""
+        """Stiffness k = m (2f(ζ)/t_c)² in N/m of a dashpot with this duration t_c and ε.
+
+        The damping ratio ζ follows from ε. `granular.laws.dashpot` defines f(ζ).
+        """
         frequency = reduced_duration(damping_ratio(self.restitution)) / self.duration
         return self.mass * frequency * frequency
 

@@ -158,7 +158,8 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
         entry = arguments.pop("material")
         names = entry if isinstance(entry, list) else [entry, entry]
         if len(names) != 2:
-            raise ValueError(f"`material` must have one entry, or two (lower, upper), got {len(names)}.")
+            raise ValueError("`material` must have one entry, or two (lower, upper), got a list of length "
+                             f"{len(names)}.")
         arguments["young"], arguments["poisson"] = materials.both(*names)
     return object_of_type(LAWS, arguments, pair=pair)
 

@@ -120,6 +120,7 @@ def read_tables(path: str | PathLike[str]) -> dict[str, Any]:
 
 
 def _parsed(text: str) -> dict[str, Any]:
+    """Return the tables of a TOML text, or raise `ValueError`."""
     if LONG_KEY_PATTERN.search(text):
         raise ValueError("The file is not a case: a key has more than 50 parts. Keys such as scene.mass have two.")
     try:
@@ -326,6 +327,7 @@ def _wall(motion: Any) -> Table:
 
 
 def _value(value: Any) -> str:
+    """Return a value in the syntax of TOML, or raise `TypeError`."""
     if type(value) in WALLS.values():
         value = _wall(value)
     if isinstance(value, (np.ndarray, np.generic)):

@@ -401,9 +401,10 @@ def _miscount_text(report: Checked, miscounted: tuple[int, ...], pair_count: int
 
 
 def _departure_text(report: Checked, j: int) -> str:
-    """Text on the ball of component `j` with the largest velocity difference.
+    """Sentence part "ball … leaves at … instead of … m/s" for component `j`.
 
-    An empty string if the difference is at most `ERROR_LIMIT`, or if a pair at rest has the largest difference.
+    It names the ball whose departure velocity differs most between soft and hard spheres. It is empty if the difference
+    is at most `ERROR_LIMIT` (in units of U), or if the error of the component comes from a pair at rest.
     """
     departure = report.departure(j)
     if departure is None or not departure.difference > ERROR_LIMIT:

@@ -124,8 +124,9 @@ class Departures:
         """Return departure number `k`, with its difference in units of `unit` in m/s."""
         pair = self.soft.contacts["pair"][self.episode == self.of[k]]
         (begin, end), (u, v) = self.time[:, k].tolist(), self.velocity[:, k].tolist()
-        return Departure(int(self.ball[k]), int(self.of[k]), len(pair), tuple(np.unique(pair).tolist()), begin, end,
-                         u, v, float(self.apart[k]) / unit)
+        return Departure(
+            ball=int(self.ball[k]), episode=int(self.of[k]), contacts=len(pair), pairs=tuple(np.unique(pair).tolist()),
+            hard_t=begin, soft_t=end, hard_velocity=u, soft_velocity=v, difference=float(self.apart[k]) / unit)
 
 
 def episodes(soft: Trajectory, compared: Any) -> Any:

@@ -274,15 +274,16 @@ class Against:
     soft: check.Array
 
     def __str__(self) -> str:
-        rows = [part for one in (self.hard, self.soft)
-                for part in (_last_known_differences(one), np.fmax.reduce(np.abs(one)))]
+        # last and largest difference of every ball, for hard spheres (rows 0, 1) and soft spheres (rows 2, 3)
+        rows = [row for differences in (self.hard, self.soft)
+                for row in (_last_known_differences(differences), np.fmax.reduce(np.abs(differences)))]
         balls = np.flatnonzero(np.isfinite(rows[3]) | np.isfinite(rows[1]))
         shown = np.sort(balls[np.argsort(-np.nan_to_num(rows[3][balls]), kind="stable")][:MAX_PRINTED_BALLS])
         head = f"{'last known':>12}{'largest':>10}  {f'beyond {ERROR_LIMIT} from':<22}"
         lines = [f"{'velocities less those of':26}{'hard spheres':<46}soft spheres", f"{'':24}{head}{head}".rstrip()]
         for i in shown.tolist():
-            words = [f"{last[i]:>12.3g}{most[i]:>10.3g}  {self._since(one[:, i]):<22}"
-                     for one, last, most in zip((self.hard, self.soft), rows[::2], rows[1::2], strict=True)]
+            words = [f"{last[i]:>12.3g}{largest[i]:>10.3g}  {self._since(differences[:, i]):<22}"
+                     for differences, last, largest in zip((self.hard, self.soft), rows[::2], rows[1::2], strict=True)]
             lines.append(f"ball {i:<4}of {self.unit[i]:8.3g} m/s{words[0]}{words[1]}".rstrip())
         return "\n".join([*lines, *[f"({len(balls) - len(shown)} balls that are nearer not shown)"]
                           * (len(shown) < len(balls))])

@@ -129,7 +129,9 @@ def leaving_velocities_and_times(run: Trajectory) -> tuple[Array, Array]:
     They are nan if the last contact has no end. The time is the end of that contact.
     """
     u, end = run.scene.velocity.copy(), np.full(run.scene.n, float(run.time[0]))
-    body, row, side = last_contacts(run, np.arange(len(run.contacts)), np.zeros(len(run.contacts), np.int64))
+    # all contacts are in group 0, so the keys are the numbers of the bodies
+    body, row, side = last_contacts(
+        run, rows=np.arange(len(run.contacts)), group=np.zeros(len(run.contacts), np.int64))
     u[body], end[body] = run.contacts["v_out"][row, side], run.contacts["t_end"][row]
     return u, end
 

@@ -92,6 +92,7 @@ class Remedies(Report):
 
     @property
     def _headline(self) -> str:
+        """Results of Newton's rule and of the remedy nearest to soft spheres."""
         newton, *others = self.rows
         near, last = min(others[:5], key=lambda row: float(f"{_distance_from_soft(row, newton):.3g}")), others[-1]
         right = "is right" if self.tc == last.setting else "comes nearest, none is right"
@@ -123,6 +124,7 @@ def remedies_table(
         for name, default in (("tc", duration), ("merge_below", slow), ("elastic_below", slow)))
 
     def row(name: str, setting: float = 0.0, rule: Any = report.rule, **remedy: Any) -> Remedy:
+        """Return the row of one remedy, with nan if its run is refused."""
         try:
             run = _run_with_remedy(report, rule, remedy)
         except ValueError as refusal:

@@ -232,6 +232,7 @@ def numbers(report: ComparisonWithAnswer) -> dict[str, Any]:
 
 
 def _run_numbers(run: Trajectory) -> dict[str, Any]:
+    """Return the numbers of a run for JSON (at most 10,000 contacts)."""
     log = run.contacts[:10_000]
     return {
         "status": run.status.name,

@@ -271,4 +271,5 @@ def compare(
     with progress_callback(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
         hard = edmd.simulate(scene, used, **event_driven | {"max_events": max_events}, on_progress=tell)
         soft = md.simulate(scene, laws, **end, **options, on_progress=tell)
-    return Comparison(scene, laws, used, until, t_end, hard, soft, event_driven, options)
+    return Comparison(scene, laws, used, until, t_end, hard=hard, soft=soft, hard_options=event_driven,
+                      soft_options=options)

@@ -211,6 +211,7 @@ def parameters(report: ComparisonWithAnswer) -> str:
 
 
 def _scene_text(report: ComparisonWithAnswer) -> str:
+    """Return balls, masses, gaps, speeds and walls of a scene as a string."""
     scene, balls = report.scene, ~report.scene.is_wall
     inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
     ratio = report.groups["mass_ratio"]

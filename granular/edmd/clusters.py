@@ -8,7 +8,7 @@ an ordinary collision of the body that is hit. Simultaneous collisions then prop
 In scenes with forces or driven walls, the field `stuck` marks the stuck pairs. A ball whose rebound is below its
 rounding error comes to rest. On a driven wall it then moves with the velocity of the wall, without events, until no
 acceleration presses it on the wall any more. Balls that forces press together in mid-air move with their common
-acceleration until one of them is hit.
+acceleration until one of them is hit. The terms are defined in `granular.edmd.motion`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Detection of inelastic collapse: infinitely many collisions in a finite time.
 
-After a suspicious collision, the neighbouring pairs (the *slice*) are followed in relative
-coordinates (`advance_relative`).
-The collisions are then classified by a `Verdict`, or the suspicion is rejected and the run continues.
+After a suspicious collision, the neighbouring pairs (the *slice*) are followed in relative coordinates
+(`advance_relative`). The collisions are then classified by a `Verdict`, or the suspicion is rejected and the run
+continues. The terms slice and epoch are defined in `granular.edmd.motion`.
 """
 
 from __future__ import annotations

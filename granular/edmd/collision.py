@@ -1,6 +1,7 @@
 """Apply one collision to the two bodies of a pair, for both event queues.
 
-Balls that rest on these bodies, or that leave a wall, are released here as well.
+Balls that rest on these bodies, or that leave a wall, are released here as well. Stuck pairs, the slice and other terms
+are defined in `granular.edmd.motion`.
 """
 
 from __future__ import annotations

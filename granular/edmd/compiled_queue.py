@@ -1,6 +1,7 @@
 """The compiled event queue: a tournament tree over all pairs.
 
-It uses the event loop of `sorted_queue`, and its events and results are bitwise identical.
+It uses the event loop of `sorted_queue`, and its events and results are bitwise identical. For epoch and window see
+`granular.edmd.motion`.
 
 Scenes with many balls are advanced block by block, so that each block fits into the processor cache. Until the end of
 a window, the motion of a ball depends only on nearby balls, because a collision can influence other balls only as fast

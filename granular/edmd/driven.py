@@ -7,6 +7,7 @@ Balls that move as one have a common `force_acceleration`.
 Next to a moving wall the gap is evaluated by `granular.scene.walls`. The fall velocity of the wall, and of every ball
 that rests on it, is the velocity of the wall at the time `at` of the pair. The rate of the gap then has the same
 formula as for any other pair. Walls and balls that rest on them are not free, and the pairs between them are stuck.
+The terms are defined in `granular.edmd.motion`.
 """
 
 from __future__ import annotations

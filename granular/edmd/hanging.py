@@ -7,8 +7,9 @@ of collisions is followed until the squares of its rates underflow (1e-154 m/s).
 rate 0. They stay together if the pendula touch at rest.
 
 The records of bodies are needed for the contact log only. They contain u (`fall_velocity`) and `sway`, both in m/s,
-which change only in collisions. The velocity of a ball is ``u cos Ωt - sway sin Ωt``. Without a log these fields are
-not updated in collisions. They are then computed from the rates at the end of the run.
+which change only in collisions. The velocity of a ball is ``u cos Ωt - sway sin Ωt`` at the time t since the epoch
+(see `granular.edmd.motion`). Without a log these fields are not updated in collisions. They are then computed from the
+rates at the end of the run.
 """
 
 from __future__ import annotations
@@ -114,17 +115,19 @@ def begin_pendula(pairs: Any, bodies: Any, scene: Any) -> None:
     bodies["sway"] = scene.pendulum * scene.displacement
 
 
-def row(pairs: Any, tau: float) -> tuple[Array, Array]:
+def rates_and_gaps(pairs: Any, tau: float) -> tuple[Array, Array]:
     """Return rates (m/s) and gaps (m, never negative) of all pairs at time `tau`.
 
     `tau` is in s since the epoch. The state is not changed.
     """
     names = "gap", "rate", "rest", "omega", "at"
     gap, rate, rest, omega, at = (column(pairs, name) for name in names)
-    t = np.tan(0.5 * omega * (tau - at))
-    factor = 1.0 / (1.0 + t * t)
-    gap_now: Array = (gap + t * (2.0 * rate / omega + (2.0 * rest - gap) * t)) * factor
-    return (rate * (1.0 - t * t) + 2.0 * omega * (rest - gap) * t) * factor, gap_now.clip(0.0)
+    # gap = rest + (gap - rest) cos φ + rate/ω sin φ, φ = ω (tau - at); with half = tan(φ/2), cos φ = (1 - half²)/(1 +
+    # half²) and sin φ = 2 half/(1 + half²)
+    half = np.tan(0.5 * omega * (tau - at))
+    factor = 1.0 / (1.0 + half * half)
+    gap_now: Array = (gap + half * (2.0 * rate / omega + (2.0 * rest - gap) * half)) * factor
+    return (rate * (1.0 - half * half) + 2.0 * omega * (rest - gap) * half) * factor, gap_now.clip(0.0)
 
 
 def set_swing(s: Any, scene: Any, row: Any) -> None:

@@ -1,4 +1,7 @@
-"""Constant data of a hard-sphere run: scene, restitution rules and options."""
+"""Constant data of a hard-sphere run: scene, restitution rules and options.
+
+For the window see `granular.edmd.motion`.
+"""
 
 from __future__ import annotations
 

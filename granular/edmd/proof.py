@@ -248,9 +248,9 @@ def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
 
 
 def rate_matrices(word: list[int], shares: Any) -> tuple[Any, Any]:
-    """Return the matrices that map initial rates to the rates before each collision.
+    """Return the matrices from initial rates to rates before each collision, and R.
 
-    The second value is R, the matrix of the whole period `word`.
+    R is the matrix of the whole period. `word` contains the numbers of the pairs that collide in it, in order.
     """
     turn, turns = exact_decimals(np.eye(shares.shape[1]).ravel()).reshape(shares.shape[1], -1), []
     for c in word:

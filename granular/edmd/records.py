@@ -1,6 +1,6 @@
 """Record types of hard-sphere runs, their constants, and checks of saved states.
 
-Saved states are checked here because kernels check nothing.
+Saved states are checked here because kernels check nothing. The terms are defined in `granular.edmd.motion`.
 """
 
 from __future__ import annotations

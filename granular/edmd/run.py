@@ -1,6 +1,6 @@
 """One hard-sphere run: advance the event queue from pause to pause.
 
-`Run` implements the protocol `granular.run.drive.Run`.
+`Run` implements the protocol `granular.run.drive.Run`. For epoch, window and slice see `granular.edmd.motion`.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Run:
         is_compiled = engine == "compiled" or (self.may_compile and compilation_pays(work, physics.has))
         self._replace_queue(self._compiled_queue() if is_compiled else SortedQueue)
         self.event_limit = 1 if request.singly else request.max_events
-        self.tail_start = state.clock.last_event - request.max_events // TAIL_DIVISOR
+        self.last_part_start = state.clock.last_event - request.max_events // TAIL_DIVISOR
         self.pace = [(self.events, request.start)]  # at the start and where the last part begins
         self.verdict: collapse.Verdict | None = None
         self.ended, self.at_rest = math.nan, False  # s, time of a collapse; whether all balls rest after it
@@ -303,10 +303,12 @@ class Run:
         state = self.state
         if self.may_compile and compilation_pays(self._expected_work(), self.physics.has):
             self._replace_queue(self._compiled_queue())
-        goal = self.tail_start if self.events < self.tail_start else state.clock.last_event
+        # pause where the last part of the allowed events begins, so that its pace can be compared with the pace before
+        goal = self.last_part_start if self.events < self.last_part_start else state.clock.last_event
         budget, begun, before = min(self.queue.chunk, self.event_limit, goal - self.events), process_time(), self.events
         rows: list[Any] | None = [] if self.keeps_rows else None
         if state.near is None:
+            # an event at the end of the window belongs to the next window (see granular.edmd.motion)
             reason = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
             reason, self.verdict = self._collapse_module.advance_slice(
@@ -316,7 +318,7 @@ class Run:
             self.queue.chunk = min(SortedQueue.chunk, next_portion(budget, process_time() - begun))
         if rows and self.events > before:
             self._convert_rows(rows)
-        if len(self.pace) == 1 and self.events >= self.tail_start:
+        if len(self.pace) == 1 and self.events >= self.last_part_start:
             self.pace.append((self.events, self.time()))
         return reason
 

@@ -324,6 +324,7 @@ def resume(
     )
     queue, states = checked_engine(engine, physics), [state]
 
+    # `solve` is called twice if the sample times depend on the run; the first call uses up the restored state
     def solve(timed_request: Request) -> Trajectory:
         watcher = None if watch is None else _watch(watch, scene, saved)
         initial_state = states.pop() if states else State.restored(physics, saved)

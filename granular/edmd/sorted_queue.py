@@ -1,7 +1,8 @@
 """Event loop of a run, and the reference event queue.
 
 The queue is a `SortedList` of pairs of numbers (time, rank), one entry per pair of balls that will collide. The rank
-contains the number of the pair and decides between simultaneous collisions, see `physics.rank`.
+contains the number of the pair and decides between simultaneous collisions, see `physics.rank`. For the epoch see
+`granular.edmd.motion`.
 """
 
 from __future__ import annotations

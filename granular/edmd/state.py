@@ -1,4 +1,7 @@
-"""State of a hard-sphere run: all data needed to continue it bitwise identically."""
+"""State of a hard-sphere run: all data needed to continue it bitwise identically.
+
+For epoch, tau, window and slice see `granular.edmd.motion`.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +128,8 @@ class State:
         )
         clock = _new_record(CLOCK_FIELDS, frame=frame, start=t_start, epoch=t_start, goal=-math.inf, strength=strength,
                        length=length, window=window, speed=speed, fall=fall)
-        state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in kind, walls and Walls(*walls, clock))
+        state = cls(run, clock, pairs, bodies, ring=scene.ring, hung="HUNG" in kind,
+                    walls=walls and Walls(*walls, clock))
         if state.walls is not None:
             wall_state.begin(state, scene)
         if state.hung:
@@ -176,7 +180,7 @@ class State:
             state.near = np.zeros(len(saved["zoom_gap"]), RELATIVE_FIELDS)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         if not state.sound():
-            raise ValueError(f"The state of `trajectory` contradicts itself or the scene. {EDITED_STATE}")
+            raise ValueError(f"The state of `trajectory` is inconsistent with itself or with the scene. {EDITED_STATE}")
         return state
 
     def set(self, **numbers: Any) -> None:
@@ -285,14 +289,15 @@ class State:
         """Move the epoch forward so that `tau` lies in the window after the new epoch.
 
         By default the epoch is moved by whole windows. If `whole` is False, it is moved to `tau` itself. `compiler`
-        returns the form of a kernel that fits the records.
+        turns a kernel into its interpreted or compiled form, as the records need it.
 
         The window becomes longer if the balls have become slower. It becomes shorter only by the factor `shrink`, a
         power of two, with which the caller reports that the mean gap is smaller.
         """
         clock = self.clock
         clock.length, clock.window = shrink * clock.length, shrink * clock.window
-        before, by = math.nan if whole else self.time(tau), tau - math.fmod(tau, clock.window) * whole
+        before, by = math.nan if whole else self.time(tau), tau - math.fmod(tau, clock.window) if whole else tau
+        # for driven walls, this kernel does all of the following
         if self.walls is not None:
             compiler(wall_state.shift_epoch)(self.run, self.pairs, self.bodies, by, self.walls)
             return
@@ -317,7 +322,7 @@ class State:
         is not changed.
         """
         if self.hung:
-            return hanging.row(self.pairs, tau)
+            return hanging.rates_and_gaps(self.pairs, tau)
         g, (u, is_free) = float(self.run["gravity"]), columns(self.bodies, "fall_velocity", "is_free")
         pulled = g > 0.0 or self.walls is not None
         gap, velocity = gaps(self.pairs, u, tau, pulled), np.array(u[:-1] if self.ring else u)

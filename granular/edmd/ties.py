@@ -1,6 +1,7 @@
 """Simultaneous collisions of a touching group of pairs, solved as a whole.
 
-Collisions that act one after the other are ordered by `physics.rank` instead.
+Collisions that act one after the other are ordered by `physics.rank` instead. For stuck bodies see
+`granular.edmd.motion`.
 
 Newton's rule, Poisson's rule and generalised reflections are pure functions. Their arguments are the inverse masses
 (1/kg) of m + 1 bodies, the rates of their m touching pairs (m/s, negative while approaching), and the coefficient of

@@ -1,7 +1,7 @@
 """State of driven walls and forces: start, samples, epoch and energy balance.
 
-A ball on a shaken plate can fly for longer than a window. The event loop therefore moves the epoch itself, at the same
-times as `State.shift_to` would.
+A ball on a shaken plate can fly for longer than a window (see `granular.edmd.motion`). The event loop therefore moves
+the epoch itself, at the same times as `State.shift_to` would.
 
 Work and heat of each wall, and the dissipated energy, are compensated sums. In a collision with the impulse J, a
 wall with the velocity ẋ_w does the work J·ẋ_w. While a ball of mass m under a force f rests on a wall at the position

@@ -7,7 +7,7 @@ contacts, so soft balls move differently afterwards. The number of disturbed con
 differ.
 
 Collisions are evaluated in the order of their times, independently of the engine. Times are in s since the epoch of the
-state, so late times keep their digits.
+state (see `granular.edmd.motion`), so late times keep their digits.
 """
 
 from __future__ import annotations

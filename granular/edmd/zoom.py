@@ -2,7 +2,8 @@
 
 A difference of two velocities has no digits if it is below 1e-16 of the velocities. The rates of gaps keep their
 digits. A suspected inelastic collapse is therefore decided in gaps and rates. `advance_relative` advances a slice of
-consecutive pairs alone until an event outside the slice is due, without any approximation.
+consecutive pairs alone until an event outside the slice is due, without any approximation. The terms are defined in
+`granular.edmd.motion`.
 
 Pair j of the slice and its bodies j and j + 1 have their records in `pairs` and `bodies`, which are parts of the
 records of the state. The current gap and rate of the pair are in `near`.
@@ -262,7 +263,8 @@ def next_pair(pairs: Records, j: int) -> int:
 def settle_on_wall(near: Records, pairs: Records, bodies: Records, j: int) -> None:
     """Bring the ball of pair `j`, which has just bounced on its wall, to rest.
 
-    The gap and the rate of the next pair are then measured from the wall. This path does not depend on the bounces.
+    From now on, gap and rate of the next pair are those of its other ball relative to the wall. The bounces that are
+    left out do not affect this motion.
     """
     k, on_floor = next_pair(pairs, j), pairs[j].low == 0.0
     i = j + 1 if on_floor else j

@@ -75,10 +75,11 @@ def restitution(b: float) -> float:
 
 @kernel
 def duration(b: float) -> float:
-    """Return the duration of the contact, t_c v / L, for any damping b ≥ 0.
+    """Return the duration of the contact in units of L/v, for any damping b ≥ 0.
 
-    It is 3.218 at b = 0 and decreases with b. For strong damping b^(2/3) t_c √Y → (10/3) ln b + const, Y = (3/2)^(2/3).
-    The relative error is 2e-16 for b ≤ 1, and at most 2e-15.
+    L, v and b are defined in the module docstring. The duration is 3.218 at b = 0 and decreases with b. For strong
+    damping it tends to b^(-2/3) ((10/3) ln b + `DURATION_CONSTANT`) / √Y, with Y = (3/2)^(2/3). The relative error is
+    2e-16 for b ≤ 1, and at most 2e-15.
     """
     log_b1 = math.log1p(b)
     q = math.sqrt(log_b1)

@@ -357,8 +357,8 @@ def _run_to_end(run: Run, log: list[Rows] | LogFile) -> Trajectory:
             velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
         position = positions(run.scene, gap, elapsed, run.start)
         defect = invalid_reason(
-            run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None, run.adds_up
-        )
+            run.scene, run.start, elapsed=elapsed[-1:], gap=gap[-1], position=position[-1], velocity=velocity[-1],
+            hard=run.law is None, adds_up=run.adds_up)
     if defect and status is not Status.unstable:
         status, message = Status.broken, f"{Status.broken.value}: {defect}; {message}"
     return Trajectory(

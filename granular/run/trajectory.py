@@ -170,9 +170,10 @@ class Trajectory(LazyContacts):
     def energy(self) -> Array:
         """Return the total energy of the balls in J at every sample, shape (T,).
 
-        The energy is Σ ½ m v² + Σ m g x - Σ f x + Σ ½ m Ω² y² + Σ U(ξ), summed over balls and overlaps. The elastic
-        energy U(ξ) is included wherever ξ > 0, also while the force is clipped at zero. For laws with memory the
-        energy is nan at samples with an overlap, because the overlap alone does not determine the recoverable energy.
+        The energy is Σ ½ m v² + Σ m g x + Σ U(ξ), summed over balls and overlaps. Constant external forces f add
+        -Σ f x. Pendula of angular frequency Ω that are displaced by y from rest add Σ ½ m Ω² y². The elastic energy
+        U(ξ) is included wherever ξ > 0, also while the force is clipped at zero. For laws with memory the energy is
+        nan at samples with an overlap, because the overlap alone does not determine the recoverable energy.
         """
         balls = ~self.scene.is_wall
         m, v, x = self.scene.mass[balls], self.velocity[:, balls], self.position[:, balls]

@@ -182,6 +182,7 @@ class Stability(Report):
         return files.write_figure(path, figure, dpi=150)
 
     def _key(self) -> str:
+        """Return the explanation of the columns and marks of the table."""
         return (
             "correct digits of the velocities, relative to the impact speed\n"
             f"fixed steps: {', '.join(f'1/{n}' for n in STEPS_PER_CONTACT)} of the shortest contact of the given "

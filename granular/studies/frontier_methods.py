@@ -189,6 +189,7 @@ def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
 
 
 def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
+    """Solve a task with one call of `solve_ivp`, without events."""
     from scipy.integrate import solve_ivp
 
     truth, newton = task.truth, Newton(task.scene, task.resolved, MAX_EVALUATIONS)

@@ -169,6 +169,7 @@ class Frontier(Report):
         ])
 
     def _numbers(self) -> dict[str, Any]:
+        """All numbers of the report for JSON."""
         truth = self.reference
         return {
             "provenance": files.provenance() | {"run_on": dict(self.machine)},
@@ -212,6 +213,7 @@ def laws(report: Frontier) -> str:
 
 
 def _origin(report: Frontier) -> str:
+    """Return the lines on the reference solution, the resolution and the machine."""
     truth, machine = report.reference, report.machine
     return (
         f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
@@ -224,6 +226,7 @@ def _origin(report: Frontier) -> str:
 
 
 def _row(row: Row, dial: str) -> list[str]:
+    """Return the table cells of a row, whose setting is named `dial`."""
     notes = [row.status] * (row.status in ("stopped", "failed", "unstable")) + ["not resolved"] * row.rounding
     return [
         row.method, f"{dial} {row.setting:.1e}" if dial else "-",
@@ -323,6 +326,7 @@ def _legend(figure: Any, report: Frontier) -> None:
 
 
 def _title(report: Frontier) -> str:
+    """Return the figure title: scene, laws, reference and machine."""
     machine, truth = report.machine, report.reference
     return (
         f"{fill(f'{report.scene}; {laws(report)}', 110)}\n"

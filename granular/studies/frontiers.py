@@ -132,8 +132,9 @@ def frontier(
                                        for name in chosen))]
             rows = _measured_rows(task, compared, count, level, tell)
     return Frontier(
-        scene, laws, until, t_end, truth, rows, {method.name: method.setting_name for method in compared},
-        expected_orders(task, chosen), level, machine(),
+        scene, laws, until, t_end, reference=truth, rows=rows,
+        dials={method.name: method.setting_name for method in compared}, orders=expected_orders(task, chosen),
+        rounding_level=level, machine=machine(),
     )
 
 

@@ -83,6 +83,8 @@ def solve(
     ------
     ValueError
         If the motion never ends, if the path of a wall ends before the run, or if walls meet.
+    TooMuchWork
+        If the solution needs more than two million evaluations of the forces, or if the solver of SciPy fails.
 
     Notes
     -----
@@ -119,7 +121,7 @@ def solve_with(
     Raises
     ------
     TooMuchWork
-        After `max_evaluations` evaluations.
+        After `max_evaluations` evaluations, or if the solver fails.
     """
     motion = Restarted(scene, laws, method, rtol, max_evaluations, t_start)
     return Run(motion, until, t_end).solve(f"{method}, restarted at events, rtol {rtol:g}"), motion.evaluations
@@ -207,7 +209,8 @@ class Newton:
         """Return the rates of change of the state `y`, at time `t` in s of the solver."""
         self.evaluations += 1
         if self.evaluations > self.most:
-            raise TooMuchWork
+            raise TooMuchWork(f"The reference needs more than {self.most} evaluations of the forces. Give an earlier "
+                              "t_end= or until=, or a softer law.")
         n = self.pairs
         state = y.tolist()
         driven = self.driven_by(self.zero + t, state)
@@ -332,7 +335,7 @@ class Restarted(Newton):
             vars(event).update(terminal=True, direction=1)
         solution = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options, **step_limit)
         if solution.status < 0:
-            raise TooMuchWork
+            raise TooMuchWork(f"SciPy's solver failed at t = {self.t:.9g} s: {solution.message}")
         self.t, self.y = end if solution.status == 0 else self.t + float(solution.t[-1]), solution.y[:, -1]
         return next((watch for watch, times in zip(watches, solution.t_events, strict=True) if len(times)), None)
 

@@ -245,6 +245,7 @@ class Threshold(Report):
         return tuple((group[0].value, group[-1].value) for name, group in groups if name == verdict)
 
     def _numbers(self) -> dict[str, Any]:
+        """All numbers of the report for JSON."""
         field_names = ("title", "over", "units", "between", "criterion", "limit", "within", "points", "spacing")
         return {
             **{name: getattr(self, name) for name in field_names},
@@ -292,6 +293,7 @@ def _spans(report: Threshold, spans: tuple[Interval, ...]) -> str:
 
 
 def _span(report: Threshold, low: float, high: float) -> str:
+    """Return the phrase for the interval from `low` to `high` of the parameter."""
     unit, (first, last) = _unit(report), report.between
     if low == high:
         return f"at {report.over} = {low:.6g}{unit}"
@@ -335,6 +337,7 @@ def _unit(report: Threshold) -> str:
 
 
 def _axes(axis: Any, report: Threshold) -> None:
+    """Set scales, labels, limits and legend of the figure."""
     if report.criterion == "error":
         axis.axhline(report.limit, color="black", lw=0.6, ls="--")
         axis.set(yscale="log", ylabel="error, of the fastest impact")

@@ -116,8 +116,9 @@ def threshold(
     with progress_callback(progress, on_progress, "values", math.inf) as tell:
         values = _evaluated_values(plan, chosen_criterion, limit, grid.tolist(), width, tell)
     units, judged_by = plan.subject.attributes(over)["units"], limit if criterion == "error" else math.nan
-    return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, count, spacing,
-                     dict(fixed), values)
+    return Threshold(
+        title=plan.subject.title, over=over, units=units, between=(low, high), criterion=criterion, limit=judged_by,
+        within=width, points=count, spacing=spacing, fixed=dict(fixed), values=values)
 
 
 def _checked_interval(between: Any, spacing: str) -> tuple[float, float]:

@@ -196,6 +196,7 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
 
 
 def _verdict(answer: Answer, theirs: str | None, tolerance: float | None) -> Verdict:
+    """Return the verdict on the answer `theirs` of another code."""
     if theirs is None:
         return Verdict(answer, "", "missing", math.nan)
     ours, number = Decimal(answer.value), Decimal(theirs)

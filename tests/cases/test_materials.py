@@ -113,7 +113,7 @@ def test_files_say_materials_too(text, make):
         r"\[law\]: `material` must be one of steel, glass, brass, aluminium, nylon, rubber, got 'stel'\. Did you "
         r"mean 'steel'\?"),
     ('type = "Hertz"\nmaterial = ["steel"]',
-        r"\[law\]: `material` must have one entry, or two \(lower, upper\), got 1\."),
+        r"\[law\]: `material` must have one entry, or two \(lower, upper\), got a list of length 1\."),
     ('type = "Hertz"\nmaterial = "steel"\nyoung = 1e9',
         r"\[law\]: Only one of the keys material and young can be given, got both\."),
     ('type = "ViscoelasticHertz"\nmaterial = "steel"\nrestitution = 0.9', WAYS),

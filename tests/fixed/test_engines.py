@@ -78,8 +78,8 @@ def in_windows(patch, pairs):
     """Let every window stand for so many pairs; a window of an interpreted run has room for all."""
     make = Stepper.__init__
 
-    def make_in_windows(self, *given):
-        make(self, *given)
+    def make_in_windows(self, *given, **named):
+        make(self, *given, **named)
         self.physics = self.physics._replace(block=pairs)
 
     patch.setattr(Stepper, "__init__", make_in_windows)

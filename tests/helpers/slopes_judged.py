@@ -134,7 +134,7 @@ def judged(row):
     case, _, _ = question(row["kind"], row["seed"], row["t_end"])
     name, result = row["name"], row["result"]
     found = gr.sensitivity(case, result, name)
-    p, size = found.parameters[name], found._starts[0].size
+    p, size = found.parameters[name], found._starts[0].scales
     slope = p if p > 0.0 else 1.0
     scale = natural(p, case.scene) / slope / size
     error = np.abs(found.gradient[result][name] - np.array(row["truth"]) * slope) * scale

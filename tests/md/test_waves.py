@@ -236,7 +236,7 @@ class Saturating:
     (lambda: waves.dispersion(1.0, 0.0, 1.0),
         r"`stiffness\[0\]` must be positive and finite, got 0\.0\. Without compression a chain has no linear waves\."),
     (lambda: waves.band_edges([1.0, 2.0], [1.0, 2.0, 3.0]),
-        r"`stiffness` and `mass` must have one entry each per ball of a cell, got 2 and 3\."),
+        r"`stiffness` and `mass` must have one entry each per ball of a cell, got 2 and 3 entries\."),
     (lambda: waves.decay(-1.0, 1.0, 1.0),
         r"`omega\[0\]` must be an angular frequency in \[0, 1e\+100\] rad/s, got -1\.0\."),
     (lambda: waves.sound_speed(1.0, 1.0, 0.0), r"`length` must be a finite number above 0, got 0\.0\."),

@@ -247,7 +247,7 @@ def test_a_soft_state_whose_places_are_not_there_is_not_gone_on_from(field, valu
     records, name = field.split(".")
     edited = run.state[records].copy()
     edited[name][run.state["pairs"]["slot"][0] if records == "pool" else -1] = value
-    with pytest.raises(ValueError, match=r"state of `trajectory` (contradicts|belongs to another|must agree with its "
+    with pytest.raises(ValueError, match=r"state of `trajectory` (has numbers|belongs to another|must agree with its "
                                          "last)"):
         gr.md.resume(dataclasses.replace(run, state=dict(run.state) | {records: edited}), t_end=1.0, engine="plain")
     for state in ({key: x for key, x in run.state.items() if key != records}, dict(run.state) | {records: np.zeros(3)}):

@@ -175,9 +175,10 @@ def test_mistakes_are_one_sentence_each():
         ({"results": "v_rel[7]"}, ValueError, "`result` must be one of v_rel[0], v_rel[1], v_rel, got 'v_rel[7]'"),
         ({"results": "speed"}, ValueError, "`result` must be a known name, got 'speed'. Known names: contacts, "),
         ({"over": []}, ValueError, "`over` must have at least one parameter, such as "),
-        ({"over": "radii"}, ValueError, "The parameter radii must have one value that can vary continuously, got 2. "
-         "Give it one value, or name another parameter, such as radii[0], radii[1], gap."),
-        ({"over": "law"}, ValueError, "The parameter law must have one value that can vary continuously, got 0."),
+        ({"over": "radii"}, ValueError, "The parameter radii must have one value, got 2 different ones. Give it one "
+         "value, or name one entry, such as radii[0], radii[1]."),
+        ({"over": "law"}, ValueError, "The parameter law is not a number that can vary continuously. Name another "
+         "parameter, such as radii[0], radii[1], gap."),
         ({"over": "restitusion"}, TypeError, "three-balls has no parameter `restitusion`; did you mean `restitution`?"),
         ({"uncertainty": {"gap": "much"}}, TypeError, "The uncertainty of gap must be a single number, got 'much'. "
          "Write 1 % as '1%'."),

@@ -133,6 +133,7 @@ def _report_compiling() -> None:
 
 
 def _error_sentence(error: Exception) -> str:
+    """Return the sentence about an exception that the command prints."""
     if hasattr(error, "raised_by"):
         from granular.cases.build import error_sentence
 

@@ -41,6 +41,7 @@ def as_interrupts() -> Iterator[None]:
             signal.pthread_kill(main, number)  # also wakes the main thread
 
     def handle_signal(number: int, frame: object) -> None:
+        """Raise `EndSignal`, and repeat the signal if the program does not end."""
         if is_over:
             return
         timer = Timer(REPEAT_AFTER_SECONDS, repeat_signal, [number])

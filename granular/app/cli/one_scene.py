@@ -236,6 +236,7 @@ def _contact_count(run: Trajectory) -> int:
 
 
 def _contact_lines(run: Trajectory) -> Iterator[str]:
+    """Yield a table of the contacts of each pair, line by line."""
     if _contact_count(run) > len(run.contacts):
         yield f"contacts are in {run.stats['log']}"
         return

@@ -237,6 +237,7 @@ def _parser_settings(command: str, command_class: type[Command], target: str | N
 
 
 def _add_options(parser: argparse.ArgumentParser, title: str, options: Iterable[Option]) -> None:
+    """Add options to a parser, as a group with the given title."""
     group = parser.add_argument_group(title)
     for option in options:
         about = re.sub(r"`+|\*(?=\w+\*)|(?<=\w)\*", "", option.about).replace("%", "%%")
@@ -278,6 +279,7 @@ def _converted_value(kind: str, value: Any) -> Any:
 
 
 def _parse_entry(text: str) -> tuple[str, float | str]:
+    """Return name and value (float or string) of an entry NAME=VALUE."""
     name, equals, value = text.strip().partition("=")
     if not equals:
         raise argparse.ArgumentTypeError(f"must be NAME=VALUE, such as type=Sine, got {text.strip()!r}")

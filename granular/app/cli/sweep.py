@@ -213,6 +213,7 @@ def _cell_table(data: Any, names: Sequence[str]) -> str:
 
 
 def _jump_lines(data: Any) -> list[str]:
+    """Return the lines on the jumps that a refined sweep has found."""
     edge_names = [str(name) for name in data if str(name).startswith("edge_") and name != "edge_contacts"]
     lines = [f"  {data.sizes['jump']} jumps of the contact counts:"]
     for i in range(min(MAX_PRINTED_JUMPS, data.sizes["jump"])):

@@ -54,6 +54,7 @@ class Verify(Command):
 
 
 def _print_case(name: str) -> None:
+    """Print description, conventions and first answers of a case."""
     case, rows = verification.case(name), verification.answers(name)
     lines = [f"{case['about']}\n{case['source']}\n", *(f"- {line}" for line in verification.kit()["conventions"]),
              f"\n{'value':>24} unit  condition  quantity"]

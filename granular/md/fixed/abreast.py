@@ -38,8 +38,8 @@ def parallel_workspace(whole: Any, works: list[Any], code: Any) -> Workspaces:
     `whole` is the work space of the chain, and `works` contains one work space per thread. `code` contains
     the compiled kernels.
     """
-    return Workspaces(
-        whole, works, ThreadPoolExecutor(len(works) - 1), code, whole.ended, whole.log, whole.pair, whole.nth)
+    return Workspaces(whole=whole, parts=works, pool=ThreadPoolExecutor(len(works) - 1), code=code,
+                      ended=whole.ended, log=whole.log, pair=whole.pair, nth=whole.nth)
 
 
 def take_steps(physics: Any, here: Any, there: Any, work: Workspaces, *arguments: Any) -> tuple[int, int]:

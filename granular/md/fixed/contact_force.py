@@ -151,6 +151,7 @@ def _inf_on_exception(force: Any) -> Any:
     """
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
+        """Return the force in N, or inf after an exception (see `law.failed`)."""
         try:
             return force(law, xi, xi_dot, xi_max, pair)
         except Exception:

@@ -49,7 +49,9 @@ def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
 def update_peaks(j: int, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
     """Update the largest overlap and force of pair `j`, and return its flags.
 
-    `was_xi` and `xi` are its overlaps in m, `was` and `raw` its unclipped forces in N, before and after the step.
+    `was_xi` and `xi` are its overlaps in m, `was` and `raw` its unclipped forces in N, before and after the step. The
+    flags are `CHANGED` (bit 0) if the overlap or the force has begun or ended, and `CLOSED` (bit 1) if the pair now
+    overlaps.
     """
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
     if KEEPS_LOG:
@@ -87,9 +89,10 @@ def add_impulse(j: int, half: float, a: Any) -> None:
 
 @kernel
 def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
-    """Advance pair `j` by one step, evaluate its force, and return flags.
+    """Advance pair `j` by one step, evaluate its force, and return its flags.
 
-    The bodies move at the velocities `a.half`. The force is evaluated with the velocities `a.guess`.
+    The bodies move at the velocities `a.half`. The force is evaluated with the velocities `a.guess`. The flags
+    `CHANGED` and `CLOSED` are explained in the module docstring.
     """
     was_xi, was = a.xi[j + 1], a.raw[j + 1]
     xi = was_xi + physics.dt * (a.half[j + 1] - a.half[j + 2])
@@ -132,7 +135,7 @@ def finish_verlet_step(i: int, dt: float, a: Any) -> None:
 
 @kernel
 def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Advance a window by one step of velocity Verlet, and return flags.
+    """Advance a window by one step of velocity Verlet, and return its flags.
 
     The velocities also advance by the first half of the next step. A force that depends on the overlap rate is
     evaluated with the predicted velocity v + a·dt. The velocities one step ago are stored only if a contact begins or
@@ -158,7 +161,7 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
 
 @kernel
 def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Advance a window by one step of symplectic Euler, and return flags.
+    """Advance a window by one step of symplectic Euler, and return its flags.
 
     The method is also called semi-implicit Euler. The velocities advance with the old forces, and then the overlaps
     with the new velocities.
@@ -216,7 +219,7 @@ def _add_stage(
 
 @kernel
 def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Advance a window by one classical Runge-Kutta step (order 4), and return flags."""
+    """Advance a window by one Runge-Kutta step of order 4, and return its flags."""
     flags, dt, half, sixth = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0
     for i in range(m + 1):
         a.was_v[i + 1], a.guess[i + 1], a.acc[i + 1] = a.v[i + 1], a.v[i + 1], 0.0
@@ -248,7 +251,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
 
 @kernel
 def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Advance a window by one step of Gear's five-value method, and return flags.
+    """Advance a window by one step of Gear's five-value method, and return its flags.
 
     This predictor-corrector method for second-order equations stores ξ, v, a and two more derivatives (`jerk`, `snap`).
     The coefficients of its corrector are 19/90, 3/4, 1, 1/2, 1/12. `jerk` and `snap` start at 0. A run that starts in

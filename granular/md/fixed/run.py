@@ -77,8 +77,8 @@ class Run:
         until = request.until
         self.pair, self.nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
         logged = request.rows or self.pair >= 0
-        self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled",
-                               self.start)
+        self.stepper = Stepper(scene, laws, self.integrator, dt, until=(self.pair, self.nth), logged=logged,
+                               at_once=engine == "compiled", start=self.start)
         self.k = self.steps = self.flights = self.contacts = 0
         self.level_time = math.inf  # s, time at which the stop level is passed
         self.is_stopped_at_onset = False  # the run ended between two steps, at the onset of the contact to stop at

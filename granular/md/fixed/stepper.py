@@ -117,8 +117,9 @@ class Stepper:
         state, constants = self._state(start, logged, memory), self._constants(law_form)
         self.here, self.there, self.pull = convert(state), convert(state), convert(scene.closing_acceleration)
         laws_of_kernels = laws if at_once or law_form is not None else list(laws)
-        self.physics = Physics(laws_of_kernels, convert(constants), law_form is not None and law_form[2], dt, logged,
-                               memory, p, self.walls or 0, p * scene.ring, self.heaters or 0)
+        self.physics = Physics(
+            laws=laws_of_kernels, given=convert(constants), root=law_form is not None and law_form[2], dt=dt,
+            logged=logged, memory=memory, block=p, walls=self.walls or 0, ring=p * scene.ring, heat=self.heaters or 0)
         rows = [[0.0] * (2 if at_once else p + 2) for _ in ROW_NAMES]
         # a step adds at most one row per pair and `MAX_HITS_PER_STEP` rows per thermal wall
         length, record = max(64, 4 * p) + 4 * MAX_HITS_PER_STEP * scene.heated if logged else 0, plain_class(STEP_ROW)

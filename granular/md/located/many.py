@@ -285,9 +285,10 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -
 
 @kernel
 def collect_results(s: Any, last: Any, t: float) -> None:
-    """Add the contacts that ended by time `t` (s) to the results of their pairs.
+    """Move the contacts that ended by time `t` (s) from the log buffer to the results.
 
-    The contacts are in the log buffer, and their rows are removed.
+    `last` has one record per pair. End time and final velocities of a contact replace those of the previous contact of
+    its pair, and the longest duration is updated. The rows are removed from the buffer.
     """
     for i in range(s.run[0].rows):
         row = s.log[i]

@@ -74,7 +74,8 @@ def check_state(s: Any, state: Mapping[str, Any]) -> None:
         raise ValueError("The state of `trajectory` belongs to another scene or other laws. The file was edited after "
                          "it was saved, or loaded with other laws.")
     if not _is_within_ranges(state) or not _is_finite(state):
-        raise ValueError(f"The state of `trajectory` contradicts itself. {EDITED_STATE}")
+        raise ValueError("The state of `trajectory` has numbers that are not finite, outside their range or "
+                         f"inconsistent with each other. {EDITED_STATE}")
 
 
 def _has_fields_of(records: Any, dtype: np.dtype[Any]) -> bool:

@@ -311,7 +311,7 @@ class Run:
         row, needs_row = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
         if needs_row and pause is Pause.reached:  # bitwise identical to a sample there
             row = self.row(self.request.end)
-        untouched = None if all_apart else self.gather(end)
+        untouched = None if all_apart else self.advance_to_end(end)
         if needs_row and row is None:
             row = self.row_after(end, self.start + end)
         running, r = unlogged_contacts(self, end) if self.request.log and not all_apart else None, plain(self.s.run)[0]
@@ -321,21 +321,23 @@ class Run:
         state = Checkpoint(before, {"origin": self.start}) if self.launched else {}
         return End(row, pause.value, message, stats, state, running)
 
-    def gather(self, end: float) -> RecordsBeforeEnd:
-        """Advance every pair to the time `end` in s since the start of the run.
+    def advance_to_end(self, end: float) -> RecordsBeforeEnd:
+        """Advance every pair to the end of the run, a time `end` in s after its start.
 
-        Returns the records as they were before.
+        Returns a copy of the records before, for the checkpoint.
         """
         untouched = RecordsBeforeEnd(self.s, end)
         while not self.kernels(blocks.continue_contacts_by_pieces)(self.s, end, self.collocation):
             self.s = with_more_room(self.s)
         self.pace.test_all_for_creep()
-        if len(self.s.queue) > MAX_FULL_COPY_PAIRS:  # no event follows
+        # no event follows, so the queue of a large run is no longer needed
+        if len(self.s.queue) > MAX_FULL_COPY_PAIRS:
             self.s = self.s._replace(queue=copied(self.s.queue[:1]))
         self.kernels(blocks.advance_islands_to_end)(self.s, end, self.collocation)
         if column(self.s.pool, "manner").any():
             self.pace.rare_kernel(blocks.expand_resting_blocks)(self.s)
-        self.now = math.inf  # rows of contacts that continue are void: all others are over
+        # the remaining valid rows of the log buffer belong to contacts that are over, so all of them are collected
+        self.now = math.inf
         return untouched
 
     def replan_driven_blocks(self, time: float) -> None:

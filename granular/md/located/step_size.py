@@ -170,10 +170,12 @@ def stopping_overlap(pair: Any, square: float) -> float:
 
 @kernel
 def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
-    """Return the exponent q of t = (hτ)^q: 1, or the q of pairs that just touched.
+    """Return the exponent q of the clock t = (hτ)^q of the island lo … hi-1.
 
-    Pairs that just touched, but whose series this exponent cannot represent, become dormant. So do pairs whose overlap
-    is within the truncation error. `tol` is the relative tolerance.
+    q is 1, unless a contact with a nonlinear force law begins now (ξ = 0). Then it is the q of the law, and for several
+    laws the largest q, a multiple of the others. A beginning contact becomes DORMANT if this clock cannot represent its
+    series, or if its approach speed is within rounding error. So does a pair whose overlap is within the truncation
+    error. `tol` is the relative tolerance.
     """
     q, dormant_overlap = 1, max(DORMANT_OVERLAP, DORMANT_OVERLAP_PER_TOL * tol)
     for c in range(lo, hi):
@@ -322,9 +324,9 @@ def stays_clipped(pair: Any, theta: float) -> bool:
 
 @kernel
 def trusted_tau(log_growth: float, tol: float) -> float:
-    """Return the τ up to which a series with ln a = `log_growth` is accurate to `tol`.
+    """Return the τ up to which a power series in τ is accurate to `tol`.
 
-    It is at most `MAX_STEP_PER_SCALE`.
+    The coefficients of the series grow by the factor exp(`log_growth`) per order. τ is at most `MAX_STEP_PER_SCALE`.
     """
     return math.exp(min(math.log(MAX_STEP_PER_SCALE), math.log(tol) / SERIES_ORDER - log_growth))
 

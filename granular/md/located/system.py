@@ -252,21 +252,22 @@ def _new_records(
     if not 2.0 * float(scene.inverse_mass.max()) < math.inf:
         raise OverflowError("the inverse of a mass")
     kinds = law_kinds(laws, scene)
-    walls, lift = walls_of(scene, start, ROW_LENGTH) if scene.driven else None, None
-    if scene.external_force is not None:
-        lift = scene.lift
-    columns: tuple[Any, ...] = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
+    walls = walls_of(scene, start, ROW_LENGTH) if scene.driven else None
+    lift = scene.lift if scene.external_force is not None else None
+    per_body: tuple[Any, ...] = scene.inverse_mass, scene.velocity
     if scene.ring:  # ball 0 again after the last ball
         lift = lift if lift is None else np.append(lift, lift[0])
-        columns = *(np.append(column, column[0]) for column in columns[:2]), *columns[2:]
+        per_body = tuple(np.append(column, column[0]) for column in per_body)
     ledger = np.zeros(1, ENERGY_ACCOUNT_RECORD) if scene.driven or scene.heated else None
-    s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
+    s = new_system((*per_body, scene.gap, scene.gravity), kinds, laws.kind, room, until,
+                   walls=walls, lift=lift, ledger=ledger, **limits)
     if scene.heated:
         _set_thermal_walls(s, scene)
     if scene.n_pairs > MAX_TABLED_PAIRS:
         _share_tables(s, laws, scene)
     if scene.ring:
         s.run["length"] = math.fsum(scene.gap)
+        # two copies of the pairs, so that an island lo … hi-1 can contain the pair that closes the ring
         return s._replace(pairs=np.append(s.pairs, s.pairs))
     return _with_pendula(s, scene) if scene.pendulum > 0.0 else s
 
@@ -294,9 +295,10 @@ def _with_pendula(s: System, scene: Scene) -> System:
 
 
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
-    """Assign common tables of contacts to equal pairs without a contact map.
+    """Assign common tables of contacts to equal pairs without a closed-form map.
 
-    Nothing is assigned if more than `MAX_TABLED_PAIRS` of these pairs differ.
+    Equal pairs have equal law, m_eff and closing acceleration. Nothing is assigned if there are more than
+    `MAX_TABLED_PAIRS` different kinds of such pairs.
     """
     maps = s.kinds["map"][laws.kind]
     without_map = (maps == NO_MAP) | ((scene.closing_acceleration != 0.0) & (maps != DASHPOT))

@@ -220,6 +220,6 @@ def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[check.
             for name, value, fix in arguments)
     if len(k) != len(m) and 1 not in (len(k), len(m)):
         raise ValueError(f"`stiffness` and `mass` must have one entry each per ball of a cell, got {len(k)} and "
-                         f"{len(m)}.")
+                         f"{len(m)} entries.")
     k, m = np.broadcast_arrays(k, m)
     return k, m

@@ -117,6 +117,7 @@ class Sine(_PanelMotion):
 
     @cached_property
     def _panels(self) -> Panels:
+        """Return the panels of one period, with Taylor series of the sine."""
         from fractions import Fraction
 
         half = math.pi / PANELS_PER_PERIOD

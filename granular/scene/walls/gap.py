@@ -157,21 +157,23 @@ def later_panel(wall: Record, panels: Records, now: State, s: float) -> tuple[in
 @rare
 @kernel
 def next_panel_state(wall: Record, panels: Records, now: State, s: float) -> State:
-    """Return the state at the start of the next panel.
+    """Return the state of the gap at the start of the next panel.
 
-    `s` is the time in s from `now` to the end of its panel. From the new state the gap is again computed by divided
-    differences, so a bounce that is small compared with the motion of the wall loses no digits.
+    `s` is the time in s from `now` to the end of its panel. `flight` computes the gap by divided differences only on
+    the panel of its state. They keep the digits of a bounce that is small compared with the motion of the wall, hence a
+    new state per panel.
     """
-    f, df, _, noise = flight(wall, panels, now, now.panel, 0.0, s)
+    gap, rate, _, noise = flight(wall, panels, now, now.panel, 0.0, s)
     # values within their noise have no sign
-    f = f if abs(f) > noise else 0.0
-    df = df if abs(df) > rate_error(wall, now, s) else 0.0
+    gap = gap if abs(gap) > noise else 0.0
+    rate = rate if abs(rate) > rate_error(wall, now, s) else 0.0
     if now.gap == 0.0 and now.rate == 0.0 and s <= 4.0 * now.time_error:  # a ball that has just lifted off
-        f = df = 0.0
+        gap = rate = 0.0
     k, _ = next_panel(wall, now.panel, 0.0)
     height, drift, _ = height_above_wall(wall, now, s)
     a = now.pull + motion_on_panel(panels[k], -1.0)[2]
-    return State(panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, now.pull, height, drift, a, now.time_error)
+    # x = -1 is the left edge of the new panel
+    return State(panels[k].left, 0.0, k, -1.0, gap, rate - panels[k].jump, now.pull, height, drift, a, now.time_error)
 
 
 @rare

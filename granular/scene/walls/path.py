@@ -229,10 +229,11 @@ def time_to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
 
 @kernel
 def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float]:
-    """Return the jump of the velocity of side·m (m/s) at t + tail, in two versions.
+    """Return the jump of the wall's velocity towards the balls (m/s), in two versions.
 
-    The first value is 0 if the velocities of both panels differ only by rounding. The second value is their computed
-    difference. Both values are 0 away from an edge and for periodic paths.
+    The jump is at the time t + tail, if this time is at an edge between two panels. The first value is 0 if the
+    velocities of both panels differ only by rounding. The second value is their computed difference. Both values are 0
+    away from an edge and for periodic paths.
     """
     y, low = reduced_time(wall, t, tail)
     k = panel_from(wall, panels, t, tail)

@@ -117,8 +117,8 @@ class Plan:
         """
         if not self.subject.ready:
             return self.case(values)
-        shapes, _ = self._sides(self.parameters(values))
-        return ready.case_without_contacts(self.subject.ready, shapes, shapes.pop("t_end", None))
+        parameters, _ = self._sides(self.parameters(values))
+        return ready.case_without_contacts(self.subject.ready, parameters, parameters.pop("t_end", None))
 
     def laws(self, start: Case, values: Sequence[Any]) -> Any:
         """Return the force laws of one cell, for its case `start`."""
@@ -128,21 +128,23 @@ class Plan:
 
     @cached_property
     def shaping(self) -> tuple[bool, ...]:
-        """Whether each varied parameter belongs to the scene and the end of a cell.
-
-        The other parameters belong to the contacts.
-        """
-        return tuple(not self.subject.ready or name.partition("[")[0] in self.shapes for name in self.names)
+        """Whether each varied parameter sets scene or end time, not the contacts."""
+        return tuple(
+            not self.subject.ready or name.partition("[")[0] in self.scene_and_end_names for name in self.names)
 
     def _sides(self, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the parameters of scene and end time, and the parameters of the contacts."""
         parts: tuple[dict[str, Any], dict[str, Any]] = {}, {}
         for name, value in parameters.items():
-            parts[name.partition("[")[0] not in self.shapes][name] = value
+            parts[name.partition("[")[0] not in self.scene_and_end_names][name] = value
         return parts
 
     @cached_property
-    def shapes(self) -> set[str]:
-        """Names of the parameters of a ready-made case that belong to scene and end."""
+    def scene_and_end_names(self) -> set[str]:
+        """Names of the parameters of a ready-made case that set its scene or its end time.
+
+        All other parameters set the contacts.
+        """
         return ready.scene_option_names(self.subject.ready) | {"t_end"}
 
 
@@ -197,6 +199,7 @@ def check_names(plan: Plan, save: Any) -> None:
 
 
 def _result(function: RequestedResult) -> Result:
+    """Return the `Result` of a known name or of a function of the case."""
     if isinstance(function, str):
         return RESULTS[function]
     description = (inspect.getdoc(function) or named(function)).partition("\n")[0]
@@ -258,6 +261,7 @@ def question(plan: Plan) -> tuple[str, list[Any]]:
     user_code: list[Any] = []
 
     def described(value: Any) -> Any:
+        """Return a value as JSON data, and add code of users to `user_code`."""
         if isinstance(value, (np.generic, np.ndarray)):
             return value.tolist()
         if isinstance(value, Mapping):

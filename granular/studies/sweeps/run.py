@@ -193,7 +193,7 @@ class _Job:
     def refined(self, name: str, precision: float, where: Where) -> xarray.Dataset:
         """Return the data set with the jumps of the contact counts along one parameter.
 
-        The file, if given, is written.
+        It is also written to the file of the sweep, if there is one.
         """
         plan = replace(self.plan, asked=("contacts",))
         axis, shape = list(self.over).index(name), tuple(map(len, self.over.values()))

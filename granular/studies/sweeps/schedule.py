@@ -383,6 +383,7 @@ def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] 
 
 
 def _bundle(places: Values, starts: Sequence[Start], which: Values, laws: Sequence[Any], law_of: Values) -> Bundle:
+    """Return the arrays of the cells `places` as a `Bundle`."""
     used, which = np.unique(which[places], return_inverse=True)
     cases = [starts[i].case for i in used]
     scenes = [case.scene for case in cases]

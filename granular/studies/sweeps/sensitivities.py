@@ -135,8 +135,8 @@ def sensitivity(
     parameters = _parameters(plan, over, uncertainty, answer)
     uncertainties = _standard_uncertainties(uncertainty, parameters)
     scales, outcome_vector = _sizes(plan, answer, outcomes), np.concatenate(outcomes)
-    starts = tuple(Start(name, p, _unit(name, parameters), uncertainties.get(name, 0.0), outcome_vector, scales,
-                         int(order[0])) for name, p in parameters.items())
+    starts = tuple(Start(name, value=p, step_unit=_unit(name, parameters), uncertainty=uncertainties.get(name, 0.0),
+                         outcomes=outcome_vector, scales=scales, order=int(order[0])) for name, p in parameters.items())
     with progress_callback(progress, on_progress, "parameters") as tell:
         slopes: dict[int, Slope] = {}
         for k, result in run_tasks(executor, slope, ((plan, start) for start in starts)):
@@ -198,9 +198,11 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertainty: Any, 
         values |= {name: {p} for name, p in common_parameters(answer.case).items() if name in values}
     for name in [name for name, candidates in values.items() if len(candidates) != 1]:
         plan.subject.way(name)
-        raise ValueError(f"The parameter {name} must have one value that can vary continuously, got "
-                         f"{len(values[name])}. Give it one value, or name another parameter, such as "
-                         f"{', '.join(list(all_numbers)[:3])}.")
+        raise ValueError((
+            f"The parameter {name} must have one value, got {len(values[name])} different ones. Give it one value, or "
+            "name one entry, such as " if values[name] else
+            f"The parameter {name} is not a number that can vary continuously. Name another parameter, such as "
+        ) + ", ".join([p for p in all_numbers if p.startswith(f"{name}[") or not values[name]][:3]) + ".")
     if not names:
         raise ValueError(f"`over` must have at least one parameter, such as {', '.join(list(all_numbers)[:1])}, got "
                          "an empty list.")
@@ -217,7 +219,7 @@ def _standard_uncertainties(uncertainty: Any, parameters: Mapping[str, float]) -
         try:
             value = (float(entry.rstrip("%")) * (0.01 if entry.endswith("%") else 1.0)
                      if isinstance(entry, str) else entry)
-        except ValueError:
+        except ValueError:  # `check.number` then raises its message
             value = entry
         value = check.number(f"the uncertainty of {name}", value, at_least=0.0, fix="Write 1 % as '1%'.")
         result[name] = value * (abs(parameters[name]) if is_relative else 1.0)
@@ -261,38 +263,55 @@ def _assembled(
 
     `places` has the positions of the requested results in the vector of outcomes.
     """
-    here, scales = starts[0].here, starts[0].size
-    p, u, unit = (np.array([[getattr(entry, name)] for entry in starts]) for name in ("value", "doubt", "unit"))
+    outcomes, scales = starts[0].outcomes, starts[0].scales
+    parameter, uncertainty, step_unit = (
+        np.array([[getattr(entry, name)] for entry in starts]) for name in ("value", "uncertainty", "step_unit"))
     value, error = (np.array([entry[k] for entry in slopes]) for k in (0, 1))
-    relative = unit * error / (np.nansum(np.abs(unit * value), axis=0) + scales)
+    relative = step_unit * error / (np.nansum(np.abs(step_unit * value), axis=0) + scales)
     value = np.where(relative <= MAX_DERIVATIVE_ERROR, value, math.nan)
-    scale, change = np.where(p > 0.0, p, 1.0), np.where(u > 0.0, u * np.abs(value), 0.0)
-    condition = np.where(p == 0.0, 0.0, np.abs(p * value)).sum(axis=0) / scales
+    # p ∂y/∂p = ∂y/∂ln p, or ∂y/∂p for a parameter p ≤ 0
+    factor = np.where(parameter > 0.0, parameter, 1.0)
+    # standard deviation of each outcome (second axis) due to one parameter (first axis)
+    change = np.where(uncertainty > 0.0, uncertainty * np.abs(value), 0.0)
+    # Σ |p/y ∂y/∂p| over the parameters
+    condition = np.where(parameter == 0.0, 0.0, np.abs(parameter * value)).sum(axis=0) / scales
     sides, reasons = {}, {}
-    for k, (start, (_, _, reason, ends)) in enumerate(zip(starts, slopes, strict=True)):
-        if ends is not None:
-            sides[start.name], change[k] = ends, np.fmax.reduce(np.abs(ends - here), axis=0)
-        if (missing := np.isnan(value[k]) & ~np.isnan(here)).any():
+    for k, (start, (_, _, reason, outcomes_at_limits)) in enumerate(zip(starts, slopes, strict=True)):
+        if outcomes_at_limits is not None:
+            sides[start.name], change[k] = (
+                outcomes_at_limits, np.fmax.reduce(np.abs(outcomes_at_limits - outcomes), axis=0))
+        if (missing := np.isnan(value[k]) & ~np.isnan(outcomes)).any():
             worst = np.fmax.reduce(relative[k][missing])
             reasons[start.name] = reason or ("differences do not agree" if np.isnan(worst) else
                                          f"differences agree to {worst:.1g} of the outcome, no better")
-    spread = np.sqrt((change**2).sum(axis=0)) if u.any() else np.full_like(here, math.nan)
+    spread = np.sqrt((change**2).sum(axis=0)) if uncertainty.any() else np.full_like(outcomes, math.nan)
 
     def split(of: Array) -> dict[str, Any]:
+        """Return the values of each requested result from a vector of outcomes."""
         return {name: of[place] if np.ndim(place) else float(of[place]) for name, place in places.items()}
 
     def by_parameter(rows: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
+        """Return one vector per parameter as a dict by result, then by parameter."""
         return {name: {entry: split(row)[name] for entry, row in rows.items()} for name in places}
 
     names, heated = [start.name for start in starts], plan.case(()).scene.heated
     return Sensitivity(
-        plan.subject.title, split(here), by_parameter(dict(zip(names, scale * value, strict=True))),
-        by_parameter(dict(zip(names, scale * error, strict=True))), split(condition), split(spread),
-        {start.name: start.value for start in starts}, {start.name: start.doubt for start in starts if start.doubt},
-        {name: {parameter: (split(low)[name], split(high)[name]) for parameter, (low, high) in sides.items()}
-         for name in places},
-        reasons, ("Draws of thermal walls are held fixed.",) * heated, starts, partial(borders, plan),
-        _units(plan, names))
+        title=plan.subject.title,
+        value=split(outcomes),
+        gradient=by_parameter(dict(zip(names, factor * value, strict=True))),
+        error=by_parameter(dict(zip(names, factor * error, strict=True))),
+        condition=split(condition),
+        spread=split(spread),
+        parameters={start.name: start.value for start in starts},
+        uncertainty={start.name: start.uncertainty for start in starts if start.uncertainty},
+        sides={name: {varied: (split(low)[name], split(high)[name]) for varied, (low, high) in sides.items()}
+               for name in places},
+        why=reasons,
+        notes=("Draws of thermal walls are held fixed.",) * heated,
+        _starts=starts,
+        _borders=partial(borders, plan),
+        _units=_units(plan, names),
+    )
 
 
 def _units(plan: Plan, parameters: Iterable[str]) -> dict[str, str]:
@@ -304,7 +323,7 @@ def _units(plan: Plan, parameters: Iterable[str]) -> dict[str, str]:
 
 def slope(plan: Plan, start: Start) -> Slope:
     """Return the derivatives of all outcomes with respect to the parameter `start`."""
-    plan_of_parameter, no_values = replace(plan, names=(start.name,)), np.full_like(start.here, math.nan)
+    plan_of_parameter, no_values = replace(plan, names=(start.name,)), np.full_like(start.outcomes, math.nan)
 
     def evaluate(value: float) -> Point:
         columns = solve(plan_of_parameter, [np.array([value])]).columns
@@ -313,10 +332,11 @@ def slope(plan: Plan, start: Start) -> Slope:
         *values, order = (np.ravel(columns[result]) for result in plan.results)
         return np.concatenate(values).astype(float), int(order[0])
 
-    limits = [evaluate(start.value + side * start.doubt) for side in (-1.0, 1.0) if start.doubt]
+    limits = [evaluate(start.value + side * start.uncertainty) for side in (-1.0, 1.0) if start.uncertainty]
     outcomes_at_limits = (
         np.array([values for values, _ in limits]) if {order for _, order in limits} - {start.order} else None)
-    neighbour_orders = [evaluate(start.value + side * start.unit * 2.0**-LAST_STEP_EXPONENT)[1] for side in (-1.0, 1.0)]
+    neighbour_orders = [
+        evaluate(start.value + side * start.step_unit * 2.0**-LAST_STEP_EXPONENT)[1] for side in (-1.0, 1.0)]
     sides: tuple[float, ...] = (-1.0, 1.0)
     if neighbour_orders[0] == NO_ORDER or (start.value == 0.0 and start.name.startswith("gap")):
         sides, neighbour_orders[0] = (1.0,), neighbour_orders[1]
@@ -352,22 +372,23 @@ def differences(evaluate: Evaluate, start: Start, sides: Sequence[float], order:
     derivative, error : arrays (m,)
         nan where no estimate has an error.
     """
-    central, best = len(sides) == 2, np.full((2, len(start.here)), math.nan)
+    central, best = len(sides) == 2, np.full((2, len(start.outcomes)), math.nan)
     (count, base), previous_estimate, slopes = (3, 4.0) if central else (5, 2.0), best[0], list[Array]()
-    for h in (start.unit * 0.5 ** np.arange(FIRST_STEP_EXPONENT, LAST_STEP_EXPONENT)).tolist():
+    for h in (start.step_unit * 0.5 ** np.arange(FIRST_STEP_EXPONENT, LAST_STEP_EXPONENT)).tolist():
         points = [evaluate(start.value + side * h) for side in sides]
         if any(point_order != order for _, point_order in points):
             slopes, previous_estimate = [], np.full_like(previous_estimate, math.nan)
             continue
-        reference = points[0][0] if central else start.here
+        reference = points[0][0] if central else start.outcomes
         slopes = [*slopes, (points[-1][0] - reference) / (sides[-1] * h * len(sides))][-count:]
         if len(slopes) < count:
             continue
         estimate = extrapolated(slopes, base)
-        error, previous_estimate = np.abs(estimate - previous_estimate) + OUTCOME_ROUNDING * start.size / h, estimate
+        error, previous_estimate = np.abs(estimate - previous_estimate) + OUTCOME_ROUNDING * start.scales / h, estimate
         improved = ~(error >= best[1]) & ~np.isnan(error)
         best = np.where(improved, [estimate, error], best)
-        if np.isfinite(best[1]).any() and not (improved & (error * start.unit > NEGLIGIBLE_ERROR * start.size)).any():
+        if np.isfinite(best[1]).any() and not (
+                improved & (error * start.step_unit > NEGLIGIBLE_ERROR * start.scales)).any():
             break
     return best[0], best[1]
 
@@ -394,7 +415,7 @@ def borders(plan: Plan, start: Start) -> tuple[float, float]:
     def counts(columns: Sequence[Array]) -> Array:
         return np.asarray(solve(plan_of_counts, columns).columns[count_name])
 
-    grid = start.value + start.unit * np.concatenate([-BORDER_REACH[::-1], [0.0], BORDER_REACH])
+    grid = start.value + start.step_unit * np.concatenate([-BORDER_REACH[::-1], [0.0], BORDER_REACH])
     counts_on_grid = counts([grid])
     change = np.flatnonzero((counts_on_grid[1:] != counts_on_grid[:-1]).any(axis=1))
 

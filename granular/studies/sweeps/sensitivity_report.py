@@ -26,11 +26,11 @@ class Start(NamedTuple):
     ----------
     name : str
         Name of the parameter.
-    value, unit, doubt : float
+    value, step_unit, uncertainty : float
         Value, unit of the difference steps, and standard uncertainty, in the unit of the parameter.
-    here : array (m,)
+    outcomes : array (m,)
         Outcomes at this value.
-    size : array (m,)
+    scales : array (m,)
         Scales of the outcomes for relative changes.
     order : int
         Number that identifies the order of events.
@@ -38,10 +38,10 @@ class Start(NamedTuple):
 
     name: str
     value: float
-    unit: float
-    doubt: float
-    here: Array
-    size: Array
+    step_unit: float
+    uncertainty: float
+    outcomes: Array
+    scales: Array
     order: int
 
 

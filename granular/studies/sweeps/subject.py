@@ -97,6 +97,7 @@ def checked_axes(over: Any) -> dict[str, Values]:
 
 
 def _array(name: str, values: Any) -> Values:
+    """Return the values of a parameter as an array (n,)."""
     array = np.empty(0)
     with suppress(ValueError):  # lists of different lengths
         array = np.asarray(values)
@@ -107,6 +108,7 @@ def _array(name: str, values: Any) -> Values:
 
 
 def _value(text: str) -> Any:
+    """Return the int, float or boolean of a string, else the string."""
     word = text.strip()
     for kind in (int, float):
         try:
@@ -208,11 +210,13 @@ def subject_of(scene: SceneLike) -> Subject:
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
     # cells of different laws may share the scene
     ready_name = "" if ready.couples_scene_and_contacts(name) else name
-    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, ready_name,
-                   integer_parameters(ready.TEMPLATES[name].make), _defaults(options))
+    return Subject(
+        title=name, root=_lists(options), make=partial(_call, partial(cases.make, name)), about=about, text=name,
+        ready=ready_name, wholes=integer_parameters(ready.TEMPLATES[name].make), defaults=_defaults(options))
 
 
 def _of_file(path: Path) -> Subject:
+    """Return the subject of a sweep from a case file."""
     folder = str(path.parent)
     with build.message_prefix(path.name):
         tables = read_tables(path)

@@ -222,15 +222,17 @@ def join_current_event(s: Any, c: int) -> None:
 
 @kernel
 def withdraw_log_row(s: Any, c: int, member: Any) -> None:
-    """Restore the onset of the contact of pair `c` from its log row, and delete it.
+    """Restore the onset of a contact from its log row, and void this row.
 
-    A row that is already written to the log is kept. The contact then ends exactly now, and is not logged again.
+    The onset is copied from the log buffer to the pool record `member` of pair `c`. If the row has already left the
+    buffer, it stays valid: the run ends exactly where this contact ends. The contact then counts as ended, and is not
+    logged again.
     """
     run, pair = s.run[0], s.pairs[c]
     if run.log_level != NO_LOG and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
-    elif run.log_level != NO_LOG:  # its row is already written: the run ends exactly where the contact does
+    elif run.log_level != NO_LOG:  # the row has already left the buffer
         member.going_on = 0
 
 

@@ -48,9 +48,10 @@ NO_CLOSED_FORM = (math.nan, math.nan, math.nan, math.nan)
 
 @kernel
 def closed_form_map(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return (t1, t2, v1, v2) of a contact with approach speed `v`, nan without a map.
+    """Return the map (t1, t2, v1, v2) of a contact with approach speed `v`.
 
-    The module docstring defines these quantities. `inverse` is 1/m in 1/kg, and `pull` is G in m/s².
+    The module docstring defines the map. All entries are nan without a closed form. `inverse` is 1/m in 1/kg, and
+    `pull` is G in m/s².
     """
     if law.map == DASHPOT:
         if pull == 0.0:
@@ -106,10 +107,10 @@ def overlap_scale(law: Any, inverse: float, v: float) -> float:
 
 @kernel
 def dashpot_contact_under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return (t1, t2, v1, v2) of a dashpot with acceleration G, such as gravity.
+    """Return the map (t1, t2, v1, v2) of a dashpot with an acceleration G.
 
-    `pull` is G. The acceleration a = ξ̈ oscillates as exp(-λt) (cos, sin)(Ωt) about 0. The force φ = kξ + γη vanishes
-    where a has increased to G.
+    The module docstring defines the map. All entries are nan without a closed form. `pull` is G. The acceleration
+    a = ξ̈ oscillates as exp(-λt) (cos, sin)(Ωt) about 0. The force φ = kξ + γη vanishes where a has increased to G.
     """
     omega = math.sqrt(law.k * inverse)
     relax = law.gamma / law.k  # s
@@ -119,13 +120,13 @@ def dashpot_contact_under_pull(law: Any, inverse: float, pull: float, v: float) 
     if zeta == 0.0:  # the motion is symmetric about the largest overlap
         t = (math.pi + 2.0 * math.atan(pull / (omega * v))) / omega
         return t, t, v, v
-    t, dt, xi, eta, push = state_before_end(omega, zeta, relax, pull, v)
+    t, dt, xi, eta, acceleration = state_before_end(omega, zeta, relax, pull, v)
     if dt == math.inf:
         return NO_CLOSED_FORM
     # the last Newton step is taken by Taylor's formula, which is exact to rounding for |dt| ω < `NEWTON_TOL`
-    jerk = -omega * omega * (eta + relax * push)
-    xi += dt * (eta + 0.5 * dt * push)
-    eta += dt * (push + 0.5 * dt * jerk)
+    jerk = -omega * omega * (eta + relax * acceleration)
+    xi += dt * (eta + 0.5 * dt * acceleration)
+    eta += dt * (acceleration + 0.5 * dt * jerk)
     square = eta * eta - 2.0 * pull * xi
     if not (eta < 0.0 and square > 0.0):
         return NO_CLOSED_FORM
@@ -145,46 +146,48 @@ def state_before_end(
 
     Returns
     -------
-    t, dt, xi, eta, push : float
+    t, dt, xi, eta, acceleration : float
         Time in s, further time to the end of the force, and overlap, rate and acceleration at `t`. |dt| is less than
         `NEWTON_TOL` in units of 1/ω. It is inf if the force does not end.
     """
-    t, dt, xi, eta, push = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
+    t, dt, xi, eta, acceleration = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
     # Newton's method ends earlier by `NEWTON_TOL`, and 20 is a guard
     for _ in range(20):
-        xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
-        rise = eta + relax * push
+        xi, eta, acceleration = dashpot_state(omega, zeta, pull, v, t)
+        rise = eta + relax * acceleration
         if not rise < 0.0:
-            return t, math.inf, xi, eta, push
+            return t, math.inf, xi, eta, acceleration
         dt = -(xi + relax * eta) / rise
         if abs(dt) * omega < NEWTON_TOL:
             break
         t += dt
-    return t, dt, xi, eta, push
+    return t, dt, xi, eta, acceleration
 
 
 @kernel
 def map_of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -> tuple[float, float, float, float]:
-    """Return (t1, t2, v1, v2) of a contact of a dashpot between two pendula.
+    """Return the map (t1, t2, v1, v2) of a dashpot contact between two pendula.
 
-    `square` is Ω² in 1/s², and `pull` is -Ω² d, where d is the gap at rest. `inverse` is 1/m.
+    The module docstring defines the map. All entries are nan without a closed form: for another law, strong damping, or
+    a small approach speed `v`. `square` is Ω² in 1/s², and `pull` is -Ω² d, where d is the gap at rest. `inverse` is
+    1/m.
     """
     stiff = law.k * inverse + square
     omega, relax = math.sqrt(stiff), law.gamma / law.k
     zeta = 0.5 * law.gamma * inverse / omega
     if law.map != DASHPOT or v * omega < MIN_SPEED_PER_PULL * abs(pull) or zeta >= NEARLY_CRITICAL:
         return NO_CLOSED_FORM
-    t, dt, xi, eta, push = state_before_end(omega, zeta, relax, pull, v)
+    t, dt, xi, eta, acceleration = state_before_end(omega, zeta, relax, pull, v)
     if dt == math.inf:
         return NO_CLOSED_FORM
-    jerk = -stiff * eta - law.gamma * inverse * push
-    xi = max(0.0, xi + dt * (eta + 0.5 * dt * push))
-    eta += dt * (push + 0.5 * dt * jerk)
+    jerk = -stiff * eta - law.gamma * inverse * acceleration
+    xi = max(0.0, xi + dt * (eta + 0.5 * dt * acceleration))
+    eta += dt * (acceleration + 0.5 * dt * jerk)
     root = math.sqrt(eta * eta + (square * xi - 2.0 * pull) * xi)
     if not eta < 0.0:
         return NO_CLOSED_FORM
-    own = math.sqrt(square)
-    return t + dt, t + dt + 2.0 / own * math.atan(own * xi / (root - eta)), -eta, root
+    frequency = math.sqrt(square)
+    return t + dt, t + dt + 2.0 / frequency * math.atan(frequency * xi / (root - eta)), -eta, root
 
 
 @kernel
@@ -260,8 +263,8 @@ def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float,
     t = 0.5 * t1
     # the start is off by about pull/(v ω) < 1/`MIN_SPEED_PER_PULL`, so four quadratic steps reach rounding
     for _ in range(4):
-        xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
-        t -= eta / push
+        xi, eta, acceleration = dashpot_state(omega, zeta, pull, v, t)
+        t -= eta / acceleration
     deep = dashpot_state(omega, zeta, pull, v, t)[0]
     if law.gamma == 0.0:
         return deep, law.k * deep
@@ -269,12 +272,12 @@ def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float,
     if zeta < 0.5:
         t = (3.0 * math.acos(zeta) - math.pi) / (omega * math.sqrt((1.0 - zeta) * (1.0 + zeta)))
     for _ in range(6):
-        xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
-        bend = push - relax * omega * omega * (eta + relax * push)
+        xi, eta, acceleration = dashpot_state(omega, zeta, pull, v, t)
+        bend = acceleration - relax * omega * omega * (eta + relax * acceleration)
         # the force is not concave here: its maximum is at the touch
         if not bend < 0.0:
             break
-        t = max(0.0, t - (eta + relax * push) / bend)
-    xi, eta, push = dashpot_state(omega, zeta, pull, v, t)
+        t = max(0.0, t - (eta + relax * acceleration) / bend)
+    xi, eta, acceleration = dashpot_state(omega, zeta, pull, v, t)
     return deep, max(law.gamma * v, law.k * xi + law.gamma * eta)
 

@@ -271,10 +271,15 @@ def separation_velocities(s: Any, c: int, pair: Any, over: float, rate_change: f
 def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     """Return (t1, t2, v1, v2) of a contact of pair `c`, and the source of this map.
 
-    `v` is the approach speed in m/s. The times t1 and t2 in s, from the onset, are those at which the force and the
-    overlap vanish. v1 and v2 in m/s are the separation speeds then (see `maps`). t1 is nan if the map is unknown. The
-    source is the index of a table, or CLOSED_FORM, INTEGRATED or THERMAL_WALL. It is `TABLE_WANTED` if a table has to
-    be computed, and NOT_INTEGRATED if this contact has to be integrated first.
+    `v` is the approach speed in m/s. The force ends at t1 with separation speed v1, and the overlap ends at t2 with
+    separation speed v2 (in s after the onset and m/s, see `maps`). t1 is nan if the map is unknown. The source is the
+    index of a table, or one of these codes:
+
+    CLOSED_FORM: a formula. If t1 is nan, the contact has neither a formula nor a table.
+    THERMAL_WALL: a random speed. INTEGRATED: this contact was integrated alone.
+    NOT_INTEGRATED: this contact has to be integrated alone first.
+    `TABLE_WANTED`: the table has to be computed first.
+    `TABLE_REFUSED`: the contact has no table, and has to be integrated by pieces.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     if HEATED and pair.wall < 0:

@@ -192,7 +192,7 @@ def table_value(table: Any, q: int, z: float) -> float:
 
 @kernel
 def tabled_map(table: Any, elastic: int, v: float) -> tuple[float, float, float, float]:
-    """Return (t1, t2, v1, v2) of a contact at approach speed `v` from its table.
+    """Return the map (t1, t2, v1, v2), see `maps`, of a contact at approach speed `v`.
 
     These quantities are defined in `maps`.
     """

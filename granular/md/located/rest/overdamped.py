@@ -102,11 +102,11 @@ def expand_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def creep_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return the time scale in s of creep of the group a … b-1.
+    """Return the shortest time scale in s of creep in the group a … b-1.
 
-    It is 0 if the group does not creep yet.
+    It is 0 if the group does not creep yet. `own_speed` and `own_length` of its pairs are set.
     """
-    slowest = math.inf
+    shortest = math.inf
     closed = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0
     find_equilibrium(pairs, pool, bodies, a, b)
     for c in range(a, b):
@@ -121,8 +121,8 @@ def creep_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
         ):
             return 0.0
         pair.own_speed, pair.own_length = pair.load / drag, pair.xi
-        slowest = min(slowest, time)
-    return slowest
+        shortest = min(shortest, time)
+    return shortest
 
 
 @kernel
