@@ -69,7 +69,8 @@ def test_where_tqdm_is_installed_and_the_user_watches_there_is_a_bar(notebook, m
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(line, "find_spec", importlib.util.find_spec)
     for name in ("tqdm", "tqdm.auto", "ipykernel"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
+        monkeypatch.setitem(sys.modules, name, None)  # remembers that it was absent, for the undoing
+        monkeypatch.delitem(sys.modules, name)
     if notebook:
         monkeypatch.setitem(sys.modules, "ipykernel", sys)
     monkeypatch.setattr(sys, "stderr", io.StringIO() if notebook else Terminal())
