@@ -22,8 +22,8 @@ with suppress(ImportError):  # files marked `core` do without
 MAKERS = ("edmd/test_actions", "edmd/test_blocks", "edmd/test_engines", "located/test_compiled", "located/test_rest",
           "fixed/test_engines")
 """Files that have machine code made for nearly all that others need."""
-TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "studies/test_sweeps",
-          "studies/test_sweeps_cases", "studies/test_sweeps_saved", "studies/test_sweeps_ways")
+TAKERS = ("located/test_costs", "edmd/test_costs", "run/test_levels", "comparison/test_episodes",
+          "studies/test_sweeps", "studies/test_sweeps_cases", "studies/test_sweeps_saved", "studies/test_sweeps_ways")
 """Files that need much of it: the other worker must not come to them while it is being made."""
 PATIENCE = {
     "granular.md.located.run": {"LOCATED_COMPILE_SECONDS": math.inf},
