@@ -48,6 +48,8 @@ MIN_COLLISION_LIMIT = 100_000
 
 Near a shaken wall a continued run may have many more collisions than the original run.
 """
+END_MARGIN = 1e-9
+"""Margin of the end time of hard runs that are compared with each other, over the length of the run."""
 CONTINUABLE_STATUSES = (Status.time, Status.until)
 """Statuses of runs that can be continued."""
 TIE_RULES_TO_TRY = ("left", "right", "poisson")
@@ -279,6 +281,21 @@ def _continue_run(run: Trajectory, end: float, options: Mapping[str, Any]) -> Tr
         return _restart_from_last_sample(run, end, options)
     finished = run.contacts[~np.isnan(run.contacts["t_end"])]
     return replace(run, contacts=np.concatenate([finished, later.contacts]), stats=later.stats)
+
+
+def continue_past_end(run: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """Return two hard runs, continued past a collision at their common end time.
+
+    Rounding errors decide which collisions at the end time are in the log, also within a simultaneous group. If a
+    collision of either run begins within a relative `END_MARGIN` before the end, both are continued by this margin. If
+    the status of one run is not `time`, both are returned unchanged.
+    """
+    end = float(hard.time[-1])
+    margin = END_MARGIN * (end - float(hard.time[0]))
+    if run.status is hard.status is Status.time and any((r.contacts["t_begin"] >= end - margin).any()
+                                                        for r in (run, hard)):
+        return _continue_run(run, end + margin, {}), _continue_run(hard, end + margin, {})
+    return run, hard
 
 
 def _restart_from_last_sample(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:

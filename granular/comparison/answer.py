@@ -161,13 +161,16 @@ class Checked(ComparedRuns):
     def _shifted(self) -> tuple[Trajectory, Trajectory]:
         """The hard run from shifted gaps and the hard run itself, ready to be compared.
 
-        Contacts at rounding level, and contacts just before a common end time, are removed. If the run from changed
-        gaps stopped early, the hard run is returned twice.
+        Contacts at rounding level are removed, and both include a collision at a common end time. If the run from
+        changed gaps stopped early, the hard run is returned twice.
         """
-        hard = self.settled
-        shifted = hard if self._twin.status in EARLY_STATUSES else self._twin
-        return measures.before_the_end(
-            *(counted(outcome.combine_simultaneous(run), self.soft)[0] for run in (shifted, hard)))
+        return self._with_hard_run(self.settled if self._twin.status in EARLY_STATUSES else self._twin)
+
+    def _with_hard_run(self, run: Trajectory) -> tuple[Trajectory, Trajectory]:
+        """Return another hard run and the hard run itself, ready to be compared. See `_shifted`."""
+        run, hard = (counted(outcome.combine_simultaneous(each), self.soft)[0]
+                     for each in align.continue_past_end(run, self.settled))
+        return run, hard
 
     @cached_property
     def _runs_under_other_ties(self) -> dict[str, Trajectory | str]:
@@ -183,8 +186,7 @@ class Checked(ComparedRuns):
             except (ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
                 runs[name] = "refused the scene"
                 continue
-            runs[name] = f"stopped early ({run.status.name})" if run.status in EARLY_STATUSES else counted(
-                outcome.combine_simultaneous(run), self.soft)[0]
+            runs[name] = f"stopped early ({run.status.name})" if run.status in EARLY_STATUSES else run
         return runs
 
     def unchecked(self, j: int) -> str:
@@ -199,9 +201,9 @@ class Checked(ComparedRuns):
 
     def _tie_error(self, tied_run: Trajectory) -> _check.Array:
         """Error of the hard run against a run under another tie rule, (count,)."""
-        hard, weight = self._shifted[1], self.components.weight(self.continued[1])
-        stuck_difference = outcome.stuck_differences(tied_run, hard, weight)
-        return self.components.largest(stuck_difference, differences(tied_run, hard)) / self.units
+        runs = self._with_hard_run(tied_run)
+        stuck_difference = outcome.stuck_differences(*runs, self.components.weight(self.continued[1]))
+        return self.components.largest(stuck_difference, differences(*runs)) / self.units
 
     def _distance(self, difference: _check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) for velocity differences Δu in m/s of all balls, (n,).
