@@ -89,13 +89,6 @@ def waves() -> Any:
     return compute(3)
 
 
-def first_minute() -> Any:
-    """Numbers shown in the film on the start page."""
-    from first_minute import film_numbers
-
-    return film_numbers()
-
-
 def frontier_rows(report: Any) -> Any:
     """Like `frontier`, for a `Frontier` that is already measured."""
     return {
@@ -145,7 +138,7 @@ DATA_ENTRIES = {f"paper-{name}": Entry(partial(paper, name, points), name not in
 DATA_ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in FRONTIER_SCENES}
 DATA_ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": Entry(extremes, False),
                  "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
-                 "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}
+                 "waves": Entry(waves, absolute=1e-6)}
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which depend on the machine and are not compared."""
 

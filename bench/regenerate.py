@@ -16,8 +16,8 @@ import docs_data
 
 BENCH_FOLDER = Path(__file__).parent
 SCRIPT_NAMES = (
-    "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "isolation", "first_minute", "driven",
-    "bounded", "waves",
+    "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "isolation", "driven", "bounded",
+    "waves",
 )
 
 
@@ -27,6 +27,7 @@ def main() -> None:
         print(f"\n{name}\n{'=' * len(name)}", flush=True)
         subprocess.run([sys.executable, str(BENCH_FOLDER / f"{name}.py")], check=True)
     subprocess.run([sys.executable, "-m", "bench.stability"], check=True, cwd=BENCH_FOLDER.parent)
+    subprocess.run([sys.executable, "docs/extensions/start_page.py"], check=True, cwd=BENCH_FOLDER.parent)
     for name in docs_data.PAPER_POINTS:
         script = docs_data.PAPER_FOLDER / f"{name.replace('-', '_')}.py"
         picture = docs_data.DATA_FOLDER.parent / f"paper-{name}.png"

@@ -15,6 +15,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
 import api_index  # noqa: E402
 import gallery  # noqa: E402
 import pages  # noqa: E402
+import start_page  # noqa: E402
 
 import granular  # noqa: E402
 
@@ -143,6 +144,9 @@ def setup(app: Any) -> None:
     app.connect("doctree-resolved", gallery.describe)
     app.connect("autodoc-process-signature", without_internal_values)
     api_index.setup(app)
+    app.connect("source-read", start_page.add_description)
+    if not QUICK:
+        app.connect("build-finished", start_page.record_again)
     if QUICK:
         app.connect("builder-inited", lambda app: setattr(app.builder, "search", False))
     app.connect("autodoc-process-docstring", spell_for_sphinx, priority=400)

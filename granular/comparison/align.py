@@ -49,7 +49,7 @@ MIN_COLLISION_LIMIT = 100_000
 Near a shaken wall a continued run may have many more collisions than the original run.
 """
 END_MARGIN = 1e-9
-"""Margin of the end time of hard runs that are compared with each other, over the length of the run."""
+"""Margin of the end time of two compared hard runs, over their length."""
 CONTINUABLE_STATUSES = (Status.time, Status.until)
 """Statuses of runs that can be continued."""
 TIE_RULES_TO_TRY = ("left", "right", "poisson")

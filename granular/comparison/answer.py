@@ -167,7 +167,10 @@ class Checked(ComparedRuns):
         return self._with_hard_run(self.settled if self._twin.status in EARLY_STATUSES else self._twin)
 
     def _with_hard_run(self, run: Trajectory) -> tuple[Trajectory, Trajectory]:
-        """Return another hard run and the hard run itself, ready to be compared. See `_shifted`."""
+        """Return a hard run and the one of the report, ready to be compared.
+
+        See `_shifted`.
+        """
         run, hard = (counted(outcome.combine_simultaneous(each), self.soft)[0]
                      for each in align.continue_past_end(run, self.settled))
         return run, hard

@@ -66,7 +66,7 @@ def what_is_named_is_there(site, html):
 
 def the_start_page_leads_on(site, html):
     index = html[site / "index.html"]
-    parts = ('href="page/index.html"', "<figure", "<h2>Who needs it", "<h2>When not to use it",
+    parts = ("<figure", 'href="page/index.html"', "<h2>Who needs it", "<h2>When not to use it",
              "<h2>Install", "<h2>First comparison", "<h2>Three ways on", "<iframe")
     places = [index.index(part) for part in parts]
     assert places == sorted(places)
@@ -75,7 +75,7 @@ def the_start_page_leads_on(site, html):
     assert steps == sorted(steps)
     assert "<title>granular: hard or soft?" in html[site / "page" / "index.html"]
     assert '"name":"soft spheres"' in html[site / "page" / "player.html"]
-    assert (site / "_static" / "two-balls.gif").stat().st_size < 400_000
+    assert (site / "_static" / "two-balls.webp").stat().st_size < 420_000
 
 
 def the_recorded_run_hops(site, html):
