@@ -62,12 +62,11 @@ def collide_pair(
     """Apply the collision of pair `c` at time `now`.
 
     `rule` returns the coefficient of restitution, or is None if every pair has the constant `eps`. If `row` is not
-    None, it receives the entry of the contact log. Bodies without a rebound above their noise, or slower than
-    `merge_below`, can stick, see `clusters.will_stick`. Otherwise they rebound, and balls at rest on them are
-    released.
+    None, it receives the entry of the contact log. Bodies can stick if their rebound is zero or below their noise, or
+    if their approach is slower than `merge_below`, see `clusters.will_stick`. Otherwise they rebound, and balls at rest
+    on them are released.
 
-    Returns the first and the last pair to predict again, and the rate (m/s) of pair `c` after the
-    collision.
+    Returns the first and the last pair to predict again, and the rebound rate -ε·w (m/s), also if the bodies stick.
     """
     if FORCED and pairs[c].heat >= 0:
         return leave_thermal_wall(run, pairs, bodies, c, now, row, walls)

@@ -123,7 +123,7 @@ def next_event_time(pair: Record, lower: Record, upper: Record, walls: Walls) ->
         a > 0.0 and rate * rate < lower.noise + upper.noise and not (FORCED and pair.heat >= 0)
         and pair.gap <= CLOCK_ROUNDING * abs(pair.at) * (abs(lower.fall_velocity) + abs(upper.fall_velocity))
     ):
-        pair.gap = 0.0  # The gap is within the rounding error of the time of a simultaneous event.
+        pair.gap = 0.0  # The gap is at most the rounding error of `at` times the speeds: the bodies touch.
         return math.inf
     if a == 0.0:
         # The sign of a rate below the noise is unknown: such a pair does not collide.
@@ -219,10 +219,10 @@ def apply_collision(pair: Record, lower: Record, upper: Record, now: float, w: f
     the gap to 0.
 
     The velocity change of the heavier body is computed from its mass ratio. The velocity of the lighter body follows
-    from the new rate. Otherwise the rounding errors of both mass ratios would accumulate: if they add to 1 only within
-    2^-54, the energy drifts by 4e-12 in 4e7 collisions. With ε = 0 and without a closing acceleration, both bodies
-    have bitwise identical velocities afterwards. In all other cases the new rate is correct to rounding. On a ring,
-    two equal balls with ε = 1 exchange their velocities exactly, as if they passed through each other.
+    from the new rate. Otherwise the rounding errors of both mass ratios would accumulate, and the energy would drift if
+    their sum differs from 1 by 2^-54. With ε = 0 and without a closing acceleration, both bodies have bitwise identical
+    velocities afterwards. In all other cases the new rate is correct to rounding. On a ring, two equal balls with ε = 1
+    exchange their velocities exactly, as if they passed through each other.
     """
     part = pair.closing_acceleration * now - e * w
     # Equal masses: an exchange has no rounding error.

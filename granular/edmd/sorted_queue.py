@@ -103,7 +103,7 @@ def refresh(
     """Predict pairs `first` to `last` again and update their entries in the queue.
 
     Pairs without a next event have no entry. If bodies are pressed together but have no next event, they can have come
-    to rest, see `clusters.rest`. The pairs that this changes are predicted again as well.
+    to rest, see `clusters.bring_to_rest`. The pairs that this changes are predicted again as well.
     """
     order, entry, add = queue
     due, c = order[0][1] & MASK, first

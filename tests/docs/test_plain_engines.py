@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import sys
 
 import pytest
@@ -9,9 +10,11 @@ import pytest
 import granular as gr
 from bench import plain_engines
 from granular._engine.kernels import kernel
-from granular.md.fixed import integrators
+from granular.md.fixed import integrators, window
+from granular.md.located import blocks, plan
 
 MAX_LINES = 400
+"""Longest listing. The text between the blocks does not count."""
 LAW = gr.LinearDashpot(1e6, 30.0)
 SCENES = {
     "three balls": (gr.scenes.three_balls(), 1.0, 0.35),
@@ -64,7 +67,9 @@ def plain(monkeypatch):
 def test_the_page_is_up_to_date_and_short():
     page = plain_engines.PAGE_PATH.read_text(encoding="utf-8")
     assert page == plain_engines.page()
-    assert len(page.splitlines()) <= MAX_LINES
+    listings = re.findall(r"```\{code-block\} python\n(.*?)```", page, re.DOTALL)
+    assert len(listings) == len(plain_engines.SECTIONS)
+    assert sum(len(listing.splitlines()) for listing in listings) <= MAX_LINES
 
 
 def test_no_flag_is_left_and_comments_are_kept():
@@ -74,6 +79,33 @@ def test_no_flag_is_left_and_comments_are_kept():
             used = {node.id for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Name)}
             assert not used & plain_engines.FLAGS
     assert "# Last, so that the queue is consistent" in plain_engines.page()
+
+
+def test_comparisons_and_calls_that_are_cut_do_not_matter_without_walls_and_rings():
+    assert "EDGE" not in plain_engines.plain_source(plan.plan_piece)  # no other function sets this event
+    assert "edge_result" not in plain_engines.plain_source(blocks.end_piece)
+    for name in plain_engines.IDLE_CALLS:
+        idle = ast.parse(plain_engines.plain_source(getattr(window, name))).body[0]
+        assert [ast.get_docstring(idle)] == [statement.value.value for statement in idle.body]
+
+
+def test_every_name_of_the_page_is_read_or_has_a_call():
+    for _, module, names, _ in plain_engines.SECTIONS:
+        for name in names:
+            source = plain_engines.plain_source(getattr(importlib.import_module(module), name))
+            assert plain_engines.without_unread_names(source) == source
+
+
+@pytest.mark.parametrize(("text", "kept"), [
+    ("a = 1\nb = 2\nreturn b", "b = 2\nreturn b"),
+    ("a, b = c.d, 2\nreturn a", "a = c.d\nreturn a"),
+    ("a, b = c(), 2\nreturn 3", "a = c()\nreturn 3"),
+    ("a, b = c()\nreturn a", "a, b = c()\nreturn a"),
+    ("a.b = 1\na[0] = 2", "a.b = 1\na[0] = 2"),
+])
+def test_names_that_are_never_read_are_cut(text, kept):
+    lines = plain_engines.without_unread_names("def f(c):\n    " + text.replace("\n", "\n    ")).splitlines()
+    assert lines == ["def f(c):", *("    " + line for line in kept.splitlines())]
 
 
 def test_the_functions_of_the_page_give_the_bits_of_the_engines(request):
@@ -98,6 +130,9 @@ def test_the_functions_of_the_page_give_the_bits_of_the_engines(request):
     ("if HUNG:\n    a = 1\nelif b:\n    a = 2\nelse:\n    a = 3", "if b:\n    a = 2\nelse:\n    a = 3"),
     ("c = b or (FORCED and d)", "c = b"),
     ("c = d if FORCED or HUNG else b", "c = b"),
+    ("if edge_result == BLOCKS_CHANGED:\n    a = 1\nb = 2", "b = 2"),
+    ("if b and block.event != EDGE:\n    a = 1", "if b:\n    a = 1"),
+    ("connect_ring_ends(a)\nb = 1", "b = 1"),
     ("x = FORCED and d\nif x or b:\n    c = 1", "if b:\n    c = 1"),
 ])
 def test_conditions_are_folded(text, kept):

@@ -113,7 +113,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Advance the run up to the time `limit` by at most `chunk` events and pieces.
 
     `limit` is in s since the start of the run. Returns why the function returned: one of the codes REACHED …
-    WANTS_LOOK.
+    WANTS_REST_TEST.
     """
     run = s.run[0]
     for _ in range(chunk):

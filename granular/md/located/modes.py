@@ -30,7 +30,7 @@ def change_mode(pair: Any, event: int) -> None:
     elif event == RELOAD:
         pair.loading, pair.xi = 1, pair.xi_peak
     else:
-        # a dormant pair keeps the gap at which it separates, all others separate at ξ = 0
+        # a dormant pair keeps the gap at which it separates; ξ of all others is 0 up to rounding error
         pair.xi = pair.xi if pair.mode == DORMANT else 0.0
         pair.mode, pair.exact, pair.xi_peak, pair.loading = OPEN, 0, 0.0, 1
 

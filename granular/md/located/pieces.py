@@ -415,7 +415,7 @@ def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, 
     row, separation_gap, wake = pair.g, 0.0, 0.0
     if pair.mode == OPEN:
         return first_up_crossing(pair.x, span, scratch), BEGIN
-    if pair.mode == DORMANT:  # linear pairs wake in `confirm`, not at an event
+    if pair.mode == DORMANT:  # linear pairs wake in `activate_pressed`, not at an event
         if pair.kind == LINEAR:
             return math.inf, NOTHING
         row, separation_gap, wake = pair.x, SEPARATION_WAKE_FACTOR * pair.wake, pair.wake
