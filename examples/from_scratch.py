@@ -1,7 +1,8 @@
 """Both engines in a hundred lines
 
 Event-driven and time-stepped simulation of the three-ball problem without the package: a floor, a heavy ball and a
-light ball 0.1 mm above it. Only the check at the end imports `granular`.
+light ball 0.1 mm above it. The light ball meets the heavy ball while the floor still pushes the heavy ball. Soft
+spheres then have four contacts instead of one. Only the check at the end imports `granular`.
 
 Source: P. Müller and T. Pöschel, Phys. Rev. E 83, 041304 (2011), Fig. 1.
 """
@@ -29,8 +30,8 @@ def effective_mass(pair):
 def hard_spheres():
     """Return the separation speed of the balls in m/s, and the collisions per pair.
 
-    Between collisions all balls have the same acceleration. Velocities relative to free fall are therefore constant,
-    and the gap of two balls is linear in time. The event queue holds the next collision of each pair.
+    Between collisions both balls have the same acceleration, so the gap of the balls is linear in time. The gap to the
+    floor is quadratic. The event queue holds the next collision of each pair.
     """
     time, height, velocity, collisions = 0.0, list(HEIGHT), [0.0, 0.0, 0.0], [0, 0]
     queue = SortedList()
@@ -39,11 +40,8 @@ def hard_spheres():
         """Add the next collision of a pair to the queue."""
         gap = height[pair + 1] - height[pair] - RADIUS[pair + 1] - RADIUS[pair]
         closing = velocity[pair] - velocity[pair + 1]
-        acceleration = 0.5 * GRAVITY if pair == 0 else 0.0  # of the approach; the floor does not fall
-        if collisions[pair] and closing <= 0.0 and acceleration == 0.0:
-            return  # the balls separate
-        if acceleration:  # gap = closing t + acceleration t²
-            after = (-closing + math.sqrt(closing**2 + 4 * acceleration * max(gap, 0.0))) / (2 * acceleration)
+        if pair == 0:  # the floor does not fall: gap = closing t + g t²/2
+            after = (-closing + math.sqrt(closing**2 + 2 * GRAVITY * max(gap, 0.0))) / GRAVITY
         else:
             after = gap / closing if closing > 0.0 else math.inf
         queue.add((time + after, pair))
@@ -63,7 +61,7 @@ def hard_spheres():
         impulse = (1 + RESTITUTION) * effective_mass(pair) * (velocity[pair] - velocity[pair + 1])
         velocity[pair] -= impulse / MASS[pair]
         velocity[pair + 1] += impulse / MASS[pair + 1]
-        queue.clear()  # both pairs contain ball 1; longer chains remove the neighbours' entries only
+        queue.clear()  # in a longer chain only the entries of the two neighbouring pairs are replaced
         for pair in (0, 1):
             predict(pair)
 
@@ -72,7 +70,7 @@ def soft_spheres(step=1e-8):
     """Return the separation speed of the balls in m/s, and the contacts per pair.
 
     The speed is taken after the last contact of the balls. Velocity Verlet has a constant time `step` in s. The force
-    of a pair with overlap ξ is k ξ + γ dξ/dt where this is positive and 0 elsewhere.
+    of a pair with overlap ξ is k ξ + γ dξ/dt where ξ and this sum are positive, and 0 elsewhere.
     """
     damping = [damping_for(effective_mass(pair)) for pair in (0, 1)]
     fall = math.sqrt(2 * (HEIGHT[1] - RADIUS[1]) / GRAVITY) - 1e-6  # free fall in closed form until 1 µs before impact
@@ -80,6 +78,7 @@ def soft_spheres(step=1e-8):
     velocity, contacts, touching = [0.0, -GRAVITY * fall, -GRAVITY * fall], [0, 0], [False, False]
 
     def accelerations():
+        """Return the accelerations of both balls in m/s², and count contacts that begin."""
         push = [0.0, 0.0]
         for pair in (0, 1):
             overlap = RADIUS[pair] + RADIUS[pair + 1] + height[pair] - height[pair + 1]
@@ -108,7 +107,8 @@ def damping_for(mass):
     """Return the damping constant γ in kg/s of an isolated contact with `RESTITUTION`.
 
     A contact that ends when its force vanishes has ln ε = -β/ω (π - atan2(2 β ω, ω² - β²)) with the damping ratio ζ,
-    β = ζ ω₀ and ω = ω₀ √(1 - ζ²) (Schwager and Pöschel, Granular Matter 9, 465, 2007). ζ is found by bisection.
+    β = ζ ω₀, ω = ω₀ √(1 - ζ²) and ω₀ = √(k/m) (Schwager and Pöschel, Granular Matter 9, 465, 2007). ζ is found by
+    bisection.
     """
     low, high = 0.0, 1.0
     for _ in range(60):  # until the interval has the size of a rounding error
