@@ -75,8 +75,8 @@ def use_default_pipeline(reason: BaseException) -> None:
             clear()
         warnings.warn(
             f"the fast compiler pipeline failed with numba {sys.modules['numba'].__version__} "
-            f"({type(reason).__name__}: {reason}). Kernels are compiled by the default pipeline, which takes twice as "
-            "long and gives the same results.", RuntimeWarning, stacklevel=2)
+            f"({type(reason).__name__}: {reason}). Kernels are compiled by the default pipeline, which takes two to "
+            "three times as long and gives the same results.", RuntimeWarning, stacklevel=2)
 
 
 def cache_on_disk(function: Any) -> Any:
