@@ -143,6 +143,8 @@ def _unfinished_contacts(soft: Trajectory) -> tuple[Any, Array]:
     """
     is_unfinished = np.isnan(soft.contacts["t_end"])
     running = soft.contacts[is_unfinished]
+    if not len(running):
+        return running, np.zeros(0)
     duration = Durations(soft.law or (), soft.scene)(running["pair"], strengths(soft)[is_unfinished])
     return running, FOLLOWED_DURATIONS * np.where(np.isfinite(duration), duration, 0.0)
 
@@ -271,7 +273,7 @@ def _continue_run(run: Trajectory, end: float, options: Mapping[str, Any]) -> Tr
     end = min(end, ends(*run.scene.motions))
     if run.scene.is_wall[[0, -1]].all():  # nor beyond the time when they leave no room
         end = min(end, WallMeeting(run.scene, float(run.time[0]), flattened=run.rule is None).search_until(end))
-    if run.status not in CONTINUABLE_STATUSES or not end > run.time[-1]:
+    if run.status not in CONTINUABLE_STATUSES or not end > run.time[-1] or _flies_until(run, end):
         return run
     if run.rule is not None:
         later = edmd.resume(run, t_end=end, max_events=max(MIN_COLLISION_LIMIT, 10 * len(run.contacts)))
@@ -281,6 +283,22 @@ def _continue_run(run: Trajectory, end: float, options: Mapping[str, Any]) -> Tr
         return _restart_from_last_sample(run, end, options)
     finished = run.contacts[~np.isnan(run.contacts["t_end"])]
     return replace(run, contacts=np.concatenate([finished, later.contacts]), stats=later.stats)
+
+
+def _flies_until(run: Trajectory, end: float) -> bool:
+    """Whether no balls of a run can touch after its last sample before the time `end` in s.
+
+    In free flight the gap of a pair is concave in time, gap + rate·T - a T²/2 with the closing acceleration a ≥ 0. If
+    it is not negative at the last sample and positive at `end`, the pair does not touch in between. Scenes with a ceiling
+    under gravity, other forces or driven walls are not examined.
+    """
+    scene, elapsed = run.scene, end - float(run.time[-1])
+    if scene._flags or (scene.closing_acceleration < 0.0).any():
+        return False
+    gap, (low, high) = run.gap[-1], scene.sides(run.velocity[-1])
+    travel, fall = (high - low) * elapsed, 0.5 * scene.closing_acceleration * elapsed**2
+    at_end = gap + travel - fall
+    return bool((gap >= 0.0).all() and (at_end > END_MARGIN * (gap + np.abs(travel) + fall)).all())
 
 
 def continue_past_end(run: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:

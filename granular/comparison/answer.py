@@ -205,7 +205,7 @@ class Checked(ComparedRuns):
     def _tie_error(self, tied_run: Trajectory) -> _check.Array:
         """Error of the hard run against a run under another tie rule, (count,)."""
         runs = self._with_hard_run(tied_run)
-        stuck_difference = outcome.stuck_differences(*runs, self.components.weight(self.continued[1]))
+        stuck_difference = outcome.stuck_differences(*runs, self.weight)
         return self.components.largest(stuck_difference, differences(*runs)) / self.units
 
     def _distance(self, difference: _check.Array) -> float:

@@ -95,7 +95,15 @@ class ComparedRuns:
 
         See `granular.comparison.outcome.units`.
         """
-        return units(*self.continued, self.components)
+        return units(*self.continued, self.components, self.weight)
+
+    @cached_property
+    def weight(self) -> check.Array:
+        """Speed in m/s that a ball of each pair gains by weight during a contact, (n-1,).
+
+        See `granular.comparison.outcome.Components.weight`.
+        """
+        return self.components.weight(self.continued[1])
 
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
@@ -256,7 +264,7 @@ class ComparedRuns:
 
         The second array has the errors in the unit U, (count,). The third array has the numbers of the departures.
         """
-        departures = Departures(*self.continued, self.components.weight(self.continued[1]),
+        departures = Departures(*self.continued, self.weight,
                            lambda pair, speed: align.allowed_delay(*self.counted)(pair, speed))
         part, largest = self.components.of_ball[departures.ball], np.zeros(self.components.count + 1)
         index = np.zeros(self.components.count + 1, np.int64)
@@ -283,7 +291,7 @@ class ComparedRuns:
         """
         hard, soft = self.continued
         any_rest = np.any(is_at_rest(hard, soft))
-        return dict(rest_differences(hard, soft, self.components.weight(soft))) if any_rest else {}
+        return dict(rest_differences(hard, soft, self.weight)) if any_rest else {}
 
     @cached_property
     def other_counts(self) -> Any:

@@ -178,7 +178,10 @@ def combine_simultaneous(hard: Trajectory) -> Trajectory:
     if len(log) < 2:
         return hard
     time, rows = log["t_begin"], np.arange(len(log))
-    instant = np.cumsum(np.diff(time, prepend=time[0]) > SIMULTANEITY_TOLERANCE * (time - hard.time[0]))
+    is_later = np.diff(time, prepend=time[0]) > SIMULTANEITY_TOLERANCE * (time - hard.time[0])
+    if is_later[1:].all():
+        return hard
+    instant = np.cumsum(is_later)
     after = log["v_out"].copy()
     body, k = np.column_stack(hard.scene.bodies(log["pair"])).ravel(), np.repeat(rows, 2)
     by_body = np.lexsort((k, instant[k], body))
@@ -298,14 +301,14 @@ def components(hard: Trajectory, soft: Trajectory) -> Components:
     return Components(count, of_pair, of_ball)
 
 
-def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
+def units(hard: Trajectory, soft: Trajectory, parts: Components, weight: Array) -> Array:
     """Unit U of the error in m/s of each component, (count,).
 
     U is the largest approach speed at the onset of a contact in either run. A contact that does not begin with an
     approach, such as a contact of touching balls, contributes its separation speed instead. U is at least the speed
-    that weight gives a ball during a contact (`Components.weight`), and larger than rounding errors.
+    that weight gives a ball during a contact (`weight`, see `Components.weight`), and larger than rounding errors.
     """
-    speed = parts.weight(soft)
+    speed = weight.copy()
     for run in (hard, soft):
         log = run.contacts
         parting = np.where(approach(run) > 0.0, 0.0, np.nan_to_num(log["v_out"][:, 1] - log["v_out"][:, 0]))
@@ -410,8 +413,12 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
     A contact is removed if its strength is at most `MIN_CONTACT_STRENGTH` times the fastest approach speed of its
     component in either run.
     """
+    runs = hard, soft
+    fastest_of_all = max(float(approach(run).max(initial=0.0)) for run in runs)
+    if all((strengths(run) > MIN_CONTACT_STRENGTH * fastest_of_all).all() for run in runs):
+        return runs
     parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)
-    for run in (hard, soft):
+    for run in runs:
         np.maximum.at(speed, run.contacts["pair"], approach(run))
     fastest = np.append(parts.largest(speed), 0.0)[parts.of_pair]
     return without_weak_contacts(hard, fastest), without_weak_contacts(soft, fastest)
