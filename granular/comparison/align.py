@@ -289,8 +289,8 @@ def _flies_until(run: Trajectory, end: float) -> bool:
     """Whether no balls of a run can touch after its last sample before the time `end` in s.
 
     In free flight the gap of a pair is concave in time, gap + rate·T - a T²/2 with the closing acceleration a ≥ 0. If
-    it is not negative at the last sample and positive at `end`, the pair does not touch in between. Scenes with a ceiling
-    under gravity, other forces or driven walls are not examined.
+    it is not negative at the last sample and positive at `end`, the pair does not touch in between. Scenes with a
+    ceiling under gravity, other forces or driven walls are not examined.
     """
     scene, elapsed = run.scene, end - float(run.time[-1])
     if scene._flags or (scene.closing_acceleration < 0.0).any():

@@ -21,7 +21,7 @@ import numpy as np
 
 from granular import edmd, md
 from granular._engine import check
-from granular.comparison.outcome import ERROR_LIMIT
+from granular.comparison.outcome import ERROR_LIMIT, energy_between_surfaces
 from granular.edmd.physics import GROUP, TIE_ORDERS
 from granular.run.trajectory import EARLY_STATUSES, Status, Trajectory
 from granular.run.until import Separated
@@ -157,7 +157,8 @@ class Rises(tuple[float, float]):
 
     def __call__(self, bounce: int = 1) -> Rises:
         """Return the heights after contact number `bounce` with the floor, from 1."""
-        return rises(self.report, check.integer("bounce", bounce, at_least=1))
+        first: Rises = self.report.rises
+        return first if check.integer("bounce", bounce, at_least=1) == 1 else rises(self.report, bounce)
 
 
 def rises(report: Any, bounce: int = 1) -> Rises:
@@ -187,6 +188,9 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     if (report.settled.status in EARLY_STATUSES or report.soft.status in EARLY_STATUSES or not scene.gravity
             or not_continuable):
         return result
+    original = report.hard if engine == "hard" else report.soft
+    if list(bodies) == [scene.n - 1] and (known := _apex_of_last_flight(original, bounce)):
+        return np.array([known])
     fall, apex_times = math.sqrt(2.0 * max(float(scene.gap[0]), 0.05) / scene.gravity), result[:, 0]
     first = continuation.before.contacts[~np.isnan(continuation.before.contacts["t_end"])]
     for duration in fall * np.minimum(16.0 ** np.arange(-1.5, 5.0), MAX_FALL_TIMES):
@@ -203,6 +207,27 @@ def apexes(report: Any, engine: str, bodies: Sequence[int], bounce: int = 1) -> 
     tops = np.maximum(0.0, continuation.heights(times)[index, list(bodies)])
     result[:, 1] = np.where(np.isfinite(apex_times), tops, 0.0 if is_at_rest else math.nan)
     return result
+
+
+def _apex_of_last_flight(run: Trajectory, bounce: int) -> tuple[float, float] | None:
+    """Time in s and height in m of the apex of the top ball's present flight, or None.
+
+    The flight starts at height y with velocity v, and its apex is at H = y + v²/(2 g). The ball below cannot reach the
+    top ball before, if all bodies below have together less energy than m g H, where m is the mass of the ball below. A
+    tenth of m g H is left as a margin, because bodies with overlaps can have a slightly negative energy. None if this
+    is not fulfilled, if an earlier flight decides, or if other forces act.
+    """
+    scene, log, top = run.scene, run.contacts, run.scene.n - 1
+    if scene._flags or scene.is_wall.tolist() != [True] + [False] * top or scene.velocity[0] or top < 2:
+        return None
+    time = _apex(scene, log, top, bounce)
+    last = log[log["pair"] == top - 1][-1:]["t_end"]
+    if not (len(last) and time > max(float(last[0]), float(run.time[-1]))):  # False for nan
+        return None
+    y, v = float(run.gap[-1].sum()), float(run.velocity[-1, top])
+    height = y + 0.5 * v * v / scene.gravity
+    energy_below = float(energy_between_surfaces(run)[-1]) - float(scene.mass[top]) * scene.gravity * height
+    return (time, height) if energy_below < 0.9 * float(scene.mass[top - 1]) * scene.gravity * height else None
 
 
 def _apex(scene: Scene, log: Any, body: int, bounce: int) -> float:
