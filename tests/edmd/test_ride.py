@@ -103,6 +103,24 @@ def test_a_jump_of_the_wall_hits_or_leaves_what_rides():
     assert thrown.gap[1, 0] == pytest.approx(0.25 * 2.0 - 0.5 * 0.25**2, abs=1e-14)
 
 
+def test_a_floor_that_leaves_as_a_ball_arrives_does_not_pull_it():
+    """No impulse, or that of a floor still at rest where rounding lets the ball arrive before the jump."""
+    rng, pushed = np.random.default_rng(0), []
+    for _ in range(40):
+        arrives, speed, away = (float(rng.integers(1, 17)) / 8.0 for _ in range(3))
+        g, eps = float(rng.choice([0.0, 1.0, 2.0])), float(rng.choice([0.0, 0.5, 1.0]))
+        gap, impact = speed * arrives + 0.5 * g * arrives**2, speed + g * arrives
+        leaves = Piecewise([0.0, arrives, arrives + 9.0], [[0.0, -impact - away], [0.0, 0.0]])
+        scene = gr.Scene([INF, 1.0], [0.0, 0.0], [gap], [0.0, -speed], g, floor=leaves)
+        t_end = arrives + (away / g if g else 1.0)  # half of the time to the next touch
+        log = run(scene, eps, t_end=t_end, max_events=100).contacts
+        exchanged = [impulse for impulse in log["impulse"] if impulse != 0.0]
+        assert exchanged in ([], [pytest.approx((1.0 + eps) * impact, rel=1e-13)])
+        assert (log["v_out"][:, 1] >= log["v_out"][:, 0]).all()
+        pushed.append(bool(exchanged))
+    assert pushed.count(False) > 20
+
+
 def test_what_rides_on_a_driven_floor_meets_a_driven_ceiling_when_there_is_no_room():
     """Both walls drive one ball: it rides on the floor until they leave it no room."""
     floor, ceiling = Sine(0.05, 0.5), Sine(0.5, 0.11, 0.3)
