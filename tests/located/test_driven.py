@@ -125,6 +125,27 @@ def test_a_ball_at_rest_on_a_wall_that_stands_still_is_kicked_when_it_moves():
         assert run.velocity[-1, 1] == pytest.approx(1.0, abs=0.05)
 
 
+def test_gravity_force_and_acceleration_of_the_floor_press_a_touching_ball_alike():
+    """Only their sum counts: a damped oscillation about its static overlap, or a fall off the floor."""
+    rng, pressed = np.random.default_rng(0), 0
+    for _ in range(20):
+        weight, rises, m = rng.uniform(-2.0, 2.0), rng.uniform(-3.0, 3.0), rng.uniform(0.5, 2.0)
+        g, net, end = float(rng.choice([0.0, 1.0])), weight + rises, 1.0
+        floor = gr.walls.Piecewise([0.0, 4.0], [[0.5 * rises], [0.0], [0.0]])
+        scene = gr.Scene([math.inf, m], [0.0, 0.0], [0.0], [0.0, 0.0], g, external_force=[0.0, m * (g - weight)],
+                         floor=floor)
+        law = gr.LinearDashpot.from_restitution(rng.uniform(0.3, 0.9), 10.0 ** rng.uniform(2.0, 4.0), scene.pairs[0])
+        run = gr.md.simulate(scene, law, t_end=end, engine="plain")
+        square, fall = law.k / m, 0.5 * law.gamma / m
+        swing = math.sqrt(square - fall**2)
+        turn = math.cos(swing * end) + fall / swing * math.sin(swing * end)
+        overlap = net / square * (1.0 - math.exp(-fall * end) * turn) if net > 0.0 else 0.5 * net * end**2
+        assert -run.gap[-1, 0] == pytest.approx(overlap, rel=1e-12)
+        assert len(run.contacts) == (net > 0.0)
+        pressed += net > 0.0 > weight
+    assert pressed > 2
+
+
 def test_balls_pressed_together_by_forces_come_to_rest_on_each_other():
     law = [gr.LinearDashpot(1e4, 30.0), gr.LinearDashpot(2e4, 40.0), gr.LinearDashpot(1e4, 30.0)]
     scene = gr.Scene([1.0, 2.0, 1.5, 0.5], [0.0] * 4, [0.0] * 3, [0.0] * 4, external_force=[5.0, 1.0, 0.0, -4.0])
