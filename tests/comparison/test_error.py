@@ -80,6 +80,14 @@ def test_error_is_the_written_formula(reports):
     assert any(len(report.reasons) > 1 for report in reports if report not in alone)
 
 
+def test_reasons_name_the_balls_of_a_component_and_no_wall(reports):
+    for report in reports:
+        named = [reason.balls for reason in report.reasons if reason.balls]
+        ends = [{*pairs, *(c + 1 for c in pairs)} for pairs in by_components(report)]
+        assert sorted(named) == [tuple(sorted(balls - {*np.flatnonzero(report.scene.is_wall)})) for balls in ends]
+    assert any(report.hard.count(0) and report.scene.is_wall[0] for report in reports)
+
+
 def touching_balls(rng):
     """A scene with touching groups in flight, and the speed at which its first pair, or pairs at once, close."""
     n = int(rng.integers(3, 8))
