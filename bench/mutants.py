@@ -1,7 +1,7 @@
-"""Forty one-line mutations, and the test files that must detect them.
+"""One-line mutations, and the test files that must detect them.
 
     python bench/mutants.py            apply each mutation to a copy of the package and run its test files
-    python bench/mutants.py 3 17       apply these two mutations only
+    python bench/mutants.py 3 17       apply these two mutations only (numbers count from 0)
     python bench/mutants.py --check    check that each mutation can be applied and that its test files exist
 
 The test files of a mutation run until their first failure. A run above `CPU_SECONDS` of processor time counts as a
