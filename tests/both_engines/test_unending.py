@@ -57,6 +57,7 @@ ENCLOSED = {
 CLASSES = FALLING | ENCLOSED
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("make", CLASSES.values(), ids=CLASSES)
 def test_scenes_that_never_end_are_refused_by_everyone(make, seed):

@@ -106,6 +106,7 @@ def mirror(report):
                       t_end=report.t_end, ties="right", max_events=20_000)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("kind", ["free", "floor", "box"])
 def test_mirror_image_has_the_same_error_and_the_mirrored_ball_decides(kind):
     seen = 0
@@ -157,6 +158,7 @@ def test_units_change_nothing(units, close):
         assert (other.deciding is None) == (report.deciding is None)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("make", [
     lambda k: gr.Hertz(1e7 * k(1.0, 1.5)), lambda k: gr.ViscoelasticHertz(1e7 * k(1.0, 1.5), 1e3 * k(1.0, 0.5, -1.0)),
     lambda k: gr.LinearDashpot(1e6 * k(1.0, 1.0), 50.0 * k(1.0, 0.0, -1.0)),

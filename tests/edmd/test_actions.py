@@ -102,13 +102,15 @@ def test_interpreted_state_and_queue_stay_whole(seed, n, gravity, eps, extra, ac
         acting.do(action)
 
 
-def test_compiled_queues_stay_whole(monkeypatch) -> None:
+@pytest.mark.thirds
+@pytest.mark.parametrize("third", range(3))
+def test_compiled_queues_stay_whole(third, monkeypatch) -> None:
     """The same, going to and fro between the tree and blocks; windows that blocks run are seen."""
     pytest.importorskip("numba")
     monkeypatch.setattr(blocks, "PAIRS_PER_BLOCK", 64)
     swept, sweep = [], blocks.BlockQueue._sweep
     monkeypatch.setattr(blocks.BlockQueue, "_sweep", lambda self, *a: swept.append(sweep(self, *a)) or swept[-1])
-    for seed in range(6):
+    for seed in range(third, 6, 3):
         random = np.random.default_rng(seed)
         scene = drawn(seed, int(random.integers(300, 600)), float(seed % 3 == 0) * 1e-3)
         extra = [{}, {"ties": "right"}, {"ties": "random"}, {"collapse": "merge"}][seed % 4]

@@ -33,6 +33,7 @@ def rest_time(h, a, v, eps):
     return (v + hit) / a + 2.0 * eps * hit / (a * (1.0 - eps))
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("kind", ["gravity", "force", "both", "ceiling"])
 @pytest.mark.parametrize("engine", ENGINES)
 def test_forces_and_gravity_bring_a_ball_to_rest_exactly(kind, engine):
@@ -92,6 +93,7 @@ def between_closing_walls(t_end, speed):
             v = -v - 2 * u if v > 0 else -v
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("compression", "off"), [(10, 1e-10), (100, 1e-7), (1000, 1e-5)])
 def test_an_elastic_ball_between_closing_walls_keeps_its_digits(compression, off):
     """The error grows with the square of the compression: collisions per space left, times rounding of the clock."""

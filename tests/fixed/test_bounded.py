@@ -85,6 +85,7 @@ def slope(errors):
 ORDERS = {"verlet": 2.0, "symplectic-euler": 1.0, "rk4": 4.0, "gear5": 4.0}
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("method", ALL)
 def test_orders_while_no_contact_opens(method):
     rng = np.random.default_rng(4)

@@ -31,6 +31,7 @@ def unbalanced(one):
 ORDERS = {"verlet": (2.0, 2.0), "symplectic-euler": (1.0, 1.1), "rk4": (4.0, 4.0), "gear5": (4.0, 2.0)}
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("method", ALL)
 def test_orders_beside_a_driven_wall(method):
     scene, law = shaken(0.6, 0.5, 7.0, phase=0.3, gap=-0.02, velocity=0.55)
@@ -91,6 +92,7 @@ def test_mirror_and_boost(seed):
 
 
 # within a step Runge-Kutta's stages fall by v dt, while the floor is where it is: alike to the order of the method
+@pytest.mark.thirds
 @pytest.mark.parametrize(("method", "rounding"), [("verlet", 1e-11), ("rk4", 1e-9), ("gear5", 1e-11)])
 def test_equivalence_of_a_rising_floor_and_gravity(method, rounding):
     mass, gap, velocity = [math.inf, 1.0, 0.3], [0.125, 0.0625], [0.0, -0.5, 0.25]
@@ -159,6 +161,7 @@ def remembering():
     return scene, law, reference.solve(scene, law, t_end=0.2)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("method", ALL)
 def test_a_path_may_end_with_the_run_and_a_law_may_remember(remembering, method):
     scene, law, truth = remembering

@@ -37,6 +37,7 @@ def squeezed(seed: int) -> gr.Scene:
 SQUEEZED = seeds().map(squeezed)
 
 
+@pytest.mark.thirds
 @EACH
 @settings(max_examples=6, deadline=None)
 @given(SQUEEZED, st.sampled_from(SMOOTH))

@@ -125,6 +125,7 @@ def test_a_law_without_series_is_solved_by_restarts():
     assert error < 20.0 * solved.velocity_error * solved.impact_speed
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("method", ["DOP853", "LSODA", "Radau"])
 def test_restarts_agree_with_the_series(method):
     scene, law, end = three_balls(lambda pair: gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair))
@@ -148,6 +149,7 @@ def test_overlap_at_the_start_and_quiet_end():
     assert float(solved.contacts[0].t_end) == pytest.approx(0.5 * math.pi * math.sqrt(0.5 / 1e6), rel=1e-15)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("law", "eps", "rounding"), [
     (gr.TsujiHertz.from_restitution(0.9, 1e9), 0.9, 1e-15), (gr.PowerLaw(1e8, 23 / 12), 1.0, 0.0),
 ])

@@ -186,6 +186,7 @@ def test_default_step_of_a_law_without_slope() -> None:
         md.simulate(STACK, constant, t_end=0.1, method="verlet")
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("t_end", [None, 1.1, 3.0])
 @pytest.mark.parametrize("dt", [None, 1e-5])
 def test_soft_spheres_between_walls_that_meet(t_end, dt) -> None:

@@ -92,6 +92,7 @@ def test_the_peak_beside_a_jump_is_that_of_the_law():
     assert row["v_out"][1] == pytest.approx(0.2, rel=1e-12)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("start", [0.1, 0.434, 0.65, 0.8])
 def test_a_hole_in_the_force_is_seen_both_ways(start):
     run = gr.md.simulate(on_a_wall(1.0, 1.0), Hole(start))
@@ -99,6 +100,7 @@ def test_a_hole_in_the_force_is_seen_both_ways(start):
     assert len(run.contacts) == 3
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("t_end", [10.0, 1e6, None])
 def test_a_ball_on_a_damped_law_comes_to_rest(t_end):
     run = gr.md.simulate(gr.Scene([math.inf, 1.0], [0, 0.5], [0.01], [0, 0], 9.81), Stiffening(), t_end=t_end)

@@ -217,6 +217,7 @@ def test_the_largest_force_of_an_elastic_contact_is_that_of_its_largest_overlap(
         assert contact["impulse"] >= 0.0
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("law", [gr.Hertz(5e7), gr.PowerLaw(5e7, 13 / 6), OwnPower(5e7, 1.5)])
 def test_a_ball_that_comes_back_to_a_touch_leaves_the_ball_above_in_free_fall(law):
     """Where its rate, no more than rounding in energy, is set to zero, the gap above must see it: 1e-11 m before."""

@@ -68,6 +68,7 @@ def distance(one, other):
     return max(abs(one.gap - other.gap).max(), abs(rates[0] - rates[1]).max()) / max(1.0, abs(rates[0]).max())
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(24))
 def test_the_account_closes(seed):
     scene, law, start = some_scene(seed)
@@ -81,6 +82,7 @@ def test_the_account_closes(seed):
     assert (np.diff(lost) >= -1e-13 * size).all()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(6))
 def test_a_rising_floor_is_gravity(seed):
     scene, law, _ = some_scene(seed, gravity=0.0)
@@ -95,6 +97,7 @@ def test_a_rising_floor_is_gravity(seed):
     assert distance(one, other) < 1e-11
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(8))
 def test_a_mirror_swaps_floor_and_ceiling(seed):
     scene, law, start = some_scene(seed, gravity=0.0)
@@ -112,6 +115,7 @@ def test_a_mirror_swaps_floor_and_ceiling(seed):
         assert one.ledger[-1, [0, 1, 4]] == pytest.approx(other.ledger[-1, [1, 0, 4]], rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(6))
 def test_nobody_knows_how_fast_all_move(seed):
     scene, law, start = some_scene(seed)

@@ -67,6 +67,7 @@ def test_options_change_no_bit_of_the_log(seed: int) -> None:
     assert quiet.stats["contacts"] == run.stats["contacts"] == len(run.contacts)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", SEEDS)
 def test_until_stops_where_the_free_run_begins_a_contact(seed: int) -> None:
     """`until.contact(c, n)` ends at the t_begin of the nth row of pair c; what has ended before is the same."""
@@ -85,6 +86,7 @@ def test_until_stops_where_the_free_run_begins_a_contact(seed: int) -> None:
     assert over.tobytes() == run.contacts[seen].tobytes()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", SEEDS)
 def test_compiled_gives_the_bits_of_plain(seed: int) -> None:
     """The same state, log and estimate, where the laws can be compiled; a sentence where not."""

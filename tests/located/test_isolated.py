@@ -134,6 +134,7 @@ class DeadBand:
         return self.k * (xi - self.b) if xi > self.b else 0.0
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("disturbed", ["resolve", "stop", "ignore"])
 def test_a_force_that_comes_back_is_another_contact(disturbed, monkeypatch):
     """In one overlap: the table of such a law was one contact where pieces have three."""

@@ -89,6 +89,7 @@ def test_between_walls_and_swinging_together():
     assert together.status is gr.Status.time
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(6))
 def test_isolated_contacts_are_those_by_pieces(seed):
     rng = np.random.default_rng([6, seed])

@@ -73,6 +73,7 @@ def test_nothing_follows_rest(seed):
 LAWS = {"dashpot": gr.LinearDashpot(1e5, 150.0), "strong": gr.LinearDashpot(1e5, 4e3), "tsuji": gr.TsujiHertz(1e6, 1.0)}
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_a_ceiling_is_a_floor_upside_down(law):
     below = gr.Scene([INF, 1.0, 2.0], [0] * 3, [0.01, 0.001], [0] * 3, external_force=[0, -30.0, -7.0])
@@ -100,6 +101,7 @@ def test_pressed_between_walls_and_in_flight(law):
         assert (force > 0.0).all()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @pytest.mark.usefixtures("interpreted")

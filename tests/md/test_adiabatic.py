@@ -288,6 +288,7 @@ def test_random_scenes_equal_the_limit():
 
 # --- parts ---
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("square", [(4.0, 900.0), (900.0, 4.0), (9.0, 9.0)])
 @pytest.mark.parametrize("zeta", [(0.0, 0.0), (0.1, 0.9), (1.0, 1.0), (2.0, 0.1), (0.3, 10.0),
                                   pytest.param((0.3, 40.0), marks=pytest.mark.soak)])

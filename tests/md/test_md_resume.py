@@ -131,23 +131,24 @@ def test_disturbed_is_checked():
         gr.md.simulate(ball, gr.Hertz(1e6), t_end=0.1, method="verlet", disturbed="stop")
 
 
-def test_ignored_contacts_are_soft_event_driven():
+@pytest.mark.thirds
+@pytest.mark.parametrize("law", [gr.LinearDashpot(1e4, 3.0), gr.Hertz(1e5), OwnHertz(1e5)])
+def test_ignored_contacts_are_soft_event_driven(law):
     """Every contact has the speeds of an isolated one, each pair one contact at a time, and neighbours wait for it."""
     rng = np.random.default_rng(5)
-    for law in (gr.LinearDashpot(1e4, 3.0), gr.Hertz(1e5), OwnHertz(1e5)):
-        balls = gr.Scene([math.inf, *rng.uniform(0.5, 2, 4), math.inf], [0.0] * 6, rng.uniform(0.001, 0.02, 5),
-                         [0.0, *rng.normal(size=4), 0.0])
-        run = gr.md.simulate(balls, law, t_end=0.3, disturbed="ignore", max_events=100)
-        log = run.contacts[~np.isnan(run.contacts["t_end"])]
-        assert run.stats["isolated"] < len(run.contacts)
-        for row in log:
-            pair = balls.pairs[int(row["pair"])]
-            speed = row["v_in"][0] - row["v_in"][1]
-            alone = gr.binary.collision(law, pair, float(speed))
-            assert row["v_out"][1] - row["v_out"][0] == pytest.approx(alone.restitution * speed, rel=1e-11)
-            assert row["duration"] == pytest.approx(alone.duration, rel=1e-11)
-            near = log[abs(log["pair"] - row["pair"]) == 1]
-            assert not ((near["t_begin"] > row["t_begin"]) & (near["t_begin"] < row["t_end"])).any()
+    balls = gr.Scene([math.inf, *rng.uniform(0.5, 2, 4), math.inf], [0.0] * 6, rng.uniform(0.001, 0.02, 5),
+                     [0.0, *rng.normal(size=4), 0.0])
+    run = gr.md.simulate(balls, law, t_end=0.3, disturbed="ignore", max_events=100)
+    log = run.contacts[~np.isnan(run.contacts["t_end"])]
+    assert run.stats["isolated"] < len(run.contacts)
+    for row in log:
+        pair = balls.pairs[int(row["pair"])]
+        speed = row["v_in"][0] - row["v_in"][1]
+        alone = gr.binary.collision(law, pair, float(speed))
+        assert row["v_out"][1] - row["v_out"][0] == pytest.approx(alone.restitution * speed, rel=1e-11)
+        assert row["duration"] == pytest.approx(alone.duration, rel=1e-11)
+        near = log[abs(log["pair"] - row["pair"]) == 1]
+        assert not ((near["t_begin"] > row["t_begin"]) & (near["t_begin"] < row["t_end"])).any()
 
 
 @pytest.mark.usefixtures("interpreted")

@@ -167,6 +167,7 @@ ENGINES = {
 }
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("engine", ENGINES)
 def test_rows_whose_times_the_run_tells(engine):
     told, end = [], gr.until.contact(1, 2)

@@ -24,6 +24,7 @@ def ends_within_a_contact(scene, laws):
     return [float(t) for t in (0.31 * log["t_end"] + 0.69 * log["t_begin"])[:2]]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_end_is_a_sample(engine):
     run, looked = ENGINES[engine], 0

@@ -20,6 +20,7 @@ def box(radius, **walls):
     return gr.Scene([math.inf, 1.0, math.inf], radius, [0.05, 0.05], walls.pop("velocity", [0.0] * 3), **walls)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(
     ("scene", "t_end", "soft", "hard"),
     [

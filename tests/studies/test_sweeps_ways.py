@@ -18,6 +18,7 @@ ONE_BY_ONE = {"engine": "plain"}
 FAST = [name for name, result in RESULTS.items() if result.many]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("scene", "over", "fixed"), [
     ("three-balls", ["restitution=0.005:1:4", "gap=1e-7:1e-2:3:log"], {}),
     ("three-balls", ["radii[0]=0.009:0.2:6:log"], {"restitution": 0.8}),  # the first are ongoing at the end
