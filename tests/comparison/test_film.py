@@ -125,14 +125,18 @@ def balls_of(page, name):
     return [path[:, 1] for artist, path in page.moving if artist.axes is page.axes[name] and artist.get_gid() == "ball"]
 
 
+@pytest.mark.thirds
+@pytest.mark.parametrize("third", range(3))
 @pytest.mark.usefixtures("interpreted")
-def test_the_last_picture_is_what_the_report_says_of_random_drops():
+def test_the_last_picture_is_what_the_report_says_of_random_drops(third):
     """Each engine by itself, to the time of that picture's apex, has the ball there, at rest."""
     random, shown = np.random.default_rng(32), 0
     for i in range(50):
         n, eps, gap = (1, 2)[i % 2], random.uniform(0.6, 0.9), 10.0 ** random.uniform(-6.0, -1.5)
         scene = gr.scenes.ball_stack(n, 10.0 ** random.uniform(-2.0, 0.0), gap=gap, height=random.uniform(0.2, 2.0))
         law = [gr.LinearDashpot.from_restitution(eps, 10.0 ** random.uniform(6, 8), pair) for pair in scene.pairs]
+        if i % 3 != third:
+            continue
         report = gr.compare(scene, law, until=gr.until.contact(0, 2))
         story = Story(window(report), 1e3, 5)
         for name, rise in zip(("hard", "soft"), report.rises, strict=True):
@@ -146,7 +150,7 @@ def test_the_last_picture_is_what_the_report_says_of_random_drops():
                 assert alone.gap[-1].sum() == pytest.approx(rise, rel=1e-9)
                 assert abs(alone.velocity[-1, -1]) < 1e-9 * report.impact_speed
                 assert alone.count(n - 1) > 0
-    assert shown > 85
+    assert shown > 28
 
 
 def test_ticks_and_numbers_of_the_last_picture_are_the_rises(two):

@@ -76,6 +76,7 @@ def test_symplectic_methods_keep_energy_for_good(method: str, waves: float, scen
     assert size[0] / size[1] == pytest.approx(waves, rel=0.2)
 
 
+@pytest.mark.thirds
 @EACH
 @settings(max_examples=15, deadline=None)
 @given(soft_scenes(tuple(LAWS), walls=(0.4, 0.2, 0.0), gaps=ALL, balls=(2, 5)))

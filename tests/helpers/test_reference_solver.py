@@ -19,6 +19,7 @@ from granular.studies.reference_events import Run, first_rise_of_parabola
 from granular.studies.reference_walls import value
 
 mpmath = pytest.importorskip("mpmath")
+pytestmark = pytest.mark.thirds  # tests of what tests compare with
 NUMBERS = json.loads((Path(__file__).parents[1] / "reference" / "chains.json").read_text())
 MP = mpmath.MPContext()
 MP.dps = 40
@@ -46,7 +47,6 @@ def final_velocities(scene, solved, t):
     return [v for v, wall in zip(final, scene.is_wall, strict=True) if not wall]
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize("case", NUMBERS["chains"], ids=lambda case: case["id"])
 def test_chains_agree_with_two_other_solvers(case):
     scene, law, end = chain_of(case)
@@ -125,7 +125,6 @@ def test_a_law_without_series_is_solved_by_restarts():
     assert error < 20.0 * solved.velocity_error * solved.impact_speed
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize("method", ["DOP853", "LSODA", "Radau"])
 def test_restarts_agree_with_the_series(method):
     scene, law, end = three_balls(lambda pair: gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair))
@@ -149,7 +148,6 @@ def test_overlap_at_the_start_and_quiet_end():
     assert float(solved.contacts[0].t_end) == pytest.approx(0.5 * math.pi * math.sqrt(0.5 / 1e6), rel=1e-15)
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize(("law", "eps", "rounding"), [
     (gr.TsujiHertz.from_restitution(0.9, 1e9), 0.9, 1e-15), (gr.PowerLaw(1e8, 23 / 12), 1.0, 0.0),
 ])

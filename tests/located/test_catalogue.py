@@ -90,6 +90,7 @@ def test_hertz_and_steeper_cradles() -> None:
     assert cradle(5, PowerLaw(1.0, 5.0))[-1] == pytest.approx(0.9999994033453558, abs=1e-11)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(
     ("n", "linear", "hertz"),
     [(2, 0.977462, 0.985183), (3, 0.974662, 0.969997), (5, 0.977709, 0.950965), (10, 0.980442, 0.933698)],

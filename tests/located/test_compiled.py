@@ -30,7 +30,6 @@ SCENE = Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, 1e-4], [0.0, -3
 CHAIN = Scene([1.0] * 5, [0.1] * 5, [0.0, 0.0, 1e-5, 0.1], [1.0, 0, 0, 0, -0.5])
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: str(law))
 @pytest.mark.parametrize("scene", [SCENE, CHAIN], ids=["two balls", "chain"])
 def test_same_bits(law: Any, scene: Scene) -> None:

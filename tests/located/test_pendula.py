@@ -45,6 +45,7 @@ def test_the_next_contact_of_pendula_is_the_first_root():
         assert hung_rate_at_contact(gap, rate, omega, d) == pytest.approx(float(at_once), rel=1e-14, abs=1e-25)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("law", [DASHPOT, gr.Hertz(1e5), gr.TsujiHertz(1e6, 0.3), gr.WaltonBraun(1e4, 2e4)])
 def test_what_the_log_says_of_balls_is_what_samples_show(law):
     scene = CRADLE.replace(mass=[1.0, 2.0, 0.5, 1.0, 3.0], rest_gap=[0.1, 0.0, 0.3, 0.0])

@@ -69,7 +69,6 @@ def test_squeezed_between_two_walls(law):
     assert gr.md.simulate(scene, law).status is gr.Status.resting
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize(("law", "looks"), [("tsuji", math.inf), ("tsuji", 0), ("creep", 0)])
 def test_rest_is_the_same_compiled(law, looks, monkeypatch):
     """Whether blocks that may rest are looked at interpreted, or by machine code too."""

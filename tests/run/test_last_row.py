@@ -102,6 +102,7 @@ ENDINGS = {
 }
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", ENDINGS)
 def test_a_run_that_ends_by_itself_shows_its_end_once(name):
     """As the run without these rows does, to the bit, however many rows there are."""

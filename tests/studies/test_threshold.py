@@ -67,6 +67,7 @@ def test_windows_are_found_from_both_sides():
     assert again.sentence.startswith("Nowhere is every contact isolated: gap[1] from 0.96")
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(2, 6))
 def test_random_scenes_against_whole_runs(seed):
     def case(k):

@@ -108,6 +108,7 @@ def test_the_link_brings_everything_back(lab, story) -> None:
     assert text(lab, ".notice").startswith("ε cannot be nonsense here (0.1 – 1): 0.9 is shown. N cannot be 99")
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", ["constructor", "toString", "__proto__"])
 def test_a_scene_that_is_none_is_told(blank, story, name) -> None:
     go(blank, f"{story}#scene={name}")
@@ -125,6 +126,7 @@ def test_a_value_that_cannot_be_is_told_until_something_changes(blank, story) ->
 HOST = """<!doctype html><title>host</title><p>The host's page</p><iframe ATTRIBUTES width=900 height=700></iframe>"""
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("sandbox", ["", "sandbox='allow-scripts'"])
 @pytest.mark.parametrize("way", ["src", "srcdoc"])
 def test_inside_an_iframe_it_stays_what_it_is(blank, live, tmp_path, way, sandbox) -> None:
@@ -247,6 +249,7 @@ def test_print_style(lab) -> None:
     assert shown == "none"
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("scene", ["three-balls", "ball-stack&n=8", "newtons-cradle&n=9"])
 def test_nothing_sticks_out_on_a_small_phone(blank, story, scene) -> None:
     blank.size(360, 740, mobile=True)

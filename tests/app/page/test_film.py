@@ -10,6 +10,7 @@ def gauges(tab):
     return [text(tab, f".gauge-value.{engine}") for engine in ("hard", "soft")]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
 def test_a_guess_is_dragged_and_held_against_both(page, way) -> None:
     page.media(prefers_reduced_motion="reduce")  # the film is its last picture
@@ -129,6 +130,7 @@ GRIP = """
 HELD = "document.querySelector('.hard .grip').getAttribute('aria-valuetext')"
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
 def test_the_ball_is_dragged_until_both_agree(page, way) -> None:
     turn(page, 5)
@@ -162,6 +164,7 @@ Math.max(...['.grip-disc', '.gauge-value.hard', '.gauge-value.soft', '.verdict']
 """
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("width", "height", "most"), [(1366, 768, 700), (1280, 800, 700), (390, 844, 844)])
 def test_what_is_dragged_and_what_answers_it_are_seen_together(page, width, height, most) -> None:
     page.size(width, height, mobile=width < 500)

@@ -42,26 +42,32 @@ def alike(one, other):
     return all(same) and one["faces"] == pytest.approx(other["faces"], abs=2.0)
 
 
-def test_firefox_says_and_shows_the_same(blank, story) -> None:
-    """As a state opens, at the end of its film, and after a slider has been moved; who is slow is waited for."""
+@pytest.fixture(scope="module")
+def fox():
     if found() is None:
         pytest.skip("no Firefox is installed: the page is driven in Chromium only")
-    blank.media(prefers_reduced_motion="reduce")
     with Fox() as fox:
         fox.call("WebDriver:SetWindowRect", width=1280, height=900 + 900 - fox.run("innerHeight"))
         assert fox.run("innerHeight") == 900
-        for state in STATES:
-            for browser in (blank, fox):
-                browser.open(f"{story}?visit={next(VISITS)}#{state}" + ("" if "lang" in state else "&lang=en"))
-            for act in (SETTLED, ENDED, MOVED):
-                blank.run(act)
-                fox.run(act)
-                for _ in range(50):
-                    one, other = blank.run(SEEN), fox.run(SEEN)
-                    if alike(one, other):
-                        break
-                assert alike(one, other), (state, one, other)
-                assert not one["spills"]
-            assert not fox.run("document.querySelectorAll('.blocked').length")
+        yield fox
+
+
+@pytest.mark.thirds
+@pytest.mark.parametrize("state", STATES)
+def test_firefox_says_and_shows_the_same(blank, fox, story, state) -> None:
+    """As a state opens, at the end of its film, and after a slider has been moved; who is slow is waited for."""
+    blank.media(prefers_reduced_motion="reduce")
+    for browser in (blank, fox):
+        browser.open(f"{story}?visit={next(VISITS)}#{state}" + ("" if "lang" in state else "&lang=en"))
+    for act in (SETTLED, ENDED, MOVED):
+        blank.run(act)
+        fox.run(act)
+        for _ in range(50):
+            one, other = blank.run(SEEN), fox.run(SEEN)
+            if alike(one, other):
+                break
+        assert alike(one, other), (state, one, other)
+        assert not one["spills"]
+    assert not fox.run("document.querySelectorAll('.blocked').length")
     blank.media()
     blank.is_worn = True

@@ -33,6 +33,7 @@ def test_the_laboratory_is_two_windows_tall_and_its_charts_fill_it(blank, live) 
     blank.is_worn = True
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, language) -> None:
     """1600 px at 1280 by 800, real balls and the paper's: these are the tallest."""
@@ -45,6 +46,7 @@ def test_the_laboratory_is_two_windows_tall_in_every_language(blank, live, langu
         assert blank.run("document.documentElement.scrollHeight") <= 1600
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_a_lesson_is_printed_on_two_pages_in_the_words_of_the_page(blank, story, language, tmp_path) -> None:
     """A sheet with seven tasks for six screens, and a teacher's page with a picture for the board; afterwards the page
